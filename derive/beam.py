@@ -1,8 +1,9 @@
 """Beam elements: matrices from shape functions, and the text of their generated module.
 
-A family is a polynomial in ξ = x/L with as many coefficients as freedoms. A freedom is the derivative of the
-polynomial of some order at some ξ. Exact integration gives mass, stiffness, geometric stiffness, load and
-strain, and the coupling of axial with transverse displacement by rotation (thesis 4.2, Appendix A).
+A family is a polynomial in ξ = x/L with as many coefficients as degrees of freedom. A degree of freedom is
+the derivative of the polynomial, of a given order, at a given ξ. Exact integration gives mass, stiffness,
+geometric stiffness, load and strain, and the coupling of axial with transverse displacement by rotation
+(thesis 4.2, Appendix A).
 """
 
 import json
@@ -29,8 +30,8 @@ LOADS = (0, 1)
 class Family:
     """Shape functions that interpolate `freedoms`: pairs (order of the derivative, ξ).
 
-    `strain` is AXIAL or BENDING. As x = Lξ, row i of every table has the factor L to the power of the order
-    of its freedom.
+    `strain` is AXIAL or BENDING. Because x = Lξ, row i of every table has the factor L to the power of the
+    order of the degree of freedom i.
     """
 
     name: str
@@ -87,8 +88,8 @@ class Element:
         """Integral ∫ N̂u N̂vᵀ dξ, to be multiplied by ρA L: the blocks −X and Xᵀ of P = ∫ ρA Nᵀ S N dx, S =
         [[0, −1], [1, 0]].
 
-        In axes that turn at ω the Coriolis matrix is ωP, the rest of the frame's acceleration
-        ω̇P − ω²M: thesis (4.22).
+        In axes that rotate at ω, the Coriolis matrix is ωP, and the remaining terms of the acceleration of
+        the frame are ω̇P − ω²M: thesis (4.22).
         """
         return overlap(self.axial.shape, self.bending.shape)
 
@@ -115,12 +116,12 @@ ELEMENTS = (
 
 TITLE = "Beam elements of unit length"
 FACTORS = """\
-# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
-# Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
-# mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
-# loads[k] L, for a load per length that varies as ξᵏ; coupling[i][j] ρA L, axial freedom i by bending
-# freedom j; strains 1/L (elongation u′) or 1/L² (curvature v″), where row i of shapes and strains holds
-# the coefficients of 1, ξ, ξ², …."""
+# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
+# Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
+# the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension
+# positive (geometric); L (loads[k], for a load per length that varies as ξᵏ); ρA L (coupling[i][j], axial
+# freedom i and bending freedom j); 1/L for elongation u′ or 1/L² for curvature v″ (strains). Row i of shapes
+# and strains contains the coefficients of 1, ξ, ξ², …."""
 
 
 def beam_elements_text(source_sha256: str, command: str) -> str:

@@ -17,7 +17,8 @@ _UNITS = {
     "K": ("N/m", "N/rad", "N m/rad"),
     "C": ("N s/m", "N s/rad", "N m s/rad"),
 }
-"""Units of an entry whose row and column have two, one and no lengths. Modes count as angles."""
+"""Units of an entry, in this order for row and column both in length, one in length, and none in length.
+Modal coordinates count as angles."""
 
 _MEANINGS = {"M": "mass", "K": "stiffness", "C": "damping"}
 

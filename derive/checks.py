@@ -36,8 +36,8 @@ def check(mechanism: MechanismStatement) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError at the first fault."""
     if mechanism.declared_inputs and (isinstance(mechanism, StructureStatement) or mechanism.declared_field):
         raise DeclarationError(
-            f"input {mechanism.declared_inputs[0].name}: mechanisms with a field and structures have no "
-            "inputs; state the deflection by coordinates"
+            f"input {mechanism.declared_inputs[0].name}: mechanisms with a field, and structures, cannot "
+            "have inputs; state the deflection by coordinates"
         )
     if isinstance(mechanism, StructureStatement):
         mechanism.require_complete()
@@ -46,7 +46,7 @@ def check(mechanism: MechanismStatement) -> None:
             if switches(statement.expression, (PHASE,)):
                 raise DeclarationError(
                     f"{statement.what} has a step or kink in the phase: {short(statement.expression)}; the "
-                    "links of a structure need smooth motions"
+                    "links of a structure require smooth motions"
                 )
     else:
         _require_equations(mechanism)
@@ -74,7 +74,9 @@ def _require(statement: _Statement, known: Dimensions) -> None:
     except UnitError as error:
         if METRE not in statement.own:
             raise
-        raise UnitError(f"{error}; write a length that is not a parameter as a number times metre") from None
+        raise UnitError(
+            f"{error}; write a length that is not a parameter as a number multiplied by metre"
+        ) from None
 
 
 def _require_equations(mechanism: MechanismStatement) -> None:
@@ -194,8 +196,8 @@ def _require_last_piece(statement: _Statement) -> None:
     for pieces in statement.expression.atoms(sympy.Piecewise):
         if pieces.args[-1].args[1] != sympy.true:
             raise DeclarationError(
-                f"{statement.what} has no value where no condition of {short(pieces)} holds; end it with a "
-                "default piece, such as (0, True)"
+                f"{statement.what} has no value where no condition of {short(pieces)} holds; add a last "
+                "piece with the condition True, such as (0, True)"
             )
 
 
@@ -227,8 +229,8 @@ def _require_known(statement: _Statement, known: Dimensions) -> None:
     for symbol in sorted(statement.expression.free_symbols - (set(known) - statement.forbidden), key=str):
         if symbol in statement.forbidden:
             raise UnknownSymbolError(
-                f"{statement.what} contains {symbol}, which is not allowed there; remove it, or state the "
-                "term by another energy, a dissipation or a force"
+                f"{statement.what} contains {symbol}, which is not allowed there; remove {symbol}, or state "
+                "the term by another energy, a dissipation or a force"
             )
         if str(symbol) in names:
             raise UnknownSymbolError(

@@ -43,7 +43,7 @@ def derive(
     every: Annotated[bool, Option("--all", help="All mechanisms of the package.")] = False,
     new: Annotated[
         str | None,
-        Option(metavar="FILE", help="Write a first mechanism, with its case file, that you edit."),
+        Option(metavar="FILE", help="Write an example mechanism with its case file, for editing."),
     ] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help="Folder of the generated modules.")] = None,
     check: Annotated[
@@ -64,7 +64,7 @@ def derive(
         _begin(new, bool(models) or every or check or show or out is not None)
         return
     if (full and not check) or (show and check):
-        raise UsageError("--full requires --check, and --show excludes both")
+        raise UsageError("--full requires --check, and --show cannot be combined with --check or --full")
     if numbers is not None and not show:
         raise UsageError("--numbers requires --show")
     sources = _sources(models or [], every or (check and not models), out)
@@ -196,7 +196,7 @@ def mechanism():
         F=("N", "load against the table, largest at phase 0"),
     )
 
-    # mine.phase is the angle φ = Ωt of the drive; rate(…) is the derivative by time.
+    # mine.phase is the angle φ = Ωt of the drive; rate(…) is the derivative with respect to time.
     phi = mine.phase + twist
     x = r * cos(phi) + stretch
     mine.kinetic = (J * rate(phi) ** 2 + m * rate(x) ** 2) / 2
@@ -204,7 +204,7 @@ def mechanism():
     mine.dissipation = (c1 * rate(twist) ** 2 + c2 * rate(stretch) ** 2) / 2
     mine.force(-F * (1 + cos(mine.phase)) / 2, along=x)
 
-    # Further results, and the range in which the linear equations are trusted.
+    # Further results, and the range in which the linear equations are valid.
     spring_force = k2 * stretch + c2 * rate(stretch)
     mine.output("spring_force", spring_force, "N", "force in the spring, tension positive")
     mine.trust(twist=0.05)
@@ -219,7 +219,7 @@ def mechanism():
 '''
 
 _CASES = """\
-# Numbers of NAME.py: each with its unit, which may differ from that of the mechanism, and its source.
+# Parameter values of NAME.py, each with its source and its unit, which may differ from that of the mechanism.
 # The first case is the default; a case may state its speed.
 
 [common.parameters]
@@ -258,7 +258,7 @@ def new_mechanism(file: str) -> tuple[Path, Path]:
     Raises
     ------
     MechanismFileError
-        If the name is no name of a module, or if one of the files exists: nothing is replaced.
+        If the name is not a valid module name, or if one of the files exists, since no file is replaced.
     UnwritableError
         If the folder does not exist or cannot be written.
     """
@@ -271,7 +271,9 @@ def new_mechanism(file: str) -> tuple[Path, Path]:
     cases = path.with_suffix(".toml")
     for existing in (path, cases):
         if os.path.lexists(existing):
-            raise MechanismFileError(f"{existing} exists, and --new replaces no file; give another name")
+            raise MechanismFileError(
+                f"{existing} exists, and --new does not replace files; give another name"
+            )
     texts = {cases: _CASES, path: _MECHANISM}
     try:
         for target, text in texts.items():

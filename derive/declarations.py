@@ -134,7 +134,7 @@ class Option:
         expression."""
         if set(expressions) != set(self.values):
             raise DeclarationError(
-                f"option {self.name} needs one expression for each of {', '.join(map(str, self.values))}; "
+                f"option {self.name} requires one expression for each of {', '.join(map(str, self.values))}; "
                 f"given: {', '.join(expressions) or 'none'}"
             )
         chosen = zip(self.indicators, self.values, strict=True)
@@ -212,7 +212,8 @@ class Sketch:
         return [number for point in self.points for number in point]
 
     def at(self, replace: Callable[[Any], Any]) -> sympy.Matrix:
-        """Coordinates of all points in the coherent unit, as a column. `replace` is applied to each."""
+        """Coordinates of all points in the coherent unit, as a column. The function `replace` is applied to
+        each coordinate."""
         return sympy.Matrix([replace(number).xreplace({METRE: sympy.S.One}) for number in self.numbers])
 
 
@@ -234,7 +235,8 @@ def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any])
     kind = BEAM if symbols & along_beam else CURVE if AROUND in symbols else POINTS
     if not pairs or not good or (kind == POINTS) == (len(pairs) == 1) or (kind == BEAM and AROUND in symbols):
         raise DeclarationError(
-            f"sketch {name}: give the points of a line, such as [(0, 0), (x, y)], two or more; or the one "
-            "point of a curve, such as [(r*cos(m.around), r*sin(m.around))] or beam.line(start, direction)"
+            f"sketch {name}: give two or more points of a line, such as [(0, 0), (x, y)]; or one moving "
+            "point of a curve, such as [(r*cos(m.around), r*sin(m.around))]; or beam.line(start, direction) "
+            "of an elastic link"
         )
     return Sketch(name, tuple(pairs), unit, kind)

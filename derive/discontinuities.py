@@ -3,9 +3,9 @@
 The fundamental motion may keep clear of a switch g(φ, q, q̇) of the residual (a clearance), pass it at some
 phases, or lie on it throughout (friction at rest, contact without clearance).
 
-The phases (`BREAKS` of a generated module) are zeros of switches of the phase. A switch takes the form
-A cos(aφ+b) + B sin(aφ+b) + c, or to an angle modulo a period, whose zeros are known. For nested switches the
-zeros of all branches are taken; a superfluous phase does no harm.
+The phases (`BREAKS` of a generated module) are zeros of switches of the phase. A switch takes the form A
+cos(aφ+b) + B sin(aφ+b) + c, or to an angle modulo a period, whose zeros are known. For nested switches the
+zeros of all branches are included; superfluous phases are harmless.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -70,8 +70,8 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 def open_clearances(
     residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
-    """Conditions on parameters: a clearance must not be exactly zero if the slopes on its two sides
-    differ."""
+    """Conditions on parameters: a clearance must not be exactly zero if the slopes on both sides of its
+    switch differ."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
     values = [substituted(part, rest) for part in parts]
@@ -92,8 +92,8 @@ def open_clearances(
 def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
     """Matrix with zero substituted for all moving symbols.
 
-    At switches that are zero there, both sides have the same value. Singular pieces are assumed inactive, see
-    `inactive`.
+    At switches that are zero in the fundamental motion, both sides have the same value. Singular pieces are
+    assumed inactive, see `inactive`.
     """
     rest = resting(moving)
     at_switch = [
@@ -176,8 +176,8 @@ def _argument(node: Any) -> Any:
 
 PASSES = '''\
 def _passes(known):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
-    no numbers, as on a branch that is not taken."""
+    """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
+    these are not numbers, as on a branch that is not taken."""
     found = []
     try:
         slope, offset, targets, turn = known()
@@ -187,7 +187,7 @@ def _passes(known):
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
-            raise ValueError(f"there are {last - first:.3g} jumps a period; at most 10000 can be followed")
+            raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
         found += [(target + k*turn - offset)/slope for k in turns]
     return [phase for phase in found if 0 <= phase < PERIOD]'''

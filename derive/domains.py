@@ -1,10 +1,10 @@
-"""Domains of functions, and the pieces of expressions in which they must hold.
+"""Domains of functions, and the pieces of expressions in which domain conditions must hold.
 
 A domain is a condition on the argument of a root, quotient or arccosine. Inactive pieces of piecewise
-expressions contribute nothing, even if they are singular: a contact
-`Heaviside(r - gap)*k*(r - gap)*x/r` is 0·(0/0) at r = 0. It becomes a selection of its value or 0. Within the
-value, arguments at which a function or its derivatives would not be finite are replaced while the piece is
-inactive. Values and automatic derivatives of any order are then finite.
+expressions contribute nothing, even if they are singular: a contact `Heaviside(r - gap)*k*(r - gap)*x/r` is
+0·(0/0) at r = 0. It becomes a selection of its value or 0. Within the value, arguments at which a function or
+its derivatives would not be finite are replaced where the piece is inactive. Values and automatic derivatives
+of any order are then finite.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,7 +21,7 @@ LARGEST_EXPONENT = 709
 """Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
-"""Symbols with declared sign that replace the real symbols of the mechanism, by these."""
+"""Type of mappings from the real symbols of a mechanism to symbols with declared sign that replace them."""
 
 
 class Need(NamedTuple):

@@ -43,14 +43,14 @@ from solve.terminal import progress
 
 CHOICE = '''\
 def _choice(option, value):
-    """One indicator, 1.0 or 0.0, for each allowed value of an option."""
+    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
     return [float(value == each) for each in allowed]'''
 COUNT = '''\
 def _count(option, value):
-    """The value of an option that is a number."""
+    """Value of an option that is a number."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {allowed[0]} to {allowed[-1]}")
@@ -66,14 +66,14 @@ TOOLS = {
 }
 
 MOST_TO_READ = 2000
-"""Maximum number of operations of M, C, K and d with which these are printed for reading: a few pages. A
-choice."""
+"""Maximum number of operations in M, C, K and d up to which the equations are printed for reading: a few
+pages. A choice."""
 
 RIGID = "a mechanism without coordinates has no equations of motion"
 
 DOCS = {
     "residual": "Nonlinear r of the equation of motion r = 0.",
-    "outputs": "One scalar for each of OUTPUTS.",
+    "outputs": "One scalar for each entry of OUTPUTS.",
 }
 STATE = ("phase", "speed", "q", "qd", "qdd", "p")
 ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
@@ -85,10 +85,11 @@ class Equations:
 
     residual, outputs: at varying speed; residual is None if `functions` contain it or there are no
     coordinates. definitions: text of the symbols that are not inputs. tools, functions: texts before and
-    after the other functions. conditions: conditions on the parameters. passages: phases of the
-    switches of the matrices. nonlinear, idle: sentences on terms that the linear equations, or all
-    equations, ignore; switched: on steps and kinks that the vibration may pass. no_drive_torque: reason
-    why there is none. projection: of a deflection on its mode functions. inputs: B, if there are inputs.
+    after the other functions. conditions: conditions on the parameters. passages: phases of the switches of
+    the matrices. nonlinear, idle: sentences on terms that the linear equations, or all equations, ignore.
+    switched: sentences on steps and kinks that the vibration may pass. no_drive_torque: reason why there is
+    no drive torque. projection: projection of a deflection on its mode functions. inputs: B, if there are
+    inputs.
     """
 
     linearised: dict[str, Any]
@@ -123,7 +124,7 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
-            # The rows of the residual vanish on a motion only without modal damping, which they lack.
+            # With modal damping, which the residual does not contain, its rows do not vanish on a motion.
             rows = () if mechanism.damping_ratios else [*varying]
             outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
@@ -280,15 +281,15 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
     for name, results in equations.of_states.items():
         constant = {each: steady(part) for each, part in results.items()}
         functions.append(GeneratedFunction(name, DOCS[name], STATE, constant, names))
-        doc = f"What an acceleration of the drive adds to {name}."
+        doc = f"Contribution of an acceleration of the drive to {name}."
         added = {each: accelerated(part) for each, part in results.items()}
         functions.append(GeneratedFunction(f"{name}_accelerated", doc, ACCELERATED, added, names))
     if equations.projection is not None:
-        doc = "M, C, K, d where the speed varies."
+        doc = "M, C, K, d at varying speed."
         inputs, varying = ("phase", "speed", "acceleration", "p"), equations.projection.varying
         functions.append(GeneratedFunction("linearised_varying", doc, inputs, varying, names))
     if mechanism.damping_ratios:
-        doc = "ζ of the modes of M and K at speed 0 by rising frequency, the last for all others."
+        doc = "Damping ratios of the modes of M and K at speed 0 by frequency, the last for all higher modes."
         ratios = {"ratios": sympy.Matrix(mechanism.damping_ratios)}
         functions.append(GeneratedFunction("damping_ratios", doc, ("p",), ratios))
     functions += sketch_functions(mechanism)
@@ -300,7 +301,7 @@ def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
     """Generated function of the domain conditions; empty without conditions."""
     if not demanded:
         return []
-    doc = "One number for each of DOMAIN, which must satisfy its relation all over the period."
+    doc = "One number for each entry of DOMAIN, which must satisfy the relation over the whole period."
     margins = sympy.Matrix([demand.margin for demand in demanded])
     return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 
@@ -321,7 +322,8 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
 
     lines = {sketche.name: sketche.at(drawn) for sketche in mechanism.declared_sketches}
     doc = (
-        "x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."
+        "Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 "
+        "along the line."
     )
     return [GeneratedFunction("sketch", doc, ("phase", "speed", "q", "running", "p"), lines, texts)]
 
@@ -331,7 +333,7 @@ def condition_functions(conditions: Sequence[Condition]) -> list[GeneratedFuncti
     if not conditions:
         return []
     margins = sympy.Matrix([condition.margin for condition in conditions])
-    doc = "One number for each of CONDITIONS, positive where it holds."
+    doc = "One number for each entry of CONDITIONS, positive where the condition holds."
     return [GeneratedFunction("conditions", doc, ("phase", "p"), {"margins": margins})]
 
 

@@ -33,7 +33,7 @@ def gathered(entry: sympy.Expr) -> sympy.Expr:
 def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
     """Matrices with collected terms; unchanged if the original form has fewer operations.
 
-    Collecting shortens transmission functions and lengthens kinematics that are written out.
+    Collecting terms shortens transmission functions but lengthens explicit kinematics.
     """
     return min([matrix.applyfunc(gathered) for matrix in matrices], list(matrices), key=operations)
 
@@ -97,9 +97,10 @@ def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> symp
     """Torque of the drive in N m, from the row of the phase (chapter Eq. (51)) and the rows of the
     coordinates.
 
-    The row of a coordinate that adds to the phase, such as the twist of a shaft, is subtracted. It vanishes
-    on every motion, and the torque in that shaft remains. Without it, the inertia terms would have an error
-    on motions of the linear equations. residual: the rows of the coordinates; none if they are incomplete.
+    The row of a coordinate that adds to the phase, such as the twist of a shaft, is subtracted. This row
+    vanishes on every motion, and the torque in the shaft remains. Without the subtraction, the inertia terms
+    would be in error on motions of the linear equations. residual: rows of the coordinates; None if the rows
+    are incomplete.
     """
     torque = _row(mechanism, PHASE)
     accelerations = [coordinate.symbol.rate.rate for coordinate in mechanism.declared_coordinates]
@@ -227,7 +228,7 @@ def _require_expansion(mechanism: MechanismStatement, matrices: Linearised) -> N
 
 
 def _require_inertia(mechanism: MechanismStatement, M: sympy.Matrix) -> None:
-    """Raise SingularMassError if M is singular at an arbitrary rational point, and hence everywhere."""
+    """Raise SingularMassError if M is singular at an arbitrary rational point, and therefore everywhere."""
     unknown = sorted(M.atoms(PeriodicFunction, LoopFunction), key=sympy.default_sort_key)
     unknown += sorted(M.free_symbols, key=lambda symbol: symbol.name)
     point = {symbol: sympy.Rational(sympy.prime(i + 5), 7) for i, symbol in enumerate(unknown)}

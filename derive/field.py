@@ -1,11 +1,10 @@
 """Deflection w(x, t) along an elastic link, and integrals of products of its mode functions.
 
-The author of a mechanism writes energies per length in w, its slope and curvature, their rates and the
-position x, as if these were coordinates at one place, and integrates them over the link.
-
-Mode functions are sums of powers of ξ = x/l times sines and cosines of π(ak + c)ξ, a whole. Their products
-are sums of waves ξ^p exp(iπtξ), which integrate by parts; at ξ = 1 only the parity (−1)^k of a mode number
-remains. Equal mode numbers, for which some t vanish, have an integral of their own.
+The author of a mechanism writes energies per length in w, its slope and curvature, the rates of these, and
+the position x, as if they were coordinates at one position, and integrates the energies over the link. Mode
+functions are sums of powers of ξ = x/l times sines and cosines of π(ak + c)ξ, with an integer a. Their
+products are sums of waves ξ^p exp(iπtξ), which are integrated by parts; at ξ = 1 only the parity (−1)^k of a
+mode number remains. Equal mode numbers, for which some t vanish, have a separate integral.
 """
 
 from collections.abc import Callable
@@ -27,7 +26,7 @@ PARITY = {number: sympy.Symbol(f"parity_{number}") for number in (MODE_I, MODE_J
 SEPARATE_FACTORS = {sympy.pi, *PARITY.values()}
 
 Shape = Callable[[Any, Any], Any]
-"""The mode function of a mode number k = 1, 2, … and of ξ = x/l."""
+"""Type of mode functions: functions of a mode number k = 1, 2, … and of ξ = x/l."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> Modal
     """Integral ∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1, with derivatives of orders a and b with respect to ξ,
     for mode numbers up to `most`.
 
-    Raises UnsupportedExpressionError where the mode functions are of another kind.
+    Raises UnsupportedExpressionError for mode functions of another form.
     """
     product = XI**power * shape(MODE_I, XI).diff(XI, a) * shape(MODE_J, XI).diff(XI, b)
     equal = product.xreplace({MODE_J: MODE_I})
@@ -76,8 +75,8 @@ def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sy
 
 def _factored(total: sympy.Expr) -> sympy.Expr:
     """Sum of powers of π and parities, each multiplied by a factored quotient of mode numbers. The integral
-    is real; imaginary terms cancel with those of the opposite frequency and are omitted, because factoring
-    them is slow."""
+    is real; imaginary terms cancel with those of the opposite frequency and are omitted, because factoring is
+    slow."""
     quotients: dict[sympy.Expr, sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(total)):
         imaginary = term.as_coefficient(sympy.I)
@@ -111,7 +110,7 @@ def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
 
 
 def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
-    """Integral ∫ ξ^p exp(iπtξ) dξ over 0 … 1."""
+    """Integral ∫ ξ^power exp(iπ half_waves ξ) dξ over 0 … 1."""
     if half_waves == 0:
         return sympy.Rational(1, power + 1)
     end, slope = _end_value(half_waves), sympy.I * sympy.pi * half_waves
@@ -131,8 +130,8 @@ def _end_value(half_waves: Any) -> sympy.Expr:
 
 
 def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
-    """Raise an error if the frequency of a wave vanishes for some mode numbers only; its formula would be 0/0
-    there."""
+    """Raise an error if the frequency of a wave vanishes for some mode numbers only, for which its formula
+    would be 0/0."""
     if half_waves == 0:
         return
     for number in numbers:
@@ -281,7 +280,7 @@ class Field:
         Parameters
         ----------
         expression : expression
-            In x, w, w′, w″, their rates and the tension.
+            Expression in x, w, w′, w″, their rates and the tension.
         position : expression
             Position, m.
 

@@ -61,7 +61,8 @@ def derive_sha256() -> str:
 def code(source: str) -> str:
     """Source without comments and without statements that are strings, such as docstrings.
 
-    They are cut out by position, since the parser's result differs between versions of Python.
+    They are removed by their positions in the text, because the result of the parser differs between versions
+    of Python.
 
     >>> code('x = "#"  # a number sign\\n')
     'x = "#"\\n'

@@ -28,7 +28,7 @@ VECTORS["acceleration"] = ACCELERATION.name
 class GeneratedFunction:
     """Function of the generated module, with its CasADi inputs and named results.
 
-    definitions: text of the symbols of the results that are not inputs.
+    definitions: text that defines those symbols of the results that are not inputs.
     """
 
     name: str
@@ -96,7 +96,7 @@ def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> s
         return "\n".join(tuple_lines("BREAKS", phases))
     names = [parameter.symbol.name for parameter in mechanism.declared_parameters]
     body = [
-        '"""Phases at which the matrices jump or have kinks, some of them more than once."""',
+        '"""Phases at which the matrices jump or have kinks; a phase may occur more than once."""',
         *(_option_line(option) for option in mechanism.declared_options if symbols & {*option.indicators}),
         f"{_wrapped(names)} = p" if names else "",
         *in_si(mechanism),
@@ -111,7 +111,8 @@ def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> s
 
 VARYING = '''\
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -130,7 +131,7 @@ def varying_text(name: str, given: str, options: Iterable[str]) -> str:
     passed = ", ".join(f"{option}={option}" for option in options)
     return f'''\
 def {name}_varying({given}):
-    """The same as `{name}` where the speed varies."""
+    """The function `{name}` at varying speed."""
     return _varying({name}({passed}), {name}_accelerated({passed}))'''
 
 

@@ -3,8 +3,9 @@
 A loop c(z; x) = 0 makes its unknowns z, angles or positions, functions of its arguments x, such as the angle
 of a crank. In expressions an unknown or a series is a function that carries its order of derivative with
 respect to each argument, so that rates and Lagrange's equations follow from the chain rule. The derivatives
-of an unknown solve linear systems with the matrix ∂c/∂z, for any planar four-bar and any loop of a user
-alike. No coefficient of a series enters an expression, so that formulas stay as short as they are on paper.
+of an unknown solve linear systems with the matrix ∂c/∂z, for planar four-bars and for any other loop.
+Expressions do not contain the coefficients of a series, so that formulas remain as short as they are on
+paper.
 """
 
 from collections.abc import Iterable, Mapping
@@ -87,8 +88,8 @@ class Loop:
     """Closed loop of rigid links.
 
     unknowns: z, with their units. given: formal arguments, with the actual ones in `arguments`. closure: one
-    expression of z, given and parameters per unknown, which vanishes. start: z as expressions of given and
-    parameters, exact if `iterations` is 0, otherwise the first guess of Newton's method.
+    expression in z, `given` and parameters per unknown, which vanishes. start: expressions for z in `given`
+    and parameters: exact if `iterations` is 0, otherwise the initial guess of Newton's method.
     """
 
     unknowns: tuple[sympy.Symbol, ...]
@@ -160,7 +161,7 @@ class Loop:
 
 
 def _linear_solution(matrix: Any, right: Any) -> Any:
-    """Solution z of `matrix` z = `right` by Cramer's rule, which needs no test for zero pivots."""
+    """Solution z of `matrix` z = `right` by Cramer's rule, which requires no test for zero pivots."""
     return matrix.adjugate() * right / matrix.det(method="berkowitz")
 
 
@@ -180,9 +181,9 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
     """Directions of coupler and follower in closed form. A is the crank pin, C the pivot of the follower, and
     B the joint.
 
-    links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground
-    line; those that move are arguments. side: +1 if B lies on the left of the line from A to C, −1 on its
-    right. B follows from the height of the triangle A, B, C and its foot.
+    links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground line;
+    moving lengths and angles are arguments. side: +1 if B lies on the left of the line from A to C, −1 on its
+    right. B is computed from the height of the triangle A, B, C and the foot of the height.
     """
     moving = [name for name, value in links.items() if sympy.sympify(value).atoms(Moving)]
     given = {name: sympy.Dummy(name, real=True) for name in moving}
@@ -238,7 +239,7 @@ class PeriodicFunction(sympy.Function):
     dimension: ClassVar[Dimension]
     mean: ClassVar[sympy.Symbol | None] = None
     first: ClassVar[tuple[sympy.Symbol, ...]]
-    """First family of coefficients: those of the cosines, or amplitudes."""
+    """First family of coefficients: cosine coefficients, or amplitudes."""
     second: ClassVar[tuple[sympy.Symbol, ...]]
     """Sine coefficients, or phase angles of the cosines in rad."""
     form: ClassVar[str]

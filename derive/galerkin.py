@@ -1,13 +1,13 @@
 """Galerkin projection of a deflection onto its mode functions, and the text of the generated functions.
 
-At one place of the link, w, w′ and w″ obey Lagrange's equations of the energies per length as if they were
-coordinates. Their linearised rows are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where a and b count
-derivatives with respect to x. The equations of the amplitudes follow: ∫ Σ_a ψ_j^(a) r_a dx = 0. The
-coefficients are polynomials of x, so that constant integrals of mode functions remain.
+At each position of the link, w, w′ and w″ satisfy Lagrange's equations for the energies per length as if they
+were coordinates. The linearised rows of these equations are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a,
+where a and b count derivatives with respect to x. The equations of the amplitudes are ∫ Σ_a ψ_j^(a) r_a dx =
+0. The coefficients are polynomials of x, so that constant integrals of mode functions remain.
 
 The shortening u = ½∫w′² is of second order. Lagrange's row of u is a force F_u along the link, of which ∫ F_u
-δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is this inner integral and the force at the
-end, which is the row of the total shortening; N w′²/2 is the energy of geometric stiffness.
+δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is the sum of this inner integral and the
+force at the end, which is the row of the total shortening; N w′²/2 is the energy of geometric stiffness.
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,7 +55,7 @@ class Projection:
     """Matrices and drive torque at varying speed, as sums of coefficients times integrals of mode functions.
 
     pairs, moments: symbols of square matrices and of columns. weighted: symbols of the products of a column
-    with the amplitudes, whose rates are the products with the rates.
+    with the amplitudes. The rates of the symbols are the products with the rates of the amplitudes.
     """
 
     deflection: Field
@@ -241,16 +241,16 @@ def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
 K = sympy.Symbol("k", integer=True, positive=True)
 PAIRS = '''\
 def _pairs(integral, count):
-    """An integral of two modes for every row i and column j."""
+    """Matrix of an integral of two modes, i in rows and j in columns."""
     numbers = range(1, count + 1)
     return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])'''
 COLUMN = '''\
 def _column(integral, count):
-    """An integral of one mode for every row j."""
+    """Column of an integral of one mode j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])'''
 RESIDUAL = '''\
 def _residual(name, matrices):
-    """r of the equations with the matrices, which are a function of the drive and the parameters."""
+    """Residual r of the equations with these matrices, a function of the drive and the parameters."""
     *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
     q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
     M, C, K, d = matrices(*drive, p)
@@ -310,16 +310,16 @@ def field_functions(deflection: Field, given: str, options: Sequence[str]) -> li
     residuals = [
         f'''\
 def residual{suffix}({given}):
-    """{doc}, as the projected equations are."""
+    """{doc}, like the projected equations."""
     return _residual("residual{suffix}", linearised{suffix}({passed}))'''
         for suffix, doc in (
             ("", "r of the equation of motion r = 0; linear"),
-            ("_varying", "r where the speed varies; linear"),
+            ("_varying", "r at varying speed; linear"),
         )
     ]
     fields = f'''\
 def fields({given}):
-    """Mode functions of each of FIELDS at a fraction xi of its length."""
+    """Mode functions of each entry of FIELDS at a fraction xi of the length."""
     {modes} = _count("{modes}", {modes})
     xi = casadi.SX.sym("xi")
     shapes = _{deflection.name}(xi, 0, {modes})
@@ -347,7 +347,8 @@ def _modes(deflection: Field) -> str:
     listed = "\n".join(f"            {row}," for row in rows)
     return f'''\
 def _{deflection.name}(xi, derivative, count):
-    """Mode functions psi_1 to psi_count of {deflection.name} at xi = x/length, differentiated by xi."""
+    """Mode functions psi_1 to psi_count of {deflection.name} at xi = x/length, differentiated with respect to
+    xi."""
     return casadi.vertcat(*(
         (
 {listed}

@@ -58,7 +58,7 @@ class Source:
 
     @property
     def command(self) -> str:
-        """Argument stated in the banner, independent of the folder."""
+        """Argument of the command stated in the banner; it does not depend on the folder."""
         return self.path.name if self.argument.endswith(".py") else self.name
 
     @property

@@ -72,7 +72,7 @@ class MechanismStatement(Quantities):
 
     @property
     def metre(self) -> sympy.Symbol:
-        """1 m, the unit of sizes that only a `sketch` has: `0.2 * metre`."""
+        """Unit 1 m, for sizes that occur only in a `sketch`: `0.2 * metre`."""
         return METRE
 
     def require(self, condition: Any, meaning: str) -> None:
@@ -83,7 +83,7 @@ class MechanismStatement(Quantities):
         condition : sympy relation
             `left < right` or `left > right` between expressions of parameters.
         meaning : str
-            What is wrong where the condition does not hold, for the error message.
+            Text for the error message that states what is wrong if the condition does not hold.
 
         Raises
         ------
@@ -116,10 +116,8 @@ class MechanismStatement(Quantities):
         angle: Any = PHASE,
         side: Any = 1,
     ) -> tuple[Any, Any]:
-        """Directions of coupler and follower of a planar four-bar linkage.
-
-        Lengths and angle may move. A crank that cannot turn fully raises an error when the parameters have
-        numbers.
+        """Directions of coupler and follower of a planar four-bar linkage. Lengths and angle may vary with
+        time. A crank that cannot turn fully raises an error when the parameters have values.
 
         Parameters
         ----------
@@ -159,7 +157,7 @@ class MechanismStatement(Quantities):
         """Unknowns of a closed loop, by Newton's method from a guess that selects the assembly.
 
         A loop that is not closed after `iterations` steps at some phase raises an error when the parameters
-        have numbers.
+        have values.
 
         Parameters
         ----------
@@ -221,7 +219,7 @@ class MechanismStatement(Quantities):
         Parameters
         ----------
         name, unit, meaning : str
-            Of the deflection.
+            Name, unit and meaning of the deflection.
         length : expression
             Length of the link, m.
         shape : callable
@@ -311,7 +309,8 @@ class MechanismStatement(Quantities):
         points : sequence of pairs
             Points (x, y) in the plane of motion: expressions of the phase, the speed, the coordinates and
             parameters. A size without a parameter is a number times `metre`. A single point that contains
-            `around` describes a closed curve, such as a cam's profile; that of `Field.line` a beam.
+            `around` describes a closed curve, such as a cam's profile; a point of `Field.line` describes a
+            beam.
         unit : str, default "m"
             Unit of the points.
 
@@ -326,7 +325,8 @@ class MechanismStatement(Quantities):
         other_units = {declared.unit for declared in self.declared_sketches} - {unit}
         if other_units:
             raise DeclarationError(
-                f'sketch {name} is in "{unit}", others in "{other_units.pop()}"; give all the same unit'
+                f'sketch {name} is in "{unit}", other sketches in "{other_units.pop()}"; give all sketches '
+                "the same unit"
             )
         local = self.declared_field.local if self.declared_field else set()
         self.declared_sketches.append(sketch_of(name, points, unit, local))
@@ -341,7 +341,7 @@ class MechanismStatement(Quantities):
         output : str
             Name of a declared output, or "drive_torque".
         bound : str
-            Such as ">= 0" or "> -1, < 1".
+            Bound, such as ">= 0" or "> -1, < 1".
         beyond : str
             What happens outside the bound, for the warning.
 
@@ -351,7 +351,7 @@ class MechanismStatement(Quantities):
         """
         *_, bound = self._described(output, ("1", beyond, bound))
         if not bound or "integer" in bound:
-            raise DeclarationError(f'limit: {output} needs a bound such as ">= 0" or "> -1, < 1"')
+            raise DeclarationError(f'limit: {output} requires a bound such as ">= 0" or "> -1, < 1"')
         names = ["drive_torque", *(declared.name for declared in self.declared_outputs)]
         if output not in names:
             raise DeclarationError(f"limit: {output} is not an output; declared: {', '.join(names)}")
@@ -386,8 +386,7 @@ class MechanismStatement(Quantities):
         return expressions if any(expression != 0 for expression in expressions) else ()
 
     def decline_drive_torque(self, reason: str) -> None:
-        """Remove the drive torque from the outputs, with the reason why it does not follow from the
-        energies."""
+        """Remove the drive torque from the outputs, with the reason why the energies do not determine it."""
         self.no_drive_torque = reason
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:

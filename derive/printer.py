@@ -49,9 +49,7 @@ NODES = (
 
 class CasadiPrinter(AbstractPythonCodePrinter):
     """Printer that writes `casadi.` or `math.` before each function. Rational numbers are printed as
-    divisions.
-
-    Raises UnsupportedExpressionError where an expression has no counterpart.
+    divisions. Raises UnsupportedExpressionError for an expression without counterpart.
     """
 
     def __init__(self) -> None:
@@ -124,7 +122,8 @@ FOURIER = '''\
 def _fourier(angle, mean, cosine, sine, orders):
     """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
 
-    Order -1 is the integral of zero mean. Cosines and sines follow from those of x by angle addition.
+    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
     cos_kx, sin_kx = 1.0, 0.0

@@ -13,7 +13,7 @@ from derive.structure import StructureStatement
 from derive.structure_text import generated_text
 
 _MAX_CACHED = 64
-"""Number of mechanisms whose generated code is cached: at most some megabytes of text. A choice."""
+"""Number of mechanisms whose generated code is cached. A choice: at most a few megabytes of text."""
 
 _cache: dict[str, str] = {}
 
@@ -32,14 +32,15 @@ class Mechanism(MechanismStatement):
     title : str
         Title for tables, figures and reports.
     energy : str, default "J"
-        Unit of T and V, to be changed only for an equation without physical units.
+        Unit of T and V. Change it only for equations without physical units.
     kinetic, potential, dissipation : sympy.Expr, default 0
         T, V and R; each may be set later as an attribute.
     period : sympy.Expr, default 2π
         Period in the phase, rad.
     damping_ratio : sympy.Expr or sequence of these, default 0
-        ζ of all modes, or of the modes by rising frequency, where the last applies to all that follow. It
-        adds M Φ diag(2ζω) Φᵀ M q̇ with the modes of M and K at speed 0 at every position.
+        Damping ratio ζ of all modes, or of the modes in order of frequency; the last value applies to all
+        higher modes. The term M Φ diag(2ζω) Φᵀ M q̇ is added, with the modes of M and K at speed 0 at every
+        position.
 
     Examples
     --------
@@ -66,7 +67,7 @@ class Mechanism(MechanismStatement):
         Raises
         ------
         DeriveError
-            One subclass per fault of the statement, with the line of the statement where it is known.
+            A subclass for each kind of fault in the statement; the message states the line if it is known.
         """
         statement = "\n".join(_statement(self))
         if statement not in _cache:
@@ -81,7 +82,7 @@ class Structure(StructureStatement, Mechanism):
     """A plane structure of links that are beams, and of the joints between them.
 
     A joint is a pin unless `weld` or `clamp` declares otherwise: its links share its position and rotate
-    independently. `damping_ratio` is that of every mode. Energies and coordinates follow from the links
+    independently. `damping_ratio` applies to every mode. Energies and coordinates follow from the links
     and from the element types that the user of the generated module chooses, link by link.
 
     Parameters

@@ -41,10 +41,10 @@ class Quantities:
     declared_loops: list[Loop] = field(default_factory=list, init=False)
     declared_bodies: list[ReducedBody] = field(default_factory=list, init=False)
     lines: dict[Any, int] = field(init=False, repr=False, compare=False)
-    """Lines of the author's file, by the expression that each states."""
+    """Line numbers in the author's file, by the expressions stated there."""
 
     def __post_init__(self) -> None:
-        # Lines are recorded from here on; the defaults of the fields have none.
+        # Lines are recorded from here on; default values of the fields have no lines.
         self.lines = {}
 
     def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]:
@@ -89,9 +89,9 @@ class Quantities:
         Parameters
         ----------
         **declared : tuple of str
-            `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`. Numbers have this unit, which may be any of
-            pint's; equations convert them to SI. A bound is text such as "> 0", ">= 0", "< 1" or
-            "integer, >= 1"; without one any finite number is allowed.
+            `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`. Values have this unit, which may be any unit
+            of pint; equations convert values to SI. A bound is text such as "> 0", ">= 0", "< 1" or "integer,
+            >= 1"; without one any finite number is allowed.
 
         Returns
         -------
@@ -127,7 +127,7 @@ class Quantities:
         harmonics : int
             Number of harmonics.
         meaning : str, optional
-            Of the coefficients.
+            Meaning of the coefficients.
         coefficients : tuple of two str, default ("a", "b")
             Prefixes of the cosine and sine coefficients: parameters a1, …, b1, ….
 
@@ -237,7 +237,7 @@ class Quantities:
         values : tuple of str, or range
             Allowed values.
         default : str or int, optional
-            By default the first value.
+            Default value, by default the first one.
 
         Returns
         -------
@@ -281,8 +281,8 @@ class Quantities:
     ) -> ReducedBody:
         """Declare an elastic body whose matrices are data of the case, from a finite-element program.
 
-        Its modes become coordinates `{name}1`, `{name}2`, …; entries of its matrices are parameters. The case
-        names the file: `blade = { file = "blade.mat", unit = "m kg s", source = "…" }`.
+        The modes of the body become coordinates `{name}1`, `{name}2`, …; the entries of its matrices become
+        parameters. The case names the file: `blade = { file = "blade.mat", unit = "m kg s", source = "…" }`.
 
         Parameters
         ----------
@@ -321,7 +321,7 @@ class Quantities:
         along : expression
             Displacement or angle along which the force does work.
         meaning : str, optional
-            Of the force.
+            Meaning of the force.
 
         Raises
         ------
@@ -364,7 +364,7 @@ class Quantities:
     def _described(self, name: str, described: tuple[str, ...]) -> tuple[str, str, str]:
         if not isinstance(described, tuple) or not 2 <= len(described) <= 3 or not all(described[:2]):
             raise DeclarationError(
-                f'{name} needs a unit and a meaning, such as ("N/m", "shaft"); given: {described!r}'
+                f'{name} requires a unit and a meaning, such as ("N/m", "shaft"); given: {described!r}'
             )
         unit, meaning, bound = (*described, "")[:3]
         parse(unit)

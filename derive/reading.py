@@ -25,7 +25,7 @@ from derive.symbols import PHASE, SPEED
 from derive.units import Dimension, dimension_of, parse
 
 _SHORT = 3
-"""Smallest number of operations with which a subexpression is named. A choice."""
+"""Smallest number of operations for which a subexpression is named. A choice."""
 
 _LONG = 300
 """Number of operations above which expressions are not expanded, to save time. A choice."""
@@ -74,7 +74,7 @@ def links(structure: StructureStatement) -> list[Equation]:
 
 
 def with_numbers(expression: Any, numbers: Mapping[sympy.Symbol, Any]) -> Any:
-    """The expression with numbers in place of parameters, except in the arguments of a loop's unknowns."""
+    """Expression with numbers in place of parameters, except in the arguments of the unknowns of loops."""
     kept = {atom: atom for atom in expression.atoms(LoopFunction)}
     return expression.xreplace({**{each: sympy.Float(x) for each, x in numbers.items()}, **kept})
 

@@ -100,7 +100,7 @@ def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, floa
         vector,
         *_modal(mechanism),
         *(
-            f"{latex(indicator)} is 1 for the option {option.name}={value}, else 0"
+            f"{latex(indicator)} is 1 for the option {option.name}={value}, otherwise 0"
             for option in mechanism.declared_options
             for indicator, value in zip(option.indicators, option.values, strict=False)
             if indicator not in numbers
@@ -256,4 +256,4 @@ def _cause(error: Exception) -> str:
         return (error.strerror or "no access").lower()
     if isinstance(error, KeyError):
         return f"it has no {error}"
-    return str(error) if isinstance(error, ValueError) else "it lacks a table"
+    return str(error) if isinstance(error, ValueError) else "a table is missing"

@@ -34,11 +34,9 @@ class Observed(NamedTuple):
 
 
 def observed(structure: StructureStatement) -> list[Observed]:
-    """Outputs of a moving structure; empty for a structure at rest.
-
-    Each link has the stresses and the deflection at its midpoint; a link clamped at one end has the
-    deflection of its tip instead, and the stresses at its root too. Further outputs are the
-    joint forces and the strain energy of all links.
+    """Outputs of a moving structure; empty for a structure at rest. For each link, these are the stresses and
+    the deflection at the midpoint; for a link clamped at one end, the deflection at the tip instead, and also
+    the stresses at the root. Further outputs are the joint forces and the strain energy of all links.
     """
     if not structure.moves:
         return []
@@ -85,19 +83,21 @@ def _of_joint(structure: StructureStatement, joint: str) -> Iterator[Observed]:
 MOST_ELEMENTS = 100
 
 DATA = """\
-# A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
-# dashpots to the ground: the freedoms on which they act."""
+# A link: name, first joint, last joint, names of the rotations of its two ends ("" where clamped, shared
+# where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
+# dashpots to the ground: the degrees of freedom on which they act."""
 MOTION = """\
-# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
-# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average."""
+# Whether Coriolis, centripetal and tangential accelerations of the displacements are included; whether axial
+# forces change the stiffness; whether ζ applies to every mode at every position, or to the two lowest modes
+# on average."""
 MOTION_OPTIONS = (
     ("terms", ("instantaneous", "full"), "instantaneous"),
     ("stiffening", ("off", "on"), "off"),
     ("damping", ("modal", "rayleigh"), "modal"),
 )
 OBSERVED = """\
-# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1."""
+# Kind of each entry of OUTPUTS, its link, and its position on the link, from 0 at the start to 1 at the
+# end."""
 DOCUMENTATION = """\
 Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
 springs and dashpots where there are any, and the damping ratio of every mode."""

@@ -20,7 +20,7 @@ from derive.units import short
 
 _DIGITS = 50
 BESIDE = mpmath.mpf(10) ** -30
-"""Distance from a switch at which its sides are evaluated.
+"""Distance from a switch at which its two sides are evaluated.
 
 It is far above the round-off of `_DIGITS` digits and far below any change of a smooth function.
 """
@@ -38,7 +38,7 @@ _AWAY = mpmath.mpf("0.1")
 """Distance from a switch at which the magnitude of an expression is evaluated."""
 
 _JUMP = 1e-9
-"""Smallest relative difference between both sides that counts as a discontinuity. A choice.."""
+"""Smallest relative difference between both sides that counts as a discontinuity. A choice."""
 
 
 class Wrapped(sympy.Function):
@@ -147,7 +147,7 @@ def _switching(node: Any) -> Iterator[Any]:
 
 
 def _whole_turns(node: Wrapped) -> Any:
-    """Expression whose zeros are the steps of a wrapped angle."""
+    """Expression that is zero where a wrapped angle jumps."""
     angle, turn = node.args
     return sympy.sin(sympy.pi * angle / turn)
 
@@ -252,7 +252,7 @@ class Numbers:
         if self._undefined:
             return
         modules = [_STEPS, "mpmath" if exact else "math"]
-        # Dummies, since a symbol may have the name of a function.
+        # Dummy symbols are used, because a symbol may have the name of a function.
         self._function = sympy.lambdify(symbols, replaced, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
@@ -267,8 +267,8 @@ class Numbers:
 
 
 def sides_differ(one: list[Any] | None, other: list[Any] | None, *further: list[Any] | None) -> bool:
-    """Whether values on the two sides of a switch sides_differ, relative to the largest of these and of
-    `further` values."""
+    """Whether values on the two sides of a switch differ, relative to the largest of these and of `further`
+    values."""
     if one is None or other is None:
         return False
     size = max(abs(x) for numbers in (one, other, *further) for x in numbers or [0])

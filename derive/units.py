@@ -72,7 +72,7 @@ _COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))"
 
 @runtime_checkable
 class Composed(Protocol):
-    """Function whose dimension follows from the dimensions of its arguments."""
+    """Function whose dimension is determined by the dimensions of its arguments."""
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension: ...
 

@@ -1,6 +1,6 @@
 """Limits of the generated equations: domains of the motion, and terms that the linearisation neglects.
 
-Roots and arccosines may cancel in the equations, which are then real where the motion is not.
+Roots and arccosines may cancel in the equations, which may then be real where the motion is not.
 """
 
 from collections.abc import Iterable, Iterator
@@ -108,7 +108,7 @@ def _shown(margin: Any) -> str:
 def _sentence(node: Any) -> str:
     needed: Need | None = need(node)
     return f"{short(node)} is not real and finite" + (
-        f"; it needs {_shown(needed.margin)} {needed.relation}" if needed else ""
+        f"; it requires {_shown(needed.margin)} {needed.relation}" if needed else ""
     )
 
 
@@ -140,7 +140,7 @@ def _ignored(name: str) -> str:
 
 
 def _idle(name: str) -> str:
-    return f"{name} is in the energies but moves nothing: it is in no equation of motion and in no output"
+    return f"{name} is in the energies but has no effect: no equation of motion and no output contains it"
 
 
 def _one_sided(function: Any) -> str:

@@ -5,16 +5,16 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "3ba7f53008a4943032b8ae8f0f05e1487d28676dc7bd5ba5a4c894d133d14ae7"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+MECHANISM_SHA256 = "9af0f1973df8476eb0f41bce9f7ac84e8a0cebba3b17322e78c89f2c33d43f18"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "69a1a420ad3957331c80daaaa1d379696c908925730cee60a87b3bf580361561"
-# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
-# Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
-# mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
-# loads[k] L, for a load per length that varies as ξᵏ; coupling[i][j] ρA L, axial freedom i by bending
-# freedom j; strains 1/L (elongation u′) or 1/L² (curvature v″), where row i of shapes and strains holds
-# the coefficients of 1, ξ, ξ², ….
+FILE_SHA256 = "d3f9cc489dcda50ac43437c935f5bc58b6aec4a5b1e79b93283f33bd7da33c12"
+# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
+# Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
+# the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension
+# positive (geometric); L (loads[k], for a load per length that varies as ξᵏ); ρA L (coupling[i][j], axial
+# freedom i and bending freedom j); 1/L for elongation u′ or 1/L² for curvature v″ (strains). Row i of shapes
+# and strains contains the coefficients of 1, ξ, ξ², ….
 
 FAMILIES = {
     "linear": {

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2bd7eb5d3bfc8714663a363c32519f2ec99d28a6620e97a73cf5859349bb7647"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4201a85aa5a6e6c577d4744e7f55ca0ccc8ae54b3379c47cbec85f749ca5b2bc"
+FILE_SHA256 = "13fb4c9230bc5d6a1fb197bfa438d846d5fa69e67fbb1c9bde3126bf17306e60"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -115,7 +115,8 @@ SWITCHED = (
 def _fourier(angle, mean, cosine, sine, orders):
     """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
 
-    Order -1 is the integral of zero mean. Cosines and sines follow from those of x by angle addition.
+    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
     cos_kx, sin_kx = 1.0, 0.0
@@ -129,7 +130,7 @@ def _fourier(angle, mean, cosine, sine, orders):
 
 
 def _choice(option, value):
-    """One indicator, 1.0 or 0.0, for each allowed value of an option."""
+    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -137,7 +138,8 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -296,7 +298,7 @@ def residual(*, contact="bilateral"):
 
 
 def residual_accelerated(*, contact="bilateral"):
-    """What an acceleration of the drive adds to residual."""
+    """Contribution of an acceleration of the drive to residual."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -337,7 +339,7 @@ def residual_accelerated(*, contact="bilateral"):
 
 
 def outputs(*, contact="bilateral"):
-    """One scalar for each of OUTPUTS."""
+    """One scalar for each entry of OUTPUTS."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -388,7 +390,7 @@ def outputs(*, contact="bilateral"):
 
 
 def outputs_accelerated(*, contact="bilateral"):
-    """What an acceleration of the drive adds to outputs."""
+    """Contribution of an acceleration of the drive to outputs."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -424,7 +426,7 @@ def outputs_accelerated(*, contact="bilateral"):
 
 
 def sketch(*, contact="bilateral"):
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 along the line."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -495,7 +497,7 @@ def sketch(*, contact="bilateral"):
 
 
 def conditions(*, contact="bilateral"):
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each entry of CONDITIONS, positive where the condition holds."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 49)
@@ -516,12 +518,12 @@ def conditions(*, contact="bilateral"):
 
 
 def residual_varying(*, contact="bilateral"):
-    """The same as `residual` where the speed varies."""
+    """The function `residual` at varying speed."""
     return _varying(residual(contact=contact), residual_accelerated(contact=contact))
 
 
 def outputs_varying(*, contact="bilateral"):
-    """The same as `outputs` where the speed varies."""
+    """The function `outputs` at varying speed."""
     return _varying(outputs(contact=contact), outputs_accelerated(contact=contact))
 
 

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "e4acab8ea073812e022a00745c85e8b3f07e70181b1ffbe60d481942406301fb"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+MECHANISM_SHA256 = "ff03099634a6a9572b840c88c8b8e5e2f3d33625801ebb53eee9698de88c9403"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "bd74e89100387d60a08a693621ee56373cd72897385135d4b00baf5ca20c2dcc"
+FILE_SHA256 = "1f2ff8b6773bbc5018478ff96506927d771d2294d69dfebc787a3692fae0632a"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -48,8 +48,8 @@ PARAMETERS = (
     ("A", "m^2", "coupler's cross-section", "> 0"),
     ("I", "m^4", "coupler's second moment of area", "> 0"),
     ("rho", "kg/m^3", "coupler's density", "> 0"),
-    ("cx", "N s/m^2", "drag a length on the coupler's motion along it", ">= 0"),
-    ("cy", "N s/m^2", "drag a length on the coupler's motion across it", ">= 0"),
+    ("cx", "N s/m^2", "drag per length on the motion of the coupler along its axis", ">= 0"),
+    ("cy", "N s/m^2", "drag per length on the motion of the coupler across its axis", ">= 0"),
     ("JC", "kg m^2", "follower about its pivot", ">= 0"),
     ("alpha", "s", "material damping: stress is E (strain + alpha strain rate)", ">= 0"),
     ("alpha4", "rad", "direction of the follower's centre of mass, from its line to the joint", ""),
@@ -72,7 +72,7 @@ OUTPUTS = (
 )
 LIMITS = (
     ("deflection_ratio", "<= 0.02", "the deflection is not small against the length"),
-    ("euler_ratio", "<= 0.5", "the axial force comes near to buckling the coupler"),
+    ("euler_ratio", "<= 0.5", "the axial force is close to the buckling load of the coupler"),
 )
 CONDITIONS = (
     ("l1 + l2 < l3 + l4", "the crank cannot turn fully", ("l1", "l2", "l3", "l4")),
@@ -92,7 +92,7 @@ OPERATIONS = {"linearised": 210, "residual": 210, "outputs": 308}
 
 
 def _count(option, value):
-    """The value of an option that is a number."""
+    """Value of an option that is a number."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {allowed[0]} to {allowed[-1]}")
@@ -100,7 +100,7 @@ def _count(option, value):
 
 
 def _choice(option, value):
-    """One indicator, 1.0 or 0.0, for each allowed value of an option."""
+    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -108,7 +108,8 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -120,7 +121,8 @@ def _varying(steady, added):
 
 
 def _w(xi, derivative, count):
-    """Mode functions psi_1 to psi_count of w at xi = x/length, differentiated by xi."""
+    """Mode functions psi_1 to psi_count of w at xi = x/length, differentiated with respect to
+    xi."""
     return casadi.vertcat(*(
         (
             casadi.sin(math.pi*k*xi),
@@ -132,18 +134,18 @@ def _w(xi, derivative, count):
 
 
 def _pairs(integral, count):
-    """An integral of two modes for every row i and column j."""
+    """Matrix of an integral of two modes, i in rows and j in columns."""
     numbers = range(1, count + 1)
     return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])
 
 
 def _column(integral, count):
-    """An integral of one mode for every row j."""
+    """Column of an integral of one mode j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])
 
 
 def _residual(name, matrices):
-    """r of the equations with the matrices, which are a function of the drive and the parameters."""
+    """Residual r of the equations with these matrices, a function of the drive and the parameters."""
     *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
     q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
     M, C, K, d = matrices(*drive, p)
@@ -299,7 +301,7 @@ def linearised(*, modes=3, branch="open"):
 
 
 def outputs(*, modes=3, branch="open"):
-    """One scalar for each of OUTPUTS."""
+    """One scalar for each entry of OUTPUTS."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -387,7 +389,7 @@ def outputs(*, modes=3, branch="open"):
 
 
 def outputs_accelerated(*, modes=3, branch="open"):
-    """What an acceleration of the drive adds to outputs."""
+    """Contribution of an acceleration of the drive to outputs."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -452,7 +454,7 @@ def outputs_accelerated(*, modes=3, branch="open"):
 
 
 def linearised_varying(*, modes=3, branch="open"):
-    """M, C, K, d where the speed varies."""
+    """M, C, K, d at varying speed."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -521,7 +523,7 @@ def linearised_varying(*, modes=3, branch="open"):
 
 
 def sketch(*, modes=3, branch="open"):
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 along the line."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -570,7 +572,7 @@ def sketch(*, modes=3, branch="open"):
 
 
 def conditions(*, modes=3, branch="open"):
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each entry of CONDITIONS, positive where the condition holds."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -594,22 +596,22 @@ def conditions(*, modes=3, branch="open"):
 
 
 def outputs_varying(*, modes=3, branch="open"):
-    """The same as `outputs` where the speed varies."""
+    """The function `outputs` at varying speed."""
     return _varying(outputs(modes=modes, branch=branch), outputs_accelerated(modes=modes, branch=branch))
 
 
 def residual(*, modes=3, branch="open"):
-    """r of the equation of motion r = 0; linear, as the projected equations are."""
+    """r of the equation of motion r = 0; linear, like the projected equations."""
     return _residual("residual", linearised(modes=modes, branch=branch))
 
 
 def residual_varying(*, modes=3, branch="open"):
-    """r where the speed varies; linear, as the projected equations are."""
+    """r at varying speed; linear, like the projected equations."""
     return _residual("residual_varying", linearised_varying(modes=modes, branch=branch))
 
 
 def fields(*, modes=3, branch="open"):
-    """Mode functions of each of FIELDS at a fraction xi of its length."""
+    """Mode functions of each entry of FIELDS at a fraction xi of the length."""
     modes = _count("modes", modes)
     xi = casadi.SX.sym("xi")
     shapes = _w(xi, 0, modes)

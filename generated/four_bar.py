@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f90d0ebbb8c80b0d5bd5a283fe95d6abe47135dd8d6c9284ec08767fdd7e7414"
+FILE_SHA256 = "264ae878f703841c42c63d88ea5ad5ccc280a1fd7a0d393e37bbc21876610441"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -72,9 +72,9 @@ PERIOD = 2*math.pi
 OPERATIONS = {"properties": 50}
 
 
-# A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
-# dashpots to the ground: the freedoms on which they act.
+# A link: name, first joint, last joint, names of the rotations of its two ends ("" where clamped, shared
+# where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
+# dashpots to the ground: the degrees of freedom on which they act.
 LINKS = (
     ("crank", "O", "A", "", "crank_A", False),
     ("coupler", "A", "B", "coupler_A", "coupler_B", False),
@@ -91,14 +91,16 @@ LINK_OPTIONS = (
     ("elements", range(1, 101), 1),
     ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic"),
 )
-# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
-# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average.
+# Whether Coriolis, centripetal and tangential accelerations of the displacements are included; whether axial
+# forces change the stiffness; whether ζ applies to every mode at every position, or to the two lowest modes
+# on average.
 MOTION_OPTIONS = (
     ("terms", ("instantaneous", "full"), "instantaneous"),
     ("stiffening", ("off", "on"), "off"),
     ("damping", ("modal", "rayleigh"), "modal"),
 )
-# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1.
+# Kind of each entry of OUTPUTS, its link, and its position on the link, from 0 at the start to 1 at the
+# end.
 OBSERVED = (
     ("deflection", "crank", 1.0),
     ("stress_plus", "crank", 0.0),
@@ -126,7 +128,7 @@ MOVES = True
 
 
 def _choice(option, value):
-    """One indicator, 1.0 or 0.0, for each allowed value of an option."""
+    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -218,7 +220,7 @@ def properties(*, branch="open"):
 
 
 def conditions(*, branch="open"):
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each entry of CONDITIONS, positive where the condition holds."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 18)

@@ -9,14 +9,14 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "42b123cc365018b2a899d73b102ef144cab91ae313f15744009fc291f11e761f"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+MECHANISM_SHA256 = "31bfb0baebfe5e8dc5aee591b9099cffab629d45336469c6a6aa4c747a80df34"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4a8734da55848090f51142262424e03ab26feb7dc3475d1c2cd9b7d486dabd3e"
+FILE_SHA256 = "93c6fe97b2bee0698a27330e1c6f3ff9827cab04607f59f2ed8df995813cdd2c"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
-    ("q", "m", "deflection of the mesh, from that under the mean load"),
+    ("q", "m", "deflection of the mesh, relative to that under the mean load"),
 )
 PARAMETERS = (
     ("m", "kg", "equivalent mass along the line of action", "> 0"),
@@ -61,7 +61,7 @@ SWITCHED = (
 
 
 def _choice(option, value):
-    """One indicator, 1.0 or 0.0, for each allowed value of an option."""
+    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -69,8 +69,8 @@ def _choice(option, value):
 
 
 def _passes(known):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
-    no numbers, as on a branch that is not taken."""
+    """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
+    these are not numbers, as on a branch that is not taken."""
     found = []
     try:
         slope, offset, targets, turn = known()
@@ -80,7 +80,7 @@ def _passes(known):
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
-            raise ValueError(f"there are {last - first:.3g} jumps a period; at most 10000 can be followed")
+            raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
         found += [(target + k*turn - offset)/slope for k in turns]
     return [phase for phase in found if 0 <= phase < PERIOD]
@@ -96,7 +96,8 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -182,7 +183,7 @@ def residual(*, mesh="harmonic"):
 
 
 def residual_accelerated(*, mesh="harmonic"):
-    """What an acceleration of the drive adds to residual."""
+    """Contribution of an acceleration of the drive to residual."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -209,7 +210,7 @@ def residual_accelerated(*, mesh="harmonic"):
 
 
 def outputs(*, mesh="harmonic"):
-    """One scalar for each of OUTPUTS."""
+    """One scalar for each entry of OUTPUTS."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -256,7 +257,7 @@ def outputs(*, mesh="harmonic"):
 
 
 def outputs_accelerated(*, mesh="harmonic"):
-    """What an acceleration of the drive adds to outputs."""
+    """Contribution of an acceleration of the drive to outputs."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -287,7 +288,7 @@ def outputs_accelerated(*, mesh="harmonic"):
 
 
 def sketch(*, mesh="harmonic"):
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 along the line."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -322,7 +323,7 @@ def sketch(*, mesh="harmonic"):
 
 
 def conditions(*, mesh="harmonic"):
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each entry of CONDITIONS, positive where the condition holds."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 11)
@@ -345,17 +346,17 @@ def conditions(*, mesh="harmonic"):
 
 
 def residual_varying(*, mesh="harmonic"):
-    """The same as `residual` where the speed varies."""
+    """The function `residual` at varying speed."""
     return _varying(residual(mesh=mesh), residual_accelerated(mesh=mesh))
 
 
 def outputs_varying(*, mesh="harmonic"):
-    """The same as `outputs` where the speed varies."""
+    """The function `outputs` at varying speed."""
     return _varying(outputs(mesh=mesh), outputs_accelerated(mesh=mesh))
 
 
 def breaks(speed, p, *, mesh="harmonic"):
-    """Phases at which the matrices jump or have kinks, some of them more than once."""
+    """Phases at which the matrices jump or have kinks; a phase may occur more than once."""
     (
         m, c, k, F, e, E, b, s, p, z1, z2,
     ) = p

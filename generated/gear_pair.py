@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "9a47dbc49f757695d920a68afff35fdf29385856fd023070cf706f153ac98163"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+MECHANISM_SHA256 = "4332cd77cf33607223d9ec92441f9646183d6bb8455b1cc66a7af13455286abd"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "426a2c40161984abaab98fd7308fdc7f9cae233b39e287da8a0312b61190af1a"
+FILE_SHA256 = "fbe7d2038c29f85891a3ca377eb1bb3e2800fa475cd4354cfd4b23905072a4f7"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -66,8 +66,8 @@ OPTIONS = (
 OUTPUTS = (
     ("transmission_error_rate", "m/s", "rate of the dynamic transmission error"),
     ("mesh_force", "N", "force between the teeth, compression positive"),
-    ("pinion_speed_ripple", "rad/s", "pinion's speed against its mean"),
-    ("wheel_speed_ripple", "rad/s", "wheel's speed against its mean"),
+    ("pinion_speed_ripple", "rad/s", "pinion's speed relative to its mean"),
+    ("wheel_speed_ripple", "rad/s", "wheel's speed relative to its mean"),
 )
 LIMITS = (
     ("mesh_force", ">= 0", "the teeth separate; backlash is not in the model"),
@@ -91,7 +91,8 @@ NO_DRIVE_TORQUE = "the loads' work on the uniform rotation of the gears is not i
 def _fourier(angle, mean, cosine, sine, orders):
     """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
 
-    Order -1 is the integral of zero mean. Cosines and sines follow from those of x by angle addition.
+    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
     cos_kx, sin_kx = 1.0, 0.0
@@ -111,7 +112,7 @@ def _components(amplitudes, angles):
 
 
 def _choice(option, value):
-    """One indicator, 1.0 or 0.0, for each allowed value of an option."""
+    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -119,7 +120,8 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -219,7 +221,7 @@ def residual(*, load="tracking"):
 
 
 def residual_accelerated(*, load="tracking"):
-    """What an acceleration of the drive adds to residual."""
+    """Contribution of an acceleration of the drive to residual."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -248,7 +250,7 @@ def residual_accelerated(*, load="tracking"):
 
 
 def outputs(*, load="tracking"):
-    """One scalar for each of OUTPUTS."""
+    """One scalar for each entry of OUTPUTS."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -297,7 +299,7 @@ def outputs(*, load="tracking"):
 
 
 def outputs_accelerated(*, load="tracking"):
-    """What an acceleration of the drive adds to outputs."""
+    """Contribution of an acceleration of the drive to outputs."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -329,7 +331,7 @@ def outputs_accelerated(*, load="tracking"):
 
 
 def sketch(*, load="tracking"):
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 along the line."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -388,12 +390,12 @@ def sketch(*, load="tracking"):
 
 
 def residual_varying(*, load="tracking"):
-    """The same as `residual` where the speed varies."""
+    """The function `residual` at varying speed."""
     return _varying(residual(load=load), residual_accelerated(load=load))
 
 
 def outputs_varying(*, load="tracking"):
-    """The same as `outputs` where the speed varies."""
+    """The function `outputs` at varying speed."""
     return _varying(outputs(load=load), outputs_accelerated(load=load))
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "acf82af50cd08780e560fd7f77274d2a619b53cb45e28d8251a0f18a78d92245"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c9913daa403f2970d1a96ea5c85032ab5bcf845436834930bad8cc69f05dd531"
+FILE_SHA256 = "ced9f029d43d9abee3b87533a1542a4ad81e61c0d3abb1578b1dbccd2c91990c"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -79,7 +79,8 @@ OPERATIONS = {"linearised": 279, "residual": 232, "outputs": 139}
 def _fourier(angle, mean, cosine, sine, orders):
     """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
 
-    Order -1 is the integral of zero mean. Cosines and sines follow from those of x by angle addition.
+    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
     cos_kx, sin_kx = 1.0, 0.0
@@ -93,7 +94,8 @@ def _fourier(angle, mean, cosine, sine, orders):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -215,7 +217,7 @@ def residual():
 
 
 def residual_accelerated():
-    """What an acceleration of the drive adds to residual."""
+    """Contribution of an acceleration of the drive to residual."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -251,7 +253,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each of OUTPUTS."""
+    """One scalar for each entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 2)
@@ -286,7 +288,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """What an acceleration of the drive adds to outputs."""
+    """Contribution of an acceleration of the drive to outputs."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -315,7 +317,7 @@ def outputs_accelerated():
 
 
 def sketch():
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 along the line."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 2)
@@ -381,12 +383,12 @@ def sketch():
 
 
 def residual_varying():
-    """The same as `residual` where the speed varies."""
+    """The function `residual` at varying speed."""
     return _varying(residual(), residual_accelerated())
 
 
 def outputs_varying():
-    """The same as `outputs` where the speed varies."""
+    """The function `outputs` at varying speed."""
     return _varying(outputs(), outputs_accelerated())
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "3227a143f8438f3f3210355cdf670276c9c26720537081187a4548b4aae20582"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2991585d4ffa111f5b71af4718ffa5efc44be23d8972a7faba26011090286e03"
+FILE_SHA256 = "fbaec74b2313cb7ad2d9f841869485ebfa9bbfd38459199f5b2733a07f1a8d49"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -38,7 +38,8 @@ NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -93,7 +94,7 @@ def residual():
 
 
 def residual_accelerated():
-    """What an acceleration of the drive adds to residual."""
+    """Contribution of an acceleration of the drive to residual."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -117,7 +118,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each of OUTPUTS."""
+    """One scalar for each entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -139,7 +140,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """What an acceleration of the drive adds to outputs."""
+    """Contribution of an acceleration of the drive to outputs."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -162,7 +163,7 @@ def outputs_accelerated():
 
 
 def sketch():
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 along the line."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -204,12 +205,12 @@ def sketch():
 
 
 def residual_varying():
-    """The same as `residual` where the speed varies."""
+    """The function `residual` at varying speed."""
     return _varying(residual(), residual_accelerated())
 
 
 def outputs_varying():
-    """The same as `outputs` where the speed varies."""
+    """The function `outputs` at varying speed."""
     return _varying(outputs(), outputs_accelerated())
 
 

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "3bb1ba3dfe904a5c5ec276f8e90e05bf5b5587e137a5c98c1a7ac27a6147ed71"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+MECHANISM_SHA256 = "4d069e697bdadea69688824e0e85dbac4dec6e6391731ad5a5a68dad7c13a61b"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1f30bc05a2adf448a6322472dd8fbc736c0169c02dccae2bd29d1b699ae3dcb5"
+FILE_SHA256 = "d322ec1fac9d6d350303903ca78e602f615827febca782b16a248a232d47d048"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -21,7 +21,7 @@ COORDINATES = (
 PARAMETERS = (
     ("w1", "rad/s", "frequency in the first interval", ">= 0"),
     ("w2", "rad/s", "frequency in the second interval", ">= 0"),
-    ("share", "1", "of the turn that the first interval takes", "> 0, < 1"),
+    ("share", "1", "fraction of the turn that the first interval takes", "> 0, < 1"),
 )
 OPTIONS = ()
 OUTPUTS = ()
@@ -37,8 +37,8 @@ NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 
 def _passes(known):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
-    no numbers, as on a branch that is not taken."""
+    """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
+    these are not numbers, as on a branch that is not taken."""
     found = []
     try:
         slope, offset, targets, turn = known()
@@ -48,7 +48,7 @@ def _passes(known):
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
-            raise ValueError(f"there are {last - first:.3g} jumps a period; at most 10000 can be followed")
+            raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
         found += [(target + k*turn - offset)/slope for k in turns]
     return [phase for phase in found if 0 <= phase < PERIOD]
@@ -64,7 +64,8 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -123,7 +124,7 @@ def residual():
 
 
 def residual_accelerated():
-    """What an acceleration of the drive adds to residual."""
+    """Contribution of an acceleration of the drive to residual."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -147,7 +148,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each of OUTPUTS."""
+    """One scalar for each entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -169,7 +170,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """What an acceleration of the drive adds to outputs."""
+    """Contribution of an acceleration of the drive to outputs."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -192,7 +193,7 @@ def outputs_accelerated():
 
 
 def sketch():
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 along the line."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -259,17 +260,17 @@ def sketch():
 
 
 def residual_varying():
-    """The same as `residual` where the speed varies."""
+    """The function `residual` at varying speed."""
     return _varying(residual(), residual_accelerated())
 
 
 def outputs_varying():
-    """The same as `outputs` where the speed varies."""
+    """The function `outputs` at varying speed."""
     return _varying(outputs(), outputs_accelerated())
 
 
 def breaks(speed, p):
-    """Phases at which the matrices jump or have kinks, some of them more than once."""
+    """Phases at which the matrices jump or have kinks; a phase may occur more than once."""
     (w1, w2, share) = p
     return [
         0.0,

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a2778468c8432bab3251e9b17399e4770e79f84adbcd46cecac3154e78a7db73"
+FILE_SHA256 = "016e916236c9300f5e8fd9f1d253c94015b55d22b4940d87de0b1dbdd6a95bff"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -31,9 +31,9 @@ PERIOD = 2*math.pi
 OPERATIONS = {"properties": 4}
 
 
-# A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
-# dashpots to the ground: the freedoms on which they act.
+# A link: name, first joint, last joint, names of the rotations of its two ends ("" where clamped, shared
+# where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
+# dashpots to the ground: the degrees of freedom on which they act.
 LINKS = (
     ("left", "foot_left", "corner_left", "", "left_corner_left", True),
     ("beam", "corner_left", "corner_right", "left_corner_left", "beam_corner_right", True),
@@ -50,10 +50,12 @@ LINK_OPTIONS = (
     ("elements", range(1, 101), 1),
     ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic"),
 )
-# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
-# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average.
+# Whether Coriolis, centripetal and tangential accelerations of the displacements are included; whether axial
+# forces change the stiffness; whether ζ applies to every mode at every position, or to the two lowest modes
+# on average.
 MOTION_OPTIONS = ()
-# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1.
+# Kind of each entry of OUTPUTS, its link, and its position on the link, from 0 at the start to 1 at the
+# end.
 OBSERVED = ()
 MOVES = False
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "be65000cf1335ea3208e09eed72e61c741965f099589b98b75406632b9ee8c04"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5281b895df6a355751d4b67d9bfdf7cca61e257101d4d76df33c8b8e559b0690"
+FILE_SHA256 = "2ee30880ef05af1fb004ead36ca16fe928d9b8df8690fa8324952d0f347e5b5c"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
@@ -63,8 +63,8 @@ SWITCHED = (
 
 
 def _passes(known):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
-    no numbers, as on a branch that is not taken."""
+    """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
+    these are not numbers, as on a branch that is not taken."""
     found = []
     try:
         slope, offset, targets, turn = known()
@@ -74,7 +74,7 @@ def _passes(known):
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
-            raise ValueError(f"there are {last - first:.3g} jumps a period; at most 10000 can be followed")
+            raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
         found += [(target + k*turn - offset)/slope for k in turns]
     return [phase for phase in found if 0 <= phase < PERIOD]
@@ -90,7 +90,8 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """Function at varying speed: the sum of the function at constant speed and the contribution of the
+    acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -161,7 +162,7 @@ def residual():
 
 
 def residual_accelerated():
-    """What an acceleration of the drive adds to residual."""
+    """Contribution of an acceleration of the drive to residual."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -186,7 +187,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each of OUTPUTS."""
+    """One scalar for each entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -235,7 +236,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """What an acceleration of the drive adds to outputs."""
+    """Contribution of an acceleration of the drive to outputs."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -269,7 +270,7 @@ def outputs_accelerated():
 
 
 def sketch():
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 along the line."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -317,7 +318,7 @@ def sketch():
 
 
 def domain():
-    """One number for each of DOMAIN, which must satisfy its relation all over the period."""
+    """One number for each entry of DOMAIN, which must satisfy the relation over the whole period."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     parameters = casadi.SX.sym("p", 9)
@@ -338,7 +339,7 @@ def domain():
 
 
 def conditions():
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each entry of CONDITIONS, positive where the condition holds."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 9)
     (r, L, m, F, k, chi, c, g, R) = casadi.vertsplit(parameters)
@@ -359,12 +360,12 @@ def conditions():
 
 
 def residual_varying():
-    """The same as `residual` where the speed varies."""
+    """The function `residual` at varying speed."""
     return _varying(residual(), residual_accelerated())
 
 
 def outputs_varying():
-    """The same as `outputs` where the speed varies."""
+    """The function `outputs` at varying speed."""
     return _varying(outputs(), outputs_accelerated())
 
 

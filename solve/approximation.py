@@ -10,21 +10,21 @@ import numpy as np
 from solve.arrays import EPS, Array
 
 _FIRST_SAMPLES, _MAX_SAMPLES = 64, 1024
-"""Samples per period of the first interpolant, and the number above which interpolation is abandoned. A
-choice."""
+"""Number of samples per period of the first interpolant, and number above which interpolation is abandoned.
+Choices."""
 
 _MIDPOINT_ERROR = 1e-8
-"""Relative error at the midpoints below which twice as many samples are exact up to round-off: the error for
-a smooth function decreases geometrically, so that doubling the samples squares it."""
+"""Relative error at the midpoints below which twice as many samples are exact up to round-off: for a smooth
+function the error decreases geometrically, so that doubling the samples squares the error."""
 
 _ABOVE_ROUNDOFF = 4.0
-"""Harmonics above this multiple of the largest of the last eighth are retained. The last eighth is round-off:
-if half as many samples agree to 1e-8, geometric decay reduces these harmonics to 1e-14. Measured on the
-damping of the four-bar with 9 to 198 coordinates: 51 to 68 of 129 harmonics are retained."""
+"""Ratio to the largest harmonic of the last eighth above which harmonics are retained. The last eighth is
+round-off: if half as many samples agree to 1e-8, geometric decay reduces these harmonics to 1e-14. Measured
+on the damping of the four-bar with 9 to 198 coordinates: 51 to 68 of 129 harmonics are retained."""
 
 _RELATIVE_STEP = 1e-2
-"""Largest difference step relative to the argument. Four levels of extrapolation leave an error of the order
-of its eighth power, 1e-16."""
+"""Largest difference step relative to the argument. With four levels of extrapolation, the error is of the
+order of the eighth power of the step, 1e-16."""
 
 _LEVELS = 4
 """Number of step sizes, each half of the previous one. A choice."""
@@ -33,8 +33,8 @@ _LEVELS = 4
 class Trigonometric:
     """Trigonometric interpolant of samples (k, …) on a uniform grid over a period, without the end point.
 
-    k samples resolve harmonics below k/2. With `chopped`, the harmonics behind the last one above round-off
-    are dropped.
+    k samples resolve harmonics below k/2. If `chopped`, harmonics after the last one above round-off are
+    dropped.
     """
 
     def __init__(self, samples: Array, period: float, chopped: bool = False):
@@ -52,7 +52,8 @@ class Trigonometric:
         """Values (m, …) at phases (m,)."""
         count = len(self._frequencies)
         base = math.isqrt(count)
-        # Each frequency is one of the first and a multiple of `base`: this needs few cosines and sines.
+        # Each frequency is the sum of a low frequency and a multiple of `base`, so that few cosines and sines
+        # are computed.
         low, multiples = (
             _exponentials(phase, frequencies)
             for frequencies in (self._frequencies[:base], self._frequencies[::base])
@@ -112,8 +113,8 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
     """Derivative of a smooth function of one variable, by central differences extrapolated to zero step (L.
     F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357).
 
-    It serves assembled matrices, for which there is no automatic differentiation. Without a largest step, x
-    must not be 0.
+    It is used for assembled matrices, for which there is no automatic differentiation. Without a largest
+    step, x must not be 0.
     """
     return slopes(function, x, largest_step)[0]
 

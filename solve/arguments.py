@@ -33,7 +33,7 @@ def first_is(
 ) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
     """Decorator that raises ValueOutOfBoundsError unless the first argument is an instance of `types`.
 
-    Wrong arguments are refused early with a clear message instead of an AttributeError.
+    Wrong arguments are rejected early with a clear message instead of an AttributeError.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def require_integer(
 
 def require_steps(steps: object, least: int = 1) -> None:
     """Raise StepsError unless `steps` is an integer >= `least`."""
-    require_integer("steps", steps, least, "; leave steps out to have their number chosen", StepsError)
+    require_integer("steps", steps, least, "; leave out steps for automatic selection", StepsError)
 
 
 @contextmanager

@@ -39,7 +39,7 @@ def unique_integers(numbers: Array) -> list[int]:
 
 
 def others(count: int, positions: Sequence[int]) -> Array:
-    """Indices (k,) from 0 to `count` - 1 that are not among the given ones.
+    """Indices (k,) from 0 to `count` - 1 that are not among `positions`.
 
     >>> others(4, [1]).tolist()
     [0, 2, 3]
@@ -86,7 +86,8 @@ def solved(A: Array, b: Array) -> Array:
 class Recent:
     """Array-valued function of phases whose latest results are cached, up to a number of bytes.
 
-    The next solution uses the phases of the same grid. Cached values must not be modified.
+    Caching pays because the next solution uses the phases of the same grid. Cached values must not be
+    modified.
     """
 
     def __init__(self, function: Callable[[Array], Array], max_bytes: int):
@@ -98,7 +99,7 @@ class Recent:
         value = self._values.get(key)
         if value is None:
             value = self._values[key] = self._function(phase)
-            # Copies of the dictionary, since another thread may modify it.
+            # Copies of the dictionary are used, because another thread may modify the dictionary.
             excess = sum(cached.nbytes for cached in [*self._values.values()]) - self._max_bytes
             for oldest, cached in [*self._values.items()][:-1]:
                 if excess <= 0:

@@ -21,7 +21,7 @@ from solve.samples import Samples
 
 
 class Outputs(Protocol):
-    """Outputs of a system, quantities that follow from phase, speed and state."""
+    """Outputs of a system: quantities that are functions of phase, speed and state."""
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
@@ -53,7 +53,7 @@ class Validity(Protocol):
 
 
 class Evaluation(Protocol):
-    """Evaluation of entries that is faster than by the matrices; None where it is unavailable."""
+    """Evaluation of entries that is faster than evaluation of the matrices; None where it is unavailable."""
 
     def entries(self, phase: Array, speed: float) -> Array | None:
         """Ω²M, ΩC, K by rows and d, (m, 3n² + n), for derivatives with respect to the phase."""
@@ -93,7 +93,7 @@ class Variation(Protocol):
 
     def many_points(self, names: Sequence[str]) -> Any:
         """Vectorised evaluation, `ModelPoints`, at points where parameters of these names vary; None if each
-        point requires a system of its own."""
+        point requires its own system."""
         ...
 
 
@@ -116,8 +116,8 @@ class Nonlinear(Protocol):
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
         """Integrator of the equations of motion, period after period from any state, with `count` states per
-        period. sizes (n,): sizes of the coordinates, to which rtol is relative. Raises TransientError without
-        generated code."""
+        period. sizes (n,): scales of the coordinates, to which rtol is relative. Raises TransientError
+        without generated code."""
         raise TransientError(
             "the system has no generated equations of motion that can be integrated in time; state "
             "it as a mechanism and derive it"
@@ -147,7 +147,7 @@ class Capabilities(NamedTuple):
     Attributes
     ----------
     outputs, validity, evaluation, variation, nonlinear, linearisation, structure, reduction
-        As their protocols state.
+        Objects that implement the protocols of this module.
     samples : Samples or None
         Samples from which the matrices are interpolated.
     input_matrix : callable or None
@@ -156,11 +156,11 @@ class Capabilities(NamedTuple):
         Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
         exist at one of them.
     sketch : callable or None
-        Function of phases (k,), a speed, q (n, k) and a fraction of the usual points of curves that returns
-        the lines of the sketch by name, points x + iy (points, k).
+        Function that returns the lines of the sketch by name, as points x + iy (points, k), for phases (k,),
+        a speed, q (n, k) and a fraction of the default number of points of curves.
     varying : callable or None
-        Function of phases and speeds (m,), and an acceleration in rad/s², that returns the matrices for
-        derivatives with respect to time.
+        Function that returns the matrices, for derivatives with respect to time, at phases and speeds (m,)
+        and an acceleration in rad/s².
     """
 
     outputs: Outputs | None = None

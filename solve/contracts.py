@@ -54,8 +54,9 @@ class Limit(NamedTuple):
 class ModeShape(NamedTuple):
     """Mode shape with its frequency (rad/s), scaled so that its largest displacement is 1.
 
-    places and displacements: x, y along each link, (points, 2), in m and relative to the
-    largest displacement. transverse: displacements across each link, (points,). modal_mass: kg.
+    places: positions x, y along each link, (points, 2), in m. displacements: displacements x, y at these
+    positions, relative to the largest displacement. transverse: displacements across each link, (points,).
+    modal_mass: kg.
     """
 
     frequency: float
@@ -77,9 +78,9 @@ class Formulas(NamedTuple):
     """C function `void formulas(const lane *const *in, lane *out)` of a model, with the names and values of
     its parameters.
 
-    text: source. outputs: number of outputs. names, values (p,), or (P, p) at many points: the parameters,
-    its last input. The other inputs are phase, speed and, for the outputs of a model, q, q̇, q̈. `lane` is a
-    vector of doubles, one per point.
+    text: source. outputs: number of outputs. names, values (p,), or (P, p) at many points: names and values
+    of the parameters, which are the last input. The other inputs are phase, speed and, for the outputs of a
+    model, q, q̇, q̈. `lane` is a vector of doubles, one per point.
     """
 
     text: str
@@ -89,8 +90,9 @@ class Formulas(NamedTuple):
 
 
 Columns = Callable[..., Array | None]
-"""Compiled evaluation of formulas at inputs (width, k), one column each: (outputs, k), or weighted sums
-(outputs, c); None where it is unavailable. See `solve.kernel.formulas.columns`."""
+"""Type of functions that evaluate formulas by compiled code for inputs (width, k), one column per evaluation.
+They return values (outputs, k) or weighted sums (outputs, c); None where compiled code is unavailable. See
+`solve.kernel.formulas.columns`."""
 
 
 class Integrator(Protocol):

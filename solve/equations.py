@@ -1,4 +1,4 @@
-"""Functions of the equations of any system, by its capabilities where it has them."""
+"""Functions for the equations of any system. They use the capabilities of the system where available."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -30,7 +30,7 @@ from solve.errors import (
 from solve.system import PeriodicSystem
 
 _LOAD_PHASES = 128
-"""Phases per period at which a load is sampled to determine whether it is zero. A choice."""
+"""Number of phases per period at which a load is sampled to determine whether it is zero. A choice."""
 
 
 def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
@@ -72,7 +72,7 @@ def entries_one_by_one(system: PeriodicSystem, phase: Array, speeds: Array) -> A
         try:
             rows[:] = entries_of(system, phase, float(speed))
         except SolveError:
-            # The solution at this speed fails for the same reason and reports it.
+            # The solution at this speed fails and reports the reason.
             continue
     return entries
 
@@ -149,7 +149,7 @@ def sketched(
     system: PeriodicSystem, phase: Array, speed: float, q: Array, fineness: float = 1.0
 ) -> Mapping[str, Plane]:
     """Lines of the sketch by name, `Capabilities.sketch`, for q (n, k) at phases (k,). fineness: fraction of
-    the usual points of curves. Raises NoSketchError without a sketch."""
+    the default number of points of curves. Raises NoSketchError without a sketch."""
     sketch = system.capabilities.sketch
     lines = {} if sketch is None else sketch(phase, speed, q, fineness)
     if not lines:
@@ -169,8 +169,8 @@ def nonlinear_of(system: PeriodicSystem) -> Nonlinear:
     """Nonlinear equations of a system. Raises LinearModelError for linear systems."""
     if system.capabilities.nonlinear is None:
         raise LinearModelError(
-            f"{system.labels.name} is linear by construction and has no nonlinear equations; use the study "
-            "of its linear equations"
+            f"{system.labels.name} is linear by construction and has no nonlinear equations; use the linear "
+            "study"
         )
     return system.capabilities.nonlinear
 
@@ -239,7 +239,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
 
 
 def require_load(system: PeriodicSystem, speed: float) -> None:
-    """Raise NoLoadError if d is zero over the entire period, and hence the periodic vibration too."""
+    """Raise NoLoadError if d is zero over the entire period, so that the periodic vibration is zero too."""
     phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
     if not system.at(phase, speed)[3].any():
         raise NoLoadError(f"{system.labels.name} has no load: its periodic vibration is zero at every speed")

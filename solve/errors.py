@@ -123,7 +123,9 @@ class MissingLibraryError(SolveError):
     @classmethod
     def of_extra(cls, what: str, library: str, extra: str) -> Self:
         """Exception for a library that `what` requires and that an extra of this package installs."""
-        return cls(f'{what} needs {library}; install it with: pip install "parametric-vibration[{extra}]"')
+        return cls(
+            f'{what} requires {library}; install {library} with: pip install "parametric-vibration[{extra}]"'
+        )
 
 
 class FileError(SolveError):

@@ -29,8 +29,8 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     ----------
     matrices : callable
         matrices(phase, speed) returns A of shape (m, N, N) and b of shape (m, N) at phases φ = Ωt of shape
-        (m,) and a speed Ω in rad/s, in SI units, for derivatives by time. If inputs or outputs are named, it
-        returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
+        (m,) and a speed Ω in rad/s, in SI units, for derivatives with respect to time. If inputs or outputs
+        are named, it returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
     states : sequence of str
         Names of the N states.
     period : float
@@ -38,7 +38,7 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     breaks : sequence of float
         Phases at which the matrices jump; see `PeriodicSystem`.
     inputs, outputs : sequence of str
-        Names of the r inputs u and the y outputs. Results are for u = 0; exports state B, C and D.
+        Names of the r inputs u and the y outputs. Results are for u = 0; exports contain B, C and D.
 
     Raises
     ------
@@ -47,7 +47,7 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
 
     Notes
     -----
-    Orbits have the states as their coordinates: `x` is `q`, and `xd` is `qd`.
+    The states are the coordinates of orbits: `x` is `q`, and `xd` is `qd`.
 
     Examples
     --------
@@ -127,7 +127,7 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
         """Matrices A (m, N, N) and b (m, N) at phases (m,). If inputs or outputs are named, also B (m, N, r),
         C (m, y, N) and D (m, y, r).
 
-        Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
+        Raises MatricesError if the function does not return real arrays, or NaN or infinite entries.
         """
         return self._called(phase, speed, self._symbols, "A", "b")
 
@@ -172,7 +172,8 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
 class MixedSystem(PeriodicSystem, Evaluation):
     """System M(Ωt)z̈ + C(Ωt)ż + K(Ωt)z = d(Ωt), where z consists of coordinates and first-order states.
 
-    States are filters, actuators, inflow or other quantities without inertia: their columns of M are zero.
+    States describe filters, actuators, inflow or other quantities without inertia: the columns of M for
+    states are zero.
 
     Parameters
     ----------
@@ -180,9 +181,9 @@ class MixedSystem(PeriodicSystem, Evaluation):
         As for `PeriodicSystem`, with n the number of coordinates and states. The columns of M of the states
         are zero.
     coordinates : sequence of str
-        Names of the coordinates with second derivatives, the first ones.
+        Names of the coordinates with second derivatives, which come first.
     states : sequence of str
-        Names of the states, the last ones. Results list them behind the coordinates.
+        Names of the states, which come last. Results list the states after the coordinates.
     period, breaks, inputs : optional
         As for `PeriodicSystem`.
 

@@ -16,7 +16,7 @@ from solve.errors import (
 from solve.units import RPM, ShownUnit, in_unit, raised, speed_in_si
 
 SPEED = "speed"
-"""Name of the speed Ω (rad/s) where it varies like a parameter."""
+"""Name of the speed Ω (rad/s) where the speed varies like a parameter."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,12 @@ class Labels:
     title: str = ""
     """Description in one line."""
     case: str | None = None
-    """Name of the case; `case_speed` is its speed with unit."""
+    """Name of the case."""
     case_speed: str | None = None
     model_hash: str | None = None
     """Hash of the generated code of the equations."""
     solvable: bool = True
-    """Whether the system has equations; one read from a file of results has labels only."""
+    """Whether the system has equations; a system read from a file of results has labels only."""
     options: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Parameters that can be varied, in the units declared by the model."""
@@ -96,8 +96,8 @@ def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
 def bounds_in_own_unit(
     system: Labelled, name: str, ends: tuple[float | str, float | str]
 ) -> tuple[float, float]:
-    """Lower and upper bound of a parameter in its declared unit, which must contain its value. Raises
-    UnknownNameError, UnitError, ValueOutOfBoundsError."""
+    """Lower and upper bounds of a parameter in its declared unit. Its value must lie between the bounds.
+    Raises UnknownNameError, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     require_name(f"parameter of {labels.name}", name, labels.parameters)
     low, high = (in_own_unit(system, name, end) for end in ends)
@@ -130,7 +130,7 @@ def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
 
 
 def speed_or_usual(system: Labelled, speed: float | str | None) -> float:
-    """Ω in rad/s from a speed (rad/s, or a text with unit), by default that of the case. Raises
+    """Ω in rad/s from a speed (rad/s, or a text with unit), by default the speed of the case. Raises
     MissingValueError if neither is given, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     chosen = labels.case_speed if speed is None else speed

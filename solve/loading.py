@@ -23,7 +23,7 @@ from solve.system import PeriodicSystem, shown_in
 
 
 class Derivable(Protocol):
-    """Object that generates its code, such as a `derive.Mechanism` (protocol)."""
+    """Object that generates its own code, such as a `derive.Mechanism` (protocol)."""
 
     def code(self) -> str: ...
 
@@ -38,8 +38,8 @@ class RigidModel(Model):
     def of(cls, setup: Setup) -> Self:
         made = cls(setup, _no_matrices, ())
         reason = (
-            f"{setup.module.NAME} has no coordinates, so nothing vibrates; periodic, sweep and animate give "
-            "its outputs over a revolution"
+            f"{setup.module.NAME} has no coordinates, so that nothing vibrates; use periodic, sweep or "
+            "animate for its outputs over a revolution"
         )
         made.labels = replace(made.labels, vibrates=False, no_motion=reason)
         return made
@@ -70,8 +70,9 @@ def load(
     ----------
     model : str, Mechanism or callable
         Name, path of a mechanism file, or, without files, a `derive.Mechanism` or a function that returns
-        one. A mechanism in memory is derived once. Or a path or pattern of files of matrices, of an FMU, or
-        of Python code that defines a system by the name `system`; the code of both is executed.
+        one. A mechanism in memory is derived once. Also a path or pattern of files of matrices, of an FMU, or
+        of Python code that defines a system by the name `system`. The code of FMUs and of Python files is
+        executed.
     case : str or int, optional
         Case of the case file; the first by default.
     options : mapping, optional
@@ -85,14 +86,14 @@ def load(
     Returns
     -------
     Model or PeriodicSystem
-        Model with its numbers, or the system of a file.
+        Model with its parameter values, or the system of a file.
 
     Raises
     ------
     FileError
         For files of matrices and FMUs that cannot be read.
     UnknownNameError, CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError
-        For invalid names, files or numbers.
+        For invalid names, files or values.
     ModelFileError
         If the generated code is missing or out of date.
 
@@ -127,7 +128,7 @@ def setup_of(
 ) -> Setup:
     """Setup of a model: generated module, case and options.
 
-    cases: path of another case file. otherwise: values of parameters that are given nowhere else. Raises the
+    cases: path of another case file. otherwise: values of parameters without another value. Raises the
     exceptions of `load`.
     """
     module, chosen = _module_and_case(model, case, cases, parameters, otherwise)

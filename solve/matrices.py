@@ -14,7 +14,8 @@ PERIODIC = 1e-9
 choice."""
 
 SAME_PHASE = 1e-12
-"""Distance of phases, relative to the period, within which they coincide: their round-off. A choice."""
+"""Distance between phases, relative to the period, within which the phases coincide up to round-off. A
+choice."""
 
 _ROUNDOFF = 64 * EPS
 """Round-off of an entry relative to the largest term of the equations. A choice."""
@@ -41,7 +42,7 @@ def require_finite_entries(arrays: Sequence[Array], symbols: str, phase: Array) 
             first = int(np.argmin(np.isfinite(array).reshape(len(array), -1).all(axis=1)))
             raise MatricesError(
                 f"{symbol} has NaN or infinite entries at phase {phase[first % len(phase)]:.6g}; "
-                "check the parameters and the function that gives the matrices"
+                "check the parameters and the function that returns the matrices"
             )
 
 
@@ -124,9 +125,9 @@ def with_neighbours(phase: Array, later: Array, period: float) -> Array:
 def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
     """Symbols of those matrices that differ between phases and phases one period later, with the differences.
 
-    matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences count beyond 1e-9 of the size
-    of a matrix, beyond the round-off of the whole equation (a load that cancels is zero up to that), and
-    beyond the effect of a rounded phase (within a narrow pulse).
+    matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences are significant if they exceed
+    1e-9 of the size of a matrix, the round-off of the whole equation (a load whose terms cancel is zero up to
+    this round-off), and the effect of a rounded phase (within a narrow pulse).
     """
     rates = speed**2, speed, 1.0, 1.0
     now, later, beside = zip(*(np.split(array, 3) for array in matrices), strict=True)
@@ -166,7 +167,7 @@ def require_inertia(M: Array, states: Sequence[str] = ()) -> None:
     diagonal[diagonal == 0.0] = 1.0
     scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
     singular = np.linalg.cond(scaled) > _SINGULAR
-    # The units of the equations may differ from those of an energy of the coordinates.
+    # The equations may be multiplied by factors with units.
     for axis in (2, 1, 2, 1) if singular.any() else ():
         largest = np.abs(scaled).max(axis=axis, keepdims=True)
         scaled = scaled / np.where(largest > 0, largest, 1.0)

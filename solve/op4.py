@@ -1,10 +1,10 @@
 """Matrices in OUTPUT4 files of NASTRAN (.op4), text or binary.
 
-A matrix has a header and one record per column that is not zero: its number, the row of its first value, or
-0 for a sparse column, and the number of values or words. A sparse column consists of strings of consecutive
-rows. Their headers are a length in words and a row, in one integer, or in two for matrices with a negative
-number of rows (BIGMAT). A record of the column behind the last one ends the matrix. (MSC Nastran DMAP
-Programmer's Guide, OUTPUT4.)
+A matrix has a header and one record per nonzero column, which begins with the number of the column, the row
+of the first value (0 for a sparse column), and the number of values or words. A sparse column consists of
+strings of consecutive rows. The header of a string contains a length in words and a row, in one integer, or
+in two for matrices with a negative number of rows (BIGMAT). A record of a column after the last one ends the
+matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
 """
 
 import re
@@ -28,19 +28,20 @@ _SHIFT = 16
 """Bits of the row in a header of one integer."""
 
 _FORMAT = re.compile(r"(\d+)[ED](\d+)\.\d+")
-"""Numbers per line and their width, in a format such as 1P,3E23.16."""
+"""Pattern of the count and the width of numbers per line, in a format such as 1P,3E23.16."""
 
 _RECORD_LENGTHS = {24: 4, 48: 8}
-"""Bytes of an integer by the length of the header of a binary matrix, six integers."""
+"""Size of an integer in bytes, by the length in bytes of the header of a binary matrix, which consists of six
+integers."""
 
 
 _STIFFNESS = re.compile(r"K([A-Z]{0,2})")
-"""Name of a stiffness matrix, whose suffix is the set of coordinates, as in KAA."""
+"""Pattern of the name of a stiffness matrix, whose suffix is the set of coordinates, as in KAA."""
 
 
 class _Header(NamedTuple):
     """Header of a matrix. kind: 1 and 2 for real numbers of single and double precision, 3 and 4 for complex
-    ones."""
+    numbers."""
 
     columns: int
     rows: int
@@ -63,7 +64,7 @@ class _Header(NamedTuple):
         return self
 
     def zeros(self) -> Array:
-        """Matrix of its size."""
+        """Zero matrix of the size in the header."""
         return np.zeros((abs(self.rows), self.columns), float if self.kind < 3 else complex)
 
     @property
@@ -105,7 +106,7 @@ def op4_matrices(file: Path) -> dict[str, Array]:
     pairs = [suffix for suffix in suffixes if f"M{suffix}" in arrays]
     if len(pairs) > 1:
         names = ", ".join(f"K{suffix}" for suffix in pairs)
-        raise FileError(f"it has matrices of several sets, {names}; write those of one set")
+        raise FileError(f"it contains matrices of several sets, {names}; write the matrices of one set")
     if not pairs:
         return arrays
     damping = next((name for name in (f"B{pairs[0]}", f"C{pairs[0]}") if name in arrays), None)
@@ -114,8 +115,8 @@ def op4_matrices(file: Path) -> dict[str, Array]:
 
 
 def _put(matrix: Array, column: int, first: int, count: int, words: tuple[int, int], source: _Column) -> None:
-    """Values of a column. first: its first row, 0 for a sparse one. words: per number, and per header of a
-    string. Raises ValueError for rows outside the matrix."""
+    """Values of a column. first: first row of the values, 0 for a sparse column. words: number of words per
+    value, and per header of a string. Raises ValueError for rows outside the matrix."""
     if first > 0:
         _place(matrix, column, first, source.numbers(count))
         return
@@ -178,7 +179,7 @@ def _read_text(lines: Iterator[str]) -> dict[str, Array]:
 
 
 class _Record:
-    """Content of a binary record. integer, real: types of its integers and numbers."""
+    """Content of a binary record. integer, real: data types of integers and of real numbers."""
 
     def __init__(self, content: bytes, integer: np.dtype, real: np.dtype):
         self.content, self.integer, self.real, self.place = content, integer, real, 0
@@ -196,7 +197,7 @@ class _Record:
 
 
 def _records(content: bytes, order: str) -> Iterator[bytes]:
-    """Records of a file of FORTRAN, each between its length in bytes. Raises ValueError."""
+    """Records of a FORTRAN file, each preceded and followed by its length in bytes. Raises ValueError."""
     place = 0
     while place < len(content):
         length = int(np.frombuffer(content, f"{order}i4", 1, place)[0])
@@ -208,8 +209,8 @@ def _records(content: bytes, order: str) -> Iterator[bytes]:
 
 
 def _read_binary(content: bytes, order: str, size: int) -> dict[str, Array]:
-    """Matrices of a binary file. order: of the bytes. size: bytes of an integer, and of a number of single
-    precision."""
+    """Matrices of a binary file. order: byte order. size: size in bytes of an integer, and of a number of
+    single precision."""
     integer, matrices = np.dtype(f"{order}i{size}"), {}
     records = _records(content, order)
     for record in records:

@@ -14,16 +14,16 @@ from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.matrices import real_arrays
 
 _SAME_AZIMUTH = 1e-9
-"""Distance of azimuths, as a fraction of the period, below which they coincide. A choice."""
+"""Distance between azimuths, as a fraction of the period, below which the azimuths coincide. A choice."""
 
 _MOST_PERIODS = 20
-"""Range of azimuths, in periods, from which they are assumed to be degrees: those of a revolution span 57
-periods of 2π. A choice."""
+"""Range of azimuths, in periods, above which azimuths are assumed to be in degrees: a revolution in degrees
+spans 57 periods of 2π. A choice."""
 
 _MAX_CONDITION = 30.0
 """Condition number of the fit of a series to azimuths that are not uniform, above which fewer harmonics are
-fitted. It multiplies the errors of the samples and the unresolved harmonics. A choice: uniform azimuths have
-√2."""
+fitted. The condition number multiplies the errors of the samples and the unresolved harmonics. A choice: for
+uniform azimuths it is √2."""
 
 _FLATTENING = 0.7
 """Ratio of the logarithmic decay in the last quarter of the harmonics to that in the quarter before, below
@@ -68,8 +68,8 @@ class Samples:
     ) -> "Samples":
         """Samples at uniform azimuths from 0, or at other `phases` (k,).
 
-        Raises MatricesError for different numbers of azimuths, and for azimuths that coincide, that are fewer
-        than three, or that leave half of the period without any.
+        Raises MatricesError for different numbers of azimuths, and for azimuths that coincide, are fewer than
+        three, or do not occur in half of the period.
         """
         counts = {len(array) if array.ndim else 0 for array in arrays}
         if len(counts) != 1 or 0 in counts:
@@ -106,7 +106,8 @@ class Samples:
 
     @cached_property
     def _columns(self) -> tuple[Array, Array, Trigonometric]:
-        """First value of each entry, whether it varies, and the interpolant of those that vary."""
+        """First value of each entry, whether each entry varies, and the interpolant of the varying
+        entries."""
         columns = np.concatenate([array.reshape(len(array), -1) for array in self.arrays], axis=1)
         varies = (columns != columns[0]).any(axis=0)
         return columns[0], varies, Trigonometric(columns[:, varies], self.period)
@@ -128,21 +129,22 @@ class Samples:
 
     @property
     def significant(self) -> Array:
-        """Numbers (h,) of the harmonics above 0 that exceed round-off in some entry."""
+        """Harmonic numbers (h,) above 0 whose amplitudes exceed round-off in some entry."""
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
     def decay(self, first: float, last: float) -> float:
         """Ratio, at most 1, of the amplitudes of two harmonics, the higher divided by the lower one,
         extrapolated from the quarters of the resolved harmonics.
 
-        Amplitudes of smooth functions fall geometrically. If their logarithms fall more slowly in the last
-        quarter, as for kinks and jumps, they are assumed to fall with a power of the harmonic.
+        Amplitudes of smooth functions decay geometrically. If the decay of the logarithms is slower in the
+        last quarter, as for kinks and jumps, the amplitudes are assumed to decay as a power of the harmonic.
         """
         most = len(self.envelope) - 1
         if most < 4:
             return 1.0
         ends = np.linspace(0, most, 5).round().astype(int)
-        # Each with the last harmonic of the quarter before, since single harmonics may vanish.
+        # Each quarter includes the last harmonic of the previous quarter, because single harmonics may
+        # vanish.
         quarters = (self.envelope[max(a, 1) : b + 1] for a, b in itertools.pairwise(ends))
         sizes = [max(float(quarter.max()), EPS) for quarter in quarters]
         early, late = math.log(sizes[2] / sizes[0]) / 2, math.log(sizes[3] / sizes[2])
@@ -186,8 +188,8 @@ class Samples:
 
     def truncated(self, harmonics: int) -> "Samples":
         """Samples of the interpolants without higher harmonics. If azimuths are not uniform, interpolants
-        through fewer azimuths are used; their errors are of the same kind, because higher harmonics alias
-        to all lower ones."""
+        through fewer azimuths are used; their errors are comparable, because higher harmonics alias to all
+        lower ones."""
         if self.given is not None:
             azimuths, arrays = self.given
             if not harmonics:
@@ -217,11 +219,11 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
             "per sample"
         )
     if count < 3:
-        raise MatricesError(f"{count} azimuths determine no harmonic; give 3 or more")
+        raise MatricesError(f"{count} azimuths do not determine any harmonic; give 3 or more azimuths")
     if np.ptp(azimuths) > _MOST_PERIODS * period:
         raise MatricesError(
             f"azimuths are from {azimuths.min():.6g} to {azimuths.max():.6g} rad, which is "
-            f"{np.ptp(azimuths) / period:.3g} periods; give them in rad, not in degrees"
+            f"{np.ptp(azimuths) / period:.3g} periods; give azimuths in rad, not in degrees"
         )
     wrapped = np.mod(azimuths, period)
     ordered = np.sort(wrapped)

@@ -44,11 +44,11 @@ def periodic(
     method : str or Method
         Name of a method, a method object, or "auto".
     steps : int, optional
-        Number of steps per period. The error is then estimated from one stage more, or from twice as many
-        steps. By default steps are refined until the estimated errors are at most `rtol`.
+        Number of steps per period. The error is then estimated from a solution with one more stage, or with
+        twice as many steps. By default steps are refined until the estimated errors are at most `rtol`.
     rtol : float
-        Relative tolerance: of each coordinate max|error|/max|q| over the period, and of multipliers
-        |error| over the spectral radius.
+        Relative tolerance of max|error|/max|q| over the period for each coordinate, and of |error| divided by
+        the spectral radius for multipliers.
     engine : str
         "compiled", "numpy", or "auto" for compiled code if a C compiler is available. The first solution of
         a kind then includes the compilation, once per machine.
@@ -58,8 +58,8 @@ def periodic(
     Returns
     -------
     Orbit
-        A mechanism without coordinates has outputs over the revolution, but neither multipliers nor a
-        verdict.
+        Periodic solution. For a mechanism without coordinates it contains outputs over the revolution, but
+        neither multipliers nor a verdict.
 
     Raises
     ------

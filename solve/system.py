@@ -40,10 +40,11 @@ class PeriodicSystem:
     period : float
         Period of the matrices in phase.
     breaks : sequence of float
-        Phases at which the matrices jump. They are always ends of steps; matrices are sampled on either side.
+        Phases at which the matrices jump. Steps always end at breaks, and the matrices are sampled on both
+        sides.
     inputs : sequence of str
-        Names of the r inputs u of M q̈ + C q̇ + K q = d + B u. If there are any, `matrices` returns M, C, K, d
-        and B of shape (m, n, r). Results are for u = 0; `solve.lqr` computes feedback.
+        Names of the r inputs u of M q̈ + C q̇ + K q = d + B u. If there are any, `matrices` returns M, C, K,
+        d and B of shape (m, n, r). Results are for u = 0; `solve.lqr` computes feedback.
 
     Raises
     ------
@@ -52,7 +53,7 @@ class PeriodicSystem:
 
     Notes
     -----
-    `capabilities` has what only some systems have.
+    `capabilities` contains the abilities that only some systems have.
 
     Examples
     --------
@@ -115,7 +116,8 @@ class PeriodicSystem:
         phases: Sequence[float] | Array | None = None,
     ) -> Self:
         """Create a system from samples at azimuths of the period, between which the matrices are their
-        trigonometric interpolant. Results state its error, and how many azimuths suffice.
+        trigonometric interpolant. Results state the interpolation error and the sufficient number of
+        azimuths.
 
         Parameters
         ----------
@@ -137,7 +139,7 @@ class PeriodicSystem:
         Raises
         ------
         MatricesError
-            For samples that are not real arrays of one length, and for unsuitable azimuths.
+            For samples that are not real arrays of equal length, and for unsuitable azimuths.
 
         Examples
         --------
@@ -151,7 +153,7 @@ class PeriodicSystem:
 
     @property
     def capabilities(self) -> Capabilities:
-        """What only some systems have; None where absent."""
+        """Abilities that only some systems have; None where absent."""
         samples = self._matrices if isinstance(self._matrices, Samples) else None
         return Capabilities(samples=samples, input_matrix=self._inputs_at if self.inputs else None)
 
@@ -163,19 +165,19 @@ class PeriodicSystem:
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives with respect to time.
 
-        Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
+        Raises MatricesError if the function does not return real arrays, or NaN or infinite entries.
         """
         M, C, K, d, *_ = self._called(phase, speed, self._symbols, "M, C, K", "d")
         return M, C, K, d
 
     def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
-        """B (m, n, r) at phases (m,), the only array."""
+        """B (m, n, r) at phases (m,), as the only element of a tuple."""
         return self._called(phase, speed, self._symbols, "M, C, K", "d")[4:]
 
     def _called(self, phase: Array, speed: float, symbols: str, square: str, vector: str) -> list[Array]:
         """Finite real arrays of the function `matrices` at phases (m,), one per symbol. square, vector:
         symbols of the arrays of shape (m, n, n) and (m, n). Raises MatricesError."""
-        # A function of the user may modify its argument.
+        # The function of the user may modify its argument.
         argument = phase if phase.flags.writeable else phase.copy()
         try:
             values = self._matrices(argument, speed)
@@ -217,7 +219,7 @@ class PeriodicSystem:
         for symbol, change in changes(ends, speed):
             raise MatricesError(
                 f"{symbols['MCKd'.index(symbol)]} is not periodic: between phase 0 and {self.period:.6g} it "
-                f"changes by {change:.3g}; give the right period, or the jump at 0 as a break"
+                f"changes by {change:.3g}; give the correct period, or the jump at 0 as a break"
             )
 
 
@@ -225,7 +227,9 @@ def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) ->
     """Raise ValueOutOfBoundsError unless names are texts that differ from each other and from others."""
     texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
     if not texts or len({*others, *names}) != len(others) + len(names):
-        raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
+        raise ValueOutOfBoundsError(
+            f"{kind} are {names!r}; give a list of distinct names that are not used for other quantities"
+        )
 
 
 def multiplier_count(system: PeriodicSystem) -> int:
@@ -276,7 +280,8 @@ def _agree(copied: PeriodicSystem, system: PeriodicSystem) -> bool:
 
 
 def in_phase(system: PeriodicSystem, phase: Array, speed: float) -> Matrices:
-    """Ω²M, ΩC, K (m, n, n) and d (m, n), for derivatives with respect to the phase. Raises as `at` does."""
+    """Ω²M, ΩC, K (m, n, n) and d (m, n), for derivatives with respect to the phase. Raises the exceptions of
+    `at`."""
     M, C, K, d = system.at(phase, speed)
     return speed**2 * M, speed * C, K, d
 

@@ -51,8 +51,8 @@ def one_thread(coordinates: int) -> Iterator[None]:
 
 @cache
 def _libraries(loaded: tuple[bool, ...]) -> Any:
-    """BLAS libraries loaded by this process: NumPy's, and those of SciPy and ctrlsys if these are
-    imported."""
+    """BLAS libraries loaded by this process: that of NumPy, and those of SciPy and ctrlsys if these packages
+    are imported."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 _NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 LARGEST = 1e60
-"""Largest modulus of a number, and inverse of the smallest: products of five remain within the range of
-float64, 1e±308."""
+"""Largest modulus of a number, and inverse of the smallest modulus: products of five numbers remain within
+the range of float64, 1e±308."""
 
 _POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2}(\.\d{1,2})?)?"
 _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
@@ -98,7 +98,7 @@ RPM, RAD_PER_S, _ = USUAL
 
 
 _SAME_SPEED = 1e-9
-"""Difference of two speeds, relative to the larger, below which they count as equal and form no range. A
+"""Relative difference between two speeds below which the speeds count as equal and form no range. A
 choice."""
 
 
@@ -144,7 +144,7 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
 
 
 def _in_si(speed: float | str, zero: bool) -> GivenSpeed:
-    """`speed_in_si`; of texts it is cached."""
+    """Result of `speed_in_si`, cached for texts."""
     unit = getattr(speed, "unit", None)
     try:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
@@ -191,7 +191,7 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed
             f"speeds are {speeds!r}; give a sequence of numbers in rad/s or of texts such as '600 rpm'"
         ) from None
     if not omegas:
-        raise ValueOutOfBoundsError("no speeds given; give some, such as '100:900:81 rpm'")
+        raise ValueOutOfBoundsError("no speeds given; give speeds, such as '100:900:81 rpm'")
     return omegas
 
 
@@ -200,7 +200,9 @@ def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> li
     name, in the message, of the calculation that requires two speeds."""
     distinct = sorted(set(speeds_given(speeds)))
     if len(distinct) < 2:
-        raise ValueOutOfBoundsError(f"{what} need at least two speeds; give a range such as '100:900:81 rpm'")
+        raise ValueOutOfBoundsError(
+            f"{what} require at least two speeds; give a range, such as '100:900:81 rpm'"
+        )
     return distinct
 
 
@@ -235,9 +237,7 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     if isinstance(speeds, str):
         *numbers, unit = apart(speeds).split() or [""]
         if not numbers and all(map(is_number, unit.split(":"))):
-            raise UnitError(
-                f"speeds are {speeds!r}, without a unit; write them with one, such as '{unit} rpm'"
-            )
+            raise UnitError(f"speeds are {speeds!r}, without a unit; add a unit, as in '{unit} rpm'")
         ends = numbers[0].split(":") if len(numbers) == 1 else []
         if not all(map(is_number, ends)):
             raise UnitError(usage)
@@ -251,7 +251,7 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
         raise UnitError(usage)
     if abs(last - first) <= _SAME_SPEED * max(first, last):
         raise ValueOutOfBoundsError(
-            f"speeds are {speeds!r}; give two different ones, such as '300:600 rpm', or a single speed"
+            f"speeds are {speeds!r}; give two different speeds, such as '300:600 rpm', or a single speed"
         )
     return first, last
 

@@ -79,8 +79,8 @@ def residual(
     p: Mapping[str, float],
     as_printed: bool = False,
 ) -> Array:
-    """Left-hand side minus right-hand side of Eqs. (52)–(54), shape (m, 3); φ1 = φ + q1; q, qd, qdd of shape
-    (m, 3).
+    """Left-hand side minus right-hand side (m, 3) of Eqs. (52)–(54), with φ1 = φ + q1, for q, qd, qdd of
+    shape (m, 3).
 
     As printed, (52) has U″ in place of U′ before q̈2 and q̈3.
     """

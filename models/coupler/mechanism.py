@@ -26,8 +26,8 @@ def mechanism() -> Mechanism:
     )
     rho, cx, cy, JC = linkage.parameters(
         rho=("kg/m^3", "coupler's density", "> 0"),
-        cx=("N s/m^2", "drag a length on the coupler's motion along it", ">= 0"),
-        cy=("N s/m^2", "drag a length on the coupler's motion across it", ">= 0"),
+        cx=("N s/m^2", "drag per length on the motion of the coupler along its axis", ">= 0"),
+        cy=("N s/m^2", "drag per length on the motion of the coupler across its axis", ">= 0"),
         JC=("kg m^2", "follower about its pivot", ">= 0"),
     )
     alpha, alpha4, theta, g, Me = linkage.parameters(
@@ -93,4 +93,6 @@ def _state_outputs(linkage: Mechanism, beam, A, I, EI) -> None:  # noqa: E741 - 
     linkage.output("deflection_ratio", Abs(middle) / length, "1", "deflection at midspan over l3")
     linkage.output("euler_ratio", Abs(force) / euler, "1", "axial force over Euler's load")
     linkage.limit("deflection_ratio", "<= 0.02", beyond="the deflection is not small against the length")
-    linkage.limit("euler_ratio", "<= 0.5", beyond="the axial force comes near to buckling the coupler")
+    linkage.limit(
+        "euler_ratio", "<= 0.5", beyond="the axial force is close to the buckling load of the coupler"
+    )

@@ -56,7 +56,8 @@ def checked_magnification(magnification: float) -> float:
     """Return the magnification. Raises ValueOutOfBoundsError."""
     if not (math.isfinite(magnification) and magnification > 0):
         raise ValueOutOfBoundsError(
-            f"--magnification is {magnification:g}; allowed: a number > 0, such as 100, or leave it out"
+            f"--magnification is {magnification:g}; allowed: a number > 0, such as 100; leave out "
+            "--magnification for automatic selection"
         )
     return magnification
 
@@ -64,7 +65,7 @@ def checked_magnification(magnification: float) -> float:
 def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> BentCoupler:
     """Mechanism with deflected coupler at crank angles (k,).
 
-    The joints are those of the rigid linkage, as the shortening of the chord is of second order.
+    Joints are those of the rigid linkage, because the shortening of the chord is of second order.
     """
     q = orbit.at(phase)
     lines = sketched(model, phase, orbit.speed, magnification * q)
@@ -85,9 +86,9 @@ def round_magnification(model: Model, orbit: Orbit) -> float:
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:
     """Figure with one panel per crank position; the positions are equidistant.
 
-    Rigid links are thin, the deformed coupler is thick, its chord dashed. Each title contains the crank angle
-    and the deflection w at midspan, the main title the magnification, which is automatic by default. Raises
-    ValueOutOfBoundsError.
+    Rigid links are thin, the deformed coupler is thick, its chord dashed. Panel titles state the crank angle
+    and the deflection w at midspan; the main title states the magnification, which is automatic by default.
+    Raises ValueOutOfBoundsError.
     """
     if magnification is None:
         magnification = round_magnification(model, orbit)

@@ -3,8 +3,8 @@
 
 Reference for tests: NumPy only, without derivation by machine. Each wrong entry of the paper is a named
 `Misprint` that can be selected individually. Without misprints the equations are correct, with `AS_PRINTED`
-they are those of the paper. Eqs. (23) and (31) carry slips of dimension, which the later ones do not inherit:
-in (23) f3 and f1 lack their factor x, in (31) the cosine terms carry iπ/l squared.
+they are those of the paper. Eqs. (23) and (31) have errors of dimension that later equations do not contain:
+in (23) f3 and f1 lack the factor x, and in (31) the cosine terms contain iπ/l squared.
 
 Conventions. The crank turns counter-clockwise about the origin, phase Ωt from the x0 axis; the ground line
 runs from the origin to the follower's pivot C at the angle θ; φ3 is the direction from crank pin A to joint
@@ -45,8 +45,8 @@ TABLE_1: dict[str, float] = {
     "g": 9.81,
     "Me": 0.0,
 }
-"""Paper Table 1 as printed, in SI units (its F is `A` here), with g = 9.81 m/s² and M_e = 0, which it omits.
-The mass per length is ρA; the printed m3 is not used."""
+"""Paper Table 1 as printed, in SI units (its F is `A` here), with g = 9.81 m/s² and M_e = 0, which the table
+omits. The mass per length is ρA; the printed m3 is not used."""
 
 TABLE_2: dict[str, float] = TABLE_1 | {"rho": 7800.0, "I": 45e-9}
 """Parameters that reproduce paper Table 2: a section of 20 × 30 mm, and the density that follows from the
@@ -69,7 +69,7 @@ class Misprint(Enum):
 
 CORRECTED: frozenset[Misprint] = frozenset()
 AS_PRINTED = frozenset(Misprint) - {Misprint.CENTRIFUGAL_SIGN, Misprint.EVEN_SUM_ODD}
-"""The misprints of the final equations, (24)–(28) and (33)–(37); those that only (32) has are omitted."""
+"""Misprints of the final equations, (24)–(28) and (33)–(37); misprints of (32) alone are omitted."""
 
 
 class LinkAngles(NamedTuple):

@@ -4,7 +4,7 @@ from solve.commands.app import Program
 
 _COMMANDS = {
     "linkage": "Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces.",
-    "elements": "Natural frequencies over a revolution by element type, compared with the exact ones.",
+    "elements": "Natural frequencies over a revolution by element type, compared with exact frequencies.",
     "study": "Stress, deflection or energy over speed for several values of a parameter or option.",
     "corrected": "One element per link with corrected dynamic stiffness, compared with more elements.",
     "modes": "Contribution of each mode to a deflection or stress over one revolution.",

@@ -1,9 +1,9 @@
 """Mobility, Grashof's condition and Barker's fourteen classes of planar four-bar linkages (thesis 3.2, 3.4).
 
-C. R. Barker, A complete classification of planar four-bar linkages, Mech. Mach. Theory 20 (1985)
-535-554. His solution space has the coordinates λ2, λ3, λ4: lengths of coupler, follower and ground
-link over the crank's. It is divided into eight regions by three planes, in which one pair of links is as
-long as the other pair:
+C. R. Barker, A complete classification of planar four-bar linkages, Mech. Mach. Theory 20 (1985) 535-554.
+Barker's solution space has the coordinates λ2, λ3, λ4: the lengths of coupler, follower and ground link
+divided by that of the crank. It is divided into eight regions by three planes, on which one pair of links is
+as long as the other pair:
 
     u2 = L1 + L2 - L3 - L4 = 0,   u3 = L1 + L3 - L2 - L4 = 0,   u4 = L1 + L4 - L2 - L3 = 0
 
@@ -98,7 +98,7 @@ def solution_space(linkage: Linkage) -> tuple[float, float, float]:
 
 
 def base_plane(linkage: Linkage) -> float:
-    """Distance λ of the origin from the base plane λ2 + λ3 + λ4 = √3 λ that contains the linkage."""
+    """Distance λ between the origin and the base plane λ2 + λ3 + λ4 = √3 λ that contains the linkage."""
     return sum(solution_space(linkage)) / math.sqrt(3)
 
 

@@ -23,8 +23,8 @@ RESERVE = 0.03
 """Margin of the stress ratio below 1 at the default target speed. A choice."""
 
 _MARGIN_FRACTION = 0.75
-"""Fraction of the largest possible margin of stress that a plan keeps. A choice: a full margin needs more
-bends."""
+"""Fraction of the largest possible margin of stress that a plan keeps. A choice: with the full margin, a plan
+has more bends."""
 
 _WORTHWHILE = 0.98
 """Stress ratio with moving L4, relative to that with fixed L4, below which moving L4 is reported as useful. A
@@ -59,7 +59,8 @@ class Peak(NamedTuple):
 class QuietSpeed(NamedTuple):
     """Quiet speed (rad/s) above a critical speed (`peak`, rad/s).
 
-    needed, fixed: ratio on the way there when L4 changes and returns, and when L4 is fixed.
+    needed, fixed: largest stress ratio on the way to this speed if L4 changes and returns, and if L4 is
+    fixed.
     """
 
     peak: float
@@ -69,7 +70,7 @@ class QuietSpeed(NamedTuple):
 
 
 class DampingEffect(NamedTuple):
-    """Relative change of each link's largest stress per relative change of ζ, at a speed (rad/s)."""
+    """Relative change of the largest stress of each link, per relative change of ζ, at a speed (rad/s)."""
 
     speed: float
     sensitivity: Mapping[str, float]
@@ -92,10 +93,10 @@ class NeededRatios(NamedTuple):
 class Design:
     """Speeds that a four-bar linkage can reach within given allowable stresses.
 
-    peaks: critical speeds at the mechanism's own L4. quiet: bands there; the first begins at rest, the others
-    lie above critical speeds that exceed the allowable stress. quiet_of: bands of each link alone.
-    quiet_above: for each critical speed, the speed between it and the next with the smallest ratio when L4
-    returns, if moving the pivot is useful.
+    peaks: critical speeds at the mechanism's own L4. quiet: quiet bands at this L4; the first begins at rest,
+    the others lie above critical speeds at which the stress exceeds the allowable stress. quiet_of: bands of
+    each link alone. quiet_above: for each critical speed, the speed between it and the next with the smallest
+    ratio when L4 returns, if moving the pivot is useful.
     """
 
     map: DesignMap
@@ -112,8 +113,8 @@ class Design:
 
     @property
     def rate(self) -> float:
-        """Largest change of L4 with speed (m per rad/s), a choice: L4 covers its whole range within a tenth
-        of the range of speeds."""
+        """Largest change of L4 with speed (m per rad/s), a choice: L4 can pass through its whole range within
+        a tenth of the range of speeds."""
         return float((self.map.L4[-1] - self.map.L4[0]) / (0.1 * self.map.speeds[-1]))
 
 
@@ -207,7 +208,7 @@ def default_target(design: Design) -> float:
     """Default target speed (rad/s) of a run-up.
 
     It is the quietest speed of the highest reachable quiet band above a limiting critical speed, otherwise
-    the highest speed reachable with any L4. Both have a reserve.
+    the highest speed reachable with any L4. Both include a margin of stress, `RESERVE`.
     """
     speeds = design.map.speeds
     for band in reversed(design.quiet):
@@ -242,8 +243,8 @@ def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
 
 
 def ratios_along(until: DesignMap, plan: Plan) -> Array:
-    """Stress ratios (k, links) of steady motion along a plan, at those speeds (k,) of a map that are below
-    the target."""
+    """Stress ratios (k, links) of steady motion along a plan, at the speeds (k,) of a map that are below the
+    target."""
     rows = zip(plan(until.speeds), until.stress, strict=True)
     stress = [[np.interp(L4, until.L4, of_link) for of_link in row.T] for L4, row in rows]
     return np.array(stress) / until.allowable
@@ -287,10 +288,10 @@ class Outcome(Serializable):
     """Result of the design method for a target speed.
 
     target: rad/s; until: the map up to the target. returns: whether L4 returns to the mechanism's own length
-    there. least: smallest ratio of stress to allowable stress for a run-up to the target, without and with
-    the return. plan: None where no plan exists. steady (k, links): ratios along the plan at the speeds (k,)
-    of `until`. trials: the plan simulated, each within half the time of the one before, until the stress is
-    too high.
+    at the target speed. least: smallest ratio of stress to allowable stress for a run-up to the target,
+    without and with the return. plan: None where no plan exists. steady (k, links): ratios along the plan at
+    the speeds (k,) of `until`. trials: simulations of the plan, each with half the duration of the previous
+    one, until the stress is too high.
     """
 
     design: Design

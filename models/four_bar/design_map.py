@@ -19,7 +19,7 @@ from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueO
 from solve.results.serialization import NOT_STORED, Serializable, stored_property
 
 _TOLERANCE = 0.01
-"""Tolerance of the interpolated stress, above which an interval of speeds is bisected. A choice.."""
+"""Tolerance of the interpolated stress, above which an interval of speeds is bisected. A choice."""
 
 _SHORTEST = 0.25
 """Smallest relative length of an interval that is bisected, divided by ζ: the relative half-power width of a
@@ -38,7 +38,7 @@ class DesignMap(Serializable):
     """Steady stresses of a four-bar linkage at P ascending speeds (rad/s) and g ground lengths L4 (m).
 
     The mechanism's own L4 is one of them. allowable (links,): Pa. stress (P, g, links): largest |stress| over
-    a revolution, Pa. error (P,) and radius_bound (P,): as in `Peaks`, the latter for the worst L4.
+    a revolution, Pa. error (P,) and radius_bound (P,): as in `Peaks`, the radius bound for the worst L4.
     interpolation_error: largest relative error between the speeds in the last halving.
     """
 
@@ -115,8 +115,8 @@ def design_map(
 ) -> DesignMap:
     """Map of a mechanism over L4 between two lengths (m), with allowable stresses (Pa) by link.
 
-    speeds: initial ones; intervals are halved until the interpolation meets the tolerance. count: number of
-    lengths besides the mechanism's own. Raises DesignError for impossible lengths or speeds.
+    speeds: initial speeds; intervals are halved until the interpolation meets the tolerance. count: number of
+    lengths in addition to the mechanism's own. Raises DesignError for impossible lengths or speeds.
     """
     _require_possible(model, lengths)
     stress_map = StressMap(model, *lengths)
@@ -148,8 +148,8 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
     own_L4 = model.parameters["L4"]
     if not low <= own_L4 <= high:
         raise DesignError(
-            f"the mechanism's own L4, {own_L4:g} m, is not between {low:.4f} and {high:.4f} m, the lengths "
-            "allowed; widen --L4"
+            f"the mechanism's own L4, {own_L4:g} m, is not between {low:.4f} and {high:.4f} m, the allowed "
+            "lengths; widen --L4"
         )
 
 

@@ -1,14 +1,15 @@
 """Correction of models with few elements per link, by the dynamic stiffness at the lowest frequency (thesis
 7.4.1).
 
-At every position M and K of the cubic elements are replaced by the exact ones at the lowest frequency ω1:
-M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis iterates towards ω1 from the cubic elements'
-frequency; the algorithm of Wittrick and Williams gives it directly. The first mode is exact, the others are
-approximate, as the matrices are valid at ω1.
+At every position, M and K of the cubic elements are replaced by the exact matrices at the lowest frequency
+ω1: M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis iterates towards ω1 from the cubic elements'
+frequency; the algorithm of Wittrick and Williams determines ω1 directly. The first mode is exact; other modes
+are approximate, because the matrices are valid at ω1.
 
 The shape functions at ω1 do not contain rigid motions, so that −M(ω1) q̈_r is not the consistent inertia
-load. This is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as N solves the equation of vibration at ω1 and
-a_r is linear along a link. It contains the secant of D over ω², where M(ω1) is the tangent.
+load. The consistent load is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as N solves the equation of
+vibration at ω1 and a_r is linear along a link. It contains the secant of D as a function of ω², whereas M(ω1)
+is the tangent.
 """
 
 from collections.abc import Callable, Mapping

@@ -112,16 +112,16 @@ class Linkage:
 
     @property
     def slack(self) -> float:
-        """Difference (m) below which two sums of lengths count as equal; far above their relative round-off
-        of 1e-16."""
+        """Difference (m) below which two sums of lengths count as equal: far above round-off, 1e-16 of the
+        lengths."""
         return 1e-12 * sum(self.lengths)
 
     @property
     def dead_points(self) -> tuple[float, ...]:
         """Crank angles within 0 … 2π at which crank and coupler are in line, stretched and folded.
 
-        A rocking follower turns back there; a follower that turns fully has none. Raises LinkageError for a
-        crank that cannot turn fully.
+        A rocking follower reverses at these angles; a follower that turns fully has no dead points. Raises
+        LinkageError for a crank that cannot turn fully.
         """
         self.require_full_turn()
         L1, L2, L3, L4 = self.lengths
@@ -141,7 +141,7 @@ class Linkage:
         angles = " and ".join(f"±{math.degrees(end):.4g}°".replace("±0°", "0°") for end in stops)
         raise LinkageError(
             f"the crank cannot turn fully: with L1, L2, L3, L4 = {lengths} m coupler and follower fall in "
-            f"line at t1 = {angles}; a full turn needs |L1 - L4| > |L2 - L3| and L1 + L4 < L2 + L3"
+            f"line at t1 = {angles}; a full turn requires |L1 - L4| > |L2 - L3| and L1 + L4 < L2 + L3"
         )
 
     def transmission_angle(self, t1: ArrayLike) -> Array:
@@ -174,8 +174,8 @@ class Linkage:
         omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. The angles follow from the triangle
         ABC instead of thesis (3.5) to (3.8), where (3.7) prints -K1 cos t2 for +K1 cos t2.
 
-        Raises LinkageError for angles out of reach, and where coupler and follower are in line: the motion is
-        undetermined there.
+        Raises LinkageError for angles out of reach, and for angles at which coupler and follower are in line,
+        so that the motion is undetermined.
         """
         t1, omega1, alpha1 = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (t1, omega1, alpha1)))
         turned = self._coupler_to_follower(t1)
@@ -295,7 +295,8 @@ def within_advised(least: float, greatest: float) -> bool:
 def transmission_warnings(linkage: Linkage) -> list[str]:
     """Warning if the transmission angle leaves the advised range; empty otherwise.
 
-    A crank that cannot turn fully always has one: coupler and follower are in line at its ends.
+    If the crank cannot turn fully, there is always a warning, because coupler and follower are in line at the
+    ends of its range.
     """
     if not linkage.turns_fully:
         return ["the crank cannot turn fully: the transmission angle reaches 0° or 180° where it turns back"]

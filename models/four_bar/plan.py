@@ -1,8 +1,8 @@
 """Run-up plan: ground length L4 as a function of speed that keeps the stresses low (thesis 7.5).
 
-A map has ratios (P, g) of stress to allowable stress over rising speeds (P,) and lengths L4 (g,). Among the
-paths from the lowest speed to a point of the map, the best one has the smallest maximum ratio. A plan is a
-path whose ratios do not exceed a cap, close to the mechanism's own L4 and with few bends."""
+A map contains ratios (P, g) of stress to allowable stress over ascending speeds (P,) and lengths L4 (g,).
+Among the paths from the lowest speed to a point of the map, the best one has the smallest maximum ratio. A
+plan is a path whose ratios do not exceed a cap, close to the mechanism's own L4 and with few bends."""
 
 from dataclasses import dataclass
 
@@ -81,10 +81,9 @@ def arrival(ratio: Array) -> Array:
 
 def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
     """Smallest and largest L4 (P,) at every speed, between which the ratio does not exceed the cap; None if
-    there is no such corridor.
+    no such ranges exist.
 
-    Each range overlaps the next, and the last contains the length with index `final`, if given. None if no
-    such ranges exist.
+    Each range overlaps the next, and the last contains the length with index `final`, if given.
     """
     reach = _reached_below(ratio, cap)
     if reach is None:
@@ -120,8 +119,8 @@ def _runs(chosen: Array) -> tuple[Array, int]:
 
 
 def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, float]:
-    """Values of L4 at which the ratio crosses the cap on both sides of a run; the end of the range if it does
-    not."""
+    """Values of L4 at which the ratio crosses the cap on both sides of a run; the end of the range of L4 if
+    the ratio does not cross the cap."""
     ends = np.flatnonzero(run)[[0, -1]]
     low, high = (
         _edge(L4, ratio, cap, int(at), int(at) + step) for at, step in zip(ends, (-1, 1), strict=True)
@@ -188,7 +187,8 @@ def plan_below(
     """Plan from the lowest to the highest speed with ratios up to the cap, starting at the L4 with index
     `own`.
 
-    returns: whether L4 must be able to return there at the highest speed. None if no such plan exists.
+    returns: whether L4 must be able to return to this initial value at the highest speed. None if no such
+    plan exists.
     """
     passage = corridor(L4, ratio, cap, own if returns else None)
     if passage is None:

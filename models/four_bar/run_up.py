@@ -24,7 +24,7 @@ from solve.terminal import progress
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8
-"""Steps per revolution, and crank angles per step at which the stress is evaluated: choices."""
+"""Number of steps per revolution, and of crank angles per step at which the stress is evaluated: choices."""
 
 
 class Drive(NamedTuple):
@@ -44,8 +44,8 @@ class RunUp:
     """Execution of a plan, followed by two revolutions at the final speed.
 
     The speed rises with constant acceleration from `start` to the plan's last speed (rad/s) within `duration`
-    (s), and L4 follows the rounded plan. If `home` (m) is given, L4 then changes to it within `returning`
-    (s).
+    (s), and L4 follows the rounded plan. If `home` (m) is given, L4 then changes to this length within
+    `returning` (s).
     """
 
     plan: Plan
@@ -169,9 +169,8 @@ class _Moving:
 
     def turn(self, number: int, x: Array, last: Array) -> tuple[Array, Array, Array]:
         """State and acceleration at the end of revolution `number` (derivatives with respect to φ), and the
-        largest |stress| (links,) in it.
-
-        x, last: state and acceleration at its start.
+        largest |stress| (links,) in this revolution. x, last: state and acceleration at the start of the
+        revolution.
         """
         h, s = self._h, len(self._collocation.c)
         drive = self._drive(number * TURN + self._stages)

@@ -1,8 +1,8 @@
 """Largest stress of each link over a revolution, for many speeds and ground links (thesis 7.3, 7.4).
 
 At one L4 all speeds share the matrices over the phase. Between the solved lengths the stress at a position
-and a crank angle is interpolated by the polynomial through Chebyshev points of L4, on which it depends
-smoothly. Its maximum over a revolution does not.
+and a crank angle is interpolated by a polynomial in L4 through Chebyshev points, because this stress is a
+smooth function of L4. The maximum over a revolution is not smooth.
 """
 
 import math
@@ -39,9 +39,9 @@ _BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 class Peaks:
     """Largest |stress| (Pa) over a revolution (P, lengths, links), at P speeds.
 
-    place and phase: its position as a fraction of the link's length, and crank angle (rad). error (P,):
-    relative change of the largest stress with half the steps, or with two Chebyshev points fewer if that is
-    larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
+    place and phase: position of the largest stress as a fraction of the link's length, and crank angle (rad).
+    error (P,): relative change of the largest stress with half the steps, or with two Chebyshev points fewer
+    if that is larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
     """
 
     stress: Array
@@ -54,7 +54,7 @@ class Peaks:
 def places(beams: Beams) -> list[Array]:
     """Positions on each link, as fractions of its length, at which stresses are evaluated.
 
-    They are the clamped root or the midpoint, as in the thesis, and two points within each element.
+    These are the clamped root or the midpoint, as in the thesis, and two points within each element.
     """
     by_link = []
     for member in beams.members:
@@ -68,7 +68,7 @@ def places(beams: Beams) -> list[Array]:
 def stress_rows(beams: Beams, angle: Array) -> Array:
     """Axial stress, and bending stress at the + surface, in Pa per unit of each coordinate: (k, 2, S, n).
 
-    S: positions on all links in sequence; angle (k, links): of the links.
+    S: positions on all links in sequence; angle (k, links): angles of the links.
     """
     rows = []
     for member, fractions in zip(beams.members, places(beams), strict=True):
@@ -84,7 +84,7 @@ def stress_rows(beams: Beams, angle: Array) -> Array:
 class StressMap:
     """Stresses of a four-bar over speeds (rad/s) and lengths L4 (m) from `low` to `high`.
 
-    count: Chebyshev points of L4, or 1 where both ends are the same.
+    count: number of Chebyshev points of L4, or 1 if both ends are equal.
     """
 
     def __init__(self, model: StructureModel, low: float, high: float, count: int = 7):

@@ -10,7 +10,7 @@ def mechanism() -> Mechanism:
     is 0 while the teeth are within the clearance 2b.
     """
     pair = Mechanism("gear_backlash", "Gear pair with backlash and varying mesh stiffness")
-    (q,) = pair.coordinates(q=("m", "deflection of the mesh, from that under the mean load"))
+    (q,) = pair.coordinates(q=("m", "deflection of the mesh, relative to that under the mean load"))
     m, c, k, F = pair.parameters(
         m=("kg", "equivalent mass along the line of action", "> 0"),
         c=("N s/m", "damping", ">= 0"),

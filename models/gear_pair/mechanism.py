@@ -42,8 +42,10 @@ def mechanism() -> Mechanism:
     pair.output("transmission_error_rate", rate(q), "m/s", "rate of the dynamic transmission error")
     pair.output("mesh_force", mesh_force, "N", "force between the teeth, compression positive")
     pair.limit("mesh_force", ">= 0", beyond="the teeth separate; backlash is not in the model")
-    pair.output("pinion_speed_ripple", rate(phi1 - pair.phase), "rad/s", "pinion's speed against its mean")
-    pair.output("wheel_speed_ripple", wheel_ripple, "rad/s", "wheel's speed against its mean")
+    pair.output(
+        "pinion_speed_ripple", rate(phi1 - pair.phase), "rad/s", "pinion's speed relative to its mean"
+    )
+    pair.output("wheel_speed_ripple", wheel_ripple, "rad/s", "wheel's speed relative to its mean")
 
     # Radii of the pitch circles, for a pressure angle of 20°.
     r1, r2, z2 = rb1 / cos(pi / 9), rb2 / cos(pi / 9), z1 * rb2 / rb1

@@ -15,7 +15,7 @@ def mechanism() -> Mechanism:
         w1=("rad/s", "frequency in the first interval", ">= 0"),
         w2=("rad/s", "frequency in the second interval", ">= 0"),
     )
-    share = meissner.parameter("share", "1", "of the turn that the first interval takes", "> 0, < 1")
+    share = meissner.parameter("share", "1", "fraction of the turn that the first interval takes", "> 0, < 1")
     first = rectangle(meissner.phase, 0, 2 * pi * share)
     meissner.kinetic = rate(q) ** 2 / 2
     meissner.potential = (w2**2 + (w1**2 - w2**2) * first) * q**2 / 2

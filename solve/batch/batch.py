@@ -24,15 +24,16 @@ POINTS = "points"
 """Name of the unit in progress reports."""
 
 _MIN_GROUP = 4
-"""Minimum number of points with equal parameters for terms over the speed only. A choice."""
+"""Minimum number of points with equal parameters for which terms over the speed alone are computed. A
+choice."""
 
 
 class Batch:
     """Solver of the points of a family by a method, with shared tables."""
 
     def __init__(self, family: Family, region: Array, method: Rule, request: SolveRequest):
-        """region: points (T, v) whose range contains those to be solved; shared tables are computed from
-        them."""
+        """region: points (T, v) whose range contains the points to be solved; shared tables are computed from
+        `region`."""
         self.family, self.method, self.request = family, method, request
         self.region = region
         self._separation: Separation | None = None
@@ -123,7 +124,7 @@ class Batch:
         return np.sort(np.concatenate(left))
 
     def _single(self, points: Array, at: int) -> Points | Failed:
-        """Point at an index with a system of its own; Failed if this system is invalid."""
+        """Point with the index `at`, with its own system; Failed if this system is invalid."""
         try:
             system, speed = self.family.system(points[at])
             check(system, speed)

@@ -26,9 +26,9 @@ _CACHED_SYSTEMS = 8
 class Family:
     """Family of systems over points (P, v). Each row contains the values of the quantities `names`.
 
-    speed: in rad/s, unless among the names. example: system of the family; all have the same coordinates,
-    outputs, units and period. Copies and pickles are rebuilt: CasADi's memory serves one thread of one
-    process.
+    speed: speed in rad/s, if it is not among the names. example: one system of the family; all systems have
+    the same coordinates, outputs, units and period. Copies and pickles are rebuilt, because CasADi functions
+    belong to one thread of one process.
     """
 
     names: tuple[str, ...]
@@ -50,7 +50,8 @@ class Family:
         system."""
         entries = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
         for rows, point in zip(entries, points, strict=True):
-            # NaN at points without a system; their solution fails for the same reason and reports it.
+            # Entries are NaN at points without a system. The solution of these points fails and reports the
+            # reason.
             with suppress(SolveError):
                 system, speed = self.system(point)
                 rows[:] = entries_of(system, phase, speed)

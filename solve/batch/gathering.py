@@ -23,7 +23,7 @@ from solve.terminal import progress
 from solve.threads import one_thread
 
 _MIN_POINTS = 8
-"""Minimum number of points per chunk, for any size of the system. A choice."""
+"""Minimum number of points per chunk, even for large systems. A choice."""
 
 _CHUNK_BYTES = 2**25
 """Memory limit in bytes of the frozen coefficients of a chunk of points. A choice."""
@@ -62,7 +62,7 @@ def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResult
 
 def chunk_size(n: int) -> int:
     """Number of points with n coordinates per chunk."""
-    # With several coordinates, memory also holds the frozen matrices, as much again of derived arrays, and
+    # With several coordinates, memory also contains the frozen matrices, derived arrays of the same size, and
     # solutions of points that wait for others on the next grid.
     copies = 1 if n == 1 else 4
     return max(_MIN_POINTS, _CHUNK_BYTES // (copies * 8 * PHASES * (3 * n**2 + n)))

@@ -2,10 +2,10 @@
 coefficients that depend on the point.
 
 Speeds and most parameters, such as powers of Ω, masses and stiffnesses, are factors of functions of the
-phase. An entry is then a fixed combination of its values at a few phases, so that a point is sampled only
-there. These phases result from elimination with complete pivoting on samples of some points (M. Barrault,
-Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every point is checked at further
-phases.
+phase. An entry is then a fixed combination of its values at a few phases, so that a point is sampled at these
+phases only. These phases result from elimination with complete pivoting on samples of some points (M.
+Barrault, Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every point is checked at
+further phases.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from solve.period.grid import pieces
 from solve.period.points import Tables
 
 _MAX_TERMS = 10
-"""Number of terms per entry above which sampling every point at every phase costs less. A choice."""
+"""Number of terms per entry above which every point is sampled at every phase instead. A choice."""
 
 _TRAINING_POINTS, _TRAINING_PHASES = 16, 64
 """Numbers of points and phases from which the terms are computed. A choice."""
@@ -41,8 +41,8 @@ _MIN_PHASES = 8
 class Separation:
     """Terms of the entries of a family, computed from samples at points (T, v); see `training`.
 
-    The terms of an entry are nested: the j-th is 1 at its phase and 0 at those of previous terms, so that a
-    small term does not reduce the accuracy of the others.
+    The terms of an entry are nested: the j-th term is 1 at its own phase and 0 at the phases of previous
+    terms, so that a small term does not reduce the accuracy of the others.
     """
 
     def __init__(

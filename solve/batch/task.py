@@ -38,8 +38,8 @@ _CHUNKS, _MIN_CHUNK, _MAX_CHUNK = 32, 8, 2**14
 """Number of chunks of points, and minimum and maximum number of points per chunk. A choice."""
 
 _PROBES = 256
-"""Phases at which the matrices of some points identify the calculation in a store, in addition to one between
-every two breaks. A choice."""
+"""Phases at which the matrices of some points identify the calculation in a store, in addition to one phase
+between each two breaks. A choice."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ class Task:
     ) -> PointResults:
         """Results of points (P, v), solved in this process, or in chunks by an executor.
 
-        Chunks in a store are read, the others are written as they are completed. Raises FileError,
-        WorkersError, MissingLibraryError.
+        Chunks that the store already contains are read; other chunks are written when they are completed.
+        Raises FileError, WorkersError, MissingLibraryError.
         """
         if executor is None and store is None:
             return gathered(batch, points, self.kept)
@@ -239,7 +239,7 @@ def cluster(address: str) -> Iterator[Executor]:
     except ImportError:
         raise MissingLibraryError.of_extra("a scheduler", "dask.distributed", "cluster") from None
     try:
-        # With an invalid address, a client would print a traceback of its own.
+        # With an invalid address, the client itself would print a traceback.
         get_address_host(address)
         client: Any = Client(address, timeout=_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TypeError):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import casadi
 
 TERMS = np.zeros((5, 3, 3))
-"""Coefficients that express products of 1, c, s by 1, c, s, c², cs, with s² = 1 − c²."""
+"""Coefficients that express products of 1, c, s in terms of 1, c, s, c², cs, with s² = 1 − c²."""
 for _row, _i, _j, _sign in (
     *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
     *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
@@ -37,9 +37,9 @@ for _row, _i, _j, _sign in (
 class Properties:
     """Properties of links and joints.
 
-    Of the links: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): of the joints.
-    damping_ratio: that of every mode. spring, dashpot: constants of supports on the ground (N/m, N m, N s/m,
-    N m s), one value for each degree of freedom on which they act.
+    Of each link: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): point masses at the
+    joints. damping_ratio: damping ratio of every mode. spring, dashpot: constants of springs and dashpots to
+    the ground (N/m, N m, N s/m, N m s), one value for each degree of freedom on which one acts.
     """
 
     length: Array
@@ -93,11 +93,11 @@ class Kinematics:
 class Beams:
     """Beams of a structure: degrees of freedom, properties, and the angles of the links.
 
-    angle(phase): angles (m, links) at phases (m,). carried: whether the held joints follow the paths implied
-    by the angles, instead of being at rest.
+    angle(phase): angles (m, links) at phases (m,). carried: whether the supported joints follow the paths
+    implied by the angles of the links, instead of being at rest.
 
     Every matrix is a table (links, 5, n, n) for 1, c, s, c², cs of each link; exact links have such a table
-    for each of their eight functions of frequency.
+    for each of the eight functions of frequency.
     """
 
     freedoms: Freedoms
@@ -203,7 +203,7 @@ POSITIONS = 36
 """Positions per revolution at which assembly and frequencies are sampled: one every 10 degrees. A choice."""
 
 ROUNDING = 1e-9
-"""Distance, difference of frequencies or singular value, relative to the largest, that counts as round-off.
+"""Relative size of distances, differences between frequencies, and singular values that counts as round-off.
 A choice."""
 
 
@@ -249,8 +249,8 @@ class Positions:
         return counts
 
     def expanded(self, vectors: Array) -> Array:
-        """Vectors (m, N, k) in all degrees of freedom, from vectors (m, n, k) in those that remain free with
-        inextensible links."""
+        """Vectors (m, N, k) in all degrees of freedom, from vectors (m, n, k) in the degrees of freedom that
+        inextensible links leave."""
         return vectors if self._free is None else self._free @ vectors
 
     @cached_property

@@ -30,8 +30,8 @@ _LARGEST = 300.0
 """Largest argument of sinh and cosh: the ratios have reached their limits, and cosh² does not overflow."""
 
 _SMALLEST = 0.05
-"""λL below which the bending mass functions are constant: they change by less than 4e-8 there, and round-off
-in their formula would be larger."""
+"""Value of λL below which the bending mass functions are replaced by constants: they change by less than
+4e-8, and round-off in their formula would be larger."""
 
 _POSITIVE = 1e-30
 """Smallest argument of functions with a removable singularity at 0; the limit is exact in float64."""

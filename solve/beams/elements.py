@@ -36,7 +36,7 @@ class Element:
     """Plane beam element with k degrees of freedom, first axial, then bending.
 
     mass, elongation, bending, geometric and coupling: matrices (k, k) for unit length. coefficients (k, p):
-    of the shape functions, for 1, ξ, ξ², ….
+    coefficients of the shape functions for 1, ξ, ξ², ….
     """
 
     name: str
@@ -58,7 +58,7 @@ class Element:
         """Coefficient matrices (3, k, k) of 1, c and s in the rotation R from ground axes to link axes
         (thesis (4.26)).
 
-        In ground axes, the translations x and y take the positions of u and v.
+        In ground axes, the displacements x and y replace u and v.
         """
         axes = np.zeros((3, len(self.freedoms), len(self.freedoms)))
         for (i, one), (j, other) in product(enumerate(self.freedoms), repeat=2):
@@ -89,7 +89,7 @@ class Element:
 @lru_cache
 def element(name: str) -> Element:
     """Element with this name in the generated tables. The exact element has the degrees of freedom of the
-    cubic one."""
+    cubic element."""
     tables = beam_elements()
     stated = tables.ELEMENTS["cubic" if name == EXACT else name]
     axial, bending = families = [tables.FAMILIES[stated[direction]] for direction in ("axial", "bending")]
@@ -247,7 +247,8 @@ class Freedoms:
         return "" if free_pin else f"{link.name}_{joint}_{suffix}"
 
     def alone(self, rotation: str) -> bool:
-        """Whether a rotation belongs to the end of a single link. The moment at this end is then zero."""
+        """Whether a rotation belongs to the end of a single link. The moment at this end is then zero, unless
+        a spring or dashpot acts on the rotation."""
         ends = [name for link in self.links for name in (link.start_rotation, link.end_rotation)]
         return bool(rotation) and ends.count(rotation) == 1
 
@@ -257,8 +258,8 @@ class MemberMatrices:
     """Link with the matrices of its elements.
 
     number: index of the link. start, end: indices of its joints. indices (elements, k): degrees of freedom in
-    the structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m): of each element. E (Pa),
-    height (m): of the link.
+    the structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m): properties of each element.
+    E (Pa), height (m): properties of the link.
     """
 
     number: int
@@ -306,7 +307,8 @@ class MemberMatrices:
 
 
 class Member(MemberMatrices):
-    """Link with the motion of its elements; for exact elements, with their functions of frequency."""
+    """Link with rotations, shapes and stresses of its elements and, for exact elements, their functions of
+    frequency."""
 
     def rotations(self, angle: Array) -> Array:
         """Rotations R (m, k, k) from ground axes to link axes, from the angles (m, links) of all links."""

@@ -1,10 +1,10 @@
 """Natural frequencies and modes of a structure of beams at fixed positions.
 
-With finite elements they are those of M q̈ + K q = 0 (thesis (4.40)). With exact elements the stiffness
-depends on the frequency (Wittrick and Williams; thesis 5.3). The number of frequencies below ω is
+With finite elements these are the frequencies of M q̈ + K q = 0 (thesis (4.40)). With exact elements the
+stiffness depends on the frequency (Wittrick and Williams; thesis 5.3). The number of frequencies below ω is
 J(ω) = J0(ω) + s{D(ω)}: J0 counts the frequencies of the elements with clamped ends, and s the negative
 eigenvalues of D. The r-th frequency is therefore a zero of the eigenvalue with the number r − J0, which a
-bracketing method finds fast. Frequencies at which no joint moves are the jumps of J0.
+bracketing method finds quickly. Frequencies at which no joint moves are the jumps of J0.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ PARTS = (2, 3, 5)
 frequency."""
 
 _NEAR = 1e-4
-"""Relative distance of a frequency from a pole of D within which elements are divided. A choice."""
+"""Relative distance between a frequency and a pole of D below which elements are divided. A choice."""
 
 
 def exact_frequencies(positions: Positions, count: int) -> Array:
@@ -145,7 +145,8 @@ def _exact_mode(
     The links are divided such that no element vibrates with clamped ends at this frequency. Then every mode
     moves a node (thesis 5.4.1), and D has no pole.
     """
-    # The modes of a multiple frequency are computed at its first copy: other round-off would reorder them.
+    # All modes of a multiple frequency are computed at its first value, because different round-off would
+    # reorder them.
     frequency = max(float(frequencies[number]), np.finfo(float).tiny)
     before = np.count_nonzero(np.abs(frequencies[:number] / frequency - 1) < ROUNDING)
     omega = frequencies[number - before : number - before + 1]

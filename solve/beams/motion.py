@@ -1,8 +1,9 @@
 """Equations of motion of a structure of beams with moving links (thesis (4.32), (6.15)).
 
 Coordinates are displacements from the rigid positions, in ground axes. Let R, with R′ = J R, transform from
-ground axes to link axes, and let ω and ω̇ be those of the link. In link axes the terms of an element are
-M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ with the skew-symmetric P (thesis (4.22)). Substitution of δ = R q yields
+ground axes to link axes, and let ω and ω̇ be the angular velocity and acceleration of the link. In link axes
+the terms of an element are M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ with the skew-symmetric P (thesis (4.22)).
+Substitution of δ = R q yields
 
     C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
@@ -28,8 +29,8 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
     elements, k) for each link, and for the joints as x + iy, (m, joints).
 
     rate, second (m, links): first and second derivatives of the angles with respect to time. Derivatives with
-    respect to the phase yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom accelerate too if their link
-    does.
+    respect to the phase yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom accelerate too if the link
+    accelerates.
     """
     spans = positions.beams.properties.length * (1j * second - rate**2)
     joints, accelerations = positions.placed(spans * np.exp(1j * positions.angle)), []
@@ -90,9 +91,9 @@ _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 
 _CHUNK_BYTES = 2**23
-"""Bytes of matrices per chunk of phases when coefficients of the speed are computed. Arrays of a whole grid
-would be released to the system and cleared again, which takes a third of the time with 27 coordinates and
-3840 phases, as measured. Half and twice this size take the same time."""
+"""Memory, in bytes, of the matrices per chunk of phases when coefficients of the speed are computed.
+Allocation of arrays for a whole grid would take a third of the time (measured with 27 coordinates and 3840
+phases). Half and twice this size take the same time."""
 
 _BUCKLING_POSITIONS = 180
 """Positions per revolution at which axial forces are checked for buckling. A choice."""

@@ -77,8 +77,8 @@ _JOINT_FORCES = ("force_x", "force_y", "moment")
 def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array, Array]:
     """Force along x and y (N) and moment (N m), (k,) each, on the start (0) or end (1) of a link.
 
-    It includes the inertia of the rigid motion and of the deflections, but not the damping, which is that of
-    the modes and not of a link.
+    It includes the inertia of the rigid motion and of the deflections, but not damping, which is defined for
+    modes and not for a link.
     """
     key = member.number, place
     if key not in state.joint_forces:
@@ -126,7 +126,7 @@ def quantity(state: State, kind: str, member: Member, place: float) -> Array:
 
 
 LINEAR = ("deflection", "stress_plus", "stress_minus")
-"""Kinds of outputs that are linear in the deflections, and hence sums of contributions of the modes."""
+"""Kinds of outputs that are linear in the deflections and therefore sums of contributions of the modes."""
 
 _EXTRA_MODES = 4
 """Number of additional modes that are tracked, because the order of modes may change over the revolution. A

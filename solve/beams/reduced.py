@@ -5,8 +5,8 @@ same motion:
 
     TᵀM T p̈ + (TᵀC T + 2 TᵀM Ṫ) ṗ + (TᵀK T + TᵀC Ṫ + TᵀM T̈) p = Tᵀd
 
-The terms of a link are constant in its axes, except damping and axial forces, which are interpolated in the
-phase.
+The terms of a link are constant in link axes, except those of damping and axial forces, which are
+interpolated in the phase.
 """
 
 from collections.abc import Callable
@@ -192,8 +192,8 @@ class ReducedStructure(StructureModel):
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
             raise ValueOutOfBoundsError(
-                f"reduce requires elements with finitely many modes, and {EXACT} has infinitely many; omit "
-                "reduce, or choose another element"
+                f"'reduce' requires elements with finitely many modes, and the element '{EXACT}' has "
+                "infinitely many; omit 'reduce', or choose another element"
             )
         if any(link.inextensible for link in freedoms.links):
             raise ValueOutOfBoundsError(
@@ -219,8 +219,8 @@ class ReducedStructure(StructureModel):
 
     @cached_property
     def frequency_error(self) -> float:
-        """Estimated relative error of the natural frequencies below half the lowest discarded one. It is the
-        largest difference from the enriched structure at 36 positions of a period."""
+        """Estimated relative error of the natural frequencies below half the lowest discarded frequency. It
+        is the largest difference from the enriched structure at 36 positions of a period."""
         phase = np.linspace(0.0, self.period, POSITIONS, endpoint=False)
         reduced, enriched = self.frequencies(phase, self.n), self.enriched.frequencies(phase, self.n)
         compared = (enriched < _TRUSTED * self.discarded) & (enriched > 0)
@@ -235,7 +235,7 @@ class ReducedStructure(StructureModel):
             return f"{option} retains all {self.n} coordinates; the result is unchanged"
         return (
             f"{option}: natural frequencies below {_TRUSTED * self.discarded:.4g} rad/s, half of the lowest "
-            f"discarded one, have relative errors of up to {self.frequency_error:.1e}"
+            f"discarded frequency, have relative errors of up to {self.frequency_error:.1e}"
         )
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:

@@ -27,8 +27,8 @@ from solve.model.craig_bampton import craig_bampton, static_shapes
 class Body:
     """Matrices of a link in link axes, for its degrees of freedom that are not fixed.
 
-    own (k,): indices of its degrees of freedom in the structure. axes (3, k, k): R = axes[0] + c axes[1] + s
-    axes[2]. interface (b,): positions in `own` of the retained coordinates.
+    own (k,): indices of the link's degrees of freedom in the structure. axes (3, k, k): R = axes[0] + c
+    axes[1] + s axes[2]. interface (b,): positions in `own` of the retained coordinates.
     """
 
     member: Member
@@ -89,8 +89,9 @@ class Body:
 class LinkBasis:
     """Reduced coordinates of a link: interface coordinates, followed by modes.
 
-    local (k, r): T_l. at (r,): indices of its reduced coordinates among those of the structure. frequencies
-    (modes,): of the retained modes in rad/s; discarded: lowest frequency of the others, infinite without any.
+    local (k, r): T_l. at (r,): indices of the link's reduced coordinates among those of the structure.
+    frequencies (modes,): frequencies of the retained modes in rad/s; discarded: lowest frequency of the
+    discarded modes, infinite if there are none.
     """
 
     body: Body
@@ -244,5 +245,5 @@ def _largest(body: Body, shape: Array) -> float:
     values = np.append(shape, 0.0)
     pieces = [shapes @ values[rows] for rows, _ in body._rows() for shapes in member.shapes(xi)]
     curve = np.concatenate(pieces)
-    # The first of equal extrema, so that round-off does not select another.
+    # The first of equal extrema is selected, so that the result does not depend on round-off.
     return float(curve[np.flatnonzero(np.abs(curve) > (1 - 1e-6) * np.abs(curve).max())[0]])

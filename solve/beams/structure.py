@@ -29,7 +29,7 @@ MOST = 200
 """Maximum number of frequencies with exact elements, which have infinitely many. A choice."""
 
 _CHUNK_ENTRIES = 2**22
-"""Entries of matrices at the positions processed together, in chunks. A choice."""
+"""Number of matrix entries at the positions that are processed together. A choice."""
 
 _CACHE_BYTES = 2**26
 """Memory limit in bytes of tables cached for solutions at other speeds: about ten grids of 384 steps with 9
@@ -65,8 +65,8 @@ class StructureModel(Model, Outputs):
         matrices: Callable[[Array, float], Matrices] | None = None,
         coordinates: Sequence[tuple[str, str, str]] | None = None,
     ):
-        """matrices, coordinates: given if they differ from those of the motion; `expanded` then returns all
-        degrees of freedom. coordinates: name, unit and meaning of each."""
+        """matrices, coordinates: reduced matrices and coordinates, if they replace those of the motion;
+        `expanded` then returns all degrees of freedom. coordinates: name, unit and meaning of each."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
@@ -143,8 +143,8 @@ class StructureModel(Model, Outputs):
         return np.tensordot(weights, entries_one_by_one(self, phase, nodes), axes=1)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Terms of the speed; None for large systems, whose points are solved one at a time to save
-        memory."""
+        """Terms of the powers of the speed; None for large systems, whose points are solved one at a time to
+        save memory."""
         if self.n > SMALL:
             return None
         require_motion(self)
@@ -357,8 +357,8 @@ class StructureModel(Model, Outputs):
 
 
 def _reason_without_motion(setup: Setup, freedoms: Freedoms) -> str:
-    """Reason why a structure is at rest, or why its elements have no equations of motion; empty if they
-    have."""
+    """Reason why a structure is at rest, or why its elements have no equations of motion; empty if there are
+    equations of motion."""
     name = setup.module.NAME
     if not setup.module.MOVES:
         return (

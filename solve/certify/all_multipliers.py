@@ -1,6 +1,6 @@
 """All multipliers of a point, each with an error estimate and its mode.
 
-The monodromy matrix has no digit of multipliers below eps‖Φ‖. These are computed from the factors of the
+The monodromy matrix does not resolve multipliers below eps‖Φ‖. These are computed from the factors of the
 period."""
 
 import math
@@ -29,13 +29,13 @@ from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
 
 _MAX_WORK = 3e6, 1e7, 2e8
-"""Limits of the steps times the square of the number of states: for factors by default; for modes on the
-refined grid; and for the refined grid. Choices."""
+"""Limits of (number of steps) × (number of states)²: for factors computed by default, for modes on the
+refined grid, and for the refined grid itself. Choices."""
 
 _DEFAULT_LOSS = 1e-9
-"""As `solve.period.blocks.LOSS`, if errors of single multipliers are not limited. With a beam structure of 54
-states it leaves a quarter of the 768 factors and changes no multiplier by more than 2e-11, and none that the
-steps resolve by more than 1e-12."""
+"""Value of `solve.period.blocks.LOSS` if the errors of individual multipliers are not limited. With a beam
+structure of 54 states it leaves a quarter of the 768 factors and changes no multiplier by more than 2e-11,
+and no resolved multiplier by more than 1e-12."""
 
 _MEMORY = 2**29
 """Size, in bytes, of the steps that are solved together."""
@@ -46,8 +46,9 @@ class RefinedMultipliers:
     """Multipliers that meet the tolerance individually, or are limited by round-off or by the computational
     work.
 
-    logarithms (N,): log ρ, -inf for an exact zero. errors (N,): estimated relative error of each ρ, NaN
-    without a digit. steps: per period. rigid (N,): whether they are those of rigid-body modes."""
+    logarithms (N,): log ρ, -inf for an exact zero. errors (N,): estimated relative error of each ρ, NaN if
+    not accurate to one digit. steps: number of steps per period. rigid (N,): whether the multiplier belongs
+    to a rigid-body mode."""
 
     logarithms: Array
     errors: Array
@@ -59,10 +60,10 @@ class RefinedMultipliers:
 class Spectrum:
     """All multipliers of a point in order of decreasing modulus, positive imaginary part first.
 
-    Multipliers with a digit in the monodromy matrix are its eigenvalues. Others are computed from the factors
-    of the period on twice the steps; their errors are the differences from those with one stage more. If
-    `rtol` applies to each multiplier, all are those of `refined`. Multipliers of rigid-body modes are exactly
-    +1. each: whether `rtol` was to apply to each multiplier."""
+    Multipliers that the monodromy matrix resolves are its eigenvalues. Smaller multipliers are computed from
+    the factors of the period on twice the steps; their errors are the differences from results with one more
+    stage. If `rtol` applies to each multiplier, all multipliers are taken from `refined`. Multipliers of
+    rigid-body modes are exactly +1. each: whether `rtol` applies to each multiplier."""
 
     point: OnePoint
     certified: Certified
@@ -143,7 +144,7 @@ class Spectrum:
 
     @property
     def warnings(self) -> list[str]:
-        """Warning, if `rtol` applies to each multiplier and an error exceeds it."""
+        """Warning that an error exceeds `rtol`, if `rtol` applies to each multiplier; otherwise empty."""
         if self.refined is None:
             return []
         rtol, steps = self.certified.request.rtol, self.refined.steps
@@ -160,7 +161,7 @@ class Spectrum:
         """Note on results that are missing because the eigenvalues of the product of the step maps are
         unknown; otherwise empty."""
         is_refused = self.each and self.refined is None
-        # Eigenvalues of the factors are not computed only for a note.
+        # A note alone does not justify computing the eigenvalues of the factors.
         has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
         is_installed = slicot.available()
         if not is_installed and (is_refused or self._has_factors):
@@ -168,7 +169,7 @@ class Spectrum:
         elif is_refused or has_failed:
             reason = "the eigenvalues of the product of the steps did not converge"
         elif isinstance(self.certified.method, OneStep) and self._is_long:
-            reason = "with so many coordinates and steps, they are computed only with all_multipliers"
+            reason = "for so many coordinates and steps, small multipliers require all_multipliers"
         else:
             return []
         missing = ["rtol is not applied to each multiplier"] if is_refused else []
@@ -179,8 +180,8 @@ class Spectrum:
         return [f"{', and '.join(missing)}; {reason}"] if missing else []
 
     def _with_rigid(self, values: Array, fill: float) -> Array:
-        """Values of the other multipliers, with `fill` inserted for each rigid-body multiplier after those
-        outside the unit circle."""
+        """Values (N,) of all multipliers in their order: given values of the others, and `fill` for each
+        rigid-body mode, inserted after the multipliers outside the unit circle."""
         count = rigid_multipliers(self.certified)
         if self.refined is not None or not count:
             return values
@@ -188,7 +189,7 @@ class Spectrum:
 
     @cached_property
     def _solutions(self) -> Solutions:
-        """Solutions whose step maps determine the modes, and those multipliers that the monodromy matrix does
+        """Solutions whose step maps determine the modes and the multipliers that the monodromy matrix does
         not resolve to one digit."""
         certified, steps = self.certified, self._factor_steps
         if self.refined is not None and self._work(self.refined.steps) <= _MAX_WORK[1]:
@@ -199,8 +200,8 @@ class Spectrum:
 
     @property
     def _factor_steps(self) -> int:
-        """Number of steps of the factors. It is twice that of the solution, unless given, because small
-        multipliers belong to fast modes."""
+        """Number of steps of the factors. Unless the steps are given, it is twice that of the solution,
+        because small multipliers belong to fast modes."""
         certified = self.certified
         is_small = self.refined is None and not self._has_digit.all() and certified.request.steps is None
         return certified.steps * (2 if is_small and certified.method.with_another_stage else 1)
@@ -244,7 +245,8 @@ class Spectrum:
         with np.errstate(divide="ignore", invalid="ignore"):
             logarithms = np.where(rho != 0, np.log(rho), UNKNOWN)
             errors = np.where(has_digit, certified.absolute[0] / np.abs(rho), np.nan)
-        # If the largest multipliers have no digit, no others have one, even if two solutions agree.
+        # If the largest multipliers are not resolved to one digit, no multiplier is, even if two solutions
+        # agree.
         if has_digit.all() or not certified.errors[0, 1] < NO_DIGIT or self._factored is None:
             return logarithms, errors
         eigenvalues, order = self._factored[1], self._order[~self.rigid]
@@ -303,11 +305,9 @@ def require_step_maps(method: Method) -> None:
 def refined_multipliers(
     point: OnePoint, method: Method, request: SolveRequest, steps: int, rigid: int = 0
 ) -> RefinedMultipliers | None:
-    """All multipliers of a point, including `rigid` of rigid-body modes.
-
-    Steps are doubled until the error of each, twice the difference from a better method, is at most `rtol`,
-    or until that gains nothing or takes too long; given steps remain. None without SLICOT, or if its
-    iteration does not converge.
+    """All multipliers of a point, of which `rigid` belong to rigid-body modes. Steps are doubled until each
+    error, twice the difference from a better method, is at most `rtol`, or until doubling gains nothing or
+    takes too long. Given steps are kept. None without SLICOT, or if its iteration does not converge.
     """
     if not slicot.available():
         return None
@@ -346,7 +346,8 @@ def _refined_multipliers(
 
 
 def _better(method: Method) -> tuple[Method, int]:
-    """More accurate method with which another is compared, and the ratio of its steps."""
+    """More accurate method with which the results of `method` are compared, and the ratio of the numbers of
+    steps."""
     finer = method.with_another_stage
     return (method, 2) if finer is None else (finer, 1)
 
@@ -401,7 +402,7 @@ def multiplier_errors(better: Array, eigenvalues: ProductEigenvalues) -> Array:
     distances = log_distances(eigenvalues.logarithms[0], better)
     nearest, distance = distances.argmin(axis=1), distances.min(axis=1)
     is_mutual = distances.argmin(axis=0)[nearest] == np.arange(len(distances))
-    # A multiplier far from all others has no digit in any assignment.
+    # A multiplier far from all accurate ones is not resolved in any assignment.
     if not (is_mutual | (distance >= NO_DIGIT)).all():
         distance = distances[matched(distances)]
     return np.maximum(SAFETY * distance, eigenvalues.errors[0])

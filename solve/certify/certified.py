@@ -16,13 +16,13 @@ from solve.period.multipliers import KNOWN_ON_CIRCLE, STABLE, UNDETERMINED, verd
 from solve.period.points import Points
 
 NEAR_ONE = 1e-3
-"""Distance of a multiplier from +1 below which the response deserves a warning: its amplitude then changes by
-the order of 1/distance with small changes of the parameters. A choice."""
+"""Distance of a multiplier from +1 below which a warning is issued: the amplitude of the response is
+proportional to about 1/distance and thus sensitive to small changes of the parameters. A choice."""
 
 
 @dataclass(frozen=True)
 class SolveRequest:
-    """Accuracy, or number of steps, with which points are solved.
+    """Required accuracy or number of steps of the solutions of points.
 
     Parameters
     ----------
@@ -31,13 +31,14 @@ class SolveRequest:
     rtol : float
         Tolerance of the relative errors of orbit and multipliers.
     steps : int, optional
-        Steps per period; without, as many as `rtol` requires.
+        Steps per period. By default, as many as `rtol` requires.
     engine : str
-        COMPILED or NUMPY.
+        Engine, COMPILED or NUMPY.
     reduction_method : Method
-        Method for any system, with which errors of a reduction are estimated.
+        Method applicable to every system, used to estimate errors of a reduction.
     reference_methods : callable
-        Converging methods for points, with which methods that do not converge are compared.
+        Function that returns convergent methods for given points. Results of methods that do not converge are
+        compared with theirs.
     """
 
     orbit: bool
@@ -107,11 +108,11 @@ class InterpolationError(NamedTuple):
     azimuths : int
         Number of sampled azimuths.
     harmonic : int
-        Highest harmonic of the samples above round-off.
+        Highest harmonic of the samples whose amplitude exceeds round-off.
     orbit, multipliers : float
-        Errors, relative as `ErrorEstimate`; 0 if the harmonics end.
+        Relative errors, scaled as in `ErrorEstimate`; 0 if the harmonics end below the resolved range.
     sufficient : int or None
-        Estimated number of azimuths that meet the tolerance; None if the harmonics do not fall.
+        Estimated number of azimuths with which the tolerance is met; None if the harmonics do not decay.
     """
 
     azimuths: int
@@ -161,7 +162,7 @@ class Certified:
     absolute : (k,)
         Absolute errors of the multipliers.
     modes : FrozenModes
-        FrozenModes modes of the points.
+        Modes of the points with frozen coefficients.
     reduction : tuple of ReductionError
         One per point, or none.
     interpolation : tuple of InterpolationError
@@ -198,7 +199,7 @@ class Certified:
 
     @cached_property
     def _is_on_circle(self) -> Array:
-        """Whether (k,) a point has no verdict although its multipliers are accurate."""
+        """Whether (k,) the verdict on a point is open although its multipliers are accurate."""
         return (self.absolute <= KNOWN_ON_CIRCLE) & (self.verdicts == UNDETERMINED)
 
     @property
@@ -247,7 +248,7 @@ class Certified:
             error = max(float(self.absolute[at]), float(rho.bound[at]) if has_unresolved else 0.0)
             warnings.append(
                 f"within their error ({error:.1e}), some multipliers lie on the unit circle or "
-                "coincide on it: the accuracy does not decide whether the motion remains bounded"
+                "coincide on it: the accuracy is not sufficient to decide whether the motion remains bounded"
             )
         return warnings
 

@@ -22,15 +22,17 @@ MIN_PHASES = 64
 """Smallest number of phases from which harmonics are computed: a choice that resolves 32 harmonics."""
 
 ROUND_OFF = 512 * EPS
-"""Relative size of harmonics, and of differences of coefficients from their interpolant, that is round-off:
-4e-14 at most for the models of this project, 2e-13 with noise of the last digit and 3000 steps."""
+"""Relative size below which harmonics, and differences between coefficients and their interpolant, are
+round-off. Measured: at most 4e-14 for the models of this project, and 2e-13 for 3000 steps and coefficients
+with noise in the last digit."""
 
 _MEMORY = 2**27
 """Bytes of the coefficients that are processed at a time."""
 
 
 class _ArrayCache:
-    """Cache of values computed from arrays. A value is kept as long as the first of its arrays exists."""
+    """Cache of values computed from arrays. A value is kept as long as the first array from which it was
+    computed exists."""
 
     def __init__(self, compute: Callable[..., Any]):
         self._compute = compute
@@ -47,10 +49,10 @@ class _ArrayCache:
 
 
 def harmonics(points: Points, loads: bool) -> Array:
-    """Relative amplitudes (P, k) of the harmonics 0, 1, … of the coefficients, 0 for round-off.
-
-    Each is the largest over all entries, with or without the `loads`, relative to the largest harmonic of the
-    entry. For systems with jumps only the mean is returned, since their harmonics decay too slowly.
+    """Relative amplitudes (P, k) of the harmonics 0, 1, … of the coefficients, 0 for round-off. The amplitude
+    of an entry is relative to its largest harmonic; the maximum over all entries, with or without the
+    `loads`, is returned. For systems with jumps only the mean is returned, since their harmonics decay too
+    slowly.
     """
     if points.breaks:
         return np.ones((len(points), 1))
@@ -91,9 +93,10 @@ def _entry_count(n: int) -> int:
 def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
     """Sizes (P, E), to which the round-off of entries is relative, from their `largest` values (P, E).
 
-    An entry that vanishes in exact arithmetic, as a sum of products, has the round-off of its terms. These
-    are bounded by the diagonals as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½, and a load d_i by
-    max_j |d_j| (D_ii / D_jj)^½ with the largest diagonal of M, C and K. entries (E,): numbers of the entries.
+    An entry that is zero in exact arithmetic, such as a sum of products, has the round-off of its terms. The
+    terms are bounded by the diagonals, as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½, and a load
+    d_i by max_j |d_j| (D_ii / D_jj)^½ with the largest diagonal of M, C and K. entries (E,): indices of the
+    entries.
     """
     every_entry = np.zeros((len(largest), _entry_count(n)))
     every_entry[:, entries] = largest
@@ -137,12 +140,12 @@ class SampledPhases:
     compared : (Q,)
         Further phases in ascending order.
     step, place : (Q,)
-        Step of each compared phase, and its number within the step.
+        Index of the step that contains each compared phase, and index of the phase within the step.
     lower_basis, higher_basis : (m, c, s), (m, c, s + 1)
         Lagrange polynomials of all stages at the compared phases of each step, of which there are at most c.
     weights : (Q, s)
-        Increments of the coefficients at the stages of the lower method per unit difference at a compared
-        phase.
+        Increments of the coefficients at the stages of the lower method for a unit difference at each
+        compared phase.
     """
 
     lower: Array
@@ -170,7 +173,7 @@ class SampledPhases:
             np.zeros((grid.steps, place.max() + 1, len(method.c))) for method in (lower, higher)
         )
         lower_basis[step, place] = basis[:, np.searchsorted(nodes, lower.c)]
-        # A node of both methods counts once.
+        # A node that both methods share is sampled once.
         higher_basis[step, place] = basis[:, np.searchsorted(nodes, higher.c)] * ~np.isin(higher.c, lower.c)
         stages, more_stages = (grid.stages(np.array(method.c)) for method in (lower, higher))
         return cls(stages, more_stages, compared, step, place, lower_basis, higher_basis, weights)
@@ -179,7 +182,7 @@ class SampledPhases:
         return len(self.lower)
 
     def of_steps(self, first: int, end: int) -> "SampledPhases":
-        """The phases that belong to the steps with indices from `first` to `end` - 1."""
+        """Sampled and compared phases of the steps with indices from `first` to `end` - 1."""
         rows, steps = slice(*np.searchsorted(self.step, (first, end)).tolist()), slice(first, end)
         return SampledPhases(
             self.lower[steps],
@@ -193,7 +196,7 @@ class SampledPhases:
         )
 
     def relative_difference(self, points: Points) -> Array:
-        """Largest difference (P,) of entries from their interpolant, relative to the largest value of the
+        """Largest difference (P,) between an entry and its interpolant, relative to the largest value of the
         entry; 0 for round-off."""
         terms, differences, largest = self._largest_differences(points)
         entries, starts = _entries(terms.entry)

@@ -19,14 +19,16 @@ from solve.period.points import Points, Scaled
 from solve.period.rigid_body import Free
 
 _COEFFICIENTS = 1e-3
-"""Fraction of `rtol` by which coefficients may differ from their interpolant, relative to the stiffness of
-the softest mode. The response amplifies this by at most the phase advance of a resolved mode, some hundred
-radians. Half and twice leave 65 results on 14 systems of both populations honest with the same verdicts."""
+"""Largest difference between coefficients and their interpolant, relative to the stiffness of the softest
+mode, as a fraction of `rtol`. The response amplifies this difference by at most the phase advance of a
+resolved mode, a few hundred radians. Half and twice this value leave 65 results on 14 systems of both
+populations honest with the same verdicts."""
 
 _PERTURBATION = 64.0
-"""Change of entries in units of round-off, from which the effect of their round-off is computed. It exceeds
-the round-off of the difference, and is linear if the result has three digits. With 32 and 128, 80 estimates
-of stiff modes in turned axes remain honest and equally sharp."""
+"""Change of entries, in units of round-off, from which the effect of round-off in the coefficients is
+computed. It is large enough to exceed the round-off of the difference, and small enough for a linear response
+if the result is accurate to three digits. With 32 and 128, 80 estimates of stiff modes in turned axes remain
+honest and equally sharp."""
 
 _AMPLIFICATION = 100.0
 """Factor by which the response may amplify aliased harmonics of the coefficients: that of a resonance with a
@@ -56,7 +58,7 @@ class Comparison(ABC):
 
     def __init__(self, solver: PointSolver, better: Method):
         self.solver, self.better = solver, better
-        # A better solution has as many steps, or stages, at least.
+        # A better solution has at least as many steps or stages.
         self.max_steps = better.most_steps(solver.points.n, solver.points.first_order) // self.step_ratio
 
     def chunks(self, steps: int, positions: Array) -> list[Array]:
@@ -71,8 +73,8 @@ class Comparison(ABC):
     def roundoff(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
         """Round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
 
-        To the round-off of the maps is added that of the coefficients, if it may exceed the `errors` (k, 2):
-        differences from solutions with slightly different entries."""
+        The round-off of the coefficients is added to that of the maps if it may exceed the `errors` (k, 2).
+        It is the difference from solutions with slightly different entries."""
         solver, roundoff = self.solver, roundoff_errors(solutions)
         may_exceed = roundoff * solver.rounding_amplification(positions)[:, None] > errors
         rows = across(np.logical_or, may_exceed[:, 0 if solver.request.orbit else 1 :]).nonzero()[0]
@@ -95,7 +97,7 @@ class Comparison(ABC):
         self, points: Points, rigid: Free | None, steps: int, positions: Array, solutions: Solutions
     ) -> Array:
         """Differences (k, 2) between the solutions of points at positions (k,) and the solutions with other
-        coefficients on the same grid; infinite if the latter do not exist."""
+        coefficients on the same grid; infinite if there is no solution with the other coefficients."""
         change = np.full((len(positions), 2), np.inf)
         other = self.solver.solve_points(self.solver.method.corrector, points, steps, rigid)
         rows = other.known
@@ -151,7 +153,7 @@ class DoubledSteps(Comparison):
         method, points = self.solver.method, self.solver.points[positions]
         if not method.samples_evenly:
             return np.zeros((len(points), 2))
-        # A Fourier series couples each of its harmonics with those of the coefficients.
+        # Each harmonic of a Fourier series is coupled to the harmonics of the coefficients.
         resolved = steps // (2 if method.spectral else 1)
         aliased = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
         return np.column_stack(tuple(aliased)) * _AMPLIFICATION
@@ -169,9 +171,9 @@ def comparison_of(points: Points, method: Method, request: SolveRequest) -> Comp
 def _signs(n: int) -> Array:
     """Changes (1, 3n² + n) of the entries of M, C, K and d, in units of round-off.
 
-    Those of the diagonals of a symmetric stiffness do not cancel: their effect on a mode x is Σ x_i² K_ii,
-    and at least 1/n of Σ |x_i K_ij x_j|. The factors differ, so that changes of two terms that balance each
-    other in a mode do not cancel either."""
+    Changes of the diagonal of a symmetric stiffness do not cancel: their effect on a mode x is Σ x_i² K_ii,
+    which is at least 1/n of Σ |x_i K_ij x_j|. The changes have different factors, so that changes of two
+    terms that balance each other in a mode do not cancel."""
     diagonal = np.eye(n).ravel()
     return np.concatenate((-diagonal, 2 * diagonal, diagonal, (-1.0) ** np.arange(n)))[None]
 

@@ -1,7 +1,5 @@
-"""Checks of a solution that are independent of its error estimate, with the scales of their relative errors.
-
-The checks are Liouville's formula, the residual of the equation of motion, and one correction of Newton's
-method."""
+"""Checks of a solution that are independent of its error estimate, and scales of relative errors. The checks
+are Liouville's formula, the residual of the equation of motion, and one correction of Newton's method."""
 
 import math
 from dataclasses import dataclass
@@ -25,13 +23,13 @@ from solve.period.points import Multiplied, OnePoint
 from solve.system import PeriodicSystem, in_phase
 
 CANCELLED = 1e-3
-"""Fraction of the load scale below which a coordinate is small by cancellation: forces that cancel to three
-digits, a choice. If they cancel less, errors are relative to max|q|, as `rtol` is."""
+"""Fraction of the load scale below which a coordinate is small by cancellation of forces to three digits. A
+choice. With less cancellation, errors are relative to max|q|, as `rtol` is."""
 
 _AT_REST = 16
-"""Multiple of the round-off of the loads up to which a coordinate is zero. The round-off is a bound to first
-order, and diagonal impedances, by which it is divided, neglect that modes amplify it. Between 1 and 1000 it
-works for every equilibrium tried."""
+"""Multiple of the round-off of the loads up to which a coordinate counts as zero. The round-off is a
+first-order bound. It is divided by diagonal impedances, which neglect its amplification by modes. All values
+between 1 and 1000 work for every equilibrium tried."""
 
 _MAY_BE_ROUND_OFF = 1e-2
 """Relative residual or correction above which it may consist of round-off; pure round-off gives about 1."""
@@ -42,9 +40,9 @@ class CoordinateScale:
     """Scales of the coordinates of a system linearised along a motion, at a speed in rad/s, on a grid.
 
     A coordinate may be small because the forces on it cancel: at an antiresonance, at an equilibrium, by
-    symmetry. Its largest modulus is then no measure. Its load scale is the vibration that the largest single
-    force on it, a load or the force of another coordinate, would cause against its own stiffness, damping and
-    inertia,
+    symmetry. Its largest modulus is then not a suitable scale. Its load scale is the vibration that the
+    largest single force on it, a load or the force of another coordinate, would cause against its own
+    stiffness, damping and inertia,
 
         B_i = max_f Σ_k |f_ik| / (|M_ii| (kΩ)² + |C_ii| kΩ + |K_ii|),    k: harmonics of the force f on row i,
 
@@ -74,8 +72,8 @@ class CoordinateScale:
         return _AT_REST * EPS * self._load_terms
 
     def load_roundoff(self, largest: Array) -> float:
-        """Largest relative error of coordinates with these largest moduli (n,) by the round-off of the loads;
-        coordinates that are zero have none."""
+        """Largest relative error, due to the round-off of the loads, of coordinates with these largest moduli
+        (n,). Coordinates that are zero are omitted."""
         error = EPS * self._load_terms
         return float(np.where(largest > 0, error / np.where(largest > 0, largest, 1.0), 0.0).max())
 
@@ -94,7 +92,7 @@ class CoordinateScale:
 
     @cached_property
     def _load_terms(self) -> Array:
-        """Displacements (n,) due to the individual terms that are summed to the loads."""
+        """Displacements (n,) due to the individual terms of the loads."""
         return self._displacements(roundoff_of(self.along, self._phases, self.speed))
 
     @cached_property
@@ -131,7 +129,7 @@ def corrected(
     """Next Newton iterate from a motion, on a grid over the period of the motion.
 
     It is the solution of the system linearised along the motion, with equations multiplied by factors (1, n).
-    Raises SolveError if that has no solution, LinearModelError for linear systems."""
+    Raises SolveError if the linearised system has no solution, LinearModelError for linear systems."""
     along = nonlinear_of(system).along(motion, columns_by(engine))
     return solved_along(along, speed, method, grid, engine, factors)
 
@@ -162,7 +160,7 @@ def linearisation_error(
 ) -> Array:
     """Estimated distance (n,) of the nonlinear orbit from a linear one.
 
-    It is one Newton correction relative to the scale of each coordinate; NaN if the correction has no
+    It is one Newton correction, relative to the scale of each coordinate; NaN if the linearised system has no
     solution."""
     try:
         solutions = corrected(system, motion, speed, method, grid, engine)
@@ -205,6 +203,6 @@ def equation_residual(
     scale = np.max([np.abs(term).max(axis=0) for term in (*terms, d)], axis=0)
     residual = np.abs(sum(terms) - d).max(axis=0)
     if (residual > _MAY_BE_ROUND_OFF * scale).any():
-        # If all terms are round-off, the residual is relative to the summands of the load.
+        # If all terms are round-off, the residual is relative to the individual terms of the load.
         scale = np.maximum(scale, roundoff_of(system, phase, speed).max(axis=0))
     return float(np.max(residual / np.where(scale > 0, scale, 1.0)))

@@ -16,7 +16,7 @@ from solve.period.grid import Grid
 from solve.period.period_map import at_rest
 
 PHASES_PER_STEP = 4
-"""Smallest number of phases per step at which curves are compared. With 2 and 8, 65 results on 14 systems of
+"""Smallest number of phases per step at which curves are compared. With 2 or 8, 65 results on 14 systems of
 both populations remain honest with the same verdicts."""
 
 SAFETY = 2.0
@@ -24,7 +24,7 @@ SAFETY = 2.0
 first order, and is at least half of it in 99.8 % of the stored population."""
 
 NO_DIGIT = 0.1
-"""Relative error above which a number is not accurate to even one digit."""
+"""Relative error above which a value is not accurate to even one digit."""
 
 ROUND_OFF = 64 * EPS
 """Relative size below which a value is the round-off of its computation: a choice, some ten operations above
@@ -73,11 +73,12 @@ def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
 
 
 def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
-    """Scales (P, n) for the errors of coordinates: the `largest` moduli, unless these are round-off.
+    """Scales (P, n) for the errors of coordinates: the `largest` moduli, or the load scale where these are
+    round-off.
 
     If forces on a coordinate cancel, the condition number contains the ratio of these forces to the
-    coordinate. The `roundoff` (P,) is then relative to the coordinate, which has a digit if it is below
-    `NO_DIGIT`."""
+    coordinate. The `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if
+    `roundoff` is below `NO_DIGIT`."""
     limit = np.maximum(roundoff, at_rest(roundoff))[:, None]
     is_small = largest <= limit * largest.max(axis=1, keepdims=True)
     if not is_small.any():

@@ -2,15 +2,16 @@
 
 Harmonics that the azimuths do not resolve are missing, and alias to resolved ones.
 
-- A solution with fewer harmonics differs from that with all by the effect of the dropped ones. Two such
-  differences give the rate at which the effect falls with the harmonic, and by extrapolation that of the
-  missing ones.
-- A solution from every second or third azimuth differs by harmonics near k/2 or k/3, of k azimuths, that
-  alias to the lowest ones. With k azimuths those near k do; they are smaller by the decay of the amplitudes.
-- A solution with means that are shifted by these amplitudes differs as much.
+- A solution with fewer harmonics of the samples differs from the solution with all of them by the effect of
+the omitted harmonics. Two such differences give the decay rate of the effect, and by extrapolation the effect
+of the missing harmonics.
+- With k azimuths, harmonics near k alias to the lowest harmonics. A solution from every second or third
+azimuth contains the alias of harmonics near k/2 or k/3 instead. The decay of the amplitudes relates the two
+effects.
+- A solution with means shifted by the amplitudes near k estimates the same effect.
 
-The larger error counts. It is zero if the harmonics are seen to end: higher ones that alias to some below
-this end are not seen."""
+The larger error is used. It is zero if the harmonics of the samples end below the resolved range. Higher
+harmonics that alias into the harmonics below this end are not detected."""
 
 import math
 from collections.abc import Callable
@@ -39,10 +40,11 @@ _FEWEST = 2
 
 _FLAT = 0.9
 """Ratio of the effects of successive multiples above which the harmonics count as not decaying. A choice: at
-this ratio one digit takes 22 multiples."""
+this ratio, one more accurate digit requires 22 multiples."""
 
 _MOST_AZIMUTHS = 100_000
-"""Number of azimuths above which none is recommended: the harmonics hardly decay. A choice."""
+"""Largest number of azimuths that is recommended. If more are required, the harmonics hardly decay. A
+choice."""
 
 
 class _Effect(NamedTuple):
@@ -58,8 +60,8 @@ def with_interpolation_errors(
 ) -> Certified:
     """Solved points with error estimates that include the interpolation of their samples.
 
-    Points of systems that are not sampled remain unchanged. system_at: system and speed (rad/s) of one of
-    them."""
+    Points of systems that are not sampled remain unchanged. system_at: function that returns the system and
+    speed (rad/s) of a point."""
     if not len(result) or system_at(0)[0].capabilities.samples is None:
         return result
     found = []
@@ -80,7 +82,7 @@ def with_interpolation_errors(
 
 
 def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers:
-    """Multipliers with an additional error, relative to the spectral radius, in all of them."""
+    """Multipliers whose errors are increased by `error`, relative to the spectral radius."""
     sizes = np.real(refined.logarithms)
     with np.errstate(over="ignore", invalid="ignore"):
         errors = refined.errors + error * np.exp(sizes.max() - sizes)
@@ -103,7 +105,7 @@ def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float)
     except SolveError:
         return InterpolationError(samples.azimuths, last, math.inf, math.inf, None)
     effects = [_Effect(number, change) for number, change in zip(kept, changes, strict=True)]
-    # Fits to azimuths that are not uniform err less regularly: the last difference counts as it is.
+    # Errors of fits to non-uniform azimuths decay irregularly: the last difference is not extrapolated.
     next_one = resolved + 1 if samples.given is None else effects[-1].kept + 1
     errors = SAFETY * samples.amplification * _extrapolated(effects, next_one)
     errors = np.maximum(errors, SAFETY * aliased)

@@ -24,10 +24,12 @@ from solve.period.product_eigenvalues import (
 )
 
 _SAME_NODE = 1e-12
-"""Distance of nodes in rad that counts as round-off. A choice: some thousand times the unit round-off."""
+"""Distance between nodes in rad that counts as round-off. A choice: several thousand times the unit
+round-off."""
 
 SURE = 10.0
-"""Ratio of a difference of exponents that counts to their errors, which are estimates: a choice."""
+"""Smallest ratio between the difference of two exponents and their estimated errors for which they are
+distinct. A choice."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +116,8 @@ class ModeVectors:
 
 
 def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engine: str) -> ModeVectors:
-    """Modes of a point by a method with step maps. Errors are estimated by one more stage per step and are at
-    least `rtol` of the multipliers. Raises SolveError subclasses."""
+    """Modes of a point by a method with step maps. Errors are estimated by one more stage per step and
+    correspond to relative errors of the multipliers of at least `rtol`. Raises SolveError subclasses."""
     finer = method.with_another_stage
     assert finer is not None
     frozen_modes = frozen(point)
@@ -151,8 +153,8 @@ def _rigid(point: OnePoint, logarithms: Array) -> Array:
 
 
 def _inertia(point: OnePoint, modes: FrozenModes, units: Array) -> Array:
-    """Mean of the diagonal of M (n,), relative to its largest entry. With states of first order, which have
-    no inertia, the squares of the units (N,) that balance the maps of the steps."""
+    """Mean of the diagonal of M (n,), relative to its largest entry. For systems with first-order states,
+    which have no inertia, the squares of the units (N,) that balance the step maps."""
     if point.first_order:
         return 1 / units[: point.n] ** 2
     mean = np.abs(modes.mean_mass[0].diagonal())

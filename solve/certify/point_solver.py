@@ -1,4 +1,4 @@
-"""Solver of points by one method on a grid, with the reasons of points without a solution."""
+"""Solver of points by one method on a grid, with the reasons why points have no solution."""
 
 import math
 from collections.abc import Iterator
@@ -22,16 +22,16 @@ from solve.period.rigid_body import Free
 from solve.terminal import progress
 
 _MEMORY = 2**25
-"""Bytes of the points that are solved at a time."""
+"""Memory, in bytes, of the points that are solved at a time. A choice."""
 
 _WORK = 1e9
-"""Multiplications for the points that are solved at a time: some tenths of a second, during which an
-interruption waits."""
+"""Multiplications for the points that are solved at a time. They take some tenths of a second, which is the
+longest delay of an interruption."""
 
 _AMPLIFIED = 32.0
-"""Divisor of the bound of the effect of entries. With 32, this effect is at most 0.7 of the bound on 430
-grids of systems of both populations, of stiff modes in turned axes, and of models; with 16 and 64, 80
-estimates of stiff modes remain honest."""
+"""Divisor of the bound on the effect of round-off in the entries. With 32, the effect is at most 0.7 of the
+bound on 430 grids of systems of both populations, of systems with stiff modes in rotated axes, and of models.
+With 16 and 64, 80 estimates of stiff modes do not fall below the errors."""
 
 _DRIVEN = 1e-9
 """Mean acceleration of a free machine, relative to its accelerations, that counts as zero. Measured round-off
@@ -75,8 +75,8 @@ class PointSolver:
 
     @cached_property
     def equations(self) -> Points:
-        """Points with balanced equations. They are not balanced for methods that do not converge, because row
-        factors change the modal masses and hence the result of these methods."""
+        """Points with balanced equations. For methods that do not converge the equations are not balanced,
+        because row factors change the modal masses and hence the results of these methods."""
         return balanced(self.points, self.modes) if self.method.converges else self.points
 
     @cached_property
@@ -91,7 +91,7 @@ class PointSolver:
 
         The round-off of the largest rate ω₁ changes the smallest one, ω₂, by ε ω₁²/2ω₂ at most, and a
         multiplier by T times this. The change is also at most that of ω₁ T by as many ε as terms of the
-        stiffness cancel. A coordinate alone has no other one whose round-off it receives."""
+        stiffness cancel. For a single coordinate the bound is zero."""
         if self.points.n == 1:
             return np.zeros(len(positions))
         (least, largest), T = self._extreme_rates[:, positions], self.points.period
@@ -134,12 +134,12 @@ class PointSolver:
     def unstable_points(self, steps: Any, positions: Array) -> Iterator[Failed]:
         """Failures of points at which the method is unstable with these steps.
 
-        Raises StepsError for a number that the method cannot use at any point.
+        Raises StepsError if the method cannot use this number at any point.
         """
         self.method.require_steps(steps, self.points)
         for position in positions[steps < self.min_steps[positions]].tolist():
             reason = StepsError(
-                f"{self.method.name} with {steps} steps a period is beyond its stability limit; use at "
+                f"{self.method.name} with {steps} steps per period exceeds its stability limit; use at "
                 f"least {self.min_steps[position]} steps, or a method without a stability limit (radau)"
             )
             yield Failed(position, reason)
@@ -175,8 +175,8 @@ class PointSolver:
     def certify(
         self, positions: Array, solutions: Solutions, errors: Array, absolute: Array
     ) -> Iterator[Certified | Failed]:
-        """Points with their errors (k, 2), and absolute errors (k,) of the multipliers; those whose load
-        drives a rigid-body mode fail."""
+        """Solved points with their errors (k, 2), and absolute errors (k,) of the multipliers. Points whose
+        load drives a rigid-body mode fail."""
         errors[:, 0] += solutions.defect
         if solutions.free is not None and solutions.driven is not None and self.request.orbit:
             is_driven = solutions.driven > _DRIVEN + 10 * errors[:, 0]
@@ -211,7 +211,7 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
     if not np.isfinite(determinants).all():
         return None
     median = np.median(np.abs(determinants))
-    # Eight intervals, each a sixteenth of the last: the phase is then known to round-off.
+    # Eight successive intervals, each a sixteenth of the previous one, determine the phase to round-off.
     for _ in range(8):
         is_smooth = np.diff(_jumps_before(point, phases)) == 0
         changes = ((determinants[1:] * determinants[:-1] < 0) & is_smooth).nonzero()[0]

@@ -5,7 +5,7 @@ coordinates contribute at low frequency. The residual of the reduced orbit in th
 orthogonal to the reduced basis; the response to it is the difference of both orbits. For a linear functional
 of the orbit this is the dual-weighted residual with the adjoint solution of the enriched system (R. Becker,
 R. Rannacher, Acta Numerica 10 (2001) 1), here for all coordinates, outputs and multipliers from one solution.
-It holds near resonance too, as nothing is linearised in the change of the operator.
+The estimate is valid near resonance too, as it does not linearise in the change of the operator.
 
 Measured on the four-bar with 3 and 5 elements and 1 to 5 modes per link at 10 to 90 rad/s, errors of
 multipliers are 0.35 to 1.2 times their estimates. Verdicts therefore allow for twice the estimate."""
@@ -36,8 +36,8 @@ def with_reduction_errors(
 ) -> Certified:
     """Points with the errors of their reduction, which widen the margins of the verdicts.
 
-    Points of systems that are not reduced remain unchanged. system_at: system and speed (rad/s) of one of
-    them."""
+    Points of systems that are not reduced remain unchanged. system_at: function that returns the system and
+    speed (rad/s) of a point."""
     if not len(result) or system_at(0)[0].capabilities.reduction is None:
         return result
     errors, margins = [], []
@@ -119,8 +119,8 @@ def _orbit_errors(
 ) -> tuple[float, dict[str, float]]:
     """Largest relative error of the coordinates of the full system, and relative errors of the outputs.
 
-    Orbits are compared at 720 phases at least. Coordinates below 1e-12 of the largest displacement are at
-    rest except for round-off."""
+    Orbits are compared at 720 phases at least. Coordinates below 1e-12 of the largest displacement count as
+    zero."""
     reduction = system.capabilities.reduction
     assert reduction is not None
     count = max(720, 2 * len(reduced.nodes))

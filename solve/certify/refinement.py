@@ -32,18 +32,19 @@ STEPS = "steps"
 """Name of the progress counter for the steps of a single solution."""
 
 _MAX_GROWTH = 6.0
-"""Largest ratio of the steps of successive grids. With 3 and 12, 65 results on 14 systems of both populations
-remain honest with the same verdicts."""
+"""Largest ratio of the steps of successive grids. With 3 and 12, the errors of 65 results on 14 systems of
+both populations stay within their estimates, and the verdicts are the same."""
 
 _UNKNOWN = 0.5
-"""Estimate above which an error is infinite: it may then be as large as the result. With 0.25 and 1, 65
-results on 14 systems of both populations remain honest with the same verdicts."""
+"""Estimate above which an error is reported as infinite, because it may be as large as the result. With 0.25
+and 1, the errors of 65 results on 14 systems of both populations stay within their estimates, and the
+verdicts are the same."""
 
 
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:
     """Solutions with error estimates. Each point is yielded once, in groups as they are completed.
 
-    The grid has the given number of `steps`, or is the first one with errors of at most `rtol` or of
+    The grid has the given number of `steps`, or is the first grid whose errors are at most `rtol` or the
     round-off. Errors are differences from a better solution, see `Comparison`. A point fails with
     ResonanceError if an orbit is requested and a multiplier equals +1 within the difference of both
     solutions. Raises StepsError for `steps` that the method cannot use at any point."""
@@ -96,9 +97,9 @@ def _at_positions(result: Certified | Failed, positions: Array) -> Certified | F
 class _GridComparison:
     """Two solutions of the same points on related grids.
 
-    positions (k,) of the points; errors (k, 2) of the first solution; roundoff (k, 2): its round-off errors;
-    tolerances (k, 2): of its errors, at least their round-off; remainder
-    (k,): what is left of a disturbance after a period in modes that the steps do not resolve."""
+    positions (k,) of the points; errors (k, 2) of the first solution; roundoff (k, 2): round-off errors of
+    the first solution; tolerances (k, 2): allowed errors, at least the round-off; remainder (k,): what
+    remains, after a period, of a unit disturbance in modes that the steps do not resolve."""
 
     positions: Array
     solutions: Solutions
@@ -118,7 +119,7 @@ class _GridComparison:
 
     @property
     def underflows(self) -> Array:
-        """Whether (k,) a point's multipliers are round-off of the entries of Φ."""
+        """Whether (k,) all multipliers of a point are below the round-off of the entries of Φ."""
         return self.solutions.multipliers.spectral_radius < UNDERFLOW
 
 
@@ -202,14 +203,12 @@ class _Refinement:
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
         """Whether (k,) points need no finer grid.
 
-        A point is accepted if
+        A point is accepted if 1. each of its errors is at most the tolerance, or is round-off that two grids
+        did not reduce; 2. features of the coefficients between the samples cause no larger errors; 3. a finer
+        grid would not decide an open verdict.
 
-        1. each of its errors is at most the tolerance, or is round-off that two grids did not reduce;
-        2. features of the coefficients between the samples cause no larger errors;
-        3. a finer grid would not decide an open verdict.
-
-        On the last grid every point is accepted; its errors state what is reached. Errors are increased in
-        place by those of features between the samples."""
+        On the last grid every point is accepted; its errors state the accuracy reached. Errors are increased
+        in place by those due to features between the samples."""
         is_reached = (pair.errors <= pair.tolerances) | self._is_stalled_roundoff(pair) | is_last
         accepted = across(np.logical_and, is_reached)
         rows = accepted.nonzero()[0]
@@ -249,9 +248,9 @@ class _Refinement:
     def _next_steps(self, steps: int, pair: _GridComparison) -> Array:
         """Steps (k,) of the next grid, on which errors reach the aim with the order of the method.
 
-        They are doubled if the errors are small enough, but another condition fails. On the second grid of a
-        point they grow by 4/3 at least, later by 2, because errors then decrease more slowly than with the
-        order of the method."""
+        Steps are doubled if the errors are small enough but another condition fails. The second grid of a
+        point has at least 4/3 as many steps as the first; later grids have at least twice as many, because
+        errors then decrease more slowly than the order of the method implies."""
         orders, errors, tolerances = np.minimum(self.solver.orders, 20), pair.errors, pair.tolerances
         growth = np.where(errors <= tolerances, 1.0, (errors / (AIM * tolerances)) ** (1 / orders))
         growth = np.where(np.isfinite(errors), growth, 2.0).max(axis=1)
@@ -260,7 +259,7 @@ class _Refinement:
         return np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
 
     def _certify(self, pair: _GridComparison) -> Iterator[Certified | Failed]:
-        """Certify points; those with a multiplier +1 fail if an orbit is requested."""
+        """Certify points. Points with a multiplier +1 fail if an orbit is requested."""
         solutions, underflows = pair.solutions, pair.underflows
         rho, better = solutions.multipliers, pair.better.multipliers
         resonant = self._is_resonant(pair) if self.request.orbit else np.zeros(len(pair), dtype=bool)
@@ -291,13 +290,13 @@ class _Refinement:
 
     def _unstable(self, least: int) -> StepsError:
         return StepsError(
-            f"{self.method.name} needs at least {least} steps a period for stability, and takes at "
+            f"{self.method.name} requires at least {least} steps per period for stability, but allows at "
             f"most {self.max_steps}; use a method without a stability limit (radau)"
         )
 
 
 def _add(pending: dict[int, list[Array]], steps: Array, positions: Array) -> None:
-    """Add points at positions (k,) to the pending ones of grids with these steps (k,)."""
+    """Add points at positions (k,) to the pending points of grids with these numbers of steps (k,)."""
     for size in unique_integers(steps) if len(steps) else ():
         pending.setdefault(size, []).append(positions[steps == size])
 

@@ -18,22 +18,22 @@ from solve.period.pencils import residual_amplitude
 from solve.period.points import Points
 
 MIN_STEPS = 8
-"""Fewest steps of a grid: a choice."""
+"""Smallest number of steps of a grid: a choice."""
 
 _MAX_FIRST_STEPS = 2**14
-"""Most steps of a first grid: a choice, because a prediction of more is not reliable."""
+"""Largest number of steps of a first grid: a choice, because predictions of more steps are not reliable."""
 
 UNDERFLOW = 1e-30
 """Spectral radius below which the multipliers of Φ are round-off of its entries."""
 
 AIM = 0.3
-"""Fraction of `rtol` that a grid aims at. Between 0.15 and 0.6 the number of steps changes by less than 10
-%."""
+"""Fraction of `rtol` that a grid aims at. Measured: between 0.15 and 0.6 the number of steps changes by less
+than 10 %."""
 
 _UNRESOLVED = 0.25
 """Relative error of a mode over the period above which it is unresolved: a quarter of a radian of phase, far
-below half a revolution, where two solutions may agree by chance. Half and twice leave 65 results on 14
-systems of both populations honest with the same verdicts."""
+below half a revolution, where two solutions may agree by chance. With half and twice this value, the errors
+of 65 results on 14 systems of both populations stay within their estimates, and the verdicts are the same."""
 
 
 def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float) -> Array:
@@ -51,7 +51,7 @@ def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool,
     c, p, T = method.error_constant, method.order, modes.period
     rates, remaining = modes.rates_and_decay(UNDERFLOW)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        # The varying coefficients add harmonics of the speed, about 1.5 of them, to the frozen rates.
+        # The variation of the coefficients adds about 1.5 times the speed to the frozen rates.
         mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)
         harmonic_powers = _harmonic_powers(harmonics(points, orbit), rates.max(axis=1), T, p)
         steps = (c / (AIM * rtol) * np.maximum(mode_powers, harmonic_powers)) ** (1 / p)
@@ -64,7 +64,7 @@ def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> A
 
     Harmonics above the `fastest` mode (P,), ω₁, have the additional weight (ω₁/ω)³: inertia reduces the
     response by (ω₁/ω)², and local errors accumulate over a period of the mode only. The factor 1.25 on ω
-    accounts for the harmonics of the response, which adds its own to those of the coefficients."""
+    accounts for the response, whose harmonics extend beyond those of the coefficients."""
     omega = np.arange(1, amplitudes.shape[1]) * 2 * np.pi / T
     response = 3 * np.minimum(np.log(fastest)[:, None] - np.log(omega), 0.0)
     powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
@@ -91,12 +91,13 @@ def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed
     method : Method
         With a stability function, or with a largest angle ω h per step.
     modes : FrozenModes
-        FrozenModes modes of P points.
+        Modes of P points with frozen coefficients.
     steps : int
         Steps per period.
     allowed : (P,)
-        Remainder that does not matter. If that at a sixteenth of the phases is below a tenth of it, this
-        decides; the two differ by at most a factor of 1.2 for the models of this project.
+        Remainder that is acceptable. If the remainder computed at a sixteenth of the phases is below a tenth
+        of it, it is returned; the remainder at all phases differs by at most a factor of 1.2 for the models
+        of this project.
 
     Returns
     -------
@@ -148,7 +149,7 @@ def _unresolved_factors(stages: Collocation, z: Array, steps: int) -> tuple[Arra
 
 
 def _resolved_angle(method: Method, steps: int) -> float:
-    """Largest h|λ| for which all modes that do not grow are resolved over this number of steps."""
+    """Largest h|λ| for which all non-growing modes are resolved over this number of steps."""
     if method.stages is not None:
         return _collocation_angle(method.stages, steps)
     return min(method.follows, float(method.in_phase(np.array(steps), _UNRESOLVED)) / steps)

@@ -23,7 +23,7 @@ class Program(NamedTuple):
     listed : mapping of str to str
         Description of each command for `--help`: the first line of its docstring.
     about : str or None
-        Description of the program; None for one with a single command.
+        Description of the program; None for a program with a single command.
     example : str
         Arguments of an example.
     modules : mapping of str to str
@@ -43,7 +43,7 @@ class Program(NamedTuple):
         return command_line.run_cli(self.name, self._run_command, arguments, SolveError)
 
     def main(self) -> NoReturn:
-        """Entry point of the module."""
+        """Entry point of the program when its module is executed."""
         command_line.main(self.name, self._run_command, SolveError)
 
     def commands(self, called: str | None = None) -> "typer.Typer":
@@ -74,7 +74,8 @@ COMMANDS = {
     "chart": "Stability over two quantities, with named boundaries.",
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
     "modes": "Floquet modes followed over the speed or a parameter: frequencies, damping, veerings.",
-    "transient": "Start-up from any state until the periodic vibration is reached; run-up to a speed.",
+    "transient": "Transient at constant speed from given initial conditions to the periodic orbit; or "
+    "run-up or run-down.",
     "sensitivity": "Derivatives of quantities with respect to parameters and speed, at one or many speeds.",
     "fit": "Parameters of the model from measured vibration, with confidence intervals.",
     "optimise": "Optimum of parameters: least vibration over speeds, stable, within bounds.",

@@ -15,11 +15,11 @@ def branch(
     speeds: Annotated[str | None, Flag("First and last speed.", '"A:B unit"')] = None,
     over: Annotated[
         list[str] | None,
-        Flag("Parameter from A to B instead of the speed, unit optional.", '"NAME=A:B unit"'),
+        Flag("Vary a parameter from A to B instead of the speed; unit optional.", '"NAME=A:B unit"'),
     ] = None,
     switch: Annotated[bool, Flag("Also follow the branches that begin at period doublings.")] = False,
     follow: Annotated[
-        str | None, Flag("Follow folds or doublings over two parameters, --over twice.", "fold|doubling")
+        str | None, Flag("Follow folds or doublings over two parameters; give --over twice.", "fold|doubling")
     ] = None,
     scatter: Annotated[
         int | None, Flag("Instead of a branch: orbits reached from N random initial states.", "N")
@@ -78,4 +78,6 @@ def _require_one_range(speed: Speed, speeds: str | None, over: list[str]) -> Non
             "--speed is a constant speed, and nothing varies; add --over NAME=A:B, or give --speeds instead"
         )
     if over and speeds is not None:
-        raise ValueOutOfBoundsError("--over and --speeds are both given; give --speed with --over")
+        raise ValueOutOfBoundsError(
+            "--over and --speeds are both given; give --over, with --speed if needed, or --speeds"
+        )

@@ -22,7 +22,7 @@ def control(
     feedforward: Annotated[bool, Flag("Add the periodic input that is optimal under the load.")] = False,
     vibration: Annotated[bool, Flag("Add the periodic vibration without and with feedback.")] = False,
     margin: Annotated[
-        str | None, Flag("Parameters whose smallest change that destabilises is computed.", '"k1, c1"')
+        str | None, Flag("Parameters whose smallest destabilising change is computed.", '"k1, c1"')
     ] = None,
     out: Annotated[str | None, Flag("Write the controller: .c with .h, or .mat.", "FILE")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,

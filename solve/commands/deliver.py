@@ -43,9 +43,9 @@ def deliver_result(
     """Write and print the output requested by the flags. Standard output contains only tables or JSON.
 
     record, report, figure: functions that return them; by default the methods of the result. beside:
-    functions that return further pictures and texts, by file. choices: texts of --set and --option. notes:
-    printed before the warnings. Raises ContradictionError at the end if the proof contradicts the result.
-    A file of data contains the proof, if there is one.
+    functions that return further pictures and texts, by the file to which these are written. choices: texts
+    of --set and --option. notes: printed before the warnings. Raises ContradictionError at the end if the
+    proof contradicts the result. A file of data contains the proof, if there is one.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}

@@ -70,8 +70,8 @@ _NONE: Varied = MappingProxyType({})
 _NO_VALUES: Mapping[str, float | str] = MappingProxyType({})
 
 _MOST_TRIALS = 4096
-"""Maximum number of combinations of varied parameters that are tried as values of the model; limits the time
-until a study is refused. A choice."""
+"""Maximum number of combinations of varied parameters with which loading the model is tried before a study is
+rejected. A choice that limits the time."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Numbers(CaseNumbers):
     ] = None
 
     def of(self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
-        """Model with that name. Raises NoMotionError for a model without equations of motion and
+        """Model with the given name. Raises NoMotionError for a model without equations of motion and
         NoVibrationError for one without coordinates, unless the study permits them."""
         model = self._first_model(name, varied)
         if not still and (model.labels.vibrates or not rigid):
@@ -131,8 +131,8 @@ class Numbers(CaseNumbers):
         return missing_parameters(name, self.case, self.cases, self.parameters)
 
     def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
-        """Setup of the named model. values: of parameters that neither the case nor --set specifies. Raises
-        SolveError subclasses for invalid input."""
+        """Setup of the named model. values: values of parameters that neither the case nor --set specifies.
+        Raises SolveError subclasses for invalid input."""
         options: dict[str, Any] = assignments("--option", self.option or [])
         if self.reduce is not None:
             if REDUCE in options:
@@ -161,8 +161,8 @@ class Problem(Numbers):
     ]
 
     def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
-        """Model that the user names, see `Numbers.of`, or system of other files, see `solve.load`. Raises
-        SolveError subclasses."""
+        """Model named by the user, see `Numbers.of`, or system read from other files, see `solve.load`.
+        Raises SolveError subclasses."""
         if not is_system_file(self.model):
             return self.of(self.model, still, rigid, varied)
         if self.cases is not None:
@@ -194,7 +194,7 @@ class Speed:
     """Flag for one speed of rotation."""
 
     speed: Annotated[
-        str | None, Flag("Speed with unit (rpm, rad/s, Hz); by default that of the case.", '"600 rpm"')
+        str | None, Flag("Speed with unit (rpm, rad/s, Hz); by default the speed of the case.", '"600 rpm"')
     ] = None
 
     def omega(self, model: PeriodicSystem) -> float:
@@ -270,9 +270,11 @@ class Proving:
         False
     )
     digits: Annotated[
-        int | None, Flag("With --prove: decimal digits of multipliers; 20 by default.", "N")
+        int | None, Flag("With --prove: decimal digits of the multipliers; 20 by default.", "N")
     ] = None
-    rounded: Annotated[bool, Flag("With --prove: for all numbers that round to the given ones.")] = False
+    rounded: Annotated[
+        bool, Flag("With --prove: prove the results for all numbers that round to the given numbers.")
+    ] = False
     workers: Annotated[
         int | None, Flag("With --prove: number of processes on this machine that compute steps.", "N")
     ] = None
@@ -311,7 +313,9 @@ class Moved:
 
     by: Annotated[
         list[str] | None,
-        Flag("Instead, derivatives of these speeds with respect to a parameter; repeatable.", "NAME"),
+        Flag(
+            "Compute instead the derivatives of these speeds with respect to a parameter; repeatable.", "NAME"
+        ),
     ] = None
 
     def require_known(self, model: "Model") -> None:
@@ -344,8 +348,8 @@ class Places:
 
     @contextmanager
     def given(self) -> Iterator[dict[str, Any]]:
-        """Keywords `executor` and `store` of functions such as `solve.sweep`. Raises ValueOutOfBoundsError,
-        WorkersError, MissingLibraryError."""
+        """Keyword arguments `executor` and `store` of functions such as `solve.sweep`. Raises
+        ValueOutOfBoundsError, WorkersError, MissingLibraryError."""
         if self.workers is not None and self.scheduler is not None:
             raise ValueOutOfBoundsError("--workers and --scheduler are both given; give one of them")
         from solve.batch.task import cluster, processes

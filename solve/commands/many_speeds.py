@@ -43,10 +43,12 @@ def sweep(
     ] = None,
     turn: Annotated[
         str | None,
-        Flag("Instead, draw this coordinate or output over one period, a curve per point: up to 12.", "NAME"),
+        Flag(
+            "Draw instead this coordinate or output over one period, one curve per point, up to 12.", "NAME"
+        ),
     ] = None,
     nonlinear: Annotated[
-        bool, Flag("Orbits of the nonlinear equations, each found from its neighbour.")
+        bool, Flag("Orbits of the nonlinear equations, each started from its neighbour.")
     ] = False,
 ) -> None:
     """Periodic vibration and stability over many speeds, and values of parameters."""
@@ -74,8 +76,8 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s from --speeds or --speed; None if only parameters vary, which stands for the speed of
-    the case. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
+    """Speeds in rad/s from --speeds or --speed; None if only parameters vary; the speed of the case is then
+    used. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if speed.speed is not None:
@@ -100,7 +102,7 @@ def _check_turn(
     if results.plot is None:
         raise MissingValueError(f"--turn {name} draws a picture; add the file, such as --plot turn.png")
     if waterfall is not None:
-        raise ValueOutOfBoundsError("--turn and --waterfall draw one picture each; give one of them")
+        raise ValueOutOfBoundsError("--turn and --waterfall select two different pictures; give one of them")
     require_turn(model, name, count)
 
 
@@ -147,7 +149,7 @@ def chart(
         Flag("Add the line on which x or y has this value; repeatable.", "NAME=NUMBER[unit]"),
     ] = None,
     of: Annotated[
-        str | None, Flag("Draw this quantity: q3.max_abs, rho1.re, exponent1.re, …", "QUANTITY")
+        str | None, Flag("Draw this quantity, such as q3.max_abs, rho1.re, exponent1.re.", "QUANTITY")
     ] = None,
     tolerance: Annotated[float, Flag("Accuracy of boundaries, relative to the ranges.", "R")] = 1e-9,
     prove: Annotated[bool, Flag("Prove verdicts on boxes that cover the chart; needs python-flint.")] = False,
@@ -190,9 +192,8 @@ def _held(text: str, model: Model) -> tuple[str, float]:
 
 
 def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:
-    """Unstable bands between the lowest and the highest speed, their edges refined.
-
-    Speeds are added as the model needs them; narrow bands are looked for between them.
+    """Unstable bands between the lowest and the highest speed, their edges refined. Speeds are added where
+    the model requires more; narrow bands are searched for between the speeds.
     """
     omegas, model = speeds.omegas(), problem.loaded()
     moved.require_known(model)
@@ -207,7 +208,9 @@ def critical(
     results: Results,
     moved: Moved,
     of: Annotated[str | None, Flag("Coordinate or output; the first coordinate by default.", "NAME")] = None,
-    figure: Annotated[str, Flag("Statistic of |quantity| to maximise: max or rms.", "max|rms")] = "max",
+    figure: Annotated[
+        str, Flag("Statistic of |quantity| whose maxima are sought: max or rms.", "max|rms")
+    ] = "max",
     orders: Annotated[int, Flag("Highest order of integer divisions.", "K")] = 20,
     campbell: Annotated[bool, Flag("Draw the Campbell diagram alone.")] = False,
 ) -> None:

@@ -44,7 +44,9 @@ def periodic(
     data: Annotated[
         str | None, Flag("Measured vibration at this speed, drawn for comparison.", "FILE")
     ] = None,
-    fits: Annotated[bool, Flag("With --plot: the case's tables and the series fitted to them.")] = False,
+    fits: Annotated[
+        bool, Flag("With --plot: draw the tables of the case and the series fitted to them.")
+    ] = False,
     scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:
     """Periodic vibration, its spectrum and its stability."""
@@ -109,10 +111,10 @@ def _with_measured(
     report: Callable[[], RenderableType],
 ) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
     """Record, report and figure with the measured values. Raises ValueOutOfBoundsError."""
-    from solve.studies.measured import beside
+    from solve.studies.measured import compared_at_speed
     from solve.views.fit import compared_figure, differences_table
 
-    channels = beside(orbit, records)
+    channels = compared_at_speed(orbit, records)
     title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
     return (
         lambda: {**record(), "measured": [channel.record for channel in channels]},
@@ -152,7 +154,7 @@ def compare(
     omega, methods = speed.omega(model), _methods(method, settings.settings)
     result = solve.compare(model, omega, methods, steps, rtol or TARGETS)
     if all(row.reason for row in result.rows):
-        raise NoResultError(f"no method gives a result; {result.rows[0].method}: {result.rows[0].reason}")
+        raise NoResultError(f"no method has a result; {result.rows[0].method}: {result.rows[0].reason}")
     deliver_result(results, result, problem.choices)
 
 
@@ -179,17 +181,19 @@ def transient(
         str, Flag("Initial state; a saved .npz is continued from its end.", "FILE|rest|orbit")
     ] = "rest",
     nonlinear: Annotated[bool, Flag("Integrate the nonlinear equations of motion.")] = False,
-    rtol: Annotated[float, Flag("Tolerance to which the orbit is reached.", "R")] = 1e-3,
+    rtol: Annotated[float, Flag("Relative distance at which the orbit counts as reached.", "R")] = 1e-3,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     speeds: Annotated[
-        str | None, Flag("Run-up instead of one speed: linear in time; one end may be 0.", '"A:B unit"')
+        str | None,
+        Flag("Run-up or run-down instead of one speed, linear in time; one end may be 0.", '"A:B unit"'),
     ] = None,
 ) -> None:
-    """Start-up from any state until the periodic vibration is reached; run-up to a speed."""
+    """Transient at constant speed from given initial conditions to the periodic orbit; or run-up or
+    run-down."""
     model = problem.loaded()
     shown(model, show)
     if speeds is not None and speed.speed is not None:
-        raise ValueOutOfBoundsError("--speed is constant and --speeds varies; give one of them")
+        raise ValueOutOfBoundsError("--speed gives a constant speed and --speeds a run-up; give one of them")
     omega = speed.omega(model) if speeds is None else None
     result = solve.transient(model, omega, turns, start, nonlinear, rtol, speeds=speeds)
     deliver_result(results, result, problem.choices, figure=partial(result.plot, show))

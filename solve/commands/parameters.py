@@ -102,7 +102,10 @@ def optimise(
     ] = None,
     vary: Annotated[
         list[str] | None,
-        Flag("Tolerance or distribution, instead of the case's; repeatable.", '"NAME=±2 %"'),
+        Flag(
+            "Tolerance or distribution of a parameter, in addition to those of the case; repeatable.",
+            '"NAME=±2 %"',
+        ),
     ] = None,
     toml: Annotated[str | None, Flag("Write the optimal model as a case file (.toml).", "FILE")] = None,
     feedback: Annotated[
@@ -122,12 +125,14 @@ def optimise(
     model = problem.loaded()
     if feedback is not None:
         if toml is not None or robust is not None:
-            raise ValueOutOfBoundsError("--feedback allows neither --toml nor --robust; leave them out")
+            raise ValueOutOfBoundsError(
+                "--feedback allows neither --toml nor --robust; leave out --toml and --robust"
+            )
         model = solve.OutputFeedback(model, listed("--feedback", feedback), gain_harmonics, delay or 0.0)
         limits = model.bounds_of_gains(limits)
         names += model.gains
     elif gain_harmonics or delay is not None:
-        raise ValueOutOfBoundsError("--gain-harmonics and --delay are of a feedback; add --feedback NAME")
+        raise ValueOutOfBoundsError("--gain-harmonics and --delay require --feedback; add --feedback NAME")
     if missing := [name for name in names if name not in limits]:
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
     if not_free := [name for name in limits if name not in names]:
@@ -156,7 +161,8 @@ def tolerances(
     vary: Annotated[
         list[str] | None,
         Flag(
-            "Tolerance or distribution of a parameter; repeatable; in addition to the case's.", '"NAME=±2 %"'
+            "Tolerance or distribution of a parameter, in addition to those of the case; repeatable.",
+            '"NAME=±2 %"',
         ),
     ] = None,
     subject: Annotated[
@@ -168,7 +174,7 @@ def tolerances(
     ] = None,
     samples: Annotated[int, Flag("Number of samples for the probabilities.", "N")] = 4096,
     index_samples: Annotated[
-        int, Flag("Samples for Sobol indices, times the number of parameters plus 2; 0 for none.", "N")
+        int, Flag("Base number of samples for the Sobol indices; 0 for no indices.", "N")
     ] = 256,
     seed: Annotated[int, Flag("Seed of the random numbers.", "N")] = 0,
 ) -> None:

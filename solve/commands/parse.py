@@ -31,7 +31,7 @@ def fraction(text: str) -> float:
     >>> fraction("5%")
     0.05
     """
-    # Typer passes the default, a number, too.
+    # Typer also passes the default, which is a number.
     number, percent = str(text).removesuffix("%"), str(text).endswith("%")
     return _read(float, number, "a fraction, such as 5% or 0.05") / (100 if percent else 1)
 
@@ -61,7 +61,8 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
 
 
 def listed(flag: str, text: str) -> list[str]:
-    """Names from a text that separates them by commas. Raises ValueOutOfBoundsError for a repeated one.
+    """Names from a text in which names are separated by commas. Raises ValueOutOfBoundsError for a repeated
+    name.
 
     >>> listed("--free", "a1, a3")
     ['a1', 'a3']

@@ -51,7 +51,7 @@ def _with_flags(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _placeholder(description: str) -> Callable[..., None]:
-    """Function that represents a command in the list of `--help`."""
+    """Function that represents a command in the list of commands of `--help`."""
 
     def placeholder() -> None: ...
 

@@ -2,7 +2,7 @@
 
 The derivative of an extremum is that of the quantity at a fixed phase, since the derivative with respect to
 the phase is zero there (envelope theorem). An extremum in a corner of an output, at a jump of the matrices,
-moves with it.
+moves with the jump.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,9 +19,9 @@ from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import enough_samples
 
 _EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
-"""Relative difference of two extrema up to which either may be the largest; and difference of their
-derivatives, relative to the derivative over the period, up to which the choice between them does not
-matter."""
+"""Relative difference between two extrema up to which either may be the largest; and difference between their
+derivatives, relative to the largest derivative over the period, up to which the derivative of either may be
+returned. Choices."""
 
 _OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
 """Additional phases, as fractions of a period after an extremum, at which the size of the derivative is
@@ -35,7 +35,7 @@ _NEWTON_STEPS, _MAX_EXTREMA = 3, 64
 """Newton steps that refine the phase of an extremum, and maximum number of candidates. Choices."""
 
 _SPACING = 0.03
-"""Spacing of the values about an extremum, relative to that of the samples. A choice: truncation and
+"""Spacing of the values about an extremum, relative to the spacing of the samples. A choice: truncation and
 round-off of the second difference are both small."""
 
 _FIRST_DERIVATIVE, _SECOND_DERIVATIVE = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
@@ -65,8 +65,8 @@ class _Quadrature(NamedTuple):
 
 class Figures:
     """Statistics of an orbit as weighted sums. starts: approximate phases of extrema and their signs, by name
-    and statistic; taken from another grid, or computed here. nodes (m, r): derivatives of the starts of
-    steps with respect to the quantities θ."""
+    and statistic; given from another grid, or computed on this grid. nodes (m, r): derivatives of the starts
+    of steps with respect to the quantities θ."""
 
     def __init__(self, orbit: GridOrbit, starts: Starts, nodes: Array):
         self.orbit, self._starts, self._nodes = orbit, starts, nodes
@@ -204,7 +204,7 @@ class Figures:
 
     def _beside(self, names: Array, phases: Array, side: int) -> Array:
         """Values, and derivatives with respect to the phase, (2, k) of quantities (k,) just before (-1) or
-        behind (1) phases."""
+        after (1) phases."""
         distance = side * _SPACING * self.orbit.system.period / self.orbit.samples
         values = self._values_at(names, phases[:, None] + distance * np.arange(1, 4))
         return _EXTRAPOLATION @ values.T / np.array([[1.0], [distance]])
@@ -219,7 +219,7 @@ class Figures:
         return self._nodes[breaks].T * (moved * slope)
 
     def _values_at(self, names: Array, phases: Array) -> Array:
-        """Values (k, j) of quantities (k,), each at phases of its own (k, j)."""
+        """Values (k, j) of quantities (k,) at phases (k, j), one row of phases per quantity."""
         values, coordinates = np.empty(phases.shape), self.orbit.system.coordinates
         coordinate_values = self.orbit.problem.curve(phases.ravel()).reshape(-1, *phases.shape)
         for name in dict.fromkeys(names.tolist()):
@@ -231,7 +231,8 @@ class Figures:
         return values
 
     def _candidates(self, name: str, figure: str) -> tuple[Array, Array]:
-        """Phases (k,) of samples near which the extremum may lie, and signs (k,) of the values there."""
+        """Phases (k,) of samples near which the extremum may lie, and signs (k,) of the values at these
+        phases."""
         values, signs = self._sampled(name), _SIGNS[figure]
         maxima = [_candidate_maxima(sign * values) for sign in signs]
         counts = [len(positions) for positions in maxima]

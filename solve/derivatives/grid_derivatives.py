@@ -64,7 +64,7 @@ class GridDerivatives:
 
     @cached_property
     def _original(self) -> PeriodicProblem:
-        """Linear periodic problem without anchors. Its one-step maps have all multipliers."""
+        """Linear periodic problem that is not anchored, so that its one-step maps have all multipliers."""
         problem = self.problem
         if problem.free is None:
             return problem
@@ -85,7 +85,7 @@ class GridDerivatives:
         finest = self.solved.steps * samples_a_step(self.solved.steps)
         samples = finest * self.steps // self.solved.steps
         if self.rule != self.solved.certified.method:
-            # Twice as many samples reveal the sampling error of sums.
+            # Twice the number of samples shows the sampling error of sums.
             samples *= 2
         return GridOrbit(self.solved.system, self.solved.speed, self.problem, samples)
 

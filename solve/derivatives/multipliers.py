@@ -21,8 +21,8 @@ from solve.period.logarithms import matched_logarithms
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
 
 COALESCENCE = 1e-6
-"""Relative distance of two multipliers up to which neither has a derivative. A choice: coalescing multipliers
-lose half their digits."""
+"""Relative distance between two multipliers up to which neither has a derivative. A choice: multipliers that
+coincide lose half their digits."""
 
 _LEADING = 0.1
 """Modulus, relative to the spectral radius, above which the vectors of a multiplier are computed from Φ. A
@@ -68,7 +68,8 @@ class GridMultipliers:
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or
-        in those of the real and imaginary parts of log ρ, together with the units of these parts (1 or i)."""
+        in the derivatives of the real and imaginary parts of log ρ; also the units of these parts (1 or
+        i)."""
         problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()
         left = left / ((left[:, None] @ problem.A)[:, 0] * right).sum(axis=1, keepdims=True)
         X = problem.stage_states(_parts(right))
@@ -104,7 +105,8 @@ class GridMultipliers:
         """Multipliers (N,) of Φ, and its right and left eigenvectors as columns of matrices (N, N)."""
         Phi = self._problem.propagate(np.eye(self._problem.A.shape[-1]))[-1]
         values, right = np.linalg.eig(Phi)
-        # The inverse of the right vectors is inaccurate for all left ones if two others are nearly parallel.
+        # The inverse of the right vectors gives no accurate left vectors if any two right vectors are nearly
+        # parallel.
         adjoint_values, left = np.linalg.eig(Phi.conj().T)
         places = np.abs(adjoint_values.conj() - values[:, None]).argmin(axis=1)
         return values.astype(complex), right, left[:, places]
@@ -112,8 +114,8 @@ class GridMultipliers:
     def _of_product(self, at: int) -> Vectors:
         if not slicot.available():
             raise MissingLibraryError(
-                f"the derivative of multiplier {at + 1} requires SLICOT, because it is below the round-off "
-                "of Φ; install ctrlsys, or choose a larger multiplier"
+                f"multiplier {at + 1} is below the round-off of Φ, so that its derivative requires SLICOT; "
+                "install ctrlsys, which contains SLICOT, or choose a larger multiplier"
             )
         right, left = self._product_vectors
         place = int(self._places[at])
@@ -145,7 +147,7 @@ class GridMultipliers:
         assert product.left is not None
         units = blocks.units[0][:, None]
         right, _ = carried(A, blocks.starts, units * product.right[0])
-        # Backwards, a block ends where the one before it begins.
+        # In the backward direction, a block ends where the previous block begins.
         ends = len(A) - np.append(blocks.starts[1:], len(A))[::-1]
         at_ends = np.roll(product.left[0], -1, axis=0)[::-1] / units
         left, _ = carried(np.swapaxes(A, 1, 2)[::-1], ends, at_ends)

@@ -61,8 +61,8 @@ class GridOrbit(PeriodicMotion):
 
 class WeightedSums(NamedTuple):
     """Statistic as a function of c weighted sums, with weights (k, c), over the values of a coordinate or
-    output at phases (k,). combine: function that maps the derivatives (r, c) of the sums to those of the
-    statistic. fractions: positions of the phases within a step, if they are the same in all steps."""
+    output at phases (k,). combine: function that maps the derivatives (r, c) of the sums to the derivatives
+    of the statistic. fractions: positions of the phases within a step, if they are the same in all steps."""
 
     name: str
     phase: Array
@@ -120,7 +120,7 @@ class Forward:
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
         term, data = np.abs if sizes else np.asarray, self._data
         if sizes:
-            # The error of a solution is relative to its largest value.
+            # The error of a solution is relative to the largest value of the solution.
             data = np.broadcast_to(np.abs(data).max(axis=0), data.shape)
         data = data.reshape(-1, self.count)
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, rest, term)
@@ -189,7 +189,7 @@ def _direct_and_orbit_terms(
             continue
         # Sums with the same samples are computed together, and all extrema.
         by_samples.setdefault(0 if each.fractions is None else id(each.fractions), []).append((each, columns))
-    # Imported late: the import takes longer than a command without solutions.
+    # This import takes longer than a command that needs no solutions.
     from scipy.linalg import block_diag as block_diagonal
 
     for group in by_samples.values():

@@ -24,10 +24,11 @@ from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 
 _SAFETY = 2.0
-"""Safety factor on the difference between derivatives and those with one stage more, as for solutions."""
+"""Ratio of the error estimate to the difference from derivatives with one more stage, as for solutions."""
 
 _COARSENING = 4
-"""Ratio of the steps to those of the grid that estimates the sizes of the terms of derivatives. A choice."""
+"""Ratio of the number of steps to that of the coarser grid on which the sizes of the terms of derivatives are
+estimated. A choice."""
 
 _PARAMETERS_PER_ADJOINT = 2
 """Number of parameters whose forward problems cost as much as the adjoint problem of one statistic."""
@@ -62,7 +63,8 @@ def sensitivities(
         Quantities such as "q3.max_abs", "contact_force.harmonic5", "spectral_radius", "rho1" (complex),
         "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius.
     by : sequence of str, optional
-        Names of parameters, "speed" among them; by default all by which there are derivatives.
+        Names of parameters, "speed" among them; by default all parameters with respect to which derivatives
+        are available.
     method : str or Method
         "radau", "gauss" or "auto".
     steps, rtol, engine : optional
@@ -76,7 +78,8 @@ def sensitivities(
     Returns
     -------
     Sensitivities
-        A quantity without a derivative, such as a multiple multiplier, has NaN and the reason.
+        Derivatives and their errors; NaN with the reason for a quantity without a derivative, such as a
+        multiple multiplier.
 
     Raises
     ------
@@ -89,9 +92,9 @@ def sensitivities(
 
     Notes
     -----
-    Derivatives are those of the numerical solution on its grid, by one forward or adjoint solution
-    (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15). Errors are estimated from one
-    stage more.
+    Derivatives are those of the numerical solution on its grid, by one forward or adjoint solution (A.
+    Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15). Errors are estimated from a solution
+    with one more stage.
 
     Examples
     --------
@@ -117,7 +120,7 @@ def periods_of(nonlinear: bool, periods: int | None) -> int:
     orbit."""
     if periods is not None and not nonlinear:
         raise ValueOutOfBoundsError(
-            f"periods is {periods!r}, which requires nonlinear=True; add it, or leave periods out"
+            f"periods is {periods!r}, which requires nonlinear=True; add nonlinear=True, or leave out periods"
         )
     return 1 if periods is None else periods
 
@@ -180,8 +183,9 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
 
 
 def _multiplier_error(solved: Stability, quantity: Named) -> float:
-    """Relative error of the multiplier that multiplies the derivative of its logarithm; 0 for other
-    quantities. The difference between numbers of stages does not include this error."""
+    """Relative error of the multiplier, which multiplies the derivative of its logarithm; 0 for other
+    quantities. The difference between the results with different numbers of stages does not include this
+    error."""
     if quantity.of_orbit or quantity.subject == EXPONENT:
         return 0.0
     at = multiplier_position(solved, quantity)

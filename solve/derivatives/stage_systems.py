@@ -64,7 +64,7 @@ class ScaledStageSystems:
 
 def stage_systems(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> StageSystems:
     """Factorised stage systems of steps of lengths h (m,), from tables with the same number of phases in each
-    step. at: indices of the stages among these phases. Raises MemoryError."""
+    step. at: indices of the stages among the phases of a step. Raises MemoryError."""
     some = tables.table[..., entry_phases(tables.table.shape[-2]), :]
     factors = FrozenModes(replace(tables, table=some), float(h.sum())).equation_factors()
     if factors is None:

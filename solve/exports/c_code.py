@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _FUNCTIONS = {
     "linearised": "M q'' + C q' + K q = d, linearised about the fundamental motion q = 0.",
     "residual": "The nonlinear equations of motion, r = 0.",
-    "outputs": "Outputs y, those of the drive at constant speed.",
+    "outputs": "Outputs y with the drive at constant speed.",
 }
 """Generated functions, and their descriptions in the header."""
 
@@ -63,7 +63,7 @@ def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
 
 @symbolic
 def _by_rows(model: Model, name: str) -> "casadi.Function":
-    """Generated function whose results are dense and by rows; the outputs form one column y."""
+    """Generated function with dense results, matrices by rows; the outputs form one column y."""
     import casadi
 
     function = model.setup.function(name)
@@ -101,7 +101,8 @@ def _header(model: Model, functions: dict[str, "casadi.Function"]) -> str:
         *_listed("q", model, model.coordinates),
         *_listed("y", model, model.outputs if "outputs" in functions else ()),
         *_listed("p", model, tuple(model.parameters)),
-        f"/* Values of p of case {_plain(str(model.labels.case))}, with those that were set. */",
+        f"/* Values of the parameters p of case {_plain(str(model.labels.case))}, including changed values. "
+        "*/",
         f"extern const double {name}_parameters[{max(len(model.parameters), 1)}];",
         "",
         f"/* {_ARGUMENTS}",

@@ -11,7 +11,8 @@ from solve.results.contents import versions
 from solve.results.controller import Controller
 
 _STABLE = 2.7
-"""Largest product of step and rate at which the method of Runge and Kutta is stable on the real axis."""
+"""Largest product of step and decay rate for which the Runge–Kutta method is stable: 2.785 on the real axis,
+with a margin."""
 
 
 class _Tables(NamedTuple):

@@ -185,10 +185,13 @@ def _controller(
     result: Controller, file: Path, speed: float | str | None, samples: int
 ) -> tuple[Mapping[Path, bytes], list[str]]:
     """Contents of the files of a controller. Raises ValueOutOfBoundsError for a filter alone, or a speed."""
-    if result.kind == "kalman" or speed is not None:
+    if speed is not None:
         raise ValueOutOfBoundsError(
-            "a controller is exported for the speed of its design, with a regulator; leave speed out, and "
-            "give lqr weights"
+            f"speed is {speed!r}, but a controller is exported for the speed of its design; leave speed out"
+        )
+    if result.kind == "kalman":
+        raise ValueOutOfBoundsError(
+            "a filter alone cannot be exported; design it together with a regulator, by giving lqr weights"
         )
     if file.suffix.lower() == ".mat":
         return {file: controller_mat(result, samples)}, result.warnings

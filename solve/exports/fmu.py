@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import casadi
 
 _TIME = 1980, 1, 1, 0, 0, 0
-"""Fixed time stamp of the files in the archive, so that equal contents yield equal archives."""
+"""Fixed time stamp of the files in the archive, so that archives with equal contents are equal."""
 
 _WHAT = "an FMU"
 
@@ -111,7 +111,7 @@ def _compiler() -> str:
     try:
         return shlex.join(c_compiler().command)
     except CompilerError as reason:
-        raise MissingLibraryError(f"{_WHAT} needs a C compiler: {reason}; install one") from None
+        raise MissingLibraryError(f"{_WHAT} requires a C compiler: {reason}; install a C compiler") from None
 
 
 def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
@@ -190,10 +190,10 @@ def _exported(model: Model, variables: _Variables, headers: Path, compiler: str)
     for output, value in zip(outputs, casadi.vertsplit(values) if outputs else (), strict=True):
         builder.eq(output, value)
     for jump in model.breaks:
-        # Falling zero at the jump, once per period, at which an integrator restarts.
+        # The event indicator falls through zero at the jump, once per period, so that an integrator restarts.
         builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - jump)) < 0, [])
     files = builder.export_fmu({"no_warning": True, "with_serialization": False})
-    # The mathematical library may not be loaded by the importing tool.
+    # The importing tool may not have loaded the mathematical library.
     tools = {"compiler": compiler, "linker": compiler, "flags": ["-O2"], "linker_flags": ["-lm"]}
     options = {"compiler_options": tools, "include_dirs": [str(headers)]}
     _with_nominals(Path(f"{identifier(model)}_wrap.c"), variables.states)

@@ -1,6 +1,6 @@
 """Harmonic transfer functions (N. M. Wereley, Analysis and Control of Linear Periodically Time Varying
-Systems, PhD thesis, MIT, 1990). They map the harmonics of a force modulated by exp(st) to those of the
-outputs."""
+Systems, PhD thesis, MIT, 1990). They map the harmonics of a force modulated by exp(st) to the harmonics of
+the outputs."""
 
 import math
 from collections.abc import Sequence
@@ -44,9 +44,9 @@ _GAUSS_POINTS = 12
 class TransferValues(NamedTuple):
     """Values of a harmonic transfer function.
 
-    values (2N+1, p, 2N+1, n), complex: from harmonic k of input j to harmonic i of output o at
-    [i + N, o, k + N, j]. error: estimated from half the harmonics, for each output and input relative to the
-    largest among the harmonics. warnings: about the truncation.
+    values (2N+1, p, 2N+1, n), complex: from harmonic k of input j to harmonic i of output o at [i + N, o, k +
+    N, j]. error: estimated from half the harmonics, for each output and input relative to the largest value
+    among the harmonics. warnings: warnings about the truncation.
     """
 
     values: Array
@@ -97,7 +97,7 @@ class HarmonicTransfer:
 
     @cached_property
     def error(self) -> float:
-        """Error of H at a point beside the imaginary axis, estimated with twice as many harmonics of the
+        """Error of H at a point next to the imaginary axis, estimated with twice as many harmonics of the
         states."""
         return self.at(_PROBE * self.rotation).error
 
@@ -125,7 +125,7 @@ class HarmonicTransfer:
     @property
     def rest(self) -> Array:
         """Fourier coefficients (2N+1, p) of the outputs without states and forces. For a first-order system
-        with inputs, those of its outputs without inputs."""
+        with inputs, the coefficients of its outputs without inputs."""
         return self._truncated(self._spectra.y0) + self._spectra.free_response(
             2 * self.orders, self.harmonics, self.rotation
         )
@@ -162,15 +162,15 @@ class HarmonicTransfer:
             for orders in (self.orders, 2 * self.orders)
         )
         if not np.isfinite(fine).all():
-            raise ValueOutOfBoundsError(f"s = {point:.6g} is a pole of the system; give another s")
+            raise ValueOutOfBoundsError(f"s = {point:.6g} is a pole of the system; give another value of s")
         largest = np.abs(fine).max(axis=(0, 2))
         difference = np.abs(fine - coarse).max(axis=(0, 2))
         error = float((difference / np.where(largest > 0, largest, 1.0)).max())
         return TransferValues(fine, error, self._warnings(error))
 
     def gain(self, frequency: float) -> float:
-        """Largest singular value of H at a frequency: the largest ratio of root mean squares of outputs and
-        inputs, both with harmonics -N … N of this frequency.
+        """Largest singular value of H at a frequency: the largest ratio, over all inputs, of the root mean
+        square of the outputs to that of the inputs, with harmonics -N … N of the period about this frequency.
 
         Parameters
         ----------
@@ -192,9 +192,9 @@ class HarmonicTransfer:
     def lifted(self) -> "control.StateSpace":
         """Time-invariant state space of python-control that represents the truncated system.
 
-        The state space is real: each signal is represented by its mean and the amplitudes of cos kφ and
-        sin kφ, named q1_0, q1_c1, q1_s1, q1_c2, …. They vary slowly if the signal is nearly periodic. The
-        poles include the Floquet exponents ± ikω; those of the outermost harmonics are inaccurate.
+        The state space is real: each signal is represented by its mean and the amplitudes of cos kφ and sin
+        kφ, named q1_0, q1_c1, q1_s1, q1_c2, …. These amplitudes vary slowly if the signal is nearly periodic.
+        The poles include the Floquet exponents ± ikω; those of the outermost harmonics are inaccurate.
 
         Returns
         -------

@@ -21,11 +21,12 @@ _ORDERS, _HARMONICS = 16, 2
 """Harmonics of the states, and of inputs and outputs, in the gain from which the search starts. Choices."""
 
 _ON_CIRCLE = 1e-7
-"""Distance of a multiplier of the Hamiltonian system from the unit circle that counts as none. A choice:
-double multipliers lose half their digits."""
+"""Distance from the unit circle below which a multiplier of the Hamiltonian system counts as lying on it. A
+choice: double multipliers lose half their digits."""
 
 _GROWTH, _MOST = 1.3, 80
-"""Factor by which the search for an upper bound grows, and most tests. Choices."""
+"""Factor by which trial values in the search for an upper bound grow, and largest number of tests.
+Choices."""
 
 
 class Norm(NamedTuple):
@@ -38,7 +39,7 @@ class Norm(NamedTuple):
     error : float
         Estimated relative error.
     frequency : float or None
-        Frequency in rad/s of the largest gain, up to half the frequency of the period; None for H2.
+        Frequency in rad/s of the largest gain, at most π/T; None for H2.
     warnings : tuple of str
         Reasons to doubt the value.
     """
@@ -121,7 +122,8 @@ def hinf_norm(
     inputs: Sequence[str] | None = None,
     rtol: float = 1e-6,
 ) -> Norm:
-    """Compute the H-infinity norm: the largest ratio of root mean squares of outputs and inputs of any kind.
+    """Compute the H-infinity norm: the largest ratio, over all inputs, of the root mean square of the outputs
+    to that of the inputs.
 
     Parameters
     ----------
@@ -151,7 +153,7 @@ def hinf_norm(
     The gain at a frequency is the largest singular value of the harmonic transfer function (N. M. Wereley,
     1990). γ is one of its singular values at a frequency ω if exp(iωT) is a multiplier of the Hamiltonian
     system with the matrices A, BBᵀ/γ² and CᵀC. The largest γ with a multiplier of modulus 1 is found by
-    bisection, above a gain of few harmonics; the error is that of the bisection.
+    bisection that starts from a lower bound, the gain with few harmonics. The error is that of the bisection.
 
     Examples
     --------
@@ -171,8 +173,8 @@ def hinf_norm(
             break
         low, frequency, high = high, angle, high * _GROWTH
     else:
-        raise ControlError("the H-infinity norm is not found: every gain that was tried is exceeded")
-    # A gain of few harmonics may be slightly too large.
+        raise ControlError("the H-infinity norm is not found: it exceeds every value that was tried")
+    # The gain with few harmonics may be slightly too large for a lower bound.
     if frequency is None:
         low /= _GROWTH
         frequency = transfer.angle(low)
@@ -237,7 +239,7 @@ class _Transfer(NamedTuple):
         return Riccati(coefficients, self.plant.speed, system.period, system.breaks, filters)
 
     def angle(self, gain: float) -> float | None:
-        """Frequency at which a gain is a singular value; None if there is none."""
+        """Frequency at which a gain is a singular value of the transfer function; None if there is none."""
         from scipy.linalg import eigvals
 
         equation = self.riccati(

@@ -1,6 +1,6 @@
 """State-space form of the linearised equations over the phase: x′ = A x + B (u + d) + b, y = C x + D (u + d)
 + y₀. Derivatives are with respect to time, x = (q, q̇), and forces u act along the coordinates in addition
-to the load d. The load b is zero except for a first-order system with inputs u of its own."""
+to the load d. The load b is zero except for a first-order system with named inputs u."""
 
 import math
 from collections.abc import Iterable
@@ -33,8 +33,8 @@ _FORCES = {"m": "N", "rad": "N m"}
 
 class Coefficients(NamedTuple):
     """Coefficients at k phases: A (k, N, N), B (k, N, r), C (k, p, N), D (k, p, r), load d (k, r), y₀ (k, p),
-    which is the outputs without states and forces, and b (k, N); also mass, damping and stiffness matrices
-    (k, n, n)."""
+    the outputs without states and forces, and b (k, N); also mass, damping and stiffness matrices (k, n,
+    n)."""
 
     A: Array
     B: Array
@@ -60,9 +60,8 @@ class Signals(NamedTuple):
 
 
 def signals(system: PeriodicSystem) -> Signals:
-    """Signals of a system's state space: states q and q_dot; inputs force_q; as outputs the coordinates and
-    those outputs of the model that have derivatives. First-order states x have inputs load_x, unless
-    inputs are named."""
+    """Signals of a system's state space: states q and q_dot; inputs force_q; outputs: the coordinates and the
+    differentiable outputs of the model. First-order states x have inputs load_x, unless inputs are named."""
     names = system.coordinates
     units = [system.labels.units.get(name, "") for name in names]
     inertial = len(names) - len(system.states)
@@ -218,18 +217,18 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     Parameters
     ----------
     system : PeriodicSystem
-        System. That of a nonlinear orbit, `solve.nonlinear(…).system`, is linearised about the orbit.
+        System. The system of a nonlinear orbit, `solve.nonlinear(…).system`, is linearised about the orbit.
     speed : float or str
         Ω in rad/s, or a text with unit.
     samples : int
-        Number of equidistant phases per period. At a jump, the matrices are those after it.
+        Number of equidistant phases per period. At a jump, the matrices just after the jump are used.
 
     Returns
     -------
     StateSpace
-        Inputs are forces along the coordinates. Outputs are the coordinates, and the outputs of models with
-        formulas, linearised about q = 0; structures of beams have their coordinates only. A
-        `FirstOrderSystem` has its own inputs and outputs, if they are named.
+        State space whose inputs are forces along the coordinates. Outputs are the coordinates and, for models
+        with formulas, the outputs linearised about q = 0. The state space of a `FirstOrderSystem` with named
+        inputs and outputs has these instead.
 
     Raises
     ------
@@ -261,7 +260,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:
-    """Phases (k,), of which those at a jump of the matrices are moved just behind it."""
+    """Phases (k,), in which a phase at a jump of the matrices is moved to just after the jump."""
     period, inset = system.period, SAME_PHASE * system.period
     distance = np.remainder(phase[:, None] - np.array(system.breaks) + period / 2, period) - period / 2
     return phase + 2 * inset * (np.abs(distance) <= inset).any(axis=1)

@@ -10,14 +10,14 @@ from solve.arrays import Array
 from solve.kernel.library import Constants, Size, lanes, run
 
 _POINT_TABLES, _SEGMENTS = 1, 2
-"""Values of `own` in lanes.c: tables per lane, and lanes that are segments of one period."""
+"""Values of `own` in lanes.c: separate tables for each lane, and lanes that are segments of one period."""
 
 
 class Samples(NamedTuple):
     """Terms of the entries at the phases that a method samples, with their coefficients.
 
-    table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): number of the entry
-    of each term, in ascending order."""
+    table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): index of the entry to
+    which each term belongs, in ascending order."""
 
     table: Array
     coefficients: Array
@@ -49,8 +49,8 @@ class Periods(NamedTuple):
 
     Phi (P, N, N): monodromy matrices. units (P, N): powers of 2 that balance them, for several coordinates.
     curves (P, n, m, D): coefficients, lowest power first, if orbits are computed. condition (P,): condition
-    numbers of their linear systems, not finite if the curves are not. maps (1, m, N, N+1): of the steps, for
-    one point."""
+    numbers of their linear systems, not finite if the curves are not. maps (1, m, N, N+1): maps of the steps,
+    for a single point."""
 
     Phi: Array
     units: Array | None
@@ -78,8 +78,8 @@ def solved(
 
     Coefficients are sampled at the stages (m s phases, step by step). Orbits by a method whose steps do not
     end at a stage also need the starts of steps (m phases); with jumps at ends of steps, orbits by any method
-    need the starts and then the ends (2m). The lanes are points, or the segments of a point, one point after
-    another, if they are solved `alone`. Raises CompilerError, MemoryError."""
+    need the starts and then the ends (2m). Lanes contain points or, if the points are solved `alone`, one
+    after another, the segments of a point. Raises CompilerError, MemoryError."""
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
     if segments and points > 1:

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 _NATIVE = ("-march=native",), ("-mcpu=native",), ()
-"""Flags for the instruction set of the processor; the first ones that the compiler accepts are used. Clang
-needs the second ones for ARM."""
+"""Flags for the instruction set of the processor; the first flags that the compiler accepts are used. Clang
+requires the second flags for ARM."""
 
 MACHINE: tuple[str, ...] = ()
 """Further flags, which select another processor."""
@@ -26,16 +26,17 @@ _CONTRACTED = ("-ffp-contract=fast",)
 """Contraction of products and sums to one rounding, except in formulas, whose terms may cancel exactly."""
 
 _WIDE = ("-mprefer-vector-width=512",)
-"""Flag of Clang for AVX-512, whose vectors it otherwise halves for some processors of Intel. Steps for one
-coordinate took 1.23 times as long as by GCC without it, and 1.05 with it (Intel Xeon, Zig 0.17)."""
+"""Flag of Clang for AVX-512, whose vectors Clang otherwise halves for some Intel processors. Relative to GCC,
+steps with one coordinate took 1.23 times as long without the flag, and 1.05 times with it (Intel Xeon, Zig
+0.17)."""
 
 _ZIG = ("-fno-sanitize=all",)
 """Flags of Zig's C compiler, which otherwise checks for undefined behaviour while the code runs."""
 
 _HEADERS = Path(__file__).parent
 _SECONDS = 300.0
-"""Seconds that a compilation may take. The first one by Zig builds its run-time library too: up to 40 s were
-measured on a busy machine."""
+"""Time limit of a compilation in seconds. The first compilation by Zig also builds its run-time library,
+which took up to 40 s on a busy machine."""
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -69,7 +70,7 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
 
 
 def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> Path:
-    """File of the library from a C file, see `compiled`. A first compilation is logged in one line. Raises
+    """File of the library from a C file, see `compiled`. The first compilation is logged in one line. Raises
     CompilerError."""
     compiler = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
@@ -121,8 +122,8 @@ def _hash(content: bytes) -> str:
 class Compiler(NamedTuple):
     """C compiler.
 
-    command: program with its first arguments. machine: flags for the processor. macros: those that the
-    compiler defines with these flags, which identify both."""
+    command: program with its first arguments. machine: flags for the processor. macros: macros that the
+    compiler defines with these flags, which identify compiler and flags."""
 
     command: tuple[str, ...]
     machine: tuple[str, ...]
@@ -131,8 +132,8 @@ class Compiler(NamedTuple):
 
 @lru_cache
 def c_compiler() -> Compiler:
-    """C compiler of this machine: GCC or Clang, otherwise Zig's if it is installed for this Python. Raises
-    CompilerError."""
+    """C compiler of this machine: GCC or Clang, otherwise that of Zig if it is installed for this Python.
+    Raises CompilerError."""
     named = os.environ.get("CC")
     wanted = [named] if named else ["cc", "gcc", "clang"]
     found = next(filter(None, map(shutil.which, wanted)), None)

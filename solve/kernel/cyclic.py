@@ -5,28 +5,29 @@ import numpy as np
 from solve.arrays import EPS, Array
 
 _FEW = 32
-"""Unknowns up to which dense solution of a cyclic system is faster than banded."""
+"""Number of unknowns up to which the dense solution of a cyclic system is faster than the banded one."""
 
 _PERTURBATIONS = 1, 4, 16, 64
 """Perturbations of the first block of a numerically singular system, in units of round-off, which are tried
-in turn. As backward errors they are of the size of those of elimination."""
+in turn. They are of the size of the backward errors of elimination."""
 
 _START = np.array([1.0, 0.3 + 0.7j])
-"""First vector of inverse iteration: neither an eigenvector (1, ±i) of a rotation nor orthogonal to one."""
+"""First vector of inverse iteration: neither an eigenvector (1, ±i) of a rotation nor orthogonal to such an
+eigenvector."""
 
 _INVERSE_ITERATIONS = 3
 """Steps of inverse iteration: in 400 random chains whose eigenvalues agree to half of their digits, the
 second step leaves only round-off."""
 
 _TRIANGULAR = 1e-12
-"""Entry below the diagonal, relative to its block, above which it is not round-off; that of 1000 blocks is
-1e-13."""
+"""Entry below the diagonal, relative to its block, above which the entry is not round-off. The round-off of
+1000 blocks is 1e-13."""
 
 
 def cyclic(own: Array, following: Array, right: Array) -> Array:
     """Solution x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
 
-    Blocks own are (r, m, b, b), numbers following (r, m) and right-hand sides (r, m, b). x is 0 for systems
+    own (r, m, b, b): blocks; following (r, m): scalars; right (r, m, b): right-hand sides. x is 0 for systems
     that remain singular under a perturbation by round-off.
 
     Elimination with pivots is stable whether x grows or decays along the chain.
@@ -77,7 +78,7 @@ def _banded(own: Array, following: Array, right: Array) -> Array | None:
             some = offset == distance
             columns[:, some, a, 2 * width + distance * b] += following[:, some]
     bands, permuted = columns.reshape(r * m * b, -1).T, right[:, order].reshape(-1, 1)
-    # The package alone takes longer to be read than many a command.
+    # Importing the package takes longer than many commands.
     from scipy.linalg.lapack import zgbsv  # pyright: ignore[reportAttributeAccessIssue]
 
     _, _, solution, failed = zgbsv(width, width, bands, permuted, overwrite_ab=1)
@@ -86,8 +87,9 @@ def _banded(own: Array, following: Array, right: Array) -> Array | None:
 
 def triangular_bases(blocks: Array) -> Array:
     """Unitary matrices U (m, 2, 2) for which U_{k+1}ᴴ B_k U_k is upper triangular, for blocks B (m, 2, 2). At
-    every node the first column is an eigenvector of the product. It is computed by inverse iteration in
-    units that make it equally long at all nodes. Raises LinAlgError if the iteration does not converge."""
+    every node the first column is an eigenvector of the product. It is computed by inverse iteration in units
+    that make the eigenvector equally long at all nodes. Raises LinAlgError if the iteration does not
+    converge."""
     w, x = np.empty(blocks.shape[:2], dtype=complex), _START
     for k, block in enumerate(blocks):
         w[k] = x / np.linalg.norm(x)

@@ -1,7 +1,7 @@
 """Evaluation of the formulas of generated models by compiled code.
 
-Values at phases, statistics over one period of curves and of formulas of these, both for many points, and
-values of columns of numbers."""
+For many points: values at phases, and statistics over one period of curves and of formulas evaluated along
+curves. Also values for columns of inputs."""
 
 import ctypes
 from collections.abc import Sequence
@@ -115,11 +115,12 @@ def figures(
     """Figures (P, k, 7), in the order of `solve.contracts.Statistics`, of the quantities with indices
     `wanted` (k,): coordinates, followed by formulas. None without compiled code or memory.
 
-    curves (P, n, m, D): of equal steps, powers of θ, lowest first; speeds (P,) in rad/s; samples: of a step;
-    zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings, at
-    least 8 and rising, and of one that may be lower than another; tie: part of the largest value by which one
-    is beyond another.
-    formulas: with values (P, p) of their parameters.
+    curves (P, n, m, D): coefficients on equal steps, lowest power of θ first; speeds (P,): in rad/s; samples:
+    number of samples per step; parts: ascending fractions, at least 8, of the interval around an extremum at
+    which values are computed in each refinement; zooms: number of refinements of an extremum, each to a
+    sixteenth of the interval, and number of refinements of candidates that may be lower; tie: relative
+    difference above which extrema are distinct. formulas: formulas with the values (P, p) of their
+    parameters.
     """
     points, n, m, D = curves.shape
     parameters = np.zeros((points, 0)) if formulas is None else formulas.values

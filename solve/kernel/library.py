@@ -94,11 +94,11 @@ def loaded(source: str, sizes: tuple[tuple[str, int], ...], formulas: str = "") 
 
 
 def address(numbers: Array) -> int:
-    """Address of contiguous numbers; `ndarray.ctypes` takes four times as long."""
+    """Memory address of a contiguous array; `ndarray.ctypes` takes four times as long."""
     try:
         return ctypes.addressof(_first(numbers))
     except (TypeError, ValueError):
-        # Read-only and empty arrays.
+        # The buffer protocol used above rejects read-only and empty arrays.
         return numbers.ctypes.data
 
 

@@ -1,8 +1,8 @@
 """Periodic Schur form by SLICOT (P. Benner et al., Applied and Computational Control, Signals, and Circuits 1
 (1999) 499-539) through the package `ctrlsys`, which is not available on all platforms.
 
-Of its two iterations the complex one, mb03bz, is used. The real one, mb03bd, did not converge for cyclic
-permutations nor for 768 steps of a beam structure with 54 states, and left entries unchanged in some
+Of the two iterations in SLICOT, the complex one (mb03bz) is used. The real one (mb03bd) did not converge for
+cyclic permutations nor for 768 steps of a beam structure with 54 states, and left entries unchanged in some
 chains of numerically singular factors (version 1.1.1)."""
 
 import numpy as np
@@ -55,7 +55,7 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
             break
         _split(H, Q, failed - 2)
     _check(failed, "mb03bz")
-    # SLICOT's factors go backwards, and each of its bases stands at the end of a factor.
+    # SLICOT numbers factors in reverse order, and its bases belong to the ends of the factors.
     return _factors(H)[::-1], np.roll(_factors(Q)[::-1], 1, axis=0)
 
 
@@ -78,7 +78,7 @@ def _hessenberg(A: Array) -> tuple[Array, Array, Array]:
     reduced."""
     from ctrlsys import mb03vd
 
-    # SLICOT does not return from infinite entries.
+    # SLICOT does not terminate if entries are infinite.
     if not np.isfinite(A).all():
         raise np.linalg.LinAlgError("factors of a product have NaN or infinite entries")
     m, N, _ = A.shape

@@ -37,7 +37,7 @@ class FactorisedStages:
     """Factorised stage systems of m steps.
 
     by_state (m, s n, 2n): accelerations at the stages per unit of q and q′ at the starts of the steps. maps
-    (m, 2n, 2n): from the starts to the ends of steps, without loads."""
+    (m, 2n, 2n): maps from the starts to the ends of steps, without loads."""
 
     def __init__(
         self, library: Any, weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int

@@ -62,7 +62,8 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"
             )
-        # A small summand is negligible, but a parameter that must not be 0 may be a divisor.
+        # Values that are too small for normal floating-point numbers are negligible as summands, but not as
+        # divisors.
         if abs(value) > 1 or "> 0" in clauses(bound):
             require_size_of_number(f"{name} ({meaning})", value)
         checked[name] = value
@@ -110,12 +111,13 @@ def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
 
 
 REDUCE = "reduce"
-"""Option of every beam structure: number of modes retained per link. Absent from the options unless given."""
+"""Option of every beam structure: number of modes retained per link. Options do not contain it unless it is
+given."""
 
 
 def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of all options, with the defaults of those not in `values`. Raises UnknownNameError and
-    ValueOutOfBoundsError."""
+    """Values of all options, with defaults for options that `values` does not contain. Raises
+    UnknownNameError and ValueOutOfBoundsError."""
     link_options, motion_options = getattr(module, "LINK_OPTIONS", ()), getattr(module, "MOTION_OPTIONS", ())
     declared = (*module.OPTIONS, *link_options, *motion_options)
     allowed = {name: choices for name, choices, _ in declared}
@@ -137,7 +139,7 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
     assembled."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
-            f"{module.NAME} is not a beam structure, and reduce requires one; omit reduce"
+            f"'reduce' requires a beam structure, and {module.NAME} is none; omit 'reduce'"
         )
     modes = _as_integer(value)
     if type(modes) is not int or modes < 1:

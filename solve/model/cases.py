@@ -29,7 +29,8 @@ _NUMBER_KEYS = {"value", "values", "count", "unit", "source"} | _SPREAD_KEYS
 _TABLE_KEYS = {"table", "columns", "harmonics", "source"}
 _BODY_KEYS = {"file", "interface", "unit", "sha256", "source"}
 _NUMBERS_A_BYTE = 64
-"""Memory per byte of a file while it is parsed, in numbers. An upper estimate, for the memory limit."""
+"""Memory for parsing a file, in numbers per byte of the file. An upper estimate, used for the memory
+limit."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,8 @@ class Case:
         """Case with replaced parameters, and further fits and sources.
 
         A series with a replaced parameter is no longer fitted. A replaced parameter loses its source and its
-        distribution unless new ones are given; its unit in the file and a tolerance, which is about the new
-        value, remain.
+        distribution unless new ones are given. It keeps its unit in the file and its tolerance, which then
+        refers to the new value.
         """
         old_fits = {
             name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)
@@ -102,8 +103,8 @@ def chosen_case(
     """Case from a file (default: the first), with a value for every declared parameter. Values in `replaced`
     take precedence.
 
-    path: None for a model in memory. required: whether the file must exist; otherwise a missing file yields a
-    case without name and numbers. otherwise: values of parameters that are given nowhere else. Raises
+    path: None for a model in memory. required: whether the file must exist; if not, a missing file gives a
+    case without name and values. otherwise: values of parameters without another value. Raises
     UnknownNameError, CaseFileError and MissingValueError.
     """
     declared = {name: unit for name, unit, *_ in module.PARAMETERS}

@@ -14,11 +14,11 @@ from solve.model.sampling import MatrixSampler
 from solve.system import PeriodicSystem, in_phase
 
 _CHECK_PHASES = 128
-"""Phases per period at which the matrices are checked. A choice."""
+"""Number of phases per period at which the matrices are checked. A choice."""
 
 _STEEP = 0.25
-"""Change between neighbouring phases, relative to the total variation, above which a jump is searched for:
-the change of harmonic 10."""
+"""Change between neighbouring phases, relative to the total variation, above which a jump is searched for. A
+choice: harmonic 10 changes by this amount."""
 
 _STEEPER_THAN_NEIGHBOURS = 8.0
 """Change, relative to the larger of the changes before and after it, above which a jump is searched for. The
@@ -27,7 +27,7 @@ neighbours."""
 
 _JUMP = 1e-2
 """Remaining change after the bisections, relative to the total variation, above which the change is a jump: a
-hundred times the change of a flank whose width is 1e-9 of the period."""
+hundred times the remaining change of a continuous flank with a width of 1e-9 of the period. A choice."""
 
 
 def require_valid(system: PeriodicSystem, speed: float) -> None:
@@ -114,9 +114,9 @@ def _steep_intervals(
 ) -> tuple[Array, Array]:
     """Intervals between phases (k,) in which values (k+1, m) change so much that they may jump.
 
-    values: at the phases and one period after the first; intervals with a break are excluded. roundoff (m,):
-    largest negligible variation. Returns the indices (j,) of the intervals, and of the entry with the largest
-    relative change in each.
+    values: values at the phases and one period after the first phase; intervals with a break are excluded.
+    roundoff (m,): largest negligible variation. Returns the indices (j,) of the intervals, and of the entry
+    with the largest relative change in each.
     """
     change, variation = np.abs(np.diff(values, axis=0)), np.ptp(values, axis=0)
     neighbours = np.maximum(np.roll(change, 1, axis=0), np.roll(change, -1, axis=0))

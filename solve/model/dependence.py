@@ -20,8 +20,8 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _CHUNK = 1024
-"""Number of phases whose derivatives are summed together, so that these fit in the processor's cache. A
-choice."""
+"""Number of phases whose derivatives are summed together. A choice: the derivatives fit in the processor's
+cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,8 @@ class GeneratedSlopes:
     """Derivatives of the generated functions by automatic differentiation in CasADi (J. A. E. Andersson et
     al., Math. Program. Comput. 11 (2019) 1-36), for any parameter values.
 
-    Functions are built at their first use. nonlinear: whether of the nonlinear equations, or of those
-    linearised about the fundamental motion.
+    Functions are built at their first use. nonlinear: whether the nonlinear equations are differentiated, or
+    the equations linearised about the fundamental motion.
     """
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):
@@ -198,7 +198,7 @@ class GeneratedDependence:
         return by_parameters.sum(axis=0), by_states
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        # Not compiled: formulas of outputs are short, and extrema are few phases.
+        # Outputs are not compiled: their formulas are short and are evaluated at few phases.
         slopes = self._slopes.output(name)
         return self._partial(slopes, slopes.values(None, self._p, self._inputs(phase, speed, states)))
 
@@ -257,8 +257,8 @@ class DampedDependence(GeneratedDependence):
 def _damping_slopes(
     damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
 ) -> Array:
-    """Derivatives (k, n, n, r) of the damping matrix C with respect to parameters. In the column of the
-    speed, C itself."""
+    """Derivatives (k, n, n, r) of the damping matrix C with respect to parameters. The column of the speed
+    contains C itself."""
     phase = np.frombuffer(phases)
     columns = [
         damping({}, phase)
@@ -338,9 +338,9 @@ class AssembledDependence:
         return self._cache[key]
 
     def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
-        """Derivatives of Ω²M, ΩC, K by rows and of d, and less accurate ones for error estimates, as
-        functions of phases (k,). Interpolants are used for all grids, because assembling a varied system
-        takes longer than sampling it."""
+        """Functions of phases (k,) for the derivatives of Ω²M, ΩC, K by rows and of d, and for less accurate
+        derivatives, used for error estimates. Interpolants are used for all grids, because assembling a
+        varied system takes longer than sampling it."""
         if (name, speed) not in self._interpolants:
             n, moved = self._system.n, cache(self._moved(name, speed))
 

@@ -34,7 +34,8 @@ class ModelDerivatives:
     """Derivatives of a model's linearised or nonlinear equations; see `ParameterDerivatives`.
 
     assembled: whether the matrices are assembled numerically, and hence differentiated by finite differences.
-    slopes: cache of the derivatives of generated functions, by names, and whether of the nonlinear equations.
+    slopes: cache of the derivatives of generated functions, by names of parameters and by whether the
+    nonlinear equations are differentiated.
     """
 
     def __init__(self, system: PeriodicSystem, setup: Setup, assembled: bool, slopes: SlopesCache):
@@ -73,7 +74,7 @@ class ModelDerivatives:
         damped = self._setup.ratios is not None
         if self._assembled and not damped:
             return AssembledDependence(self._system, names)
-        # With compiled code, all parameters, so that one function is compiled for any selection.
+        # With compiled code all parameters are included, so that one function serves any selection.
         included = tuple(names) if compiled is None else (*self.names, SPEED)
         slopes = self._slopes_by(included)
         if compiled is not None and not slopes.residual.text:
@@ -94,9 +95,9 @@ class ModelDerivatives:
                 )
             if name not in smooth:
                 raise NoDerivativeError(
-                    f"derivatives with respect to {name} are not available: it is an integer, or moves "
-                    "a jump that coincides with another, or moves a jump of a model with damping "
-                    "ratios; leave it out"
+                    f"derivatives with respect to {name} are not available: {name} is an integer, or moves "
+                    "a jump that coincides with another, or moves a jump of a model with damping ratios; "
+                    f"leave out {name}"
                 )
 
     def _slopes_by(self, names: tuple[str, ...]) -> GeneratedSlopes:

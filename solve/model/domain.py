@@ -28,15 +28,15 @@ errors of some 1e-16, and the value of a minimum that touches zero is accurate t
 its phase."""
 
 BISECTIONS = 40
-"""Bisections of the distance of two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44 times
-as many for the same reduction."""
+"""Number of bisections of the distance between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections
+need 1.44 times as many for the same reduction."""
 
 _JUMP_SIZE = 1e-6
-"""Fraction of the largest margin: if the margin is larger on both sides of a change of sign, this is a jump,
-not a zero."""
+"""Fraction of the largest margin. A change of sign with larger margins on both sides is a jump, not a zero. A
+choice."""
 
 _BATCH_PHASES = 2**16
-"""Number of phases of points that are evaluated at once."""
+"""Number of phases of all points that are evaluated at once. A choice."""
 
 _CACHE_SIZE = 8
 """Number of cached results: a solution needs matrices of the same points on several grids."""
@@ -54,8 +54,8 @@ class _Violations(NamedTuple):
 
 
 class Domain:
-    """Domain conditions of a generated module on phase, speed and parameters. Some parameters may vary
-    between points."""
+    """Domain conditions of a generated module on phase, speed and parameters. Some parameters may differ
+    between the points."""
 
     def __init__(
         self,
@@ -183,8 +183,8 @@ class Domain:
     def _minima(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Violations:
-        """Violations at minima between samples. They are searched for where the differences between
-        neighbouring samples permit one."""
+        """Violations at minima between samples. Minima are searched for where the differences between
+        neighbouring samples permit a violation."""
         size = np.where(self._zero, np.abs(margins), margins)
         before, behind = np.roll(size, 1, axis=1), np.roll(size, -1, axis=1)
         reach = np.maximum(before - size, behind - size)

@@ -27,15 +27,16 @@ choice: few models are used at a time."""
 _STATES = "q", "qd", "qdd"
 
 _SAMPLES, _MIN_SAMPLES = 8, 512
-"""Number of phases per step, and smallest total number, at which the switches are evaluated. If a switch is
-passed twice between two of these phases, the events are missed, but grazing is reported. Choices."""
+"""Number of phases per step, and smallest total number, at which the switches are evaluated. Two events of a
+switch between neighbouring phases are missed, but reported as grazing. Choices."""
 
 _GRAZING = 1e-3
-"""Largest modulus of a switch between two events, or at an extremum, relative to its range over the period,
-at which the motion counts as grazing it. A choice."""
+"""Largest modulus of a switching function between two events, or at an extremum, relative to its range over
+the period, with which the motion grazes the switch. A choice."""
 
 _REST = 1e-13
-"""Range of a switch, relative to its largest modulus, below which it counts as constant: round-off."""
+"""Range of a switching function, relative to its largest modulus, below which the function counts as
+constant: round-off."""
 
 
 @lru_cache(MAX_CACHED)

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     import casadi
 
 _MAX_INSTRUCTIONS = 5000
-"""Number of instructions above which compilation costs more than it saves. A choice."""
+"""Number of instructions above which formulas are not compiled, because compilation takes more time than it
+saves. A choice."""
 
 _UNARY = (
     *("sin", "cos", "tan", "asin", "acos", "atan"),

@@ -35,7 +35,7 @@ class ModelPoints:
 
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
         """Entries (P, k, 3n² + n) of Ω²M, ΩC, K by rows and d at phases (k,); NaN at points without a system.
-        by_time: values of the formulas, if computed before; may be overwritten."""
+        by_time: values of the formulas, if already computed; the array may be overwritten."""
         P, k, n = len(speeds), len(phase), self._n
         phases, parameters = np.tile(phase, P), np.repeat(values, k, axis=0)
         if by_time is None:

@@ -165,7 +165,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def _check(self, speed: float) -> None:
-        """As for any system. Also checks that the fundamental motion exists, that generated matrices jump
+        """Check as for any system, and that the fundamental motion exists, that generated matrices jump
         only at the breaks, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
         require_desired_motion(shown_in(self, speed), np.array([speed]))
         if not self._valid_at_all_speeds:
@@ -254,8 +254,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return self.varying_about(phase, speed, acceleration, *np.zeros((2, len(phase), self.n)))
 
     def varying_about(self, phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
-        """Matrices of `varying`, linearised about states q and q̇ (m, n) without accelerations, at which they
-        are those of the nonlinear equations."""
+        """Matrices of `varying`, linearised about states q and q̇ (m, n) with zero accelerations. At these
+        states, the linearised equations equal the nonlinear ones."""
         entries = self._varying(phase, speed, np.full(len(phase), acceleration), q, qd, np.zeros_like(q))
         return self.with_damping(phase, entries)
 
@@ -263,7 +263,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         """Matrices M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping added
         to C.
 
-        It cancels in d about a motion, where it occurs in C q̇ and in the residual.
+        For matrices about a motion, modal damping cancels in d, where it occurs in C q̇ and in the residual.
         """
         M, C, K, d = split_entries(entries, self.n)
         if isinstance(self.sampler, DampedSampler):
@@ -364,7 +364,7 @@ class LinearisedModel(Model):
         """States q, q̇ and q̈ (n, k) of the motion."""
         states_of = getattr(self.motion, "states", None)
         if states_of and self.events.phases:
-            # Beside an event the sides of a switch must be distinguished.
+            # Next to an event the two sides of a switch must be distinguished.
             states_of = partial(states_of, beside_nodes=True)
         states = states_of(phase) if states_of else [self.motion(phase, order) for order in range(3)]
         return [speed**order * state for order, state in enumerate(states)]

@@ -44,7 +44,7 @@ def modes(M: Array, K: Array) -> Modes:
     """All modes of M and K (m, n, n); M positive definite, K positive semidefinite.
 
     1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies remain accurate for any stiffness
-    of the highest modes. The highest modes lose digits; they are recomputed from the pencil K − ω² M in the
+    of the highest modes. The highest modes lose digits and are recomputed from the pencil K − ω² M in the
     space of the modes above the geometric mean of the lowest and the highest frequency.
     """
     shift, L, pencil = _pencil(M, K)
@@ -109,7 +109,8 @@ def _shifts(M: Array, K: Array) -> Array:
 def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
     """Damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) for damping ratios ζ of the modes of M and K (m, n, n).
 
-    ratio: one for all modes, or (…, k) by ascending frequency; the last holds for all higher modes.
+    ratio: one value for all modes, or (…, k) by ascending frequency; the last value holds for all higher
+    modes.
     """
     frequencies, vectors = modes(M, K)
     ratios = np.atleast_1d(ratio)

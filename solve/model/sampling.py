@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import casadi
 
 _CHUNK = 256
-"""Phases per evaluation: large enough to hide the cost of a call, small enough to map quickly. A choice."""
+"""Number of phases per evaluation. A choice: large enough to make the cost of a call negligible, small enough
+for CasADi's map to be built quickly."""
 
 _MAX_DEGREE = 4
 """Maximum degree of polynomials in the speed. A choice."""
@@ -154,7 +155,7 @@ class MatrixSampler:
         powers, table = speeds[:, None] ** self._terms.power, self._table(phase)
         entries = table @ (powers[:, :, None] * self._incidence)
         if not np.isfinite(entries).all():
-            # In the product, 0·∞ spreads to all entries.
+            # In a matrix product, 0·∞ would make all entries NaN.
             entries = np.zeros((P, m, E))
             for column, entry in enumerate(self._terms.entry):
                 entries[..., entry] += powers[:, None, column] * table[:, column]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import casadi
 
 _CONDITION_PHASES = 720
-"""Phases per period at which conditions on the parameters are checked. A choice."""
+"""Number of phases per period at which conditions on the parameters are checked. A choice."""
 
 _SAMPLES = {"points": 1, "curve": 361, "beam": 33}
 """Number of points drawn per declared element of a sketched line, by the kind of the line."""
@@ -196,7 +196,7 @@ def stated_lines(
     setup: Setup, phase: Array, speed: float, q: Array, fineness: float = 1.0
 ) -> dict[str, Plane]:
     """Points x + iy (points, k) of the sketched lines by name, in coherent units, for q (n, k) at phases
-    (k,). fineness: fraction of the usual number of points of curves. Raises ValueOutOfBoundsError for a
+    (k,). fineness: fraction of the default number of points of curves. Raises ValueOutOfBoundsError for a
     line without finite points."""
     lines: dict[str, Plane] = {}
     if not getattr(setup.module, "SKETCH", ()):
@@ -243,7 +243,7 @@ def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "c
 def left_out(setup: Setup) -> tuple[str, ...]:
     """Sentences on the nonlinear terms that the linearised equations neglect."""
     sentences, switched = (getattr(setup.module, name, ()) for name in ("NONLINEAR", "SWITCHED"))
-    # The options may exclude the terms with switches.
+    # Options may exclude the terms that contain switches.
     return (*sentences, *switched) if switched and setup.event_finder is not None else sentences
 
 

@@ -16,15 +16,15 @@ _DISTRIBUTION = re.compile(r"(normal|uniform)\s*\(\s*([^,]+?)\s*,\s*([^,]+?)\s*\
 _FORMS = "write '±2 %', '±0.1 mm', 'normal(8e4, 2e3)' or 'uniform(7e4, 9e4)'"
 
 EXTENT = 3.0
-"""Standard deviations within which the worst point of a normal distribution is sought: 99.7 % of all values.
-A convention."""
+"""Number of standard deviations within which the worst point of a normal distribution is sought: 99.7 % of
+all values. A convention."""
 
 
 class Spread(NamedTuple):
     """Spread of a parameter in the model's unit.
 
     normal: whether the numbers are mean and standard deviation of a normal distribution; otherwise they are
-    the ends of a uniform one.
+    the ends of a uniform distribution.
     """
 
     text: str
@@ -48,7 +48,7 @@ class Spread(NamedTuple):
 
         if self.normal:
             return self.first + self.second * z
-        # Rounding must not leave the ends.
+        # Round-off must not lead beyond the ends.
         return np.clip(self.first + (self.second - self.first) * ndtr(z), self.first, self.second)
 
     def slopes(self, z: Array) -> Array:
@@ -62,7 +62,7 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
     """Spread of a parameter from a text, with a nominal value in the model's unit.
 
     text: a tolerance about the value, or a distribution. Numbers without a unit are in `file_unit`, by
-    default the model's. Raises ValueOutOfBoundsError, UnitError.
+    default the model's unit. Raises ValueOutOfBoundsError, UnitError.
 
     >>> spread_of("k1", "±2 %", 100.0, "N/m")[1:], spread_of("k1", "normal(0.1, 0.01)", 0, "N/m", "N/mm")[1:]
     ((False, 98.0, 102.0), (True, 100.0, 10.0))

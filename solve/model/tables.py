@@ -17,10 +17,11 @@ from solve.errors import CaseFileError, UnitError, cause
 from solve.units import conversion
 
 _NUMBERS_A_BYTE = 8
-"""Memory per byte of a table while it is read, in numbers. An upper estimate, for the memory limit."""
+"""Memory for reading a table, in numbers per byte of the file. An upper estimate, used for the memory
+limit."""
 _REVOLUTION = 2 * math.pi
 _SAME_ANGLE = 1e-9
-"""Distance of angles, in revolutions, below which they coincide. A choice."""
+"""Distance between two angles, in revolutions, below which the angles coincide. A choice."""
 
 
 class Series(NamedTuple):
@@ -83,10 +84,10 @@ class Fit:
 def fitted(
     name: str, path: Path, columns: Sequence[str], harmonics: int | None, series: Series, unit: str
 ) -> Fit:
-    """Fit a declared series to a table. Harmonics that are not fitted are 0.
-
-    name: series, with ' for its derivative. columns: headers of angle and value, with units in brackets.
-    harmonics: by default all declared ones. unit: unit of the parameters. Raises CaseFileError, UnitError.
+    """Fit a declared series to a table. Harmonics that are not fitted are 0. name: name of the series, with '
+    for its derivative. columns: headers of angle and value, with units in brackets. harmonics: number of
+    harmonics, by default all declared harmonics. unit: unit of the parameters. Raises CaseFileError,
+    UnitError.
     """
     most = series.harmonics
     if harmonics is not None and (type(harmonics) is not int or not 1 <= harmonics <= most):

@@ -26,23 +26,24 @@ _FIRST_STEP, _MAX_STEP, _MIN_STEP = 0.05, 0.2, 1e-5
 smallest before the continuation stops. Choices."""
 
 _FEW, _MANY = 3, 5
-"""Numbers of corrections per step: up to the first the next step is longer, from the second it is shorter.
+"""Numbers of corrections per step up to which the next step is longer, and from which it is shorter.
 Choices."""
 
 _ROUNDOFF = 4 * EPS
 """Minimum relative error of the parameter."""
 
 _REFINEMENTS = 3
-"""Interpolations towards the end of the range. A choice."""
+"""Number of interpolations towards the end of the range. A choice."""
 
 _MIN_COSINE = 0.85
-"""Least cosine of the angle between a step and the tangents at its ends; a step that bends more is too long.
-A choice."""
+"""Smallest cosine of the angle between a step and the tangents at its ends. With a smaller cosine the step is
+too long. A choice."""
 
 
 _CROSSING = 0.01
-"""Length of a step, in scaled coordinates, up to which a branch may change its orientation. A choice: where
-it does, another branch crosses it, or the step has left it, which a shorter step does not."""
+"""Length of a step, in scaled coordinates, up to which a branch may change its orientation. A choice: the
+orientation changes where another branch crosses the branch, or where a longer step has jumped to another
+branch."""
 
 
 def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
@@ -87,7 +88,7 @@ class _BranchFollower:
         count: Callable[[], None],
         left: Callable[[Point], bool],
     ) -> tuple[list[Point], str]:
-        """See `follow_branch`."""
+        """Points of the branch, and the reason if it ends inside the range; see `follow_branch`."""
         points, length = [start], _FIRST_STEP
         while len(points) < most:
             before = points[-1]
@@ -162,7 +163,7 @@ class _BranchFollower:
             raise NoOrbitError("the step passes over two folds")
 
     def _at_end_of_range(self, before: Point, after: Point) -> Point:
-        """Point between two points of the branch at which the parameter first reaches the end of its
+        """Point between two points of the branch at which the parameter first reaches the end of the
         range."""
         edge, near = self.ends[int(after.value > self.ends[1])], before
         for _ in range(_REFINEMENTS):
@@ -190,7 +191,7 @@ class _BranchFollower:
         return length, direction.value, (before.direction.value, after.direction.value / slope)
 
     def _parameter_direction(self, grid: Grid) -> Unknowns:
-        """Direction of the parameter towards the last value."""
+        """Vector of unknowns with a change of the parameter only, in the direction of its last value."""
         (first, last), *others = self.parameters.ranges
         return Unknowns(self.parameters.task.rest(grid), np.array([last - first, *[0.0] * len(others)]))
 

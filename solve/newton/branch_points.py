@@ -12,13 +12,13 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 
 SAMPLES = 8
-"""Phases per step at which orbits are compared. A choice."""
+"""Number of phases per step at which orbits are compared. A choice."""
 
 DAMPING = "artificial damping"
 """Parameter ε of a term ε Ω M q̇, which is zero on every orbit; see `solve.newton.unforced`."""
 
 _PHASES = 2048
-"""Phases per period at which orbits are compared whose events differ. A choice."""
+"""Number of phases per period at which orbits with different events are compared. A choice."""
 
 _MAX_TASKS = 8
 """Number of values of the parameters whose systems are cached. A choice: a point uses one or two."""
@@ -38,7 +38,7 @@ class Unknowns:
         return float(self.values[0])
 
     def plus(self, factor: float, other: "Unknowns") -> "Unknowns":
-        """Sum of these unknowns and a multiple of others, on the nodes of the others."""
+        """Sum of these unknowns and `factor` times the unknowns `other`, on the nodes of `other`."""
         curve, nodes = self.curve, other.curve.nodes
         if not np.array_equal(curve.nodes, nodes):
             curve = on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)), curve)
@@ -56,8 +56,8 @@ class Unknowns:
 
     @property
     def amplitudes(self) -> Array:
-        """Half the peak-to-peak ranges (n,) of the coordinates at the samples; unchanged if a full revolution
-        is added to an angle."""
+        """Half the peak-to-peak ranges (n,) of the coordinates at the samples; they do not change if a full
+        revolution is added to an angle."""
         return np.ptp(self.curve.sampled(SAMPLES), axis=1) / 2
 
     @property
@@ -79,8 +79,9 @@ def sampled_together(*vectors: Unknowns) -> list[Array]:
 @dataclass(frozen=True)
 class FollowedOrbit:
     """Orbit of a branch: parameter values (k,); statistics (q, 7) of coordinates and outputs in the order of
-    `Statistics`, and their relative errors (q,); multipliers (2n,) and spectral radius; errors (2,) of the
-    orbit (relative) and of the spectral radius; and whether the orbit repeats after fewer periods."""
+    `Statistics`, and relative errors (q,) of the quantities; multipliers (2n,) and spectral radius; errors
+    (2,) of the orbit (relative) and of the spectral radius; and whether the orbit repeats after fewer
+    periods."""
 
     values: Array
     figures: Array
@@ -92,7 +93,7 @@ class FollowedOrbit:
 
     @property
     def nearest(self) -> float:
-        """Smallest distance of a multiplier from +1."""
+        """Smallest distance between a multiplier and +1."""
         return float(np.abs(self.multipliers - 1).min())
 
 
@@ -124,7 +125,7 @@ class Point:
 @dataclass(frozen=True)
 class ContinuationParameters:
     """Parameters of a continuation, with the first and last value (k, 2) of each: "speed" (rad/s), or names
-    of parameters for which the equations have derivatives. The task defines everything else."""
+    of parameters for which the equations have derivatives. The task defines all other settings."""
 
     task: Task
     names: tuple[str, ...]
@@ -153,7 +154,7 @@ class ContinuationParameters:
     def _task_at(self, values: Array) -> Task:
         given = dict(zip(self.names, map(float, values), strict=True))
         speed = given.pop(SPEED, self.task.speed)
-        # It is zero on every orbit, so that the equations need only its derivative.
+        # The artificial damping is zero on every orbit, so that only its derivative is needed.
         given.pop(DAMPING, None)
         if not speed > 0:
             raise NoOrbitError("the branch reaches speed 0")

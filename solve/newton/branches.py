@@ -28,12 +28,13 @@ from solve.units import apart, checked_rtol, ramp_in_si
 _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
 
 _SAMPLES = 127
-"""Phases at which orbits are stored: 63 harmonics, from which Newton's iteration converges. A choice; odd, so
-that the highest harmonic has a cosine and a sine."""
+"""Number of phases at which orbits are stored. It resolves 63 harmonics, from which Newton's iteration
+converges. A choice; odd, so that the highest harmonic has a cosine and a sine."""
 
 MAX_START_RTOL = 1e-3
-"""Largest rtol of the orbit from which a branch starts, since the next orbits take its steps. On coarser
-grids Newton's iteration along the branch may diverge. For the cam at 300 rpm it does at 1e-2, not at 3e-3."""
+"""Largest rtol of the orbit from which a branch starts, because its grid is used for the next orbits. On
+coarser grids Newton's iteration along the branch may diverge: for the cam at 300 rpm it diverges with 1e-2,
+not with 3e-3."""
 
 
 @of_system
@@ -58,8 +59,9 @@ def branch(
     system : Model
         Model with nonlinear equations.
     speeds : str or (float or str, float or str), optional
-        First speed, and the speed towards which the branch is continued: "300:600 rpm", or rad/s. The
-        branch ends where it leaves this range. With `over` the constant speed, by default that of the case.
+        First speed, and the speed towards which the branch is continued: "300:600 rpm", or rad/s. The branch
+        ends where it leaves this range. If `over` is given, the constant speed; by default the speed of the
+        case.
     over : str, optional
         Parameter that varies instead of the speed, with its first and last value: "k1=1e4:9e4".
     switch : bool
@@ -76,8 +78,8 @@ def branch(
         "auto", "compiled" or "numpy".
     unforced : bool
         Whether to follow the nonlinear modes of equations without load and damping over their frequency, the
-        speed, from each frequency of small vibrations between `speeds`. Multipliers of phase and energy are
-        exactly +1; the spectral radius is that of the others.
+        speed, from each frequency of small vibrations between `speeds`. The multipliers that belong to the
+        phase and the energy are exactly +1; the spectral radius is that of the remaining multipliers.
 
     Returns
     -------
@@ -98,7 +100,8 @@ def branch(
     Notes
     -----
     Every orbit is converged on one grid and corrected once on a grid with twice the number of steps. The
-    corrected orbit is returned. The differences give the errors; grids are refined if these exceed rtol.
+    corrected orbit is returned. Its differences from the first orbit are the error estimates; the grid is
+    refined if they exceed rtol.
     """
     require_integer("points", points, 2)
     require_integer("periods", periods)
@@ -138,7 +141,7 @@ def continuation(
         name, (first, last) = SPEED, ramp_in_si(speeds)
         if not (first > 0 and last > 0) or first == last:
             raise ValueOutOfBoundsError(
-                f"speeds are {speeds!r}; give two different ones above 0, such as '300:600 rpm'"
+                f"speeds are {speeds!r}; give two different speeds above 0, such as '300:600 rpm'"
             )
         speed = first
     else:

@@ -34,21 +34,22 @@ _MAX_CORRECTIONS = 40
 """Maximum number of corrections. A choice."""
 
 _MIN_DAMPING = 1 / 64
-"""Least damping factor of a correction. A choice."""
+"""Smallest damping factor of a correction. A choice."""
 
 _STALLED = 1e-6
-"""Relative size below which corrections that no longer decrease are round-off. A choice: far above eps times
-the condition number of usual systems, far below a useful rtol."""
+"""Relative size below which corrections that no longer decrease count as round-off. A choice: far above eps
+times the condition number of typical systems, and far below a useful rtol."""
 
 _RTOL_FRACTION = 0.01
-"""Largest last correction as a fraction of the tolerance of the orbit. A choice: quadratic convergence leaves
-an error far below the correction."""
+"""Upper limit of the last correction, as a fraction of the tolerance of the orbit. A choice: with quadratic
+convergence the remaining error is far smaller than the last correction."""
 
 _FEW_STEPS = 32
-"""Number of steps that resolve the round-off of the loads: its bound varies smoothly. A choice."""
+"""Number of steps with which the round-off of the loads is computed. Few suffice, because its bound varies
+smoothly. A choice."""
 
 _COARSE = 256
-"""Number of steps above which a finer grid is not expected to make the iteration converge. A choice."""
+"""Number of steps above which no finer grid is tried if the iteration diverges. A choice."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +94,8 @@ class Task:
         return rigid_at_rest(self.system, self.speed)
 
     def rest(self, grid: Grid) -> Curve:
-        """Fundamental motion, q = 0. The iterate after it is the linear orbit."""
-        return at_rest(self.system.n, grid)
+        """Fundamental motion, q = 0. The next iterate is the linear orbit."""
+        return zero_motion(self.system.n, grid)
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class Converged:
         return curve[0]
 
 
-def at_rest(n: int, grid: Grid) -> Curve:
+def zero_motion(n: int, grid: Grid) -> Curve:
     """Motion q = 0 of n coordinates on the nodes of a grid."""
     return Curve(grid.nodes, np.zeros((n, grid.steps, 1)))
 
@@ -121,13 +122,14 @@ def at_rest(n: int, grid: Grid) -> Curve:
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
     """Rigid-body modes of a system linearised about the fundamental motion; None if it has none."""
     free_machine = free(
-        OnePoint(nonlinear_of(system).along(at_rest(system.n, Grid.uniform(1, system.period))), speed)
+        OnePoint(nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period))), speed)
     )
     return None if free_machine is None else free_machine.modes
 
 
 def without_zeros(sizes: Array) -> Array:
-    """Sizes (n,) of the coordinates. A zero is replaced by the largest size, or by 1 if all are zero."""
+    """Sizes (n,) of the coordinates without zeros. A zero is replaced by the largest size, or by 1 if all are
+    zero."""
     return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
 
@@ -173,7 +175,7 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
 
 class _CorrectionNorm:
     """Norm of corrections, relative to max|q| of each coordinate. Once the corrections no longer decrease,
-    scales are used that do not vanish with the coordinates. Corrections within round-off have norm 0."""
+    scales that do not vanish with the coordinates are used. Corrections within round-off have norm 0."""
 
     def __init__(self, task: Task, grid: Grid):
         self._task, self._grid = task, grid
@@ -282,8 +284,9 @@ def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
 
 
 def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
-    """System linearised along a curve, whose loads on coordinates that are zero are those that keep them zero
-    exactly. Their round-off may vary from phase to phase, which no grid resolves."""
+    """System linearised along a curve, with corrected loads on coordinates that are zero, so that these
+    remain exactly zero. The round-off of uncorrected loads may vary from phase to phase, which no grid
+    resolves."""
     is_zero = ~curve.coefficients.any(axis=(1, 2))
     if not is_zero.any():
         return along
@@ -307,7 +310,7 @@ class Newton(Method):
     def __init__(self, task: Task, start: Motion, steps: int = 0, found: Converged | None = None):
         method = task.method
         self.task, self.start, self.first, self.finest, self.found = task, start, steps, steps, found
-        # The curve enters the next linearisation, whose solution is not more accurate than the curve.
+        # The next linearisation is about this curve, and its solution is not more accurate than the curve.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
 

@@ -2,8 +2,8 @@
 
 The state x at phase 0 and the changes p of k parameters satisfy x = Φ x + g + G p. These are 2n equations for
 2n + k unknowns, so that their solutions are one particular solution and k tangents. At a fold, where I - Φ is
-singular, they remain regular (H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems, 1987,
-4.3)."""
+singular, these equations remain regular (H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems,
+1987, 4.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,13 +28,14 @@ from solve.period.points import OnePoint
 from solve.system import PeriodicSystem, in_phase
 
 _BLOCKS, _MANY_STATES = 8, 24
-"""Number of blocks of the period whose initial states are unknowns, and number of states above which there is
-one block: choices. A solution that grows by |ρ| over the period costs log10|ρ|/8 digits."""
+"""Number of blocks of the period whose initial states are unknowns, and number of states above which one
+block is used: choices. With 8 blocks, a solution that grows by |ρ| over the period loses log10|ρ|/8
+digits."""
 
 
 _REGULAR = 1e-2
-"""Distance of all multipliers from +1 above which I - Φ is regular: round-off grows by its inverse. A
-choice."""
+"""Distance of all multipliers from +1 above which I - Φ counts as regular. Round-off is multiplied by the
+inverse of this distance. A choice."""
 
 
 JUMPS = (
@@ -187,7 +188,7 @@ class _Steps:
         return unknowns
 
     def curves(self, columns: Array) -> Curve:
-        """Curves (c, n, …) of the solutions in the columns (B·2n + k, c). The load d acts in the first
+        """Curves (c, n, …) of the solutions in the columns (B·2n + k, c). The load d acts in the first column
         only."""
         N, B, grid, method = self._states, self.blocks, self._grid, self._method
         loads = np.zeros((self._chain.shape[-1] - N, columns.shape[1]))

@@ -28,16 +28,16 @@ _MAX_CORRECTIONS = 8
 """Number of corrections beyond which a step is too long. A choice."""
 
 _MAX_LAST_CORRECTION, _DIVERGED = 1e-5, 3.0
-"""Norms of a correction: upper limit of the last one, and limit beyond which the iteration diverges.
+"""Upper limit of the norm of the last correction, and norm above which the iteration has diverged.
 Choices."""
 
 _QUADRATIC, _SAFETY = 1e-2, 10.0
-"""Correction below which the iteration is quadratic, and factor on the next one, size³/last², that it
-predicts. Choices."""
+"""Correction below which convergence is quadratic, and safety factor on the predicted next correction,
+size³/last². Choices."""
 
 _RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.01, 1e-10
-"""Upper limit of the last correction as a fraction of rtol, if that is smaller; norm below which corrections
-need not decrease."""
+"""Upper limit of the last correction as a fraction of rtol, used if it is below the limit above; and norm
+below which corrections need not decrease. Choices."""
 
 _LANES = 8
 """Number of segments of a period that the compiled code integrates at a time; the numbers of steps of finer
@@ -51,11 +51,11 @@ _MAY_REST = 1e-10
 within round-off. A choice."""
 
 _MIN_SIZE = 0.05
-"""Least scale of a coordinate relative to its largest amplitude on the manifold so far. A choice: without it
-steps shrink to nothing where a coordinate passes through zero."""
+"""Least scale of a coordinate relative to its largest amplitude on the manifold so far. A choice: without
+this limit, step lengths would tend to zero where a coordinate passes through zero."""
 
 _MAX_STEPS = 2**12
-"""Largest number of steps per period; finer grids are not used. A choice, for the time they take."""
+"""Largest number of steps per period; finer grids are not used. A choice that limits the computing time."""
 
 
 @dataclass
@@ -104,20 +104,20 @@ class Manifold:
         return self.point(unknowns, before.tangents, before.grid, family, sizes, held), corrections
 
     def first(self, unknowns: Unknowns, towards: Unknowns, grid: Grid) -> Point:
-        """Point near a place at the same value of the only parameter, directed towards another value. Raises
-        SolveError subclasses."""
+        """Point near `unknowns` at the same value of the only parameter. Its tangent is directed along
+        `towards`. Raises SolveError subclasses."""
         self.resting = self._scale(unknowns, grid).rests(unknowns.largest)
         return self.held(unknowns, [towards], grid)
 
     def held(self, unknowns: Unknowns, ways: Sequence[Unknowns], grid: Grid) -> Point:
-        """Point near a place with the same components along directions, one per parameter. Raises SolveError
-        subclasses."""
+        """Point near `unknowns` whose components along the directions `ways`, one per parameter, equal those
+        of `unknowns`. Raises SolveError subclasses."""
         sizes = self._sizes(self._scale(unknowns, grid), unknowns)
         found, family, _ = self._converged(unknowns, unknowns, ways, [0.0] * len(ways), sizes, grid)
         return self.point(found, ways, grid, family, sizes, ways)
 
     def along(self, before: Point, length: float) -> tuple[Point, int]:
-        """Point at a length along the first tangent of another, and its number of corrections; see
+        """Point at a length along the first tangent of the point `before`, and the number of corrections; see
         `reached`."""
         return self.reached(before, before.tangents, [length, *[0.0] * (len(before.tangents) - 1)])
 
@@ -136,7 +136,7 @@ class Manifold:
         for corrections in range(1, _MAX_CORRECTIONS + 1):
             after, family = self._corrected(unknowns, before, directions, lengths, sizes, grid)
             size, unknowns = self.distance(after, unknowns, sizes), after
-            # The next correction of a quadratic iteration is not needed if it would be small.
+            # With quadratic convergence, a next correction that is predicted to be small is omitted.
             following = _SAFETY * size**3 / last**2 if corrections > 1 and size < _QUADRATIC else math.inf
             last = size
             if min(size, following) < self.tolerance:
@@ -242,8 +242,8 @@ class Manifold:
     def _orbit(
         self, there: Unknowns, better: Unknowns, grid: Grid, off: Array, sizes: Array
     ) -> FollowedOrbit:
-        """Orbit from the more accurate of two vectors of unknowns, before the errors of orbit and radius are
-        added. off: relative differences (n,) of the coordinates."""
+        """Orbit from the more accurate vector of unknowns, `better`, before the errors of orbit and radius
+        are added. off: relative differences (n,) of the coordinates from those of `there`."""
         task, curve = self.parameters.task_at(better.values), better.curve
         multipliers = multipliers_of(self.parameters, better, grid, sizes)
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
@@ -266,7 +266,7 @@ class Manifold:
 
 
 def _finer(steps: int) -> int:
-    """Next grid size: 3/2 times a power of two, and 4/3 times any other number."""
+    """Next grid size: 3/2 times the number of steps if it is a power of two, otherwise 4/3 times."""
     finer = 3 * steps // 2 if steps & (steps - 1) == 0 else math.ceil(4 * steps / 3)
     return -(-finer // _LANES) * _LANES
 

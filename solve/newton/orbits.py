@@ -20,7 +20,7 @@ from solve.errors import (
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocation import Collocated
-from solve.newton.iteration import Converged, Newton, Task, at_rest, iterate
+from solve.newton.iteration import Converged, Newton, Task, iterate, zero_motion
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
 from solve.period.grid import Grid
@@ -32,12 +32,12 @@ from solve.terminal import progress
 from solve.units import speed_in_si
 
 _STEPS = 64, 128
-"""Steps per period of the grids on which orbits are sought; continuation uses the last. Choices."""
+"""Steps per period of the grids on which orbits are sought; continuation uses the last grid. Choices."""
 
 _TRANSIENT = "transient"
 _STRATEGIES = ("linear orbit", "load", "speed", _TRANSIENT)
-"""Strategies in their order; for several periods the transient comes first, as the others converge to an
-orbit of one period."""
+"""Strategies in their order; for several periods the transient comes first, because the other strategies
+converge to an orbit of one period."""
 
 
 @of_system
@@ -66,7 +66,8 @@ def nonlinear(
         - an orbit, linear or nonlinear, also for other parameters, speeds or steps;
         - a transient, whose last periods are used;
         - the path of a .nc or .npz file of either;
-        - q and q̇ (n,) at phase 0, with time derivatives, from which the motion is integrated over the period;
+        - q and q̇ (n,) at phase 0, with time derivatives, from which the motion is integrated over the
+        period;
         - a function of phases (k,) that returns q (n, k), or a motion with `nodes` as for
           `PeriodicSystem.along`.
 
@@ -115,7 +116,7 @@ def nonlinear(
 
 
 def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
-    rest = at_rest(system.n, Grid.uniform(1, system.period))
+    rest = zero_motion(system.n, Grid.uniform(1, system.period))
     ((method, _),) = chosen_for(rule, OnePoint(nonlinear_of(system).along(rest), speed))
     if not isinstance(method, Collocated):
         raise ValueOutOfBoundsError(
@@ -142,7 +143,7 @@ class _Search:
 
     def find(self) -> NonlinearOrbit:
         """Orbit by the first successful strategy. If it is unstable, a transient is computed, and the orbit
-        on which it settles is returned unless that is unstable too."""
+        on which it settles is returned, unless this orbit is unstable too."""
         strategies = _STRATEGIES if self.task.periods == 1 else (_TRANSIENT, *_STRATEGIES[:-1])
         failed: list[str] = []
         unstable: NonlinearOrbit | None = None

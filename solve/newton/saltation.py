@@ -1,7 +1,7 @@
 """Saltation matrices: the jump of a disturbance at an event at which the force jumps (M. di Bernardo, C.
 Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
 
-A disturbance moves the phase of the event. With the states x = (q, q') and rates f before and after it,
+A disturbance shifts the phase of the event. With the states x = (q, q') and rates f before and after it,
 
     S = I + (f⁺ - f⁻) ∇gᵀ / (∂g/∂φ + ∇gᵀ f⁻)
 
@@ -19,15 +19,15 @@ from solve.period.points import OnePoint
 from solve.system import PeriodicSystem
 
 _JUMP = 1e-6
-"""Jump of q'' relative to its largest modulus below which forces are continuous: above the errors of second
-derivatives of curves, far below an effect on multipliers. A choice."""
+"""Jump of q'' relative to its largest modulus below which forces count as continuous. A choice: above the
+errors of second derivatives of curves, and too small to affect multipliers."""
 
 
 def steps_with_saltation(
     along: PeriodicSystem, curve: Curve, speed: float, method: Collocated, grid: Grid
 ) -> Steps | None:
-    """One-step maps that include the saltation matrices at the events of an orbit; None if no force jumps
-    there. along: system linearised along the orbit; grid: has the events as nodes; speed: in rad/s."""
+    """One-step maps that include the saltation matrices at the events of an orbit; None if no force jumps at
+    these events. along: system linearised along the orbit; grid: has the events as nodes; speed: in rad/s."""
     if not forces_jump(along, curve):
         return None
     nodes = _nodes(along, curve)

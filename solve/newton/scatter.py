@@ -28,8 +28,9 @@ _STATES, _RTOL = 128, 1e-7
 """States per period and tolerance of the motions. Choices."""
 
 _SETTLED, _SAME = 1e-4, 1e-2
-"""Change of the state over the period of an orbit, relative to the sizes of the coordinates, below which a
-motion has settled; difference below which two states are of one orbit. Choices."""
+"""Relative change of the state over the period of an orbit below which a motion has settled, and relative
+difference below which two states belong to the same orbit, both relative to the sizes of the coordinates.
+Choices."""
 
 
 @of_system
@@ -50,14 +51,14 @@ def scatter(
     system : Model
         Model with nonlinear equations.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; by default that of the case.
+        Speed in rad/s, or a text with unit; by default the speed of the case.
     count : int
         Number of initial states.
     seed : int
         Seed of the initial states, uniform in a box about 0.
     spread : float
-        Half width of the box, relative to the largest values of the coordinates on the linear orbit, and to
-        these times the speed for velocities.
+        Half width of the box: for coordinates relative to their largest values on the linear orbit, for
+        velocities relative to these values times the speed.
     periods : int
         Largest number of model periods per period of an orbit.
     rtol : float
@@ -81,7 +82,7 @@ def scatter(
         require_integer(name, value)
     require_size("count", count, 2 * system.n)
     if not (isinstance(seed, int | np.integer) and seed >= 0):
-        raise ValueOutOfBoundsError(f"seed is {seed!r}; allowed: an integer from 0 on")
+        raise ValueOutOfBoundsError(f"seed is {seed!r}; allowed: integers of at least 0")
     if not 0 < spread < np.inf:
         raise ValueOutOfBoundsError(f"spread is {spread}; allowed: a number above 0")
     omega, (used, _) = speed_or_usual(system, speed), chosen_engine(engine)

@@ -1,9 +1,9 @@
 """Curves of folds and of period doublings in two parameters.
 
-The orbits over both parameters are a surface. A function g on it is zero at the special points: at folds the
-determinant of the parameters of two tangents, since some direction then changes neither; at doublings
-Π (1 + ρ)/(1 + |ρ|). The curve g = 0 is followed on the surface, where it is smooth also at cusps (Y. A.
-Kuznetsov, Elements of Applied Bifurcation Theory, 10.3)."""
+The orbits over both parameters are a surface. A function g on it is zero at the special points: for folds,
+the determinant of the parameter components of two tangents, because some direction then changes neither
+parameter; for doublings, Π (1 + ρ)/(1 + |ρ|). The curve g = 0 is followed on the surface, where it is smooth
+also at cusps (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.3)."""
 
 import math
 from collections.abc import Callable
@@ -26,17 +26,19 @@ _FIRST_STEP, _MAX_STEP, _MIN_STEP, _GROWTH = 0.03, 0.15, 1e-4, 1.5
 curve ends; factor by which a step grows after a success. Choices."""
 
 _FEW, _MAX_CORRECTIONS = 4, 12
-"""Number of evaluations of g up to which the next step is longer; the largest one. Choices."""
+"""Number of evaluations of g up to which the next step is longer, and largest number of evaluations.
+Choices."""
 
 _MIN_COSINE = 0.9
-"""Least cosine of the angle between a step and the tangent before it. A choice."""
+"""Smallest cosine of the angle between a step and the preceding tangent. A choice."""
 
 _EDGE = 1e-9
-"""Distance beyond the end of a range, relative to it, up to which a point is inside. A choice: above
-round-off."""
+"""Distance beyond the end of a range, relative to its length, up to which a point counts as inside. A choice:
+above round-off."""
 
 _DIFFERENCE = 1e-3
-"""Step of the central differences of g: errors of 1e-6 of its curvature, and round-off of 1e-10. A choice."""
+"""Step of the central differences of g. A choice: their truncation error is about 1e-6, their round-off about
+1e-10."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class _CurveFollower:
         self.spans = parameters.spans
 
     def follow(self, start: Point, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
-        """See `follow_curve`."""
+        """Points of the curve, and the reason if they end inside the ranges; see `follow_curve`."""
         current, length = self._first(start), _FIRST_STEP
         points = [current.point]
         while len(points) < most:

@@ -17,12 +17,12 @@ _MAX_REFINEMENTS = 30
 """Largest number of interpolations towards a point. A choice; five to eight are usual."""
 
 _RTOL_FRACTION, _ROUNDOFF = 1e-3, 64 * EPS
-"""Change of the parameter between two interpolations, as a fraction of rtol, at which a point is located, and
-its least value. Choices: another interpolation costs as much as a point."""
+"""Change of the parameter between two interpolations below which a point is located, as a fraction of rtol,
+and smallest value of this limit. Choices: each interpolation costs as much as a point of the branch."""
 
 _REAL = 1e-12
-"""Imaginary part, relative to the modulus, up to which a multiplier is real. A choice: NumPy returns real
-eigenvalues of real matrices without imaginary part."""
+"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. A choice: NumPy returns
+real eigenvalues of real matrices without imaginary part."""
 
 Test = Callable[[Point], float]
 

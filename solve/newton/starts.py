@@ -23,10 +23,12 @@ Start = Orbit | Transient | Motion | tuple[Array, Array] | Callable[[Array], Arr
 FILES = ".nc", ".npz"
 
 _SAMPLES = 256
-"""Phases per model period at which a function is evaluated; a cubic spline interpolates between them."""
+"""Number of phases per model period at which a function is evaluated; a cubic spline interpolates between
+them. A choice."""
 
 _STATES, _RTOL = 128, 1e-6
-"""States per period and tolerance of the motion from a given state; Newton's iteration corrects the rest."""
+"""Number of states per period, and tolerance, of the motion from a given state. Choices: Newton's iteration
+removes the remaining error."""
 
 
 class _NotRealError(TypeError):
@@ -97,7 +99,7 @@ def _last_periods(transient: Transient, task: Task) -> Curve:
 
 
 def _spline_through(function: Callable[[Array], Array], task: Task) -> Curve:
-    """Periodic cubic spline through the values that a function of the phase returns."""
+    """Periodic cubic spline through the values returned by a function of the phase."""
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, task.period, _SAMPLES * task.periods + 1)

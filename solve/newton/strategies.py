@@ -19,14 +19,16 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 
 _MAX_CORRECTIONS = 10
-"""Maximum number of corrections per continuation step. A choice: a shorter step costs less than more."""
+"""Maximum number of corrections per continuation step. A choice: a shorter step costs less than more
+corrections."""
 
 _FIRST_STEP, _MIN_STEP, _GROWTH = 0.1, 4e-3, 2.0
-"""Fractions of the way: first step, and least step; factor by which steps grow after a success and shrink
-after a failure. Choices."""
+"""First and smallest step, as fractions of the range of the continuation; factor by which steps grow after a
+success and shrink after a failure. Choices."""
 
 _SPEED_HALVINGS = 6
-"""Number of halvings of the speed in search of one where the linear orbit is near. A choice."""
+"""Number of halvings of the speed in the search for one at which the iteration converges from the linear
+orbit. A choice."""
 
 _MAX_PERIODS = 80
 """Periods of the system after which a transient ends. A choice."""
@@ -40,19 +42,19 @@ _RTOL = 1e-6
 
 _FULLY_SETTLED, _FINE_RTOL = 1e-5, 1e-8
 """Change per period below which finer grids are tried if Newton's iteration did not converge from a settled
-motion, and relative tolerance of the motion on these. Choices."""
+motion, and relative tolerance of the motion for finer grids. Choices."""
 
 _SETTLED = 1e-3
 """Change per period, relative to the sizes of the coordinates, below which a transient has settled; Newton's
-iteration corrects the rest. A choice."""
+iteration removes the remaining difference. A choice."""
 
 _REFINEMENTS = 4, 16, 64
-"""Ratios of the numbers of steps of the grids that are tried after a transient has settled. Choices: with the
-last one, contacts of a thousandth of the period are resolved."""
+"""Ratios of the numbers of steps of the grids that are tried after a transient has settled. Choices: the last
+grid resolves contacts that last a thousandth of the period."""
 
 _PERTURBATION = 1e-3
-"""Initial displacement, relative to the sizes of the coordinates: a transient exactly from rest would remain
-on an unstable rest. A choice."""
+"""Initial displacement, relative to the sizes of the coordinates: a transient from exactly zero would remain
+on an unstable equilibrium. A choice."""
 
 
 class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):
@@ -67,7 +69,8 @@ class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):
         return super().capabilities._replace(nonlinear=self)
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
-        # Both are linearised in the same way, so that without load rest is an orbit to the last digit.
+        # Both residuals are linearised in the same way, so that without load rest is an orbit to the last
+        # digit.
         tangent, at_rest = (
             nonlinear_of(self._system).along(curve, compiled) for curve in (motion, self._rest)
         )
@@ -185,7 +188,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
 
 def _from_settled(task: Task, motion: Curve, grid: Grid) -> Converged:
     """Orbit on which a motion has settled, on the first finer grid on which Newton's iteration converges.
-    Short contacts with stiff stops need small steps in the motion from which it starts. Raises
+    Short contacts with stiff stops require a start with small steps. Raises
     NoOrbitError."""
     state = np.concatenate([motion(np.zeros(1), order)[:, 0] for order in range(2)])
     sizes = linear_sizes(task, grid)
@@ -222,8 +225,8 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
 
 
 def motion_from(task: Task, state: Array, sizes: Array, states: int, rtol: float) -> Curve:
-    """Motion over the period of the orbit from a state (2n,) q and q' at phase 0, by integration with a
-    number of states per period of the system. sizes (n,): of the coordinates."""
+    """Motion over the period of the orbit from a state (2n,) q and q' at phase 0, by integration with
+    `states` states per period of the system. sizes (n,): scales of the coordinates."""
     march, turns = nonlinear_of(task.system).marcher(sizes, states, rtol), []
     for turn in range(task.periods):
         turns.append(march(state, turn * task.system.period, task.speed))

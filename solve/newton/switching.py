@@ -17,7 +17,8 @@ from solve.period.curve import Curve
 from solve.results.branch import DOUBLING
 
 _FIRST_LENGTHS = 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 5e-4, 2e-4
-"""Lengths of the first step onto a branch, in scaled coordinates, from the longest. Choices."""
+"""Lengths of the first step onto a branch, in scaled coordinates, in the order in which they are tried.
+Choices."""
 
 _MOST_MOVED = 0.01
 """Largest change of the parameter, as a fraction of its range, in the first step. A choice."""
@@ -57,7 +58,7 @@ def _doublings(points: Sequence[Point]) -> list[Point]:
 
 
 def _is_same_branch(point: Point, end: Point, size: float) -> bool:
-    """Whether an earlier branch starts or ends near a point, so that it is the same branch."""
+    """Whether a branch from this point is the earlier branch that starts at `point` and ends at `end`."""
     return 2 * point.periods == end.periods and abs(point.value - end.value) <= 2 * size
 
 
@@ -81,7 +82,7 @@ def _first_point(before: ContinuationParameters, doubled: ContinuationParameters
 
 
 def _over_two_periods(curve: Curve, factor: float) -> Curve:
-    """Curve over two periods; the second period is a multiple of the first."""
+    """Curve over two periods; the motion over the second period is `factor` times that over the first."""
     period = curve.nodes[-1]
     coefficients = np.concatenate((curve.coefficients, factor * curve.coefficients), axis=-2)
     return Curve(np.append(curve.nodes[:-1], curve.nodes + period), coefficients, drift=curve.drift)

@@ -19,7 +19,7 @@ from solve.first_order import MixedSystem
 from solve.labels import require_motion
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
-from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
+from solve.newton.iteration import joined, rigid_at_rest, without_zeros, zero_motion
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.starts import state_of
 from solve.period.curve import interpolation_error, interpolation_tolerance
@@ -40,19 +40,21 @@ _COUNT, _MOST_STATES = 256, 2**14
 """States per period: first, and maximum. Choices."""
 
 _MAX_ENTRIES = 2**23
-"""Largest number of matrix entries at the states of a motion for which a period gets more states: 64 MB."""
+"""Number of matrix entries, over all states of a motion, up to which the number of states per period is
+increased: 64 MB. A choice."""
 
 _MARCH_RTOL, _MIN_MARCH_RTOL = 1e-4, 1e-12
 """Tolerance of the motion as a fraction of rtol, and its least value. Choices."""
 
 _OFF_RESONANCE = 0.9
-"""Fraction of a resonant speed at which the linear orbit provides the sizes of the coordinates. A choice."""
+"""Ratio of the speed at which the linear orbit provides the sizes of the coordinates to a speed at resonance.
+A choice."""
 
 _FIRST_STEPS, _MAX_STEPS = 64, 2**14
 """Steps per period: first, and maximum. Choices."""
 
 _PHASES = 32
-"""Phases per period at which the frequency of the fastest mode is computed. A choice."""
+"""Number of phases per period at which the frequency of the fastest mode is computed. A choice."""
 
 _MAX_CACHED = 2**21
 """Largest number of matrix entries of a period whose one-step maps are kept for the next: 16 MB."""
@@ -84,8 +86,8 @@ def transient(
     turns : int
         Number of periods, from phase 0.
     start : optional
-        "rest"; "orbit", the linear one; q and q̇ (n,) by time; or a file .npz of an orbit or of a transient,
-        which is continued from its end.
+        "rest"; "orbit", the linear orbit; q and q̇ (n,), with derivatives with respect to time; or a file
+        .npz of an orbit or of a transient, which is continued from its end.
     nonlinear : bool
         Whether to integrate the nonlinear equations.
     rtol : float
@@ -173,7 +175,7 @@ def _run_up(
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
     require_desired_motion(system, ends)
     if start == ORBIT and ramp[0] == 0:
-        raise ValueOutOfBoundsError("start is 'orbit', and there is no orbit at speed 0; give start 'rest'")
+        raise ValueOutOfBoundsError("start is 'orbit', but there is no orbit at speed 0; give start 'rest'")
     first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
     fastest = _linear(system, max(ramp), 1e-6, engine, True) if nonlinear else None
     integration = _Integration(system, fastest, nonlinear, rtol)
@@ -197,7 +199,7 @@ class _Integration:
         of states per period is increased until the interpolation is accurate or the memory limit is
         reached.
 
-        Linear motion with vibrations too fast for steps or states is not an error; its error is reported.
+        Linear motion with vibrations too fast for the steps or states is not rejected; its error is reported.
         Raises TransientError for nonlinear motion that CVODES cannot integrate with few states."""
         count, work = _COUNT, 3 * self.system.n**2 * (len(ends) - 1)
         result, march_error, tolerance = None, 0.0, interpolation_tolerance(self.rtol)
@@ -211,7 +213,8 @@ class _Integration:
                 return result
             previous, march_error = march_error, march.error if isinstance(march, StepMarcher) else 0.0
             if result is not None and march_error > tolerance >= previous:
-                # More states reveal vibrations that no steps resolve; the result before states their error.
+                # More states reveal vibrations that no steps resolve. The previous result includes them in
+                # its error.
                 return result
             between = float(interpolation_error(march.nodes, motion, bool(self.system.breaks)).max())
             error = max(between, march_error)
@@ -219,7 +222,7 @@ class _Integration:
             result = march.nodes, motion, error, _damping_note(march)
             if error <= max(tolerance, march_error) or count == most:
                 return result
-            # The interpolation error falls with the fourth power at least.
+            # The interpolation error is proportional to at least the fourth power of the step length.
             factor = 2 ** math.ceil(max(1.0, math.log2(error / tolerance) / 4))
             count = min(count * factor, most)
 
@@ -230,7 +233,7 @@ class _Integration:
         if not self.nonlinear:
             return StepMarcher(self.system, sizes, count, march_rtol)
         # Raises LinearModelError for a linear system.
-        nonlinear_of(self.system).along(at_rest(self.system.n, Grid.uniform(1, self.system.period)))
+        nonlinear_of(self.system).along(zero_motion(self.system.n, Grid.uniform(1, self.system.period)))
         return nonlinear_of(self.system).marcher(without_zeros(sizes), count, march_rtol)
 
 
@@ -239,8 +242,8 @@ def _damping_note(march: Integrator) -> list[str]:
     if not isinstance(march, StepMarcher) or march.angle <= _METHOD.follows:
         return []
     return [
-        f"ω_max h = {march.angle:.2g}: the steps damp out the fastest modes, and with them any "
-        "vibration that a start away from the orbit excites in these modes"
+        f"ω_max h = {march.angle:.2g}: the steps damp out the fastest modes, so that the vibration of these "
+        "modes after the start is not shown"
     ]
 
 
@@ -356,12 +359,12 @@ class _PeriodSteps:
             self._cache[steps] = discretisation
         n, N = len(state) // 2, discretisation.steps.A.shape[-1]
         x = np.empty((len(discretisation.steps.A[0]) + 1, N))
-        # The last coordinates may be states without rates.
+        # The last coordinates may be first-order states without rates.
         x[0] = state[:N]
         for k, (A, b) in enumerate(zip(discretisation.steps.A[0], discretisation.steps.b[0], strict=True)):
             x[k + 1] = A @ x[k] + b
         curve = discretisation.curve(x[None])[0]
-        # At the period itself the curve restarts.
+        # At the end of the period the curve returns the values of its start.
         inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
         largest = np.abs(x[:, :n]).max(axis=0)
         return np.stack([curve(inside, order) for order in range(3)]), largest

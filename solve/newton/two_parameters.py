@@ -25,7 +25,8 @@ from solve.units import checked_rtol
 _MAX_ABS = FIGURES.index("max_abs")
 
 _SAME = 1e-4
-"""Distance, relative to the ranges, within which the end of a curve is the start of another. A choice."""
+"""Distance, relative to the ranges, within which the end of a curve coincides with the start of another. A
+choice."""
 
 
 @of_system
@@ -53,7 +54,8 @@ def special_curves(
     over : sequence of str
         Two parameters with their ranges, such as ["speed=1:2 rad/s", "f=0.3:0.1"].
     speed : float or str, optional
-        Constant speed in rad/s, or a text with unit, if it does not vary; by default that of the case.
+        Constant speed in rad/s, or a text with unit, if the speed is not a parameter; by default the speed of
+        the case.
     periods : int
         Number of model periods per period of the orbits.
     start : optional

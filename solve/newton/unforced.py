@@ -1,10 +1,10 @@
 """Undamped nonlinear modes: periodic orbits of the equations without load and damping, over their frequency.
 
-Such orbits are no isolated solutions at a frequency: a shift of the phase leads to another one, and energy is
-conserved. With a term ε Ω M q̇ as a second parameter ε, which is zero on every orbit, they are the regular
-solutions of as many equations as unknowns (F. J. Muñoz-Almaraz, E. Freire, J. Galán, E. Doedel, A.
-Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has one tangent along the branch and
-one that shifts the phase."""
+Such orbits are not isolated solutions at a frequency: each shift of the phase gives another orbit, and energy
+is conserved. With a term ε Ω M q̇ as a second parameter ε, which is zero on every orbit, they are regular
+solutions, with equal numbers of equations and unknowns (F. J. Muñoz-Almaraz, E. Freire, J. Galán, E. Doedel,
+A. Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has one tangent along the branch
+and one that shifts the phase."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from solve.equations import nonlinear_of, roundoff_of
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.newton.arclength import follow_branch
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
-from solve.newton.iteration import Task, at_rest
+from solve.newton.iteration import Task, zero_motion
 from solve.newton.manifold import Manifold
 from solve.newton.switching import Followed
 from solve.period.curve import Curve
@@ -24,10 +24,11 @@ from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 _STEPS = 64
-"""Steps per period of the first orbit. A choice: grids are refined."""
+"""Steps per period of the first orbit. A choice: grids are refined later."""
 
 _LEAST, _MOST, _GROWTH = 1e-9, 1e6, 2.0
-"""Amplitudes, in units of the coordinates, between which the first orbit is sought; their ratio. Choices."""
+"""Smallest and largest amplitude, in units of the coordinates, at which the first orbit is sought, and ratio
+of successive amplitudes. Choices."""
 
 _DETUNED, _FAR = 1e-3, 0.05
 """Smallest and largest difference of the first orbit's frequency from that of small vibrations, relative to
@@ -35,7 +36,7 @@ the range. Choices."""
 
 _IS_ZERO = 1e-9
 """Size of loads, damping and their variation, relative to the other terms, that counts as zero. A choice:
-above round-off, far below an effect on the modes."""
+above round-off, and too small to affect the modes."""
 
 _PHASES = 64
 """Phases at which the equations at rest are compared. A choice."""
@@ -66,8 +67,8 @@ def follow_modes_of(task: Task, ends: Array, most: int) -> list[Followed]:
 
 
 def energy(system: PeriodicSystem, curve: Curve, speed: float) -> float:
-    """Energy of an orbit of conservative equations, from that at rest: the kinetic one, and the work against
-    the elastic forces on a straight line to the coordinates at phase 0."""
+    """Energy of an orbit of conservative equations, relative to rest: kinetic energy, plus the work against
+    the elastic forces along a straight line from rest to the coordinates at phase 0."""
     zero = np.zeros(1)
     q, v = curve(zero)[:, 0], speed * curve(zero, 1)[:, 0]
     equations = nonlinear_of(system)
@@ -94,7 +95,7 @@ class _Line:
 def _small_vibrations(task: Task) -> tuple[Array, Array]:
     """Frequencies (n,) in rad/s and shapes (n, n) of vibrations about rest. Raises ValueOutOfBoundsError."""
     system = task.system
-    along = nonlinear_of(system).along(at_rest(system.n, Grid.uniform(1, system.period)))
+    along = nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period)))
     phase = np.arange(_PHASES) * (system.period / _PHASES)
     M, C, K, d = along.at(phase, task.speed)
     limit = _IS_ZERO * np.abs(K).max() + np.zeros(1)

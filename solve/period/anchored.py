@@ -16,17 +16,18 @@ from solve.period.points import Points, Tables, state_size
 from solve.period.rigid_body import RigidBodyModes
 
 _RATES = 1.0, 3.0
-"""α T and β T: exp(-α T) is far from 1, and the rates are far below that of the first harmonic, 2π."""
+"""α T and β T. Choices for which exp(-α T) is far from 1 and the rates are far below that of the first
+harmonic, 2π."""
 
 _STEP = 0.37
-"""Difference of α T and β T between modes, so that no two exponents coincide."""
+"""Increment of α T and β T from one mode to the next, so that no two exponents coincide. A choice."""
 
 
 @dataclass(frozen=True)
 class Anchored:
-    """Points whose rigid-body modes `modes` are anchored, see above. drift (P, n): known steady velocity w
-    along e, with respect to the phase; its drag C w is subtracted from the load. weights (P, r, n): rows l
-    to use instead of those of the reference coordinates."""
+    """Points whose rigid-body modes `modes` are anchored, as described in the docstring of this module. drift
+    (P, n): given steady velocity w along e, with respect to the phase; the drag C w is subtracted from the
+    load. weights (P, r, n): rows l to use instead of those of the reference coordinates."""
 
     points: Points
     modes: RigidBodyModes
@@ -98,9 +99,9 @@ class Anchored:
         return first, second
 
     def quotient(self, Phi: Array) -> Array:
-        """Monodromy matrices (P, N, N) of the motion relative to the modes, from those of the anchored
-        points. Modes with C e ≠ 0 keep their velocities in their reference coordinates; the other entries
-        of reference coordinates are zero."""
+        """Monodromy matrices (P, N, N) of the motion relative to the modes, from the monodromy matrices of
+        the anchored points. Modes with C e ≠ 0 keep their velocities in their reference coordinates; the
+        other entries of reference coordinates are zero."""
         left, right = self._projection(whole=True)
         return left @ Phi @ right
 

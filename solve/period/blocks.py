@@ -10,15 +10,15 @@ from solve.arrays import Array, solved
 from solve.period.eigenvalues import EPS, balance_matrices
 
 LOSS = 1e-12
-"""Rounding of a product of neighbours, relative to its smallest singular value, up to which the product is
-formed."""
+"""Largest round-off of a product of neighbouring maps, relative to its smallest singular value, with which
+the product is formed. A choice."""
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """Factors (P, m, N, N) whose product is that of a period's steps, in scaled states: powers of 2 `units`
-    (P, N), such that a state of the steps is units · x for a state x of the factors, and a left vector is
-    y / units. variance (P, m, N, N): squared errors of their entries; starts (m,): index of the first step
+    """Factors (P, m, N, N) whose product is that of a period's steps, in scaled states. units (P, N): powers
+    of 2; a state of the steps is units · x for a state x of the factors, and a left vector is y / units.
+    variance (P, m, N, N): squared errors of the entries of the factors; starts (m,): index of the first step
     of each block."""
 
     factors: Array
@@ -67,9 +67,9 @@ def _multiplied(blocks: Blocks, loss: float) -> Blocks:
         first = np.arange(offset, A.shape[1] - 1, 2)
         left, right = A[:, first + 1], A[:, first]
         product = left @ right
-        # Roundings are independent: their squares add up.
+        # Round-off errors are independent: their squares add up.
         error = (left**2) @ (variance[:, first] + (EPS / 2 * right) ** 2) + variance[:, first + 1] @ right**2
-        # Bounds of the singular values, quicker than these.
+        # Bounds on the singular values take less time than the singular values.
         with np.errstate(all="ignore"):
             least = 1 / np.linalg.norm(solved(product, np.eye(product.shape[-1])), axis=(-2, -1))
         joined = np.sqrt(error.sum(axis=(-2, -1))) <= loss * least
@@ -78,7 +78,7 @@ def _multiplied(blocks: Blocks, loss: float) -> Blocks:
         A[:, kept], variance[:, kept] = product[:, joined], error[:, joined]
         rest = np.delete(A, gone, 1), np.delete(variance, gone, 1), np.delete(blocks.starts, gone)
         offset, stalled = 1 - offset, 0 if joined.any() else stalled + 1
-        # What couples states weakly in a step may couple them strongly in many.
+        # States that are weakly coupled in one step may be strongly coupled over many steps.
         blocks = _balanced(Blocks(rest[0], rest[1], blocks.units, rest[2]))
     return blocks
 

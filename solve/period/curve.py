@@ -1,6 +1,7 @@
 """Continuous curves of solutions over the phase: piecewise polynomials or Fourier series.
 
-Arrays may have a leading axis of points, here `…`, each with a curve of its own on the same nodes."""
+Arrays may have a leading axis of points, here `…`. Each point has its own curve; all curves have the same
+nodes."""
 
 import math
 from collections.abc import Sequence
@@ -35,8 +36,8 @@ _CUBIC[:4] = np.linalg.inv(
 )
 
 _ALIKE = 4e-13
-"""Difference of fractions of a step, divided by the number of steps, that counts as zero: the displacement of
-phases at a jump, and round-off."""
+"""Difference between fractions of a step, divided by the number of steps, that counts as zero. It covers the
+displacement of phases at a jump, and round-off."""
 
 
 class PeriodicCurve(Protocol):
@@ -72,7 +73,7 @@ class PeriodicCurve(Protocol):
         ...
 
     def each(self, phase: Array, derivative: int = 0) -> Array:
-        """q or a derivative (…, n, k) at phases (…, n, k) that differ between coordinates."""
+        """q or a derivative (…, n, k) at phases (…, n, k), one row of phases per coordinate."""
         ...
 
 
@@ -80,9 +81,9 @@ class PeriodicCurve(Protocol):
 class Curve:
     """Piecewise polynomial q(phase) in powers of θ = (phase - node)/h on each step.
 
-    nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether they are
-    finite, if that is known. drift (…, n): steady velocity of a free machine with respect to the phase,
-    contained in the first derivative and not in q.
+    nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether the
+    coefficients are finite, if this has been determined. drift (…, n): steady velocity of a free machine with
+    respect to the phase, contained in the first derivative and not in q.
     """
 
     nodes: Array
@@ -305,7 +306,7 @@ class FourierCurve:
 
 
 _FEWEST = 256
-"""Smallest number of states per revolution through which curves are interpolated."""
+"""Smallest number of states per revolution through which curves are interpolated: a choice."""
 
 
 def curves_through(nodes: Array, motions: Array) -> Curve:
@@ -324,10 +325,10 @@ def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
     """Interpolation error (turns,) of the curves through motions (turns, 3, n, k), relative to the maximum of
     each coordinate and of its rates.
 
-    It follows from the errors at every other state of curves through the rest. For q and its first and second
-    derivative these fall with the sixth, fifth and fourth power of the steps; a tenth of that of the second
-    derivative counts. Where the equations jump they fall with the second power, and second derivatives are
-    left out.
+    The error is extrapolated from the errors, at every other state, of curves through the remaining states.
+    The errors of q and its first and second derivatives are proportional to the sixth, fifth and fourth power
+    of the step length; a tenth of the error of the second derivative is used. Where the equations jump,
+    errors are proportional to the second power, and second derivatives are omitted.
     """
     coarse, off = curves_through(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
     for order in range(2 if jumps else 3):

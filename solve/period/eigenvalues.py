@@ -1,7 +1,7 @@
 """Eigenvalues of monodromy matrices (…, N, N), with balancing and round-off errors.
 
-Matrices of two rows are treated in closed form as entries a, b, c, d by rows, (…) each or as fields (4, …).
-Other matrices are solved by LAPACK, or by compiled code."""
+Eigenvalues of 2×2 matrices are computed in closed form from the entries a, b, c, d by rows: arrays (…), or
+fields (4, …). Other matrices are solved by LAPACK, or by compiled code."""
 
 import math
 
@@ -45,8 +45,8 @@ def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | N
 def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, Array]:
     """Eigenvalues (…, N) in order of decreasing modulus, + imaginary part first, and Frobenius norms (…).
 
-    The norms are those of the balanced matrices: for two rows the smallest in any units; otherwise they may
-    be larger if that leaves the same digits. units (…, N): as in `balance_matrices`, if known."""
+    Norms are those of the balanced matrices. For 2×2 matrices they are the smallest over all units; otherwise
+    they may be larger if the accuracy is the same. units (…, N): as in `balance_matrices`, if known."""
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         norm = np.asarray(unit * _least_pair_norm(*scaled))
@@ -67,9 +67,9 @@ def multiplier_roundoff(
 ) -> Array:
     """Round-off errors of the multipliers (…) relative to the spectral radius, from the error of Φ.
 
-    The round-off of this number of steps is multiplied by the condition number of the eigenvalue; in a
-    defective block of k eigenvalues, its k-th root counts. units (…, N): as in `balance_matrices`, if known.
-    known: the eigenvalues, if these are known.
+    The round-off of this number of steps is multiplied by the condition number of the eigenvalue; for a
+    defective block of k eigenvalues, the k-th root of the round-off is used. units (…, N): as in
+    `balance_matrices`, if known. known: the eigenvalues, if already computed.
     """
     if known is None:
         values, unit, norm, conditions = _conditioned(Phi, units)
@@ -101,8 +101,8 @@ def balance_matrices(matrices: Array) -> tuple[Array, Array]:
     units (…, N).
 
     Scaled entries are A_ij unit_j / unit_i (E. E. Osborne, J. ACM 7 (1960) 338-345, all rows at once). Rows
-    and columns of zeros remain. At most 50 sweeps are taken, while the squares of the norms of a row and its
-    column differ by more than a factor of 4: choices."""
+    and columns of zeros are unchanged. Sweeps end after 50, or when the squares of the norms of each row and
+    its column differ by less than a factor of 4: choices."""
     scaled, powers = matrices, np.zeros(matrices.shape[:-1])
     with np.errstate(all="ignore"):
         for _ in range(50):
@@ -119,7 +119,8 @@ def balance_matrices(matrices: Array) -> tuple[Array, Array]:
 
 
 def pair_distance(some: Array, others: Array) -> Array:
-    """Larger of the two distances (…) between two pairs of numbers (…, 2), matched so that it is smallest."""
+    """Larger of the two distances (…) between matched numbers of two pairs (…, 2). The matching is the one
+    for which it is smallest."""
     straight, crossed = (across(np.maximum, np.abs(some - pair)) for pair in (others, others[..., ::-1]))
     return np.minimum(straight, crossed)
 
@@ -160,7 +161,7 @@ def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, 
     with np.errstate(over="ignore"):
         left = np.linalg.norm(solved(right, np.eye(Phi.shape[-1])), axis=-1)
     norm = np.linalg.svd(matrices, compute_uv=False)[..., 0]
-    # Defective matrices have no left eigenvectors for their right ones.
+    # The matrix of right eigenvectors of a defective matrix has no inverse.
     return values, unit, norm, np.where(np.isnan(left), np.inf, left)
 
 
@@ -220,8 +221,8 @@ def _pair_eigenvalues(a: Array, b: Array, c: Array, d: Array) -> Array:
 def _balanced_pair(a: Array, b: Array, c: Array, d: Array) -> Array:
     """Entries (4, …) of 2×2 matrices in units of the state that balance rows and columns.
 
-    At most 8 sweeps are taken, while norms decrease by 5 %. If little is gained, a small entry may be all
-    that separates a matrix from a defective one."""
+    Sweeps end after 8, or when norms decrease by less than 5 %. Further scaling could lose a small entry that
+    alone separates a matrix from a defective one."""
     for _ in range(8):
         column, row = np.sqrt(np.square(a) + np.square(c)), np.sqrt(np.square(a) + np.square(b))
         is_positive = (row > 0) & (column > 0)

@@ -15,8 +15,9 @@ from solve.period.grid import Grid
 from solve.period.product_eigenvalues import ProductEigenvalues
 
 ALIASED = 0.1
-"""Relative difference between the mean square of the rates and that of the resolved harmonics, or fraction of
-a mode in the upper third of the harmonics, up to which these are resolved: a choice."""
+"""Limit of two measures below which the harmonics of a mode are resolved: the relative difference between the
+mean square of its rates and that of the resolved harmonics, and the fraction of the mode in the upper third
+of the harmonics. A choice."""
 
 _SAME = 1e-6
 """Relative difference between the participations of two harmonics that counts as zero: a choice."""
@@ -60,10 +61,10 @@ def floquet_modes(
     Parameters
     ----------
     steps : (m, N, N)
-        Maps of the state, coordinates first.
+        Maps of the state, which contains the coordinates first.
     grid : Grid
     mass : (n, n), optional
-        Mean of M in any unit, by default none, for states of first order. Their participations are those of
+        Mean of M in any unit. It is omitted for systems with first-order states, whose participations include
         all states, in units that balance the maps.
     blocks : Blocks
         Products of these maps.
@@ -80,13 +81,14 @@ def floquet_modes(
     exponents = eigenvalues.logarithms[0] / grid.period + 1j * fundamental * orders[:, None]
     if mass is None:
         sizes = (np.abs(spectrum / blocks.units[0][:, None]) ** 2).sum(axis=1)
-        # Strong harmonics near the highest one: the phase advance of the mode per step is too large.
+        # Strong harmonics near the highest one indicate that the phase advance of the mode per step is too
+        # large.
         is_resolved = sizes[3 * np.abs(orders) > len(p)].sum(axis=0) <= ALIASED * sizes.sum(axis=0)
     else:
         sizes, of_rates = (
             (half.conj() * (mass @ half)).sum(axis=1).real for half in np.split(spectrum, 2, axis=1)
         )
-        # Other rates than those of the resolved harmonics mean the same.
+        # Rates that differ from those of the resolved harmonics indicate the same.
         rates = (np.abs(exponents) ** 2 * sizes).sum(axis=0)
         is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= ALIASED * of_rates.sum(axis=0)
     shares = sizes / sizes.sum(axis=0)
@@ -116,7 +118,8 @@ def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: Produc
     units, starts, logarithms = blocks.units[0][:, None], blocks.starts, eigenvalues.logarithms[0]
     lengths = np.diff(np.append(starts, len(steps)))
     vectors, reached = carried(steps, starts, units * eigenvalues.right[0])
-    # Each block starts with vectors of length 1: those at the end of the previous block up to a factor.
+    # Each block starts with vectors of length 1, which equal those at the end of the previous block up to a
+    # factor.
     following = np.roll(eigenvalues.right[0], -1, axis=0)
     with np.errstate(divide="ignore"):
         gained = np.log((following.conj() * (reached / units)).sum(axis=1))

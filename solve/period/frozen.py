@@ -33,7 +33,8 @@ _ENTRY_PHASES = 16
 """Approximate number of phases from which the sizes of entries are taken: a choice."""
 
 _BALANCED = 64.0
-"""Ratio of two rows, or of two entries of a column, up to which elimination loses few digits: a choice."""
+"""Largest ratio between rows, or between entries of a column, for which elimination loses few digits: a
+choice."""
 
 _FEW = np.s_[::16]
 """Selection of phases from which rates are estimated if no bound is required."""
@@ -147,7 +148,7 @@ class FrozenModes:
             middle = np.argsort(logarithm, axis=1)[:, [logarithm.shape[1] // 2]]
             median = np.take_along_axis(logarithm, middle, 1)
             same_sign = sign == np.take_along_axis(sign, middle, 1)
-            # The difference of two singular matrices is NaN, and no steady inertia.
+            # Two singular matrices have the difference NaN, which does not count as steady inertia.
             with np.errstate(invalid="ignore"):
                 return np.asarray((same_sign & (logarithm - median > np.log(fraction))).all(axis=1))
         M = M.copy()
@@ -225,7 +226,7 @@ class FrozenModes:
         """Powers of 2 (P, n) that balance the inertias of the equations, in balanced units of the
         coordinates.
 
-        They are 1 for points whose rows differ little; None if they are 1 for all points.
+        Factors are 1 for points whose rows differ little; None is returned if they are 1 for all points.
         """
         if self._n == 1:
             return None
@@ -273,9 +274,9 @@ class FrozenModes:
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array:
         """Whether points at positions (k,) have a direction v in which they drift freely.
 
-        C v = K v = 0 at every phase within round-off, and the monodromy matrix Φ (k, 2n, 2n), which includes
-        what lies between the phases, maps the state (v, 0) onto itself. Then q = v t is a solution, and the
-        multiplier +1 is defective. errors (k,): of the multipliers."""
+        C v = K v = 0 at every phase within round-off, and the monodromy matrix Φ (k, 2n, 2n), which depends
+        on all phases, maps the state (v, 0) onto itself. Then q = v t is a solution, and the multiplier +1 is
+        defective. errors (k,): of the multipliers."""
         drifts = zip(self._damping_and_stiffness(points), Phi, self.units(points), errors, strict=True)
         return np.array([is_periodic_drift(*arguments) for arguments in drifts], dtype=bool)
 
@@ -323,7 +324,7 @@ class FrozenModes:
             scaled = (np.abs(ratio[:, :, rows]) / limit for ratio, limit in zip(ratios, limits, strict=True))
             rows = rows[~np.logical_and(*map(spectral_radius_within_one, scaled))]
         if len(rows) > 1:
-            # The stiffest phase of the middle point is an estimate for the others.
+            # The stiffest phase of the middle point estimates the stiffest phase of the others.
             middle = self[rows][np.array([len(rows) // 2])]
             stiffest = int(middle._largest_rates()[0].argmax())
             exceeds[rows] = self[rows]._at_phase(stiffest)._largest_rates()[:, 0] > rate

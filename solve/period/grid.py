@@ -34,7 +34,7 @@ class Grid:
         """Grid of about `steps` steps of equal length; with breaks, of equal length between neighbouring
         breaks.
 
-        Every piece has more steps on a grid of twice the steps, or of a third more from 6 steps per piece on,
+        With twice the steps, or with a third more from 6 steps per piece on, every piece has more steps,
         however short it is. Two grids with equal steps in a piece would agree on features that neither
         resolves."""
         return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
@@ -118,7 +118,7 @@ def _cached(steps: int, period: float, breaks: tuple[float, ...]) -> Grid:
 def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
     """Ends of the pieces between jumps, including 0 and the period, and whether the matrices jump at 0.
 
-    Breaks that differ by round-off are one."""
+    Breaks that differ by round-off count as one."""
     same = 0.5 * _INSIDE * period
     ends, jump_at_zero = [0.0], False
     for phase in sorted(b % period for b in breaks):

@@ -20,18 +20,18 @@ KNOWN_ON_CIRCLE = 1e-6
 choice."""
 
 SURE = 2.0
-"""Ratio of the assumed error to its estimate before a modulus is larger than 1."""
+"""Factor by which the error estimate is multiplied to decide that a modulus is larger than 1. A choice."""
 
 _TIMES_ESTIMATE = 10.0
-"""Ratio of the assumed error of multipliers that may be one to its estimate: the error that splits a double
-multiplier moves it off the circle."""
+"""Factor by which the error estimate is multiplied for multipliers that may coincide: the error that splits a
+double multiplier moves it off the unit circle. A choice."""
 
 VERDICTS: tuple[str, ...] = ("asymptotically stable", "stable", "unstable", "undetermined")
 ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 
 class StateScales(Protocol):
-    """Data for points at positions (k,) that the verdict requires; see `FrozenModes`."""
+    """Functions of points at positions (k,) that the verdict requires (protocol); see `FrozenModes`."""
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array: ...
 
@@ -105,8 +105,8 @@ class Multipliers:
         largest, places = np.asarray(smallest.max(axis=-1)), np.arange(nearest.shape[-1])
         if (nearest == places).all():
             return largest
-        # No matching has a smaller largest distance. If two multipliers have the same nearest neighbour, the
-        # matching by places may have this distance as well.
+        # No matching has a smaller largest distance. If two multipliers have the same nearest neighbour,
+        # matching by index may still attain this distance.
         is_shared = (np.sort(nearest, axis=-1) != places).any(axis=-1)
         is_shared &= np.abs(self.values - other.values).max(axis=-1) > largest
         for index in zip(*np.nonzero(np.atleast_1d(is_shared)), strict=True) if is_shared.any() else ():
@@ -116,7 +116,7 @@ class Multipliers:
 
     def difference(self, other: "Multipliers") -> Array:
         """`distance` (…) relative to the spectral radius of `other`, the more accurate multipliers. Infinite
-        if that radius is 0 and the distance is not."""
+        if the spectral radius is 0 but the distance is not."""
         distance, scale = self.distance(other), other.spectral_radius
         without_scale = np.where(distance == 0, 0.0, np.inf)
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), without_scale)
@@ -124,7 +124,8 @@ class Multipliers:
     def with_digits(self, error: Array, bound: float) -> "Multipliers":
         """Multipliers with zero in place of those that are not accurate to one digit.
 
-        error (…): relative to the spectral radius. bound: of all multipliers, for infinite errors.
+        error (…): error of the multipliers relative to the spectral radius. bound (…): modulus below which
+        all multipliers lie, used where the error is infinite.
         """
         has_no_digit = np.isinf(error)
         absolute = np.where(has_no_digit, 0.0, error) * self.spectral_radius
@@ -141,7 +142,7 @@ def matched(distance: Array) -> tuple[Array, Array]:
         return places, nearest
     if len(distance) == distance.shape[1] and _is_matched_by_places(distance):
         return places, places
-    # The import alone takes longer than many a command.
+    # Importing SciPy's optimisation package takes longer than many commands.
     from scipy.optimize import linear_sum_assignment
 
     return linear_sum_assignment(distance)
@@ -162,12 +163,12 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
     Let e be the absolute error (P,) of the multipliers, or the bound of unresolved ones if that is larger.
 
     - Asymptotically stable: all |ρ| + e < 1 - 1e-9.
-    - Unstable: some |ρ| - 2 e > 1 + 1e-9, since an estimate is no bound, or a coordinate drifts freely.
-    - Stable: those that are not inside have |ρ| - e ≤ 1 + 1e-9 and ||ρ| - 1| + e ≤ 1e-6, and none may be
-      defective (chapter Section 2).
+    - Unstable: some |ρ| - 2 e > 1 + 1e-9, since an estimate is not a bound, or a coordinate drifts freely.
+    - Stable: all multipliers not inside the circle have |ρ| - e ≤ 1 + 1e-9 and ||ρ| - 1| + e ≤ 1e-6, and none
+      can be defective (chapter Section 2).
     - Undetermined otherwise.
 
-    If two multipliers may be one, 10 e replaces e in the first condition and 2 e in the second.
+    If two multipliers may coincide, 10 e replaces e in the first condition and 2 e in the second.
     """
     values, moduli, e = multipliers.values, multipliers.moduli, _absolute_errors(multipliers, errors)
     result = _by_moduli(moduli, e, e, SURE * e)
@@ -177,7 +178,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
         inner, outer = (np.where(is_simple, factor, _TIMES_ESTIMATE) * error for factor in (1.0, SURE))
         result[rows] = _by_moduli(moduli[rows], error, inner, outer)
     is_open = np.flatnonzero((result == STABLE) | (result == UNDETERMINED))
-    # A drift is looked for if two multipliers are within 1e-3 of +1: a choice.
+    # A drift is tested for only if two multipliers are within 1e-3 of +1: a choice.
     is_near_one = (np.abs(values[is_open] - 1) <= 1e-3).astype(int)
     is_open = is_open[across(np.add, is_near_one) > 1]
     if len(is_open):
@@ -222,9 +223,9 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
     """Indices (k,) of points with multipliers near the unit circle that may coincide, and masks (k, N, N) of
     these pairs.
 
-    The double multiplier of a defective block is split by the square root of a perturbation, of which the
-    errors (P,) may show little. Multipliers that are a thousand errors apart are distinct: a choice. e (P,
-    N): errors of each."""
+    A perturbation splits the double multiplier of a defective block by its square root, which the errors (P,)
+    may not include. Multipliers that are a thousand errors apart are distinct: a choice. e (P, N): error of
+    each multiplier."""
     is_near = np.abs(multipliers.moduli - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     rows, N = np.flatnonzero(across(np.add, is_near.astype(int)) > 1), is_near.shape[1]
     if not len(rows):
@@ -244,8 +245,8 @@ def _may_be_defective(Phi: Array, values: Array, pairs: Array, error: float) -> 
     """Whether multipliers (N,) that coincide according to `pairs` (N, N) may have fewer eigenvectors than
     their number.
 
-    Distinct eigenvectors leave as many singular values of Φ - ρ within the errors and the distances of
-    multipliers."""
+    With distinct eigenvectors, as many singular values of Φ - ρ are zero within the errors and the distances
+    between multipliers."""
     for row in np.flatnonzero(pairs.any(axis=-1)):
         singular = np.linalg.svd(Phi - values[row] * np.eye(len(Phi)), compute_uv=False)
         distance = float(np.abs(values[pairs[row]] - values[row]).max())

@@ -16,7 +16,8 @@ from solve.period.quantities import FIGURES
 from solve.system import PeriodicSystem, multiplier_count
 
 HARMONIC, PHASE = "harmonic", "phase"
-"""Amplitude and phase angle of a harmonic, whose number follows the word."""
+"""Figures of a harmonic, its amplitude and its phase angle. The number of the harmonic follows the word, as
+in harmonic3."""
 
 RHO, EXPONENT, RADIUS = "rho", "exponent", "spectral_radius"
 _PARTS = {RHO: ("re", "im", "abs"), EXPONENT: ("re", "im")}
@@ -81,7 +82,8 @@ class Named:
             require_name(f"part of {subject}", figure, _PARTS[kind])
         if not 1 <= number <= multiplier_count(system):
             raise ValueOutOfBoundsError(
-                f"{text}: {system.labels.name} has the multipliers 1 to {multiplier_count(system)}, in order "
+                f"'{text}': {system.labels.name} has the multipliers 1 to {multiplier_count(system)}, in "
+                "order "
                 "of decreasing modulus"
             )
         return cls(text, _WORDS[kind], kind, figure, number)

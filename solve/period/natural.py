@@ -1,5 +1,5 @@
-"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes are exactly 0; a stiffness that
-is not positive definite gives growth rates."""
+"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes are exactly 0; a stiffness matrix
+that is not positive semidefinite gives growth rates."""
 
 from typing import NamedTuple
 
@@ -19,8 +19,8 @@ _PERTURBATION = 16.0
 (measured: below 2 for random matrices of 2 to 20 coordinates)."""
 
 _EQUAL = 1e-7
-"""Difference of λ, relative to the largest, within which values count as equal: round-off splits a defective
-pair by the square root of eps, 1.5e-8."""
+"""Difference of two λ, relative to the largest λ, below which they count as equal: round-off splits a
+defective pair by the square root of eps, 1.5e-8."""
 
 
 class NaturalFrequencies(NamedTuple):
@@ -67,13 +67,15 @@ def eigenvalues(M: Array, K: Array) -> Array:
     modes = rigid_body_modes(K[:, None], np.zeros_like(K[:, None]))
     found = np.zeros(K.shape[:2], dtype=complex)
     alike: dict[tuple[int, ...], list[int]] = {}
-    for at, (places, present) in enumerate(zip(modes.references, modes.present, strict=True)):
-        alike.setdefault(tuple(places[present].tolist()), []).append(at)
-    for places, positions in alike.items():
-        rest = [k for k in range(K.shape[1]) if k not in places]
+    for at, (references, present) in enumerate(zip(modes.references, modes.present, strict=True)):
+        alike.setdefault(tuple(references[present].tolist()), []).append(at)
+    for references, positions in alike.items():
+        rest = [k for k in range(K.shape[1]) if k not in references]
         if rest:
-            vectors = modes.vectors[positions][:, :, : len(places)]
-            found[positions, len(places) :] = _elastic(M[positions], K[positions], vectors, [*places], rest)
+            vectors = modes.vectors[positions][:, :, : len(references)]
+            found[positions, len(references) :] = _elastic(
+                M[positions], K[positions], vectors, [*references], rest
+            )
     return np.take_along_axis(found, np.argsort(np.real(found), axis=1, kind="stable"), axis=1)
 
 
@@ -105,11 +107,11 @@ def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
     return np.real(each @ (alike / alike.sum(axis=0)))
 
 
-def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[int]) -> Array:
+def _elastic(M: Array, K: Array, vectors: Array, references: list[int], rest: list[int]) -> Array:
     """Eigenvalues λ (m, n - r) of the modes other than rigid-body modes. The rigid-body vectors (m, n, r)
-    equal the identity in r rows, `places`.
+    equal the identity in r rows, `references`.
 
-    With q = E a + x and x zero at the places, K acts on x alone; M is reduced to a Schur complement.
+    With q = E a + x and x zero at the references, K acts on x alone; M is reduced to a Schur complement.
     """
     stiffness, moved = K[:, rest][:, :, rest], M @ vectors
     if _symmetric(M, M).all() and _symmetric(K, M).all() and _is_positive(M):
@@ -117,7 +119,7 @@ def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[i
         mass = M[:, rest][:, :, rest] - moved[:, rest] @ own @ np.swapaxes(moved[:, rest], 1, 2)
         return _of_symmetric(mass, stiffness).astype(complex)
     rate = np.linalg.solve(M, K)[:, :, rest]
-    return np.array([_of_general(one) for one in rate[:, rest] - vectors[:, rest] @ rate[:, places]])
+    return np.array([_of_general(one) for one in rate[:, rest] - vectors[:, rest] @ rate[:, references]])
 
 
 def _symmetric(A: Array, M: Array) -> Array:
@@ -140,8 +142,9 @@ def _is_positive(A: Array) -> bool:
 def _of_symmetric(M: Array, K: Array) -> Array:
     """Eigenvalues λ (m, n) in ascending order, for positive definite M.
 
-    Small λ are inaccurate beside large ones, and so are large λ if 1/λ are computed. If K is positive
-    definite, each λ is taken from the pencil with the smaller relative error, eps λmax/λ or eps λ/λmin.
+    Small λ are inaccurate if large ones exist, and large λ are inaccurate if 1/λ are computed. If K is
+    positive definite, each λ is taken from the pencil with the smaller relative error, eps λmax/λ or eps
+    λ/λmin.
     """
     found = _reduced(M, K)
     if not _is_positive(K):

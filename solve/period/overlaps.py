@@ -71,8 +71,8 @@ class Overlaps:
         """Moduli (j, k, S) of forward[a, b, s] backward[b, a, -s].
 
         These do not depend on the lengths of the vectors and add up to 1 over b and s, before the modulus is
-        taken. As the points approach one another, they tend to 1 for a mode itself and to 0 for others, also
-        if the modes are not orthogonal."""
+        taken. As the points approach each other, the products tend to 1 for the same mode and to 0 for
+        different modes, also if the modes are not orthogonal."""
         return np.abs(self.forward * np.swapaxes(self.backward, 0, 1)[..., ::-1])
 
     def coefficient(self, row: Array, column: Array, shift: Array) -> Array:
@@ -83,9 +83,9 @@ class Overlaps:
 
 
 @dataclass(frozen=True)
-class Meetings:
-    """Pairs of modes between two points in the linear model of `meetings`. Arrays (r, S) are over the pairs
-    and the shifts of their second mode.
+class CoupledPairs:
+    """Pairs of modes between two points in the linear model of `exceptional_points`. Arrays (r, S) are over
+    the pairs and the shifts of their second mode.
 
     Attributes
     ----------
@@ -94,11 +94,12 @@ class Meetings:
     roots : (2, r, S)
         Exceptional points t±, complex: 0 at the first point, 1 at the second one.
     coupling : (r, S)
-        2√|C|, the smallest distance in rad/s of the exponents of equal modes with this coupling.
+        2√|C|, the smallest distance in rad/s between the exponents of two modes with this coupling.
     noise : (r,)
-        Coupling below which it may be an error.
+        Coupling below which the coupling may be a numerical error.
     gap : (r, S)
-        Distance of the exponents halfway between the exceptional points, or at the nearer end.
+        Distance between the exponents halfway between the exceptional points, or at the nearer end of the
+        segment.
     """
 
     first: Array
@@ -120,23 +121,23 @@ class Meetings:
         return np.abs(self.roots - nearest).min(axis=0)
 
 
-def meetings(
+def exceptional_points(
     overlaps: Overlaps,
     points: tuple[Modes, Modes],
-    places: tuple[Array, Array],
+    pairs: tuple[Array, Array],
     shifts: Array,
     noise: Array,
-) -> Meetings:
+) -> CoupledPairs:
     """Exceptional points between two points, for every pair of modes.
 
-    The modes at places (2, T) of the two points belong together, those of the second with shifts (T,); noise
-    (T,) bounds the errors of their exponents. In the
-    basis of the first point, the equations of two modes are a matrix H(t) of order 2 with H(0) = diag(α, β)
-    and H(1) = W diag(α', β') W⁻¹; in between it is assumed to be linear in t. Its eigenvalues meet where
-    (h₁₁ - h₂₂)² + 4 h₁₂ h₂₁ = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear
-    Operators, II.1.1). A narrow pair of conjugate exceptional points is a veering, a double one a crossing.
+    pairs (2, T): indices of each mode at the first and at the second point; shifts (T,): harmonic shifts of
+    the modes of the second point; noise (T,): bound on the errors of the exponents. In the basis of the first
+    point, the equations of two modes are a matrix H(t) of order 2 with H(0) = diag(α, β) and H(1) = W
+    diag(α', β') W⁻¹; H is assumed to be linear in t. Its eigenvalues coincide where (h₁₁ - h₂₂)² + 4 h₁₂ h₂₁
+    = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear Operators, II.1.1). A narrow pair
+    of conjugate exceptional points is a veering, a double one a crossing.
     """
-    (now, then), (a, b) = points, places
+    (now, then), (a, b) = points, pairs
     first, second = np.triu_indices(len(a), 1)
     reach = 2 + int(np.abs(shifts).max(initial=0))
     q = np.arange(-reach, reach + 1)
@@ -159,4 +160,4 @@ def meetings(
         gap = np.abs(np.sqrt((delta[0] + t * (end - delta[0])) ** 2 + 4 * (t * root_of_coupling) ** 2))
     coupling = 2 * np.abs(root_of_coupling)
     limits = noise[first] + noise[second]
-    return Meetings(first, second, np.where(np.isfinite(roots), roots, 1e300), coupling, limits, gap)
+    return CoupledPairs(first, second, np.where(np.isfinite(roots), roots, 1e300), coupling, limits, gap)

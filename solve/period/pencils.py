@@ -8,12 +8,13 @@ from solve.period.eigenvalues import EPS
 from solve.period.points import rate_of
 
 LOOPED = 9
-"""Number of coordinates up to which elimination by loops over rows, of all points and phases at once, takes
-as long as LAPACK. With 27 coordinates and one point it takes 1.6 times as long, with 72 3.4 times.
-Determinants of a hundred coordinates underflow as well."""
+"""Number of coordinates up to which elimination by loops over rows, for all points and phases at once, takes
+at most as long as LAPACK. Measured for one point: 1.6 times as long with 27 coordinates, 3.4 times with 72.
+With a hundred coordinates, determinants also underflow."""
 
 _ITERATIONS = 6
-"""Power iterations for the vector of a bound: a choice; the bound is valid for any positive vector."""
+"""Number of power iterations for the vector of a bound. A choice: the bound is valid for any positive
+vector."""
 
 
 def pencil_eigenvalues(pencils: Array, first_order: int = 0) -> Array:
@@ -103,8 +104,9 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
     """Whether the equations `rows` (k, n) have a nonzero solution that the monodromy matrix (2n, 2n) maps to
     itself.
 
-    Equations and unknowns are scaled by their largest coefficients. error: of the states in `units` (2n,).
-    Residuals of 12 eps, and relative differences of 1e-6 after a period, count as zero: choices.
+    Equations and unknowns are scaled by their largest coefficients. error: error of the states, relative to
+    `units` (2n,). Residuals of 12 eps, and relative differences of 1e-6 after a period, count as zero:
+    choices.
     """
     for axis in (1, 0):
         largest = np.abs(rows).max(axis=axis, keepdims=True)

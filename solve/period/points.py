@@ -26,7 +26,7 @@ class Tables:
     coefficients : (P, R)
         Coefficients of the terms at each point.
     entry : (R,)
-        Number of the entry to which each term belongs, in ascending order.
+        Index of the entry to which each term belongs, in ascending order.
     n : int
         Number of coordinates.
     first_order : int
@@ -64,7 +64,7 @@ class Tables:
 
     @property
     def own(self) -> bool:
-        """Whether each point has terms of its own."""
+        """Whether each point has its own terms instead of shared ones."""
         return self.table.ndim == 3
 
     def fields(self) -> Array:
@@ -122,9 +122,10 @@ class Points(Protocol):
     """Base class of batches of P points with n coordinates, a period in phase, and breaks (phases of jumps of
     the matrices).
 
-    first_order: number of coordinates without second derivatives, the last ones: the state x = (q, q′) has
-    the n coordinates and the rates of the others. bytes_a_phase: memory per point and phase of tables that
-    are not shared. alone: whether this is a single point that is not part of a batch.
+    first_order: number of coordinates without second derivatives, which are the last ones. The state x = (q,
+    q′) contains the n coordinates and the rates of the second-order coordinates. bytes_a_phase: memory per
+    point and phase of tables that are not shared. alone: whether this is a single point that is not part of a
+    batch.
     """
 
     @property

@@ -17,8 +17,8 @@ from solve.kernel.slicot import periodic_schur, product_logarithms
 from solve.period.eigenvalues import EPS
 
 ROUNDING = 4.0
-"""Backward error of the periodic Schur form in units of round-off of a factor's Frobenius norm: the largest
-measured for random factors of order 2 to 54, in products of 1 to 768."""
+"""Backward error of the periodic Schur form, in units of round-off of a factor's Frobenius norm: the largest
+value measured for random factors of order 2 to 54, in products of 1 to 768."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class ProductEigenvalues:
     """Eigenvalues ρ of each product in order of decreasing modulus, positive imaginary part first.
 
     logarithms (P, N): log ρ, the imaginary part in (-π, π]; real part -inf for an exact 0.
-    errors (P, N): estimated relative error of ρ; infinite where ρ has no digit.
+    errors (P, N): estimated relative error of ρ; infinite if ρ is not accurate to one digit.
     right, left (P, m, N, N) or None: columns x_k, y_k at the start of each factor, with ‖x_k‖ = 1,
     y_kᴴ x_k = 1, A_k x_k ∝ x_{k+1} and y_{k+1}ᴴ A_k ∝ y_kᴴ.
     """
@@ -105,8 +105,8 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
     """Right eigenvectors of a chain of triangular factors F (m, N, N), as columns of X (m, N, N), unit upper
     triangular: F_k X_k = X_{k+1} diag F_k. diagonal (N, m): diagonals of F.
 
-    An entry along the chain solves a cyclic bidiagonal system. Equal eigenvalues are treated as one unit of
-    round-off apart.
+    An entry along the chain solves a cyclic bidiagonal system. Equal eigenvalues are treated as if they
+    differed by one unit of round-off.
     """
     m, N, _ = F.shape
     X = np.zeros((m, N, N), dtype=complex)
@@ -126,8 +126,8 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
 def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) -> Array:
     """Relative error of each eigenvalue due to errors of norm `size` (m,) of the triangular factors.
 
-    To first order by its left and right eigenvectors, to second order by way of every other eigenvector:
-    what grows along a part of the chain only does not show in the first.
+    The first-order term contains the left and right eigenvectors, the second-order term every other
+    eigenvector. Errors that grow along a part of the chain only appear in the second-order term.
     """
     errors = np.empty(len(theta))
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -142,7 +142,7 @@ def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) ->
             gap[i] = np.inf
             error = np.linalg.norm(np.exp(out[i])) + np.exp(second - np.maximum(gap, second / 2)).sum()
             nearest = max(math.exp(min(gap.min(), 0.0)), EPS)
-            # Two eigenvalues that an error brings together part with its square root.
+            # Two eigenvalues that an error makes coincide are separated by its square root.
             errors[i] = math.sqrt(error * nearest) if error > nearest else error
     return np.where((errors < 1) & np.isfinite(logarithms), errors, np.inf)
 

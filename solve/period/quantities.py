@@ -29,8 +29,8 @@ FIGURES = Statistics._fields
 LEAST_SAMPLES = 2048
 _SAMPLES_PER_STEP = 4
 _ZOOMS, _ROUGH = 6, 3
-"""Number of refinements of an extremum, each to a sixteenth of the interval, and of a candidate that may be
-lower: choices."""
+"""Number of refinements of an extremum, each to a sixteenth of the interval; and number for candidates, which
+need not be the extremum: choices."""
 
 _ZOOM = np.linspace(-1.0, 1.0, 33)
 
@@ -41,7 +41,7 @@ _TOGETHER = 16
 """Number of extrema of a quantity that are refined at a time: a choice."""
 
 _TIE = 1e-10
-"""Difference of two extrema, relative to the largest value, above which they are distinct: a choice."""
+"""Difference between two extrema, relative to the largest value, above which they are distinct: a choice."""
 
 
 def samples_a_step(steps: int) -> int:
@@ -77,7 +77,7 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
 
 
 def _known(values: Array) -> Array:
-    """Values (…, k); all are NaN if one of the k values is not finite."""
+    """Values (…, k). All k values are NaN if one of them is not finite."""
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
@@ -87,7 +87,7 @@ def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list
     is higher."""
     reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
     firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]
-    # One call for both: evaluating many quantities at once costs little more for twice the phases.
+    # One call evaluates both, because twice the phases cost little more.
     centres, highest = _zoomed(np.stack(firsts, axis=-1) * width, at, width, _SIGNS, _ZOOMS)
     found = []
     for side, (sign, reach, first) in enumerate(zip(_SIGNS, reaches, firsts, strict=True)):
@@ -111,8 +111,8 @@ def _above(
     width: float,
     side: tuple[float, Array],
 ) -> tuple[Array, Array]:
-    """Phases and values (…) of maxima, replaced by higher ones near samples whose upper bound `reach` (…, k)
-    exceeds them. side: the sign, and the largest moduli (…)."""
+    """Phases and values (…) of maxima. A maximum is replaced by a higher one near samples whose upper bound
+    `reach` (…, k) exceeds it. side: the sign, and the largest moduli (…)."""
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
@@ -205,7 +205,9 @@ def enough_samples(samples: int, count: int) -> int:
     """Number of samples per period, at least `samples`, that resolves `count` harmonics. Raises
     ValueOutOfBoundsError for an invalid count."""
     if not (isinstance(count, int | np.integer) and count >= 0):
-        raise ValueOutOfBoundsError(f"harmonics are {count!r}; allowed: whole numbers from 0 on, such as 60")
+        raise ValueOutOfBoundsError(
+            f"harmonics is {count!r}; allowed: whole numbers of at least 0, such as 60"
+        )
     return max(samples, 8 * int(count))
 
 
@@ -220,8 +222,9 @@ def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SA
 class Quantities:
     """The q quantities of P points: their coordinates, followed by their outputs, if any.
 
-    curve (P, n, …): of the points. speeds (P,): in rad/s. formulas: of the outputs, with parameters (P, p).
-    positions: those of the quantities among the formulas. outputs: the same outputs in NumPy."""
+    curve (P, n, …): curves of the points. speeds (P,): in rad/s. formulas: formulas of the outputs, with
+    parameters (P, p). positions: indices of the quantities among the formulas. outputs: function for the same
+    outputs in NumPy."""
 
     curve: PeriodicCurve
     speeds: Array
@@ -311,8 +314,8 @@ class Quantities:
 
 
 _REPEATS, _SAMPLES = 1e-6, 512
-"""Tolerance, relative, and number of phases of the comparison between periods of an orbit of several periods:
-if they agree, it is an orbit of a single period."""
+"""Relative tolerance, and number of phases, with which the periods of an orbit of several periods are
+compared. If all periods agree, the orbit has a single period. Choices."""
 
 _A_STEP = 4
 """Phases per step at which outputs of two curves are compared."""

@@ -19,18 +19,19 @@ ROUNDING = 64 * EPS
 round-off; as in `solve.system`."""
 
 _FEW = 16
-"""Minimum number of phases from which modes are computed; all phases verify them."""
+"""Minimum number of phases from which modes are computed. The modes are verified at all phases."""
 
 _CONSTANT = 1e-9
-"""Rate of a conserved momentum, relative to its terms, that counts as zero: the interpolation error for
-smooth matrices."""
+"""Rate of change of a momentum, relative to its terms, below which the momentum is conserved: the
+interpolation error for smooth matrices."""
 
 _PASSES = 3
-"""Alternating scalings of columns and rows; for typical machines, more change the factors by less than 2."""
+"""Number of alternating scalings of columns and rows. For typical machines, further scalings change the
+factors by less than 2."""
 
 _SMALL, _COMPARABLE = 1e-11, 0.03
-"""Thresholds for components of a unit vector: below the first they may be round-off; above the second all
-have 14 digits."""
+"""Thresholds for components of a unit vector: a component below the first may be round-off; if all exceed the
+second, all are accurate to 14 digits."""
 
 _INTEGER = 16 * EPS
 """Distance from an integer within which a component is rounded to it."""
@@ -76,8 +77,8 @@ class RigidBodyModes:
         )
 
     def of_one_kind(self, first_order: int) -> "RigidBodyModes":
-        """Modes without those that move first-order coordinates (the last ones) together with other
-        coordinates."""
+        """Modes except those that move both first-order coordinates, which are the last ones, and
+        second-order coordinates."""
         if not first_order:
             return self
         moves = self.vectors != 0
@@ -152,8 +153,8 @@ class Free:
 
 
 def before_rigid(multipliers: Array) -> int:
-    """Number of multipliers (N,) that precede the multipliers +1 of rigid-body modes: those outside the unit
-    circle."""
+    """Number of multipliers outside the unit circle, among (N,). They precede the multipliers +1 of
+    rigid-body modes."""
     return int(np.sum(np.abs(multipliers) > 1 + UNIT_CIRCLE))
 
 
@@ -188,9 +189,9 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
 
 
 def with_unit_states(mass: Array, first_order: int) -> Array:
-    """Mass matrices (P, n, n) with entry 1 for first-order coordinates, which are the last ones. The block of
-    the other coordinates becomes the identity where it is not positive definite, as for equations in
-    another order."""
+    """Mass matrices (P, n, n) with entry 1 for first-order coordinates, which are the last ones. Where the
+    block of the other coordinates is not positive definite, for example because the equations are in another
+    order, it is replaced by the identity."""
     if not first_order:
         return mass
     n, p = mass.shape[-1], mass.shape[-1] - first_order
@@ -233,7 +234,8 @@ def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, peri
 
 
 def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
-    """Whether (P,) K e = 0 holds for all modes at further phases too, at which K, C, M are (P, k, n, n)."""
+    """Whether (P,) K e = 0 holds for all modes at further phases too, for K, C, M (P, k, n, n) at these
+    phases."""
     allowed = BOUND * np.abs(K).max(axis=1) + ROUNDING * (np.abs(M) + np.abs(C)).max(axis=1)
     residual = np.abs(K @ modes.vectors[:, None]).max(axis=1)
     return np.asarray((residual <= allowed @ np.abs(modes.vectors)).all(axis=(1, 2)))
@@ -292,7 +294,7 @@ def _null_space(K: Array, size: Array, noise: Array) -> Array:
         components = np.linalg.norm(null_vectors, axis=0)
         if not len(null_vectors) or components[components > _SMALL].min() > _COMPARABLE:
             break
-        # Small components are inaccurate; scaling the columns by them makes all components comparable.
+        # Small components are inaccurate. Scaling the columns by the components makes all of them comparable.
         columns = columns * np.where(components > _SMALL, components, 1.0)
         rows = rows / _largest(size * rows[:, None] * columns, 1)
     return columns[:, None] * null_vectors.T

@@ -29,7 +29,7 @@ arb_series = flint.arb_series
 
 
 _LARGEST_WHOLE = 2**53
-"""Whole numbers below it are exact doubles."""
+"""Bound below which integers are exact doubles."""
 
 
 def _exact_parts(x: Ball) -> tuple[int, int]:
@@ -51,7 +51,7 @@ def _reduced_matrix(matrix: Matrix) -> tuple[Any, ...]:
     return arb_mat, (matrix.nrows(), matrix.ncols(), matrix.entries())
 
 
-# Balls travel between processes with all their bits.
+# Balls are sent between processes without rounding.
 copyreg.pickle(arb, _reduced_ball)
 copyreg.pickle(arb_mat, _reduced_matrix)
 
@@ -81,7 +81,7 @@ def coefficient(x: Ball, term: int) -> Ball:
     """Coefficient of a power series, or of a constant taken as a series."""
     if isinstance(x, arb_series):
         if x.prec <= term:
-            raise RuntimeError(f"a power series has {x.prec} terms, where {term + 1} are needed")
+            raise RuntimeError(f"a power series has {x.prec} terms, but {term + 1} are required")
         return x[term]
     return x if term == 0 else arb(0)
 

@@ -29,20 +29,22 @@ from solve.results.chart import ProvedBoxes
 from solve.terminal import progress
 
 _UNIT = 2.0**-52
-"""Twice the unit round-off: the factor of two covers the rounding of the sums that bound rounding."""
+"""Twice the unit round-off: the factor of two covers the rounding in the sums that bound rounding errors."""
 
 _ENDS = 2.0**-45
 """Bound on twice the error of an end of a box, relative to the larger end: half of 2^-52 for each of up to
 128 halvings."""
 
 _OPEN = 0.001
-"""Fraction of the area at which bisection of the undecided boxes ends."""
+"""Undecided fraction of the area at which the bisection ends. A choice."""
 
 _MOST_BOXES = 200_000, 20_000
-"""Most boxes that are examined for one coordinate, and for more, whose boxes take a hundred times as long."""
+"""Largest numbers of boxes that are examined with one coordinate, and with several, which take a hundred
+times as long per box. Choices."""
 
 _SMALLEST = 2.0**-8
-"""Width of a box, as a fraction of the range, below which it is not bisected in search of a polynomial."""
+"""Width of a box, as a fraction of the range, below which a box without polynomials is not bisected. A
+choice."""
 
 _PRECISION = 53
 """Bits of the balls in which boxes of several coordinates are decided."""
@@ -95,7 +97,8 @@ def _central(whole: Box) -> Box:
 
 
 def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box]]:
-    """Boxes with polynomials, and undecided boxes without. The equations are not analytic near the latter."""
+    """Boxes with polynomials, and undecided boxes without polynomials, near which the equations are not
+    analytic."""
     found, without, pending = [], [], [whole]
     while pending:
         box = pending.pop()
@@ -167,7 +170,7 @@ def _verdict(piece: _Piece, n: int) -> int:
         return UNDETERMINED
     # e^z < 1 + 2z.
     radius = (np.abs(c).sum(axis=(1, 2)) - np.abs(middle)) * (1 + 2 * z)
-    # Twice the rounding of sums of as many terms, of the difference, and of what is added below.
+    # Twice the rounding errors of the sums, of the difference, and of the additions below.
     radius = (
         radius * (1 + 8 * _UNIT) + (c[0].size + 8) * _UNIT * np.abs(c).sum(axis=(1, 2)) + 2 * piece.errors
     )

@@ -6,8 +6,8 @@ component,
 
     y₁′ = W y₂,    m y₂′ + r (y₁, y₂, 1) = 0,    m = P M T W,    r = P [K T/Ω², C T W/Ω, −d/(Ω² λ)].
 
-T, W and λ may be any exact numbers and P any exact regular matrix: they change no multiplier, and the orbit
-only by known factors. W is diagonal.
+T, W and λ may be any exact numbers and P any exact regular matrix: they do not change the multipliers, and
+change the orbit only by known factors. W is diagonal.
 """
 
 from collections.abc import Sequence
@@ -38,11 +38,11 @@ _CONDITION = 1e6
 """Condition number of the modes above which coordinates are not transformed to modes."""
 
 _TINY = 1e-290
-"""Numbers above it keep all digits when they are multiplied by scales near 1."""
+"""Bound above which numbers keep all digits when multiplied by scales near 1."""
 
 _HALVINGS = 30
-"""Most halvings of a step in search of decided outcomes: the radius of a ball is rounded up by 2^-30 of
-itself, and then is shorter than a window at a jump."""
+"""Largest number of halvings of a step in the search for decided outcomes. The radius of a ball is rounded up
+by a factor 1 + 2^-30; after 30 halvings a part is shorter than a window at a jump."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Equation:
         for columns, part in ((slice(0, n), K), (slice(n, 2 * n), C)):
             rates[n:, columns] = np.abs(np.linalg.solve(M @ modes, part @ modes)).mean(axis=0)
         with np.errstate(invalid="ignore"):
-            # SciPy converts scales to numbers of permutations, which are not used.
+            # SciPy converts the scales to indices of permutations, which are not used.
             scales = matrix_balance(rates, permute=False, separate=True)[1][0]
         modes, frequencies = modes * scales[:n], scales[n:] / scales[:n]
         if not _exact(modes, modes * frequencies):
@@ -146,7 +146,7 @@ class Equation:
         ]
         bounds = [row.upper() for row in rows]
         if not all(bound.is_finite() for bound in bounds):
-            # The largest of several numbers may pass over one that is undefined.
+            # max() may ignore an undefined number among several.
             return arb.pos_inf(), arb.pos_inf()
         return max(bounds), A.trace().real.upper()
 

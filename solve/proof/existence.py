@@ -1,10 +1,11 @@
 """Existence and uniqueness of a nonlinear periodic orbit near a trigonometric polynomial, by the
 Newton–Kantorovich theorem.
 
-In the scaled coordinates of `solve.proof.equation`, with z = y₂′, the deviation from the polynomial
-satisfies y₁′ = W y₂, z = A₂ y − m⁻¹r_d + g, g = −m⁻¹N, where A = [0 W; A₂] and N is the nonlinear remainder.
-Let (y¹, z¹) be the periodic solution for g = 0, which is enclosed as that of every linear system. The others
-are fixed points of (y, z) ↦ (y¹, z¹) + G g(y, z), where G g is the periodic solution with input g.
+In the scaled coordinates of `solve.proof.equation`, with z = y₂′, the deviation from the polynomial satisfies
+y₁′ = W y₂, z = A₂ y − m⁻¹r_d + g, g = −m⁻¹N, where A = [0 W; A₂] and N is the nonlinear remainder. Let (y¹,
+z¹) be the periodic solution for g = 0, which is enclosed like that of any linear system. Periodic solutions
+of the full equations are fixed points of (y, z) ↦ (y¹, z¹) + G g(y, z), where G g is the periodic solution
+with input g.
 
 **G.** By variation of constants, w(t) = Y(t) w(0) + ∫_0^t Ψ(t, s) (0, g) ds and w(0) = (1 − Φ)⁻¹ ∫_0^T
 Ψ(T, s) (0, g) ds. With κ and τ of `solve.proof.transitions`
@@ -22,9 +23,9 @@ Taylor's formula ‖g(v)‖ ≤ Λ|v|²/2 and
 map is a contraction if ΓΛρ < 1. By Banach's theorem it contains exactly one orbit.
 
 **Stability.** The linearisation about that orbit has A₂ + B in place of A₂. From the bound on second
-derivatives ‖By‖ ≤ ρΛ max(‖y‖, ‖z‖/κ₂) with z = A₂y + By. Since ρΛ < 1/Γ, either the first is larger, or
-‖By‖ ≤ ρΛa₂/(κ₂ − ρΛ) ‖y‖ ≤ ρΛ‖y‖: in both cases ‖B‖ ≤ β = ρΛ. From Y* = Y + ∫Ψ B Y* follows sup‖Y*‖ ≤
-κ/(1 − τβ), and
+derivatives ‖By‖ ≤ ρΛ max(‖y‖, ‖z‖/κ₂) with z = A₂y + By. Since ρΛ < 1/Γ, either ‖y‖ is the larger of the two,
+or ‖By‖ ≤ ρΛa₂/(κ₂ − ρΛ) ‖y‖ ≤ ρΛ‖y‖: in both cases ‖B‖ ≤ β = ρΛ. From Y* = Y + ∫Ψ B Y* follows sup‖Y*‖ ≤ κ/(1
+− τβ), and
 
     ‖Φ* − Φ‖ ≤ τβκ/(1 − τβ),    τβ < 1.
 """
@@ -41,19 +42,20 @@ from solve.proof.transitions import Transitions
 from solve.proof.turn import Turn
 
 _WIDTH = 0.5
-"""Relative width of the bounds on the defect."""
+"""Relative width of the bounds on the defect. A choice."""
 
 _TUBES, _WIDEST = 40, 24
-"""Most halvings of the tube in which the orbit is shown to be unique, and the binary exponent of its largest
-radius. Motions have a size near 1 in scaled coordinates. Choices: radii from 2^-16 to 2^24 are tried."""
+"""Largest number of halvings of the tube in which uniqueness of the orbit is shown, and binary exponent of
+the largest radius. Motions have a size near 1 in scaled coordinates. Choices: radii from 2^-16 to 2^24 are
+tried."""
 
 
 @dataclass(frozen=True)
 class Existence:
     """Radii, in the norm |(y, z)|, of the balls in which exactly one orbit exists.
 
-    radius : of a ball that contains it
-    unique : of a ball that contains no other one
+    radius : radius of a ball that contains the orbit
+    unique : radius of a ball that contains no other orbit
     change : bound on ‖Φ* − Φ‖
     rate : κ₂
     """
@@ -103,9 +105,9 @@ def existence(
     product = linear.gamma * Lambda
     if not 2 * product * linear.eta < 1:
         raise StepsError(
-            f"no orbit is proved: η ΓΛ is not below 1/2, with a bound η = {float(linear.eta):.1e} on "
-            f"the first Newton correction and ΓΛ = {float(product):.1e} from the curvature of the "
-            "equations"
+            "the existence of an orbit is not proved: η ΓΛ must be below 1/2, where η = "
+            f"{float(linear.eta):.1e} "
+            f"bounds the first Newton correction and ΓΛ = {float(product):.1e} the curvature of the equations"
         )
     # η + ΓΛρ²/2 ≤ ρ holds for ρ = η (1 + 2ΓΛη), as 2ΓΛη < 1 gives (1 + 2ΓΛη)² ≤ 4.
     radius = (linear.eta * (1 + 2 * product * linear.eta)).upper()

@@ -28,7 +28,8 @@ Entries = list[tuple[int, int, Ball]]
 """Rows, columns and values of a matrix."""
 
 ANY: Outcomes = ("any",)
-"""All outcomes that are possible on an interval: results contain those of each."""
+"""Value that selects all outcomes that are possible on an interval: results contain the results of each
+outcome."""
 
 
 def _power(x: Ball, y: Ball) -> Ball:
@@ -178,13 +179,13 @@ _PIECES: dict[int, tuple[Callable[..., Any], Callable[..., Ball]]] = {
         lambda yes, condition, x: x if yes else arb(0),
     ),
 }
-"""Operations with pieces: the outcome on real balls, and the result of outcome and operands. Conditions are
-exact, since their comparisons are decided."""
+"""Operations with pieces: a function that returns the outcome for real balls, and a function that returns the
+result for an outcome and the operands. Conditions are exact, because their comparisons are decided."""
 
 
 def _decided(decide: Callable[..., Any], operands: Sequence[Ball]) -> Any:
-    """Branch of an operation for real balls. Complex balls, for parameters near real values, take the branch
-    of the real ones."""
+    """Branch of an operation for real balls. For complex balls, which stand for parameters near real values,
+    the branch of the real values is returned."""
     if any(isinstance(operand, acb) for operand in operands):
         raise UndecidedError
     return decide(*operands)
@@ -223,8 +224,9 @@ _NAMES = {value: name for name, value in vars(casadi).items() if name.startswith
 class Instructions:
     """Function as a list of (operation, indices of operands, index of the result, constant or function).
 
-    The result of an output is its number with the row and the column of the entry, since later lines reuse
-    places. entries: number of entries of each output that are not structurally zero.
+    The result of an output instruction is the number of the output, with row and column of the entry, because
+    later instructions reuse storage. entries: number of entries of each output that are not structurally
+    zero.
     """
 
     lines: tuple[tuple[int, tuple[int, ...], Any, Any], ...]
@@ -256,7 +258,7 @@ class Instructions:
             else:
                 raise LinearModelError(
                     f"the equations contain {_NAMES.get(operation, operation)}, for which no enclosure is "
-                    "implemented; state them with other functions"
+                    "implemented; state the equations with other functions"
                 )
         return cls(tuple(lines), function.sz_w(), tuple(map(len, triplets)))
 
@@ -267,8 +269,8 @@ class Instructions:
 
         Parameters
         ----------
-        inputs : elements of each input
-        outcomes : of an earlier evaluation, or ANY; if None, determined from the inputs, which are real balls
+        inputs : elements of each input outcomes : outcomes of an earlier evaluation, or ANY; if None,
+        determined from the inputs, which must be real balls
 
         Raises
         ------

@@ -40,26 +40,28 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _FIRST_SAMPLES = 49
-"""Samples per period at first; the number is doubled until the highest harmonics are round-off."""
+"""Initial number of samples per period; it is doubled until the highest harmonics are round-off. A choice."""
 
 _MOST_UNKNOWNS = 5000
 """Largest size of the dense equations of a Newton correction: a choice, some 20 s."""
 
 _CORRECTIONS = 2
-"""Newton corrections on a grid, from an orbit with seven digits: its error is squared by each."""
+"""Number of Newton corrections on a grid, which start from an orbit with seven digits: each correction
+squares the error."""
 
 _TAIL, _ROUNDOFF = 1 / 8, 64 * EPS
-"""Fraction of the harmonics that must be below round-off, and its size relative to the largest harmonic."""
+"""Fraction of the harmonics that must be below round-off, and round-off relative to the largest harmonic.
+Choices."""
 
 _ORDERS = 3
-"""q and its first two derivatives."""
+"""Number of time functions of a motion: q and its first two derivatives."""
 
 _PARTS, _TERMS = 2, 32
-"""Parts of the period per harmonic, and terms of their Taylor polynomials: the remainder is below π^32/32! =
-3e-20 of the sum of the harmonics."""
+"""Number of parts of the period per harmonic, and number of terms of the Taylor polynomial on each part: the
+remainder is below π^32/32! = 3e-20 of the sum of the harmonics."""
 
 _DROPPED = 1e-3 * EPS
-"""Size of harmonics, relative to the largest, below which they are left out."""
+"""Size, relative to the largest harmonic, below which harmonics are omitted. A choice."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class TrigonometricMotion:
 
     @classmethod
     def of(cls, curve: FourierCurve, period: Ball) -> "TrigonometricMotion":
-        """Motion with the Fourier coefficients of a curve, without harmonics far below its round-off."""
+        """Motion with the Fourier coefficients of a curve, without harmonics far below round-off."""
         c = curve.coefficients
         limits = _DROPPED * np.abs(c).max(axis=1, keepdims=True)
         large = np.flatnonzero((np.abs(c) > limits).any(axis=0))
@@ -133,7 +135,7 @@ class TrigonometricMotion:
         powers = self._powers(slope, terms + orders) * columns
         found: list[list[Ball]] = [[] for _ in range(orders)]
         for i in range(len(turned)):
-            # Derivatives of a cos + b sin at 0 by the angle: a, b, −a, −b, …
+            # Derivatives of a cos + b sin with respect to the angle at 0: a, b, −a, −b, …
             series = [powers[j, 2 * i + j % 2] * (-1 if j % 4 > 1 else 1) for j in range(terms + orders)]
             for order in range(orders):
                 found[order].append(arb_series(series[:terms]))
@@ -190,7 +192,7 @@ def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
         count *= 2
     raise NoOrbitError(
         f"the orbit has more than {_MOST_UNKNOWNS // (2 * n)} harmonics above round-off; a proof of a "
-        "nonlinear orbit needs fewer"
+        "nonlinear orbit requires fewer harmonics"
     )
 
 

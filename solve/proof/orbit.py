@@ -8,13 +8,13 @@ from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, largest
 from solve.proof.turn import Turn
 
 _WIDTH = 1e-12
-"""Relative width at which the search for a maximum ends."""
+"""Relative width of the bounds at which the search for a maximum ends. A choice."""
 
 _SHORTEST = 2.0**-30
-"""Fraction of a step below which halving narrows nothing: the enclosure of the solution is wider."""
+"""Fraction of a step at which halving ends: the enclosure of the solution is then wider than the interval."""
 
 _CELLS = 20_000
-"""Most intervals that are examined for one maximum."""
+"""Largest number of intervals that are examined for one maximum. A choice."""
 
 
 def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:
@@ -39,8 +39,8 @@ def position_and_rate(state: Matrix) -> Matrix:
 
 
 def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[list[Ball], Ball]]:
-    """Coefficients in τ of the linear combination `row` (1, 2n) of the state on each step, and a bound on
-    their error."""
+    """Coefficients, with respect to τ, of the linear combination `row` (1, 2n) of the state on each step, and
+    a bound on the error of the polynomial."""
     weight = sum((entry.abs_upper() for entry in row.entries()), arb(0))
     found = []
     for step, state in zip(turn.steps, states, strict=True):

@@ -21,14 +21,14 @@ from solve.proof.turn import Turn
 from solve.system import PeriodicSystem
 
 _WIDTH = 1e-3
-"""Relative width at which the search for a maximum ends: balls of the generated function converge with the
-length of the interval only."""
+"""Relative width of the bounds at which the search for a maximum ends. A choice: the balls of the generated
+function converge only linearly with the length of the interval."""
 
 _CELLS = 600
-"""Most intervals that are examined for one output."""
+"""Largest number of intervals that are examined for one output. A choice."""
 
 Polynomial = tuple[list[Ball], Ball]
-"""Coefficients by τ, and a bound on their error."""
+"""Type of polynomials: coefficients of the powers of τ, and a bound on the error."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class Shift:
 
 PERIODIC, FLIPPED = Shift(), "flipped"
 Change = Shift | str | None
-"""How a value changes by a period: a shift, a change of its sign, or unknown."""
+"""Type of changes of a value over a period: a shift, a change of sign, or unknown (None)."""
 
 
 def repeats(instructions: Instructions, period: Fraction) -> bool:

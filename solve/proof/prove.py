@@ -15,10 +15,11 @@ from solve.single import floquet, periodic
 from solve.system import PeriodicSystem
 
 DIGITS = 20
-"""Decimal digits, relative to the spectral radius, that enclosures aim at."""
+"""Default number of decimal digits of enclosures, relative to the spectral radius. A choice."""
 
 _MOST_DIGITS = 1000
-"""Most digits: the cost of a step grows with their square, and is minutes then."""
+"""Largest number of digits: the time per step grows with the square of this number and then takes minutes. A
+choice."""
 
 
 @first_is(PeriodicSystem, Stability, such_as="solve.load('cam')")
@@ -32,40 +33,40 @@ def prove(
 ) -> Proof:
     """Enclosures of the multipliers, the verdict and the periodic solution of a system.
 
-    Of a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are proved too.
+    For a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are proved too.
 
     Parameters
     ----------
     system : PeriodicSystem or Stability
         A model with generated matrices, a system of samples or of a function that takes symbolic phases (see
-        docs/proof.md), or a result of one, such as a linear or nonlinear orbit.
+        docs/proof.md), or a result for one of these, such as a linear or nonlinear orbit.
     speed : float or str, optional
         rad/s, or a text with unit; not with a result.
     digits : int, optional
-        Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 of
-        a nonlinear orbit.
+        Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 for a
+        nonlinear orbit.
     rounded : bool, optional
-        Whether the statement holds for all real numbers within two units in the last place of the given ones,
-        whole numbers being exact, rather than for exactly these doubles.
+        Whether the proof covers all real numbers within two units in the last place of the given numbers
+        (integers are exact), instead of exactly the given double-precision numbers.
     orbit : bool, optional
-        Whether the periodic solution is enclosed too; that of a result is, if it has one.
+        Whether the periodic solution is enclosed too. The orbit of a result is always enclosed.
     executor : Executor, optional
         Computes the steps of the period in parallel, such as a `concurrent.futures.ProcessPoolExecutor`.
 
     Returns
     -------
     Proof
-        Its verdict is "undetermined" where none is proved.
+        Enclosures; the verdict is "undetermined" if none is proved.
 
     Raises
     ------
     LinearModelError
-        For systems whose matrices are no function of symbols, and for nonlinear orbits of equations with
+        For systems whose matrices are not a function of symbols, and for nonlinear orbits of equations with
         jumps.
     MissingLibraryError
         Without python-flint.
     StepsError
-        Where no step has an enclosure.
+        If a step cannot be enclosed.
     ValueOutOfBoundsError
         For unsuitable digits.
 
@@ -95,7 +96,7 @@ def prove(
 def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor: Executor | None) -> Proof:
     if not isinstance(orbit.system, LinearisedModel):
         raise LinearModelError(
-            "a proof needs the equations of the orbit, which a result read from a file lacks; "
+            "a proof requires the equations of the orbit, which a result read from a file does not contain; "
             "compute the orbit again"
         )
     require_provable(orbit.system.model, nonlinear=True)
@@ -123,12 +124,12 @@ def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Periodi
         possible = type(system) is PeriodicSystem and not nonlinear
     if not possible:
         raise LinearModelError(
-            "a proof needs matrices that are a function of the phase; structures, modal damping and "
-            "first-order systems have none"
+            "a proof requires matrices that are a function of the phase; those of structures, of models "
+            "with modal damping and of first-order systems are not"
         )
     if nonlinear and system.breaks:
         raise LinearModelError(
-            "a proof of a nonlinear orbit needs equations without jumps or kinks in the phase; "
+            "a proof of a nonlinear orbit requires equations without jumps or kinks in the phase; "
             f"{system.labels.name} has breaks"
         )
     from solve.proof.instructions import Instructions
@@ -157,9 +158,9 @@ def prove_boxes(
     names : tuple of str
         Two parameters, or one and "speed".
     ranges : tuple of pairs of float
-        Lower and upper end of both, in the model's units, speed in rad/s.
+        Lower and upper end of the range of each quantity, in the model's units; speeds in rad/s.
     speed : float or None
-        rad/s, if it is not one of the two.
+        Speed in rad/s, if it is not one of the two quantities.
     executor : Executor, optional
         Computes monodromy matrices in parallel.
 

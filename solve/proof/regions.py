@@ -35,29 +35,31 @@ from solve.proof.turn import Marching, intervals, turn
 from solve.terminal import progress
 
 _RATIOS = 2.0, 3.0, 5.0, 8.0, 12.0, 20.0
-"""Candidates for ρ. A large one needs a lower degree for the same S, but S grows with the ellipse."""
+"""Candidates for ρ. With a larger ρ a lower degree suffices for the same S, but S grows with the ellipse."""
 
 _PANELS = 48
-"""Intervals of the period on which μ₂ is bounded: a choice."""
+"""Number of intervals of the period on which μ₂ is bounded: a choice."""
 
 _SHORTEST = 2.0**-14
 """Fraction of the period below which an interval on which M may be singular is not bisected."""
 
 _ACCURACY = 2.0**-20
-"""Interpolation error: far below the variation of Φ over the smallest boxes that are decided."""
+"""Allowed interpolation error. A choice: far below the variation of Φ over the smallest boxes that are
+decided."""
 
 _BITS, _ADVANCE, _ALLOWED = 34, 4.0, 2.0**-30
-"""Bits, largest h‖A‖, and allowed error of a step of the enclosures at the nodes. Their error is far below
-the interpolation error."""
+"""Bits, largest h‖A‖, and allowed error of a step of the enclosures at the nodes. The error of the enclosures
+is far below the interpolation error."""
 
 _LARGEST = 1024
 """Binary exponent of bounds S above which no number of nodes suffices."""
 
 _MOST_NODES = 1200
-"""Nodes of a box above which it is bisected instead: a choice, a minute of Mathieu's equation."""
+"""Number of nodes above which a box is bisected instead: a choice, a minute of computing time for Mathieu's
+equation."""
 
 _TOGETHER = 16
-"""Nodes that a worker computes at a time: a choice, about a second."""
+"""Number of nodes that a worker computes at a time: a choice, about a second."""
 
 
 class Box(NamedTuple):
@@ -83,7 +85,7 @@ class Box(NamedTuple):
 class Plane:
     """Model as a function of two parameters, or of one parameter and "speed".
 
-    speed : rad/s, where it is not one of the two
+    speed : speed in rad/s, if it is not one of the two quantities
     """
 
     system: Model
@@ -242,7 +244,8 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
         return min(found, key=lambda at: math.prod(found[at][0]))
 
     examine(0, 0)
-    # S grows with the ellipses: if S of the smallest needs too many nodes on the largest, so do all others.
+    # S grows with the ellipses: if even the smallest S requires too many nodes with the largest ρ, so do all
+    # others.
     if not found or math.prod(_count(sizes[0], _RATIOS[-1]) for _ in box) > _MOST_NODES:
         return None, np.zeros(0), False
     for k in range(1, len(_RATIOS)):

@@ -47,26 +47,27 @@ class Proof(Serializable):
     radii : (2n,) array
         Radii of the discs.
     isolated : (2n,) array of bool
-        Whether the disc contains one multiplier only; others share a disc, which is repeated.
+        Whether the disc contains one multiplier only. Multipliers that share a disc are listed with the same
+        disc.
     spectral_radius : tuple of str
         Lower and upper bound, as decimal numbers.
     max_abs : mapping of str to tuple of float
         Lower and upper bound of max|q| over a period, by coordinate; empty without an orbit.
     result : Stability
-        The ordinary result.
+        Result without proof.
     true_error : mapping of str to float
         Bounds on the errors of the ordinary result: of its multipliers, relative to the spectral radius, and
         of its orbit at the steps of the proof, relative to max|q|; NaN without an orbit.
     assumed : str
-        The assumption on the numbers of the model.
+        Assumption on the numbers of the model.
     steps : int
         Number of steps of the period.
     seconds : float
-        Processor time, without that of an executor.
+        Processor time in s, without that of an executor.
     warnings : tuple of str
-        Why something was not proved.
+        Reasons why statements were not proved, one sentence each.
     orbit : ProvedOrbit or None
-        Place of an orbit of nonlinear equations.
+        Proved region of an orbit of nonlinear equations.
     """
 
     verdict: str

@@ -2,7 +2,7 @@
 
 With approximate eigenvectors X, D = X⁻¹ΦX is nearly diagonal. Row i of D divided by σ and column i multiplied
 by σ is a similar matrix. If its disc i, of radius Σ_j |D_ij|/σ, is apart from all others, it contains exactly
-one eigenvalue. With σ as large as that allows, the radius is of second order in the off-diagonal entries.
+one eigenvalue. With the largest such σ, the radius is of second order in the off-diagonal entries.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,8 @@ from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED
 from solve.proof.balls import Ball, Matrix, acb, acb_mat, arb, largest, norm
 
 _APART = 4
-"""Fraction of the distance of two discs that the column's entry may take: 1/4 leaves room for both radii."""
+"""Inverse of the fraction of the distance between two discs that the entry of the column may take: 1/4 leaves
+room for both radii."""
 
 
 @dataclass(frozen=True)
@@ -20,9 +21,9 @@ class Multiplier:
 
     center : complex ball without radius
     radius : upper bound, exact
-    count : number of multipliers for which the disc stands
-    isolated : whether it contains no other multiplier
-    room : no other multiplier is nearer to the center, if the disc is isolated
+    count : number of multipliers in the disc
+    isolated : whether the disc contains no other multiplier
+    room : lower bound on the distance between the center and all other multipliers, if the disc is isolated
     """
 
     center: Ball
@@ -116,7 +117,7 @@ def _isolated(
         if moduli[j][i] > 0:
             bound = gaps[j] / (_APART * moduli[j][i])
             sigma = bound.mid() if bound < sigma else sigma
-    # With σ < 1 the disc would not lie within the unscaled one, which the sets of discs count.
+    # With σ < 1 the disc would not lie within the unscaled disc, for which the multipliers were counted.
     if not sigma >= 1:
         return None
     radius = ((radii[i] - own) / sigma + own).upper()
@@ -146,7 +147,7 @@ def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int)
 
 
 _POWERS = 20
-"""Squarings of Φ for bounds on the spectral radius from norms and traces."""
+"""Number of squarings of Φ for bounds on the spectral radius from norms and traces. A choice."""
 
 
 def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:

@@ -22,18 +22,19 @@ from solve.proof.equation import Equation
 from solve.proof.instructions import Outcomes, UndecidedError
 
 _RATIOS = 16, 8, 4, 2
-"""Candidates for R/h: large ones need fewer terms of the coefficients, but these grow on large discs."""
+"""Candidates for R/h: with a larger ratio fewer terms of the coefficients suffice, but the coefficients are
+larger on larger discs."""
 
 _PARTS, _SHORTEST_PART = 4, 2.0**-6
-"""Intervals of a step on which ‖A‖ and ‖m⁻¹‖ are bounded, and the fraction of the step below which they are
-not halved any more."""
+"""Number of intervals of a step on which ‖A‖ and ‖m⁻¹‖ are bounded, and fraction of the step below which
+intervals are not halved. Choices."""
 
 _MOST_TERMS = 8
-"""Most terms of the solution per term of the coefficients: Taylor series of solutions that converge on the
-step need up to three times as many."""
+"""Largest number of terms of the solution per term of the coefficients. A choice: convergent Taylor series of
+solutions require up to three terms per term of the coefficients."""
 
 _BOUNDS = 64
-"""Bits with which bounds are computed."""
+"""Precision in bits with which bounds are computed. A choice."""
 
 
 class StepTooLongError(Exception):
@@ -44,7 +45,7 @@ class StepTooLongError(Exception):
 class Step:
     """Enclosure of the solution on a step.
 
-    map : (2n+1, 2n+1), from y and the unit load at the start to these at the end
+    map : (2n+1, 2n+1), from y and the unit load at the start to y and the unit load at the end
     terms : coefficients (2n, 2n+1) of τ^k, exact
     error : bound on the error of the polynomial at every τ
     advance : bound on h‖A‖
@@ -66,7 +67,7 @@ def step(
     """Enclosure of a step with h‖A‖ below `most`, an error below `allowed` (2^-bits if None), and a
     truncation error below 2^-bits.
 
-    Raises StepTooLongError where that is not reached, or an operation with pieces changes its outcome.
+    Raises StepTooLongError if these limits are not met, or if an operation with pieces changes its outcome.
     """
     n = equation.n
     try:

@@ -1,9 +1,10 @@
 """Functions of the phase that are not generated (functions of the user, interpolated samples) as CasADi
 functions.
 
-A function `matrices(phase, speed)` is called with arrays of symbols. Its operations on these form a graph, as
-that of generated code, of which a proof evaluates every operation in ball arithmetic. What a graph cannot
-contain raises an error: comparisons, conversions to numbers, and functions that NumPy has for numbers only.
+A function `matrices(phase, speed)` is called with arrays of symbols. Its operations on the symbols form a
+graph, like that of generated code, and a proof evaluates every operation of the graph in ball arithmetic.
+Operations that a graph cannot contain raise an error: comparisons, conversions to numbers, and functions that
+NumPy has for numbers only.
 """
 
 import functools
@@ -24,10 +25,11 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _PLACES = 2
-"""Phases for which a function is called: entries at one must not depend on the other."""
+"""Number of phases for which a function is called: entries at one phase must not depend on the other
+phase."""
 
 _MOST_FACTORS = 16
-"""Largest whole power that is written as a product. A choice."""
+"""Largest integer power that is written as a product. A choice."""
 
 
 class Symbol:
@@ -147,8 +149,8 @@ def _called(system: PeriodicSystem, phase: casadi.SX, speed: casadi.SX) -> list[
     except (ArithmeticError, AttributeError, IndexError, RuntimeError, TypeError, ValueError) as error:
         first = str(error).partition("\n")[0]
         raise LinearModelError(
-            f"the function of the matrices cannot be evaluated at symbolic phases, which a proof needs: "
-            f"{first}; see docs/proof.md for the operations that it may use"
+            "the function of the matrices cannot be evaluated at symbolic phases, as a proof requires: "
+            f"{first}; docs/proof.md lists the operations that are allowed"
         ) from None
     for k, matrices in enumerate(places):
         others = casadi.vertcat(*(phases[:k] + phases[k + 1 :]))

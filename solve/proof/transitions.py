@@ -1,8 +1,7 @@
 """Bounds on the transition matrices of a linear system over a period.
 
-Ψ(t, s) maps a state at s to the state at t ≥ s, Y(t) = Ψ(t, 0). Wanted are
-
-    κ ≥ sup_t ‖Y(t)‖,    τ ≥ sup_t ∫_0^t ‖Ψ(t, s)‖ ds.
+Ψ(t, s) maps a state at s to the state at t ≥ s, Y(t) = Ψ(t, 0). The bounds are κ ≥ sup_t ‖Y(t)‖,    τ ≥ sup_t
+∫_0^t ‖Ψ(t, s)‖ ds.
 
 A step is divided into cells with ∫‖A‖ ≤ a on each, so that ‖Ψ‖ ≤ e^a within a cell. Between the ends of cells
 c ≤ d of a step with the polynomial Ỹ, Ψ = Ỹ(τ_d) Ỹ(τ_c)⁻¹ in balls. Between steps Ψ is a product of maps:
@@ -19,10 +18,10 @@ from solve.proof.step import Step
 from solve.proof.turn import Turn
 
 _BOUNDS = 64
-"""Bits with which bounds are computed."""
+"""Precision in bits with which bounds are computed. A choice."""
 
 _CELL = 0.5
-"""Largest ∫‖A‖ of a cell: bounds are then too large by at most e^0.5 for each end of Ψ."""
+"""Largest ∫‖A‖ of a cell. A choice: bounds are too large by at most a factor e^0.5 for each end of Ψ."""
 
 
 @dataclass(frozen=True)

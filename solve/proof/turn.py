@@ -1,7 +1,7 @@
 """Maps of the steps of a period, which end at the jumps, and their products by halves.
 
 Comparisons in generated code are made with rounded numbers, so that a jump is somewhere near its break. In a
-window of a few units in the last place around each break, every outcome is admitted, and the map is the
+window of a few units in the last place around each break, all outcomes are admitted, and the map is the
 identity up to e^{δ sup‖A‖} − 1, δ being the width of the window.
 """
 
@@ -20,18 +20,18 @@ from solve.proof.step import Step, StepTooLongError, step
 from solve.terminal import progress
 
 _SHORTEST = 2.0**-36
-"""Fraction of the period below which the search for a step ends: an undeclared jump or a singular M lies
-there."""
+"""Step length, as a fraction of the period, below which the search for a step ends: there is then an
+undeclared jump or a singular M."""
 
 _WINDOW = 4
 """Half width of the window around a break, in units in the last place of the period."""
 
 _PARTS = 24
-"""Parts of the period that processes work on: enough for equal shares of several processes, and few enough
-for many steps in each part."""
+"""Number of parts of the period that are distributed to processes. A choice: enough for equal shares of
+several processes, and few enough for many steps in each part."""
 
 _GROWTH = 1.5
-"""Ratio of a step to the one before, if that was not too long."""
+"""Ratio of the length of a step to that of the previous step, if that step was not too long. A choice."""
 
 
 _Part = tuple[Ball, Ball, bool]

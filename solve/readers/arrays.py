@@ -21,8 +21,8 @@ Read = SampledSystem | SampledStates | SampledMixed
 def system_of(arrays: Mapping[str, Any], file: str, speed: float | None = None) -> Read:
     """System from the arrays of a file, whose first index is the azimuth.
 
-    M and K, of second order, or A, of first order. speed: in rad/s, by default the file's. Raises FileError
-    and MatricesError.
+    The arrays contain M and K for a system of second order, or A for a system of first order. speed: in
+    rad/s, by default the speed in the file. Raises FileError and MatricesError.
     """
     phase = _phases(arrays, file)
     period = _number(arrays, "phase_period", file)
@@ -73,7 +73,7 @@ def _first_order(arrays: Mapping[str, Any], source: Source, options: Mapping[str
     _checked_names(states, N, "states", source.name)
     signals, missing = None, [name for name in "BCD" if name not in arrays]
     if len(missing) in (1, 2):
-        raise FileError(f"'{source.name}' has no {missing[0]}; give B, C and D, or none of them")
+        raise FileError(f"'{source.name}' has no {missing[0]}; give all of B, C and D, or none")
     if not missing:
         B, C, D = (_repeated(_matrix(arrays, name, source.name), len(A)) for name in "BCD")
         inputs = _texts(arrays, "inputs", source.name) or _numbered("u", B.shape[-1])
@@ -106,7 +106,7 @@ def _vector(arrays: Mapping[str, Any], name: str, count: int, size: int, file: s
     if name not in arrays:
         return np.zeros((count, size))
     values = _real(arrays[name], name, file)
-    # A vector, or in MATLAB a row, is constant.
+    # A vector (in MATLAB a row) is constant over the azimuth.
     if values.size == size and values.shape in ((size,), (size, 1)):
         values = values.reshape(1, -1)
     if values.ndim == 3 and values.shape[-1] == 1:
@@ -166,7 +166,7 @@ def _texts(arrays: Mapping[str, Any], name: str, file: str) -> list[str]:
         return []
     texts = [np.asarray(text).ravel() for text in np.asarray(arrays[name]).ravel()]
     if any(len(text) != 1 or text.dtype.kind not in "US" for text in texts):
-        raise FileError(f"'{file}': {name} are not texts; give each of them a name as text")
+        raise FileError(f"'{file}': {name} are not texts; give one text per name")
     return [text[0].decode() if isinstance(text[0], bytes) else str(text[0]).strip() for text in texts]
 
 

@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.errors import FileError, MissingLibraryError, SolveError, require_name
 
 _MOST_UPDATES = 100
-"""Updates of the discrete states after which an initialisation counts as endless. A choice."""
+"""Largest number of updates of the discrete states during an initialisation. A choice."""
 
 
 class Unit:

@@ -20,11 +20,11 @@ from solve.samples import checked_period
 from solve.units import speed_in_si
 
 _FEWEST_AZIMUTHS, _MOST_AZIMUTHS = 64, 4096
-"""Azimuths of the first and of the last sampling. A choice."""
+"""Number of azimuths of the first and of the last sampling. Choices."""
 
 _TAIL = 1e-9
-"""Amplitude of the upper quarter of the harmonics, relative to the largest entry of their matrix, up to which
-the azimuths are not doubled: some times the error of the motion. A choice."""
+"""Amplitude of the upper quarter of the harmonics, relative to the largest entry of their matrix, above which
+the number of azimuths is doubled. A choice: several times the error of the motion."""
 
 _COUPLED = 1e-9
 """Influence of the remaining states on an excluded one, relative to the largest derivative of the unit, that
@@ -42,7 +42,7 @@ def read_fmu(
 ) -> SampledStates | UnitSystem:
     """Linearise a functional mock-up unit, FMI 2 or 3 for model exchange, along a periodic motion.
 
-    A unit contains compiled code, which is executed. Read units from sources that you trust only.
+    A unit contains compiled code, which is executed. Read only units from sources that you trust.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def read_fmu(
         motion is found at each speed at which the system is used, as in a sweep.
     exclude : sequence of str
         States with a prescribed motion, which need not be periodic, such as the angle of the drive and its
-        speed. They are left out with their rows and columns.
+        speed. Their rows and columns are omitted.
     values : mapping of str to float, optional
         Parameters and start values of the unit, in its units.
     motion : mapping of str to (k,) array, optional
@@ -68,8 +68,9 @@ def read_fmu(
     Returns
     -------
     FirstOrderSystem
-        System of small deviations from the motion, without load, with the inputs and outputs of the unit. The
-        motion is in `source.operating_points`; without `speed` it is that of `at_speed(speed)`.
+        System of small deviations from the motion, without load, with the inputs and outputs of the unit.
+        `source.operating_points` contains the motion; without `speed`, the motion is contained in the result
+        of `at_speed(speed)`.
 
     Raises
     ------
@@ -105,7 +106,7 @@ def read_fmu(
     if speed is not None:
         return linearised(float(speed_in_si(speed)))[0]
     if motion is not None:
-        raise ValueOutOfBoundsError("motion is that of one speed; give the speed too")
+        raise ValueOutOfBoundsError("'motion' applies to one speed; give 'speed' too")
     with Unit(file, values or {}) as unit:
         kept = _kept(unit, exclude)
         states, inputs, outputs = _names(unit, kept)
@@ -144,7 +145,7 @@ def _kept(unit: Unit, exclude: Sequence[str]) -> Array:
         require_name(f"state of '{unit.path}'", name, unit.states)
     kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
     if not len(kept):
-        raise ValueOutOfBoundsError("exclude names all states; leave one or more")
+        raise ValueOutOfBoundsError("'exclude' contains all states; leave out at least one")
     return kept
 
 
@@ -184,7 +185,9 @@ def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
     lengths = {np.shape(values) for values in motion.values()}
     if missing or len(lengths) != 1 or len(shape := min(lengths)) != 1 or shape[0] < 3:
         reason = f"{missing[0]} has none" if missing else f"shapes are {sorted(lengths)}"
-        raise ValueOutOfBoundsError(f"motion needs equally many values, 3 or more, of each state; {reason}")
+        raise ValueOutOfBoundsError(
+            f"'motion' requires the same number of values, 3 or more, of each state; {reason}"
+        )
     states = np.stack([np.asarray(motion[name], dtype=float) for name in unit.states], axis=1)
     if not np.isfinite(states).all():
         raise ValueOutOfBoundsError("motion has NaN or infinite values; give finite values")
@@ -208,7 +211,8 @@ def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
     if len(acting):
         first, second = unit.states[others[acting[0, 0]]], unit.states[kept[acting[0, 1]]]
         raise ValueOutOfBoundsError(
-            f"exclude lists {first}, whose rate depends on {second}; exclude states with a prescribed motion"
+            f"'exclude' contains {first}, whose rate depends on {second}; list only states with a "
+            "prescribed motion"
         )
 
 

@@ -26,13 +26,13 @@ def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
         without the end), `phase_period` (2π), `speed` (rad/s), and cells of names `coordinates`, `states`,
         `inputs` and `outputs`.
     speed : float or str, optional
-        Speed in rad/s or with unit at which the matrices were sampled; by default that in the file.
+        Speed in rad/s or with unit at which the matrices were sampled; by default the speed in the file.
 
     Returns
     -------
     PeriodicSystem
-        A FirstOrderSystem for A. M and K take precedence if a file has both, as those written by
-        `solve.export`.
+        System of second order from M and K, or FirstOrderSystem from A. M and K take precedence if a file
+        contains both, like the files written by `solve.export`.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     ----------
     path : str or Path
         File (.npz) with the arrays of `read_mat`, the azimuth first: M (k, n, n), d (k, n). Names are arrays
-        of texts. Arrays of objects are refused, since only pickles contain them.
+        of texts. Arrays of objects are rejected, because they can be stored only as pickles.
     speed : float or str, optional
         As in `read_mat`.
 

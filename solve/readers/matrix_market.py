@@ -42,7 +42,7 @@ def read_matrix_market(
     Returns
     -------
     PeriodicSystem
-        A FirstOrderSystem for A.
+        System of second order from M and K, or FirstOrderSystem from A.
 
     Raises
     ------
@@ -69,7 +69,9 @@ def read_matrix_market(
         numbers = series.setdefault(found[1], {})
         number = -1 if found[2] is None else int(found[2])
         if number in numbers:
-            raise FileError(f"'{file}' and '{numbers[number]}' are the same matrix; give one of them")
+            raise FileError(
+                f"'{file}' and '{numbers[number]}' contain the same matrix; give one of these files"
+            )
         numbers[number] = file
     counts = {symbol: len(numbers) for symbol, numbers in series.items() if len(numbers) > 1}
     if len(set(counts.values())) > 1:

@@ -20,8 +20,8 @@ _SAME_SPEED = 0.01
 periodic steady state the speed of the rotor varies within a revolution. A choice."""
 
 _PRINTED = 6e-4
-"""Allowed difference in rad between an azimuth printed with three or four decimals and the azimuth from the
-states."""
+"""Allowed difference in rad between a printed azimuth, which has three or four decimals, and the azimuth
+computed from the states."""
 
 _DOF = re.compile(r"\(internal DOF index = DOF_([^()]*(?:\([^()]*\))?)\)")
 _UNIT = re.compile(r",\s*[(\[]?([^,()\[\]]+)[)\]]?$")
@@ -35,18 +35,18 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
     Parameters
     ----------
     paths : str, Path or sequence of these
-        Files (`.lin`), or a pattern such as "run.*.lin". Files of single modules, such as "run.1.ED.lin", are
-        left out of a pattern.
+        Files (`.lin`), or a pattern such as "run.*.lin". A pattern does not include files of single modules,
+        such as "run.1.ED.lin".
     exclude : sequence of str
-        Names of states that are left out with their rows and columns, such as "GeAz", the azimuth of the
+        Names of states that are omitted, with their rows and columns, such as "GeAz", the azimuth of the
         generator, and its rate "GeAz_rate".
 
     Returns
     -------
     FirstOrderSystem
-        States, inputs and outputs have names made of the descriptions, which are in `meanings`; `units` has
-        the units of the file. `source` has the rotor speed, the states in the rotating frame and the
-        operating points. The system is that of small deviations from the periodic motion, without load.
+        System of small deviations from the periodic motion, without load. States, inputs and outputs have
+        names derived from their descriptions, which are in `meanings`; `units` contains the units in the
+        file. `source` contains the rotor speed, the states in the rotating frame and the operating points.
 
     Raises
     ------
@@ -57,9 +57,9 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
 
     Notes
     -----
-    Azimuths are printed with four decimals. If the file has the angle of the generator and the twist of the
-    drive train among its states, the azimuth is their sum, with twelve digits. Matrices between the azimuths
-    are the trigonometric interpolant; its error is in the results.
+    Azimuths are printed with four decimals. If the states in the file include the angle of the generator and
+    the twist of the drive train, the azimuth is their sum, with twelve digits. Matrices between the azimuths
+    are the trigonometric interpolant, whose error is included in the error estimates of the results.
 
     Examples
     --------
@@ -86,7 +86,7 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
 
 
 def _whole_turbine(paths: Sequence[Path]) -> list[Path]:
-    """Paths without the files of individual modules, unless there are no others."""
+    """Paths without the files of individual modules, unless there are no other files."""
     whole = [path for path in paths if not re.search(r"\.\d+\.[A-Za-z]\w*\.lin$", path.name)]
     return whole or list(paths)
 
@@ -116,7 +116,8 @@ def _require_same(files: Sequence[LinFile]) -> None:
         )
     if speeds.mean() <= 0:
         raise FileError(
-            f"the rotor speed is {speeds.mean():g} rad/s; give files linearised at a rotating rotor"
+            f"the rotor speed is {speeds.mean():g} rad/s; give files that were linearised with a rotating "
+            "rotor"
         )
 
 
@@ -168,7 +169,8 @@ def _azimuth(file: LinFile) -> float:
             for signal in file.signals["states"]
             if text in signal.description and _RATE not in signal.description
         ]
-    # ElastoDyn counts the azimuth of blade 1 from the vertical, the generator's angle a quarter later.
+    # ElastoDyn measures the azimuth of blade 1 from the vertical; the angle of the generator lags by a
+    # quarter revolution.
     exact = sum(angles) + math.pi / 2
     is_same = angles and abs(math.remainder(exact - file.azimuth, 2 * math.pi)) < _PRINTED
     return (exact if is_same else file.azimuth) % (2 * math.pi)

@@ -24,7 +24,7 @@ READERS: dict[str, Callable[..., Any]] = {
 """Readers by the ending of a path or pattern."""
 
 _OPTIONS: Mapping[str, Sequence[str]] = {".lin": ("exclude",), ".fmu": ("exclude", "drive")}
-"""Options by ending: states that are left out, and the variable that is set to the speed."""
+"""Names of options by ending: excluded states, and the variable that is set to the speed."""
 
 
 def read(
@@ -32,9 +32,9 @@ def read(
 ) -> PeriodicSystem:
     """System read from a path or pattern.
 
-    options: those of its kind. parameters: values of variables of a unit or of arguments of a Python
-    function, and further options. others: arguments of models, which must be None. Raises SolveError
-    subclasses.
+    options: options of this kind of file. parameters: values of variables of an FMU or of arguments of a
+    Python function, and further options. others: arguments that apply to models only, and must be None.
+    Raises SolveError subclasses.
     """
     ending = Path(text).suffix.lower()
     allowed = _OPTIONS.get(ending, ())
@@ -60,11 +60,12 @@ def read(
 
 
 _ABSENT = {".lin": "parameters or cases", ".fmu": "cases", ".py": "cases or options"}
-"""What files of an ending lack; those of matrices lack all of it."""
+"""Arguments that do not apply to files with an ending, as text; for files of matrices none of them
+applies."""
 
 
 def _numbers(text: str, parameters: Mapping[str, float | str]) -> dict[str, float]:
-    """Values of variables of a unit. Raises ValueOutOfBoundsError for texts."""
+    """Values of variables of an FMU. Raises ValueOutOfBoundsError for texts."""
     for name, value in parameters.items():
         if isinstance(value, str):
             raise ValueOutOfBoundsError(

@@ -38,7 +38,7 @@ _ALLOWED = "give a PeriodicSystem, FirstOrderSystem or MixedSystem, or a functio
 
 
 def _built(file: Path, function: Callable[..., Any], values: Mapping[str, float]) -> PeriodicSystem:
-    """System of a function for values of its arguments, which can be varied."""
+    """System that a function returns for values of its arguments, which can be varied."""
     made = _called(file, partial(function, **values))
     if not isinstance(made, PeriodicSystem):
         raise ModelFileError(f"system() of '{file}' returns {type(made).__name__}; {_ALLOWED}")
@@ -47,7 +47,7 @@ def _built(file: Path, function: Callable[..., Any], values: Mapping[str, float]
 
 
 def _labelled(system: PeriodicSystem, file: Path) -> PeriodicSystem:
-    """System with the name of its file, unless it has a name of its own."""
+    """System, named after its file unless it already has a name."""
     own = system.labels.name != PeriodicSystem.labels.name
     return system if own else relabelled(system, name=file.stem)
 

@@ -13,7 +13,7 @@ from solve.labels import Labels
 from solve.system import PeriodicSystem
 
 _SAME_SPEED = 1e-3
-"""Relative difference from the speed of the samples above which a result carries a warning. Files state the
+"""Relative difference from the speed of the samples above which a warning is issued. Files state the
 speed with four digits or more."""
 
 

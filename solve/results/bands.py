@@ -54,7 +54,7 @@ class Bands(Sequence[Band], Result):
     range : tuple of float
         Lowest and highest speed in rad/s.
     spacing : float
-        Largest distance in rad/s between neighbouring solved speeds; narrower bands may be missed.
+        Largest distance in rad/s between neighbouring solved speeds. Bands narrower than this may be missed.
     notes : sequence of str
         Notes on the search, such as speeds without a result.
     speeds, spectral_radius : (P,) array
@@ -87,7 +87,7 @@ class Bands(Sequence[Band], Result):
         return warnings_of(self.system, self.range[1])
 
     def plot(self, sweep: Sweep | None = None) -> Figure:
-        """Figure of the spectral radius over the solved speeds, or over those of a sweep, with the bands
+        """Figure of the spectral radius over the solved speeds, or over the speeds of a sweep, with the bands
         shaded by kind. Raises ValueOutOfBoundsError if `sweep` is not a Sweep."""
         return super().plot(sweep)
 

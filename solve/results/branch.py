@@ -28,7 +28,8 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _NARROW = 1e-3
-"""Relative range of the values below which tables show ten digits, because seven do not distinguish them."""
+"""Relative range of the values below which tables show ten digits, because seven digits do not distinguish
+the values."""
 
 _SHOWN = "max", "min", "max_abs", "mean", "rms"
 _MAX_ABS = FIGURES.index("max_abs")
@@ -79,7 +80,7 @@ class BranchPoints(ResultOver):
     curves : (P, n, k) array
         Coordinates at k uniform phases of the period of each orbit; see `curve`.
     energies : (P,) array
-        Energies of unforced orbits from that at rest, in J if the coordinates are in m or rad; empty for
+        Energies of unforced orbits relative to rest, in J if the coordinates are in m or rad; empty for
         forced orbits.
     """
 
@@ -134,14 +135,15 @@ class Branch(BranchPoints):
     folds, doublings, tori : list of dict
         Special points.
     jumps : list of dict
-        Jumps of a slow change of the parameter.
+        Jumps of the response during a slow change of the parameter.
     """
 
     _rows: ClassVar[str] = "points"
     _recorded: ClassVar[str] = "turning folds doublings tori jumps rtol periods"
 
     def curve(self, point: int) -> FourierCurve:
-        """Orbit at a point, as a start for `solve.nonlinear`, which computes it to a tolerance.
+        """Curve of the orbit at a point, as a start for `solve.nonlinear`, which computes the orbit to a
+        tolerance.
 
         Examples
         --------
@@ -201,8 +203,8 @@ class Branch(BranchPoints):
     @property
     def jumps(self) -> list[dict[str, Any]]:
         """Jumps of the response during a slow change of the parameter along the first branch: direction,
-        value of the parameter, and largest modulus of the first coordinate before and after the jump. None
-        stands for a side without a stable orbit."""
+        value of the parameter, and largest modulus of the first coordinate before and after the jump; None on
+        a side without a stable orbit."""
         first_branch, records = np.flatnonzero(self.numbers == 0), []
         values, peaks, verdicts = (
             self.values[first_branch],
@@ -271,7 +273,7 @@ class Branch(BranchPoints):
 
     @property
     def energy_unit(self) -> str:
-        """Unit of the energies; empty where those of the coordinates are not SI units of length and angle."""
+        """Unit of the energies; empty if a unit of a coordinate is not an SI unit of length or angle."""
         units = {self.system.labels.units.get(name) for name in self.system.coordinates}
         return "J" if units <= {"m", "rad"} else ""
 
@@ -346,7 +348,8 @@ class Branch(BranchPoints):
 
 
 def _distance(kind: str, multipliers: Array) -> Array:
-    """Distance of the multipliers from the point of the unit circle that defines a kind of special point."""
+    """Distance between the multipliers and the point of the unit circle that defines a kind of special
+    point."""
     if kind == TORUS:
         return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
     return multipliers - (1 if kind == FOLD else -1)

@@ -31,15 +31,17 @@ class Row:
     at : {"equal steps", "equal accuracy"}
         Kind of comparison.
     orbit_error, multiplier_error : float
-        Relative errors against the reference; NaN without a result, the first also without a load.
+        Relative errors with respect to the reference; NaN without a result. The error of the orbit is NaN
+        without a load.
     time : float
         Processor time in s, the shortest of several runs; NaN without a result.
     verdict : str or None
         Stability verdict.
     followed : bool
-        Whether the steps resolve the fastest mode or the method damps it; otherwise multipliers may be false.
+        Whether the steps resolve the fastest mode, or the method damps this mode; otherwise multipliers may
+        be wrong.
     target : float or None
-        Error to reach, at equal accuracy.
+        Target error, for rows at equal accuracy.
     reason : str or None
         Reason why there is no result.
     warnings : list of str
@@ -76,11 +78,11 @@ class Comparison(Result):
     judged_by : {"orbit", "multipliers"}
         Kind of error that the targets refer to.
     targets : sequence of float
-        Errors to reach.
+        Target errors.
     rows : list of Row
         Results at equal steps and at equal accuracy.
     measured : list of Row
-        Further results of each method, by rising steps, for the work–precision figure.
+        Further results of each method, in order of increasing steps, for the work–precision diagram.
     """
 
     reference: Orbit

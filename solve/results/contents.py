@@ -21,7 +21,7 @@ from solve.results.formatting import fixed, headed, prefixed
 from solve.system import PeriodicSystem
 
 is_state_name = re.compile(r"seal|state\d*").fullmatch
-"""Matches names of arrays from which a file's result is restored."""
+"""Function that matches names of arrays from which a file's result is restored."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
 """Packages whose versions are written to files."""
@@ -46,7 +46,7 @@ class Column(NamedTuple):
     text : callable or sequence of str
         Function that formats a value for tables, or the texts themselves.
     axes : tuple of str
-        Names of the axes. A column without axes appears in the record only.
+        Names of the axes. A column without axes is contained in the record only.
     """
 
     values: Any
@@ -85,12 +85,12 @@ HeaderRows = Sequence[tuple[str, str]]
 
 
 def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
-    """Function that formats a number, multiplied by a factor.
+    """Function that multiplies a number by a factor and formats the product.
 
     >>> digits(".2f", 1e3)(0.5), digits(".3g")(-0.0)
     ('500.00', '0')
     """
-    # Without the sign of values that round to zero.
+    # Values that round to zero are shown without a sign.
     form = f"z{form}" if form.startswith(".") else form
     return lambda value: f"{value * factor:{form}}"
 
@@ -137,8 +137,8 @@ def varied_column(
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:
-    """Columns of the largest moduli (P, n) of the coordinates. Tables show as many as fit `beside` other
-    columns."""
+    """Columns of the largest moduli (P, n) of the coordinates. Tables show as many as fit beside a number
+    `beside` of other columns."""
     numbered = enumerate(zip(system.coordinates, peaks.T, strict=True), start=beside)
     return [
         (f"{name}_max_abs", peak_column(system, name, values, number < MOST_SHOWN))
@@ -174,8 +174,8 @@ class FileContents:
 
     @property
     def table(self) -> dict[str, Array]:
-        """Columns of equal length, with one row per combination of the axes of that column which has the most
-        axes."""
+        """Columns of equal length, with one row per combination of values of the axes. The axes are those of
+        the column with the most axes."""
         widest = max(self.columns.values(), key=lambda column: len(column.axes))
         axes, shape = widest.axes, widest.array.shape
         sizes = dict(zip(axes, shape, strict=True))
@@ -217,8 +217,8 @@ def curves_of(
 
 
 def columns_by_name(columns: Sequence[tuple[str, Column]]) -> Columns:
-    """Columns in a dictionary by name. Raises ValueOutOfBoundsError for duplicate names, since one column
-    would be lost."""
+    """Columns in a dictionary by name. Raises ValueOutOfBoundsError for duplicate names, because one of the
+    columns would be lost."""
     by_name: dict[str, Column] = {}
     for name, column in columns:
         first = by_name.setdefault(name, column)

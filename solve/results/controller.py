@@ -18,10 +18,10 @@ from solve.results.stability import Stability
 from solve.system import PeriodicSystem
 
 _PHASES = 361
-"""Phases of columns and figures: one per degree of a revolution."""
+"""Number of phases of columns and figures: one per degree of a revolution. A choice."""
 
 _HARMONICS = 12
-"""Harmonics of the gain in the record. A choice."""
+"""Number of harmonics of the gain in the record. A choice."""
 
 _TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with a Kalman filter"}
 
@@ -43,7 +43,7 @@ class StabilityMargin(NamedTuple):
     Attributes
     ----------
     distance : float
-        Norm of the change; infinite if there is none up to 1.
+        Norm of the change; infinite if no change of norm up to 1 makes the system unstable.
     changes : mapping
         Relative changes by name.
     verdicts : tuple of str
@@ -74,7 +74,7 @@ class Controller(Result):
     solution, gains : Curve
         Curves of the upper triangle of the solution, and of the gain by rows.
     closed : PeriodicSystem
-        Closed loop; the equations of the error for a filter alone.
+        Closed loop; for a filter alone, the equations of the estimation error.
     stability : Stability
         Certified multipliers of the closed loop at the speed.
     error_estimate : float
@@ -92,7 +92,7 @@ class Controller(Result):
     margin : StabilityMargin or None
         Smallest relative change of parameters that makes the closed loop unstable, if it was requested.
     compensator : FirstOrderSystem or None
-        Regulator with its observer, from measured quantities to inputs, of `solve.lqg`.
+        System from measured quantities to inputs: the regulator with its observer, of `solve.lqg`.
     """
 
     system: PeriodicSystem

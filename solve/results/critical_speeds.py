@@ -49,7 +49,7 @@ class Maximum:
 @serializable
 @dataclass(frozen=True)
 class Critical:
-    """Critical speed by three criteria; None for a criterion without a maximum there.
+    """Critical speed by three criteria; None for a criterion without a maximum at this speed.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Critical:
     at_rest : float or None
         Speed of the same division with frequencies at rest.
     ratios : sequence of float
-        Mean frequencies divided by the row's speed, from the lowest mode on.
+        Ratios of the mean frequencies to the speed of the row, from the lowest mode on.
     combination : Combination or None
         Combination resonance that explains the maximum if no division does.
     candidates : sequence of Combination
@@ -103,7 +103,7 @@ class Critical:
 
 MOST_DECADES = 1e3
 """Ratio of the largest to the smallest response above which the axis is logarithmic: on a linear axis the
-smallest response would be invisible."""
+smallest response would be invisible. A choice."""
 
 
 _OF_RECORDS = "ratios", "combination", "candidates"
@@ -137,8 +137,8 @@ class SolvedSpeeds(Result):
 
     @property
     def decimals(self) -> str:
-        """Number format of speeds: three decimals, but not more than the seven digits to which speeds are
-        accurate."""
+        """Number format of speeds: three decimals, or fewer if the number would have more than seven digits,
+        to which speeds are accurate."""
         before = math.floor(math.log10(self.system.labels.speed_unit.of(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 
@@ -168,7 +168,7 @@ class CriticalSpeeds(SolvedSpeeds):
     notes : sequence of str
         Notes on the search.
     constant_matrices : bool
-        Whether M, C and K are constant over the period, so that no combination resonance is excited.
+        Whether M, C and K are constant over the period, so that there are no combination resonances.
     """
 
     quantity: str
@@ -192,8 +192,8 @@ class CriticalSpeeds(SolvedSpeeds):
             )
         if not np.nan_to_num(self.response).any():
             sentences.append(
-                f"{named(self.figure, self.quantity)} is zero at every speed, as no load acts on it: "
-                "critical speeds follow from multipliers and frequencies only"
+                f"{named(self.figure, self.quantity)} is zero at every speed because no load acts on it: "
+                "critical speeds are determined from multipliers and frequencies only"
             )
         if self.unbounded:
             speeds = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
@@ -205,9 +205,10 @@ class CriticalSpeeds(SolvedSpeeds):
         if self.imaginary.any():
             speeds = self.speeds[self.imaginary]
             sentences.append(
-                "with matrices frozen at some position a frequency is imaginary or complex at "
+                "with the matrices frozen at some position, a natural frequency is imaginary or complex at "
                 f"{len(speeds)} of {len(self.speeds)} speeds, "
-                f"{unit.spans([(speeds[0], speeds[-1])])}: means and divisions are meaningless there"
+                f"{unit.spans([(speeds[0], speeds[-1])])}: mean frequencies and their integer fractions are "
+                "meaningless there"
             )
         return sentences
 
@@ -285,7 +286,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
         rows, unit = self.rows, self.system.labels.units.get(self.quantity, "")
         raised = any(row.radius for row in rows)
-        # Tables show a maximum of |ρ| in place of a missing one of Re ρ.
+        # Tables show the maximum of |ρ| if there is none of Re ρ.
         either = [(row.multiplier or row.radius or _NOWHERE).speed for row in rows]
         real_part, height = "maximum of the dominant multiplier's real part", "its height"
         return {
@@ -302,7 +303,7 @@ class CriticalSpeeds(SolvedSpeeds):
     def _of_divisions(self) -> Columns:
         """Columns of integer divisions and of other resonances."""
         rows, mean = self.rows, "integer division of the mean natural frequency at this speed"
-        # Tables show a combination in place of a missing division.
+        # Tables show the combination if there is no division.
         either = [row.division or (row.combination or _NOWHERE).speed for row in rows]
         modes, orders = ([row.explained[part] for row in rows] for part in (0, 1))
         resonances = ["" if row.explained[0] == "–" else ", k = ".join(row.explained) for row in rows]
@@ -326,7 +327,7 @@ class CriticalSpeeds(SolvedSpeeds):
         heading: str = "",
         shown: Sequence[float | None] | None = None,
     ) -> Column:
-        """Column of speeds. shown: values in tables, if different."""
+        """Column of speeds. shown: values for tables, if they differ from those in records."""
         column = speeds_of(self.system, values, meaning, heading, self.decimals)
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 

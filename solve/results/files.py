@@ -19,8 +19,8 @@ PICTURES = (".png", ".pdf", ".svg")
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
     """Path of an output file after a check. Raises FileError if the file cannot be written.
 
-    Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, and a folder or
-    device of that name.
+    This includes an unknown ending, a missing or read-only folder, a read-only file, and a folder or device
+    of this name.
     """
     file, allowed = Path(path), tuple(endings)
     if file.suffix.lower() not in allowed:
@@ -34,9 +34,10 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
             raise FileError(f"{kind} file '{path}' is a device or a pipe; give the name of a file")
         if not target.parent.is_dir():
             raise FileError(f"{kind} file '{path}': there is no folder '{file.parent}'; create it first")
-        # Only an attempt is certain: both permissions and read-only file systems can forbid writing.
+        # Opening the file is the only reliable test: permissions and read-only file systems can both prevent
+        # writing.
         with _temporary(target):
-            # A path that is still a link after resolving is a circle of links.
+            # A path that is still a link after resolving belongs to a circular chain of links.
             writable = not target.is_symlink() and (not target.exists() or os.access(target, os.W_OK))
     except (OSError, ValueError, RuntimeError):
         writable = False
@@ -86,8 +87,8 @@ def write_atomic(file: Path, write: Callable[[BinaryIO], None]) -> None:
 
 @contextmanager
 def _prepared(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, bytes | None]]:
-    """The file, a temporary file with the new content and the permissions of the existing file, the target of
-    symbolic links, and the current content of the target."""
+    """Data with which the file is replaced: the file, a temporary file with the new content and the
+    permissions of the existing file, the file to which symbolic links lead, and its current content."""
     with ExitStack() as cleaning:
         with _file_errors(file):
             target = file.resolve()
@@ -120,8 +121,8 @@ def _file_errors(file: Path) -> Iterator[None]:
 
 @contextmanager
 def _temporary(file: Path) -> Iterator[tuple[Path, BinaryIO]]:
-    """Name and stream of a new temporary file in the folder of another file; removed at the end. Temporary
-    files of processes that no longer run are removed as well."""
+    """Name and stream of a new temporary file in the folder of another file; the temporary file is removed at
+    the end. Temporary files of processes that no longer run are removed as well."""
     _remove_leftovers(file.parent)
     temporary = file.parent / f"{_prefix(os.getpid())}{secrets.token_hex(8)}"
     stream = temporary.open("xb")

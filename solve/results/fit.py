@@ -21,8 +21,8 @@ class Channel(NamedTuple):
     """Measured and computed values (k,) of a coordinate or output at phases or harmonics `at`, at a speed
     (rad/s).
 
-    Values of harmonics with phase angles are complex. position: phase of natural frequencies at rest; `at`
-    are then the numbers of the modes.
+    Values of harmonics with phase angles are complex. position: phase at which natural frequencies at rest
+    were measured; `at` then contains mode numbers.
     """
 
     speed: float
@@ -54,7 +54,7 @@ class Channel(NamedTuple):
 
     @property
     def relative(self) -> float:
-        """Root mean square of the difference, divided by that of the measured values."""
+        """Root mean square of the difference, divided by the root mean square of the measured values."""
         size = math.sqrt(float(np.mean(np.abs(self.measured) ** 2)))
         difference = math.sqrt(float(np.mean(np.abs(self.computed - self.measured) ** 2)))
         return difference / size if size else math.nan

@@ -20,7 +20,7 @@ CROSSING, VEERING = "crossing", "veering"
 CLOSE, LOCKED = "close", "locked"
 
 _REASONS = {
-    CLOSE: "their exponents are closer than the tolerance resolves",
+    CLOSE: "their exponents differ by less than the tolerance resolves",
     LOCKED: "they are locked in a parametric resonance",
 }
 _DOUBTFUL = 1e-4
@@ -42,7 +42,8 @@ class Meeting:
         At a crossing the frequencies are equal and each mode keeps its vector. At a veering the modes are
         coupled: their exponents stay apart and their vectors are exchanged gradually.
     gap : float
-        Distance of the exponents there in rad/s; at a crossing the difference of the growth rates.
+        Distance between the exponents at this value in rad/s; at a crossing, the difference between the
+        growth rates.
     """
 
     modes: tuple[str, str]
@@ -63,8 +64,8 @@ class Ambiguity:
     low, high : float
         Speeds in rad/s, or values of the parameter.
     kind : {"close", "locked"}
-        "close": exponents closer than the tolerance resolves. "locked": a parametric resonance; each of the
-        two exponents belongs to both modes.
+        "close": the exponents differ by less than the tolerance resolves. "locked": in a parametric
+        resonance, each of the two exponents belongs to both modes.
     """
 
     modes: tuple[str, str]
@@ -87,21 +88,21 @@ class ModesOver(ResultOver):
     errors : (P, M) array
         Estimated errors of the exponents in 1/s.
     labels : sequence of str
-        Labels of the modes, by ascending frequency at the first speed. A mode whose pair of multipliers is
-        real at some speeds has two labels, such as 2 and 2'.
+        Labels of the modes, numbered by ascending frequency at the first speed. A mode whose pair of
+        multipliers is real at some speeds has two labels, such as 2 and 2'.
     harmonics : (H,) array
         Harmonics h of the modes: the harmonic h has the frequency |Im λ + 2πh/T|.
     participation : (P, M, n, H) array
-        Fraction of each harmonic of each coordinate in the mode, weighted by the mean inertia of the
+        Fraction of each mode that belongs to a harmonic of a coordinate, weighted by the mean inertia of the
         coordinate.
     meetings : sequence of Meeting
         Crossings and veerings.
     ambiguous : sequence of Ambiguity
         Pairs whose identity is undetermined.
     path, path_exponents : (S,), (S, M) arrays
-        All values solved, with those added by the refinement, and the exponents there.
+        All solved values, including those added by the refinement, and the exponents at these values.
     resolution : float
-        Gap in rad/s up to which a veering is not distinguished from a crossing.
+        Largest gap in rad/s with which a veering is not distinguished from a crossing.
     rtol : float
         Relative tolerance of the exponents.
     steps : int
@@ -184,7 +185,7 @@ class FollowedModes(ModesOver):
         return [f"the identity of modes {listed(places)} is undetermined: {reason}"]
 
     def text_of(self, value: float) -> str:
-        """Text of a value of the varied quantity, which is the speed in rad/s or a parameter."""
+        """Text of a value of the varied quantity: the speed, given in rad/s, or a parameter."""
         return unit_of(self.system, self.over).text(value, ".6g")
 
     def record(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ MOST_NAMED = 4
 
 
 def listed(texts: Sequence[str]) -> str:
-    """First texts, separated by commas, and the number of the remaining texts.
+    """Text that lists the first texts, separated by commas, and the number of the remaining texts.
 
     >>> listed(["a", "b", "c", "d", "e"])
     'a, b, c, d and 1 more'

@@ -32,7 +32,7 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _MOST_LINKS = 3
-"""Maximum number of links alone in a table."""
+"""Maximum number of links in a table of frequencies of single links. A choice."""
 
 
 class Roots(Result):
@@ -54,7 +54,7 @@ class Roots(Result):
         return float(np.nanmax(np.abs(self.signed), initial=0.0))
 
     def text_of(self, root: float) -> str:
-        """Text of a frequency; a negative number is formatted as a growth rate."""
+        """Text of a signed root: a frequency or, if negative, a growth rate."""
         if root == 0:
             return "0"
         text = fixed(abs(root), self._largest, 6)
@@ -187,7 +187,7 @@ class Variation(Roots):
     frequencies, growth_rates : (v, m, k) array
         Frequencies in rad/s and growth rates in 1/s; see `Frequencies`.
     pinned : dict of str to (v,) array
-        Lowest frequency in rad/s of each link alone, pinned at both ends.
+        Lowest frequency in rad/s of each link as a single beam, pinned at both ends.
     errors : tuple of str or None
         Reasons why values of the parameter have no frequencies.
     """
@@ -218,7 +218,7 @@ class Variation(Roots):
 
     @property
     def largest_growth_rates(self) -> Array:
-        """Largest growth rates (v, k) over the positions; NaN where the mode grows at no position."""
+        """Largest growth rates (v, k) over the positions; NaN if the mode does not grow at any position."""
         return np.fmax.reduce(self._roots[1], axis=1)
 
     @property
@@ -271,8 +271,8 @@ class Variation(Roots):
 @dataclass(frozen=True)
 class Findings(Result):
     """Natural frequencies and mode shapes at a position and, if requested, frequencies over the revolution
-    and over a parameter. first: parameters that were given as a range; at the position they have the first
-    possible value of the range."""
+    and over a parameter. first: parameters that were given as a range, with the first possible value of the
+    range, which is used at the position."""
 
     here: Frequencies
     turn: Frequencies | None = None
@@ -347,7 +347,7 @@ class Findings(Result):
 
     @property
     def widest(self) -> "Frequencies | Variation":
-        """Frequencies for files and figures: those over the parameter if computed, otherwise over the
+        """Frequencies for files and figures: frequencies over the parameter if computed, otherwise over the
         revolution, otherwise at the position."""
         return self.variation or self.turn or self.here
 

@@ -65,11 +65,11 @@ class Optimum(Result):
     minimised : str
         Quantity whose largest value over the speeds is minimised.
     unit : str
-        Its unit.
+        Unit of this quantity.
     parameters : mapping of str to FreeParameter
         Free parameters by name.
     objective, before : float
-        Largest value over the speeds at the optimum and before.
+        Largest value over the speeds at the optimum, and for the initial parameters.
     constraints : sequence of Requirement
         Requirements with their worst values.
     speeds : (k,) array
@@ -77,11 +77,12 @@ class Optimum(Result):
     values, values_before : (k,) array
         Minimised quantity at these speeds.
     curves : Curves or None
-        Curves of the quantity's coordinate or output at the speed of its largest value, if it has one.
+        Curves of the coordinate or output of the quantity, at the speed of its largest value; None for other
+        quantities.
     confirmed : mapping of str to object
         Largest value and verdicts of the nonlinear orbits, and proofs; empty if there are none.
     doubts : sequence of str
-        Sentences on what is doubtful.
+        Reasons why the optimum is doubtful, one sentence each.
     """
 
     system: PeriodicSystem

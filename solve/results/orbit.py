@@ -28,7 +28,7 @@ from solve.results.stability import Stability
 
 _EQUAL_CHANGES = 1e-6
 """Relative difference up to which changes of an output over a period count as equal, and below which a change
-counts as zero."""
+counts as zero. A choice."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,15 @@ class Orbit(Stability, SolvedMotion):
     coordinates : tuple of str
         Names of the n coordinates.
     phase, time : (m + 1,) array
-        Phases in rad and times in s of the nodes, both ends of the period included.
+        Phases in rad and times in s of the nodes, including both ends of the period.
     q, qd, qdd : (n, m + 1) array
         Coordinates, velocities and accelerations at the nodes, derivatives with respect to time, in SI units.
     outputs : mapping of str to (m + 1,) array
         Outputs at the nodes, by name.
     states : tuple of str
-        Names of the N first-order states, which are the last of the coordinates; none for systems of second
-        order.
+        Names of the N first-order states, which are the last coordinates; empty for systems of second order.
     x, xd : (N, m + 1) array
-        States and their rates at the nodes, rows of `q` and `qd`.
+        First-order states and their rates at the nodes; rows of `q` and `qd`.
     residual : float
         Largest relative residual of the equation of motion.
     linearisation_error : mapping of str to float, or None
@@ -150,8 +149,8 @@ class Orbit(Stability, SolvedMotion):
         relative to the coordinate's scale.
 
         The scale (see `solve.certify.correction`) is max|q| unless the forces on the coordinate cancel. The
-        estimate is the size of one correction of Newton's method on the same grid, and accurate while it is
-        small. NaN if this correction has no solution, None for linear systems.
+        estimate is the size of one correction of Newton's method on the same grid. It is accurate as long as
+        it is small; NaN if this correction has no solution, None for linear systems.
         """
         if not is_nonlinear(self.system):
             return None

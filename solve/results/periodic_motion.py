@@ -157,12 +157,12 @@ class PeriodicMotion:
         return figures(samples, self._outputs_at, self.system.period)
 
     def _coordinates_at(self, phase: Array) -> Array:
-        """Values of each coordinate at phases of its own (n, k)."""
+        """Values (n, k) of the coordinates at phases (n, k), one row of phases per coordinate."""
         values, rows = self.at(phase.ravel()).reshape(len(phase), *phase.shape), np.arange(len(phase))
         return values[rows, rows]
 
     def _outputs_at(self, phase: Array) -> Array:
-        """Values of each output at phases of its own (o, k)."""
+        """Values (o, k) of the outputs at phases (o, k), one row of phases per output."""
         flat = phase.ravel()
         values = output_values(self.system, flat, self.speed, *self.state(flat))
         return np.stack(
@@ -201,8 +201,8 @@ class QuasiStatic(PeriodicMotion):
             q = np.linalg.solve(K, d[..., None])[..., 0].T
         except np.linalg.LinAlgError:
             raise MatricesError(
-                "K is singular: without inertia some coordinate has no equilibrium; leave the quasi-static "
-                "solution out, or give every coordinate a stiffness"
+                "K is singular, so that the quasi-static solution of some coordinate does not exist; leave "
+                "out the quasi-static solution, or give every coordinate a stiffness"
             ) from None
         return q, np.zeros_like(q), np.zeros_like(q)
 
@@ -222,7 +222,7 @@ class SolvedMotion(PeriodicMotion):
 
     @property
     def samples(self) -> int:
-        """Number of samples per period; each step has the same number."""
+        """Number of samples per period; all steps have the same number of samples."""
         return self.steps * samples_a_step(self.steps)
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
@@ -233,7 +233,8 @@ class SolvedMotion(PeriodicMotion):
     def signal(self, name: str) -> Signal:
         """Coordinate or output as a function of the phase; see `PeriodicMotion.signal`.
 
-        An output of an orbit from a file is exact at the file's samples, with a cubic spline between them.
+        An output of an orbit from a file is exact at the stored samples, and interpolated by a cubic spline
+        between the samples.
         """
         if self.system.labels.solvable or name not in self.system.outputs:
             return super().signal(name)

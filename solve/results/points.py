@@ -20,10 +20,10 @@ _REAL = 1e-6
 round-off."""
 
 LEFT_OUT = "spectral radius and verdict exclude their multipliers +1"
-"""Texts for points whose verdict excludes rigid-body modes."""
+"""Text for points whose verdict excludes rigid-body modes."""
 
 FAILED = -1
-"""Index in place of a verdict, if the point failed."""
+"""Index that replaces the index of a verdict at failed points."""
 
 _NUMBERS_AN_AMPLITUDE = 64
 """Number of values in memory per amplitude while many points are analysed together."""
@@ -48,8 +48,8 @@ class Kept:
     warnings : bool
         Whether texts of warnings are stored.
     meetings : bool
-        Whether multipliers that meet on the unit circle are examined; the verdict may then be "unstable"
-        though no multiplier is outside.
+        Whether multipliers that coincide on the unit circle are examined. The verdict may then be "unstable"
+        although no multiplier is outside.
     """
 
     names: tuple[str, ...] = ()
@@ -157,7 +157,7 @@ class PointResults:
         """Raise NoResultError if every point failed."""
         if self.failed.all():
             reason = next(iter(self.failures.values()), "")
-            raise NoResultError(f"none of the {len(self)} points gives a result: {reason}")
+            raise NoResultError(f"none of the {len(self)} points has a result: {reason}")
 
     @property
     def _outside(self) -> Array:

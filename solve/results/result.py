@@ -31,7 +31,7 @@ def views() -> ModuleType:
 
 
 class Result(Serializable):
-    """Base class of all results. A subclass is a dataclass with the system it belongs to. It defines
+    """Base class of all results. A subclass is a dataclass that contains the solved system. It defines
     `columns` and, if needed, `_recorded` or `summary_values`, and `header_rows`.
 
     Attributes
@@ -49,7 +49,7 @@ class Result(Serializable):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        # A dataclass writes a `__repr__` of its own, with every array, unless its class has one.
+        # Without this method, each dataclass would generate a `__repr__` with every array.
         if "__repr__" not in vars(cls):
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
@@ -122,7 +122,7 @@ class Result(Serializable):
         Parameters
         ----------
         path : str or Path
-            File whose ending selects the format: .npz (NumPy), .csv, .mat (MATLAB) or .nc (netCDF).
+            File, whose ending selects the format: .npz (NumPy), .csv, .mat (MATLAB) or .nc (netCDF).
             `solve.open` reads .npz and .nc.
 
         Raises

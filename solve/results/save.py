@@ -53,7 +53,7 @@ def open(path: str | Path) -> Any:
     Returns
     -------
     Result
-        Of the class that was saved. Methods that need the equations raise ReopenedError.
+        Object of the class that was saved. Methods that need the equations raise ReopenedError.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def _read_npz(file: Path) -> dict[str, Array]:
 
 
 def _read_nc(file: Path) -> dict[str, Array]:
-    # The finaliser of h5netcdf prints an exception for a damaged file; h5py does not.
+    # For a damaged file the finaliser of h5netcdf prints an exception; that of h5py does not.
     import h5py
 
     with h5py.File(file) as content:
@@ -97,8 +97,8 @@ def _read_nc(file: Path) -> dict[str, Array]:
 
 
 def dataset(contents: FileContents) -> "xarray.Dataset":
-    """Dataset with one variable per column and the attributes `units` and `long_name`. Time, and columns with
-    the name of their axis, become coordinates."""
+    """Dataset with one variable per column and the attributes `units` and `long_name`. The time, and columns
+    whose name is that of their axis, become coordinates of the dataset."""
     import xarray
 
     entries = {name: _variable(column) for name, column in {**contents.columns, **contents.others}.items()}
@@ -148,7 +148,7 @@ def _write_mat(result: Saved, stream: BinaryIO) -> None:
                 f"'{name}' cannot be the name of a variable in MATLAB; save .nc or .npz, or rename "
                 "the coordinate"
             )
-    # MATLAB has cells of texts, not arrays.
+    # MATLAB stores texts of different lengths in cells, not in arrays.
     arrays = {
         name: values.astype(object) if values.dtype.kind == "U" else values
         for name, values in contents.numbers.items()

@@ -16,14 +16,14 @@ from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
 
 MOST_ROWS = 12
-"""Maximum number of parameters of a quantity in figures and tables at one speed."""
+"""Maximum number of parameters of a quantity in figures and tables at one speed. A choice."""
 
 _UNCERTAIN = 0.01
-"""Relative error of a derivative above which a warning is issued."""
+"""Relative error of a derivative above which a warning is issued. A choice."""
 
 _MATTERS = 1e-3
-"""Fraction of the largest elasticity below which a parameter is negligible, so that its derivative needs no
-warning."""
+"""Fraction of the largest elasticity below which the effect of a parameter is negligible, so that no warning
+is issued for its derivative. A choice."""
 
 _INDEPENDENT = 1e-8
 """Elasticity, with its error, below which a quantity counts as independent of a parameter: the default
@@ -40,7 +40,8 @@ class Sensitivity:
     value, unit : float or complex, str
         Value of the quantity.
     derivatives, errors : (r,) array
-        Derivatives by the parameters and their estimated absolute errors, in SI units; NaN with a reason.
+        Derivatives with respect to the parameters, and their estimated absolute errors, in SI units; NaN with
+        a reason.
     reason : str
         Reason why there are no derivatives.
     """

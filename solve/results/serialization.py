@@ -38,10 +38,10 @@ _LABELS = (
     *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
     *("links", "moves", "vibrates", "equation_warnings", "largest_of", "units", "meanings", "speed_unit"),
 )
-"""Labels of a system that files hold."""
+"""Names of the labels of a system that files contain."""
 
 _DATA = "period", "coordinates", "breaks", "outputs", "states", "inputs"
-"""Attributes of a system that files hold; those of earlier versions lack the last ones."""
+"""Names of the attributes of a system that files contain. Files of earlier versions lack the last ones."""
 
 Kind = TypeVar("Kind", bound=type)
 Value = TypeVar("Value")
@@ -82,14 +82,15 @@ class Serializable:
     def __getattr__(self, name: str) -> Any:
         if dataclasses.is_dataclass(self) and name in _field_names(type(self), stored=False):
             raise ReopenedError(
-                f"'{name}' of a result that was read from a file needs the equations, which files do "
-                "not contain; load the model and solve again"
+                f"'{name}' of a result that was read from a file requires the equations, which files do not "
+                "contain; load the model and solve again"
             )
         raise AttributeError(f"'{type(self).__name__}' has no attribute '{name}'")
 
 
 def _field_names(kind: type, stored: bool) -> list[str]:
-    """Names of the fields of a dataclass that are written to files, or with `stored` false, of the others."""
+    """Names of the fields of a dataclass that are written to files or, if `stored` is False, of all other
+    fields."""
     fields = dataclasses.fields(kind)
     return [field.name for field in fields if field.metadata.get("stored", True) is stored]
 
@@ -122,7 +123,7 @@ def _restored(kind: type, values: dict[str, Any]) -> Any:
         **{name: value for name, value in values.items() if name in fields}, **dict.fromkeys(missing)
     )
     for name in missing:
-        # Access then raises ReopenedError.
+        # Access to values that were not stored raises ReopenedError.
         del vars(restored)[name]
     vars(restored).update(values)
     return restored
@@ -160,7 +161,7 @@ class StoredSystem(PeriodicSystem, Outputs):
         return self.freedoms
 
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
-        """No limits: the file contains the warnings."""
+        """An empty result, because the warnings about limits are stored in the file."""
         return []
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -259,7 +260,7 @@ class _Decoder:
         """Array from its data type, shape and start; in format 1 each array is stored separately."""
         kind, flat = np.dtype(dtype), self._arrays[number]
         stop = start + math.prod(shape) * kind.itemsize // flat.itemsize
-        # The index () makes a number of an array without axes.
+        # The index () converts an array without axes to a number.
         return flat[start:stop].view(kind).reshape(shape)[()]
 
     def _texts(self, texts: list[str], codes: list[Any], kind: str) -> Array:

@@ -28,7 +28,7 @@ class SpecialCurves(Result):
     names : tuple of str
         Names of both parameters, one of which may be "speed".
     values : (P, 2) array
-        Values of both; speeds in rad/s.
+        Values of both parameters; speeds in rad/s.
     peaks : (P, n) array
         Largest moduli of the coordinates.
     radius : (P,) array

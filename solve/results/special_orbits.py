@@ -27,10 +27,11 @@ _STEPS = 256
 statistics, which are computed from the continuous curve."""
 
 _MOST_EVENTS = 32
-"""Number of events per period of the model above which an orbit may chatter. A choice."""
+"""Number of events per period of the model above which a warning about chatter is issued. A choice."""
 
 _ROUNDOFF = 1e-14
-"""Relative error of an output of prescribed motion: about a hundred operations, each accurate to 1e-16."""
+"""Relative error of an output of prescribed motion: outputs take about a hundred operations, each accurate to
+1e-16."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class NonlinearOrbit(Orbit):
     events : tuple of float
         Phases in rad at which the orbit passes stops, clearances or contacts, ascending.
     grazing : tuple of float
-        Phases in rad at which it touches one without passing clearly.
+        Phases in rad at which the orbit touches a stop, clearance or contact tangentially.
     """
 
     iterations: int = 0
@@ -76,9 +77,9 @@ class NonlinearOrbit(Orbit):
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        """Not available for a nonlinear orbit. Raises ValueOutOfBoundsError."""
+        """Raise ValueOutOfBoundsError, because a nonlinear orbit has no quasi-static solution."""
         raise ValueOutOfBoundsError(
-            "the quasi-static solution is one of the linear model; leave out --quasi-static or --nonlinear"
+            "the quasi-static solution belongs to the linear model; leave out --quasi-static or --nonlinear"
         )
 
     @stored_property
@@ -105,7 +106,7 @@ class NonlinearOrbit(Orbit):
         if self.periods > 1 and repeats_early(self.curve, self.periods):
             sentences.append(
                 f"the orbit repeats after each of its {self.periods} periods: it has period T; use another "
-                "start to find one of longer period"
+                "start to find an orbit of longer period"
             )
         if self.grazing:
             places = listed([f"{phase:.4g}" for phase in self.grazing])
@@ -120,7 +121,8 @@ class NonlinearOrbit(Orbit):
             )
         if not self.settled:
             sentences.append(
-                "a transient from rest does not settle on an orbit of this period: there may be no stable one"
+                "a transient from rest does not settle on an orbit of this period: there may be no stable "
+                "orbit of this period"
             )
         return sentences
 
@@ -213,7 +215,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        """Not available without coordinates. Raises NoVibrationError."""
+        """Raise NoVibrationError, because a mechanism without coordinates has no quasi-static solution."""
         raise NoVibrationError(
             f"{self.system.labels.name} has no coordinates; omit the quasi-static solution"
         )

@@ -23,8 +23,8 @@ from solve.system import PeriodicSystem
 
 _NO_DRIFT = 1e-12
 """Displacement per period by a steady velocity, relative to the vibration, that counts as zero. It bounds the
-round-off of the mean load: some thousand terms, each with a relative error of 1e-16, times a condition number
-of up to 10."""
+round-off of the mean load: about a thousand terms with relative errors of 1e-16, times a condition number of
+up to 10."""
 
 _CONSEQUENCES = (
     "disturbances decay by a factor {radius:.3g} per period",
@@ -126,8 +126,8 @@ class Solution(Result):
 
     @stored_property
     def liouville(self) -> float:
-        """Difference in log|det Φ| between the method and Liouville's formula. Modes that the steps do not
-        resolve contribute to it. NaN for a method without steps."""
+        """Difference in log|det Φ| between the method and Liouville's formula, caused by modes that the steps
+        do not resolve; NaN for a method without steps."""
         return liouville_defect(self.system, self.speed, self.certified.solutions)
 
     @stored_property
@@ -164,7 +164,7 @@ class Stability(Solution):
     verdict : str
         "asymptotically stable", "stable", "unstable" or "undetermined".
     stable : bool or None
-        The verdict as a truth value; None if it is undetermined.
+        Whether the motion is stable; None if the verdict is undetermined.
     error_estimate : ErrorEstimate
         Estimated relative errors.
     warnings : list of str
@@ -203,7 +203,7 @@ class Stability(Solution):
 
     @stored_property
     def modes(self) -> Sequence[FloquetMode]:
-        """Mode of each multiplier, with its frequency in rad/s, also modulo 2π/T (folded)."""
+        """Mode of each multiplier, with its frequency in rad/s and its folded frequency, modulo 2π/T."""
         return self.spectrum.modes
 
     @stored_property

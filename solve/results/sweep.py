@@ -22,7 +22,7 @@ from solve.results.stability import ErrorEstimate, short_verdict
 from solve.system import PeriodicSystem
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
-"""Pattern of a number in a warning, but not of the digits of a name such as q1."""
+"""Pattern of a number in a warning. It does not match the digits of a name such as q1."""
 
 _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 """Errors of a failed point."""
@@ -206,7 +206,7 @@ class Sweep(Result):
     def unstable(self) -> list[tuple[float, float, str]]:
         """Ranges of neighbouring unstable speeds: edges in rad/s, and the kind of the largest multiplier.
 
-        Edges lie half way to stable neighbours, and at the last solved speed beside failed ones;
+        Edges lie half way to stable neighbours, and at the last solved speed next to failed ones;
         `solve.bands` refines them. Empty if parameters vary too.
         """
         if self.parameters:
@@ -265,8 +265,8 @@ class Sweep(Result):
         """Figure of the response over speed with its maxima, and of the spectral radius. Unstable speeds are
         shaded.
 
-        If parameters vary, the horizontal axis is the quantity that varies fastest, with a line per value of
-        the others.
+        If parameters vary, the horizontal axis is the quantity that varies fastest, with one curve per value
+        of the other quantities.
 
         Parameters
         ----------
@@ -284,7 +284,7 @@ class Sweep(Result):
         UnknownNameError
             For an unknown name.
         ValueOutOfBoundsError
-            For more lines than can be distinguished.
+            For more curves than can be distinguished.
         """
         return super().plot(names, figure)
 

@@ -17,7 +17,7 @@ from solve.system import PeriodicSystem
 
 _PROMINENT = 1e-3
 """Smallest prominence of a peak or quiet speed, relative to its height. It excludes ripple due to errors of
-the points."""
+the points. A choice."""
 
 PEAK, QUIET = "peak", "quiet"
 

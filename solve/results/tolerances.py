@@ -31,7 +31,7 @@ class Probability(NamedTuple):
     """Probability of an event with the ends of its 95 % interval.
 
     events, undetermined, failed: numbers of samples with the event, with a result whose error leaves it open,
-    and without a result. The upper end of the interval includes all of them.
+    and without a result. The upper end of the interval includes undetermined and failed samples.
     """
 
     value: float
@@ -76,9 +76,9 @@ class Tolerances(Result):
     spreads : mapping of str to ParameterSpread
         Parameters that vary, by name.
     samples, solves : int
-        Number of samples for the probabilities, and of all solutions at one speed.
+        Number of samples for the probabilities, and number of all solutions per speed.
     probability : mapping of str to Probability
-        Probability of instability, under "unstable", and of leaving each limit.
+        Probabilities of instability, under the name "unstable", and of exceeding each limit.
     sobol : mapping of str to mapping of str to SobolIndices
         Sobol indices by quantity and parameter.
     worst : mapping of str to WorstPoint
@@ -88,7 +88,7 @@ class Tolerances(Result):
     points : (P, r) array
         Parameters of the samples, in the model's units.
     values : (P, q) array
-        Quantities of the samples, over the speeds the worst.
+        Worst values over the speeds of the quantities of each sample.
     weights : (P,) array
         Weights of the samples in means over the distribution.
     doubts : sequence of str

@@ -28,7 +28,8 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _AT_ONCE = 2**19
-"""Number of values of states and outputs that are evaluated together, which limits the memory."""
+"""Largest number of values of states and outputs that are evaluated together. A choice that limits the
+memory."""
 
 _RESOLVED = 0.1
 """Relative interpolation error between the states below which interpolated curves are accurate to at least
@@ -50,11 +51,13 @@ class TransientMotion(Result):
     ends : (turns + 1,) array
         Speeds in rad/s at the ends of the periods.
     nodes : (k,) array
-        Values of s, time times mean speed of the period, both ends included; the phase at constant speed.
+        Values of s, the time multiplied by the mean speed of the period, including both ends; the phase if
+        the speed is constant.
     motions : (turns, 3, n, k) array
         q, dq/ds, d²q/ds² at the nodes.
     between : float
-        Interpolation error between the nodes, relative to the largest of each coordinate and its rates.
+        Interpolation error between the nodes, relative to the largest value of each coordinate and of its
+        rates.
     """
 
     system: PeriodicSystem
@@ -234,7 +237,7 @@ class Transient(TransientMotion):
 
     @cached_property
     def distances(self) -> Array:
-        """Largest difference between each period (turns, n) and the orbit at the nodes, relative to max|q|,
+        """Largest difference (turns, n) from the orbit at the nodes of each period, relative to max|q|,
         without steady motion along rigid-body modes; NaN without an orbit."""
         if self.orbit is None:
             return np.full_like(self.peaks, np.nan)
@@ -270,8 +273,8 @@ class Transient(TransientMotion):
             return sentences
         if self.orbit is None:
             unreached = (
-                "no orbit is near the motion of the last period: more turns may reach an orbit, or "
-                "there is none of this period"
+                "no orbit is near the motion of the last period: more turns may reach an orbit, or there is "
+                "no orbit of this period"
             )
         else:
             last = float(np.nanmax(self.distances[-1]))

@@ -45,8 +45,8 @@ from solve.terminal import progress
 from solve.units import ShownUnit, checked_tolerance, speeds_between
 
 GROWTH = 1e-6
-"""Smallest growth per period that counts as instability: smaller values may be round-off, since coalescing
-multipliers lose half their digits."""
+"""Smallest growth per period that counts as instability. Smaller values may be round-off, because multipliers
+that coincide lose half their digits."""
 
 _MIN_INTERVALS, _MAX_INTERVALS = 40, 2000
 """Number of intervals of the range of speeds before the search for narrow bands. Choices."""
@@ -56,17 +56,18 @@ _FINER = 5
 choice."""
 
 _PREDICTED = 0.9
-"""A distance from instability is followed only if a parabola predicts its minimum below this fraction of it:
-where the distance does not depend on the speed, its minima are round-off."""
+"""Ratio of the minimum predicted by a parabola to the distance from instability, below which the minimum is
+searched for. Where the distance does not depend on the speed, its minima are round-off. A choice."""
 
 _MAX_ANGLE = 0.25
-"""Angle in rad by which the fastest multiplier may rotate between two speeds. A choice."""
+"""Largest angle in rad by which the fastest multiplier rotates between two speeds. A choice."""
 
 _HALVINGS = 3
 """Number of halvings of an interval in which multipliers may coalesce. A choice."""
 
 _POINTS_INSIDE = 15
-"""Further points of every band, to find its largest multiplier and stable speeds inside it. A choice."""
+"""Number of further points inside every band, used to find the largest multiplier of the band, and stable
+speeds. A choice."""
 
 _MAX_SPLITS = 8
 """Number of times that bands are split at stable speeds inside. A choice."""
@@ -75,8 +76,8 @@ _UNKNOWN = -2
 """State of speeds without a result."""
 
 _MAX_PHASE_ADVANCE = 128.0
-"""Largest angle in rad by which a slow mode rotates per period, at the lowest speed. Half a radian per step
-of the finer grid."""
+"""Largest phase advance per period of a slow mode in rad, at the lowest speed: half a radian per step of the
+finer grid."""
 
 _STEPS, _AGREEMENT = (192, 256), 1e-4
 """Steps of the two grids on which slow modes are solved, and largest difference of a multiplier that belongs
@@ -130,10 +131,10 @@ def bands(
     Speeds are added until there are at least 40 intervals and no multiplier above 0.01 rotates by more than
     0.25 rad from one speed to the next, with a limit of about 2000. Narrower bands are searched where
     multipliers come closest to each other, to +1 and to -1. They may still be missed, as may a stable range
-    narrower than a sixteenth of the unstable range around it. Growth below 1e-6 per period does not make a
-    band. If M, C and K are constant over the period, eigenvalues decide on a grid of at least 200 intervals.
-    If lightly damped modes rotate too far within a period to be resolved at many speeds, `auto` searches only
-    the bands of the slower ones, with a note.
+    narrower than a sixteenth of the unstable range around it. Growth below 1e-6 per period does not count as
+    instability. If M, C and K are constant over the period, eigenvalues decide on a grid of at least 200
+    intervals. If the phase advance of lightly damped modes is too large to be resolved at many speeds, `auto`
+    searches only the bands of the slower modes, with a note.
 
     Examples
     --------
@@ -279,8 +280,8 @@ class _UnstableRuns:
         return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
-        """Additional points inside the runs with end states `states` between the speeds `low` and `high`
-        (k,), and whether the runs are mixed (k,)."""
+        """Additional points inside runs between the speeds `low` and `high` (k,) with the states `states` at
+        their ends, and whether (k,) each run is mixed."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
         self.inside.append(looked)
@@ -299,8 +300,8 @@ class _UnstableRuns:
         return cached[:, 0], cached[:, 1].astype(bool)
 
     def _borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
-        """Speeds (k,) at which the state changes, and whether (k,) a neighbour has no result. In that case
-        the border is the last unstable speed."""
+        """Speeds (k,) at which the state changes, and whether (k,) a neighbour has no result. Next to a speed
+        without a result, the border is the last unstable speed."""
         low, high = known[changes], known[changes + 1]
         borders = np.empty(len(changes))
         search = BoundarySearch(self.evaluate, self.highest, self.tolerance)

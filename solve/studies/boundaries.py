@@ -21,8 +21,8 @@ from solve.studies.stability_samples import NOISE, Evaluate, StabilitySamples
 from solve.terminal import progress
 
 _BATCH = 64
-"""Number of points that a call of the evaluation should have at least. A choice: a batch of this size costs
-little more than a point."""
+"""Smallest number of points per evaluation. A choice: a batch of this size costs little more than a single
+point."""
 
 _MAX_TRIALS = 15
 """Maximum number of evenly spaced trials per bracket; these reduce its width sixteenfold. A choice."""
@@ -32,8 +32,8 @@ _KIND_TOLERANCE = 1e-5
 
 _MAX_DISTANCE, _MIN_DISTANCE, _END_MARGIN = 0.05, 1e-8, 1e-3
 """Fractions of a bracket: largest distance of the first trials from the predicted edge; square of the
-smallest distance after a trial that missed the edge; smallest distance of trials from the ends, unless trials
-are closer to each other. Choices."""
+smallest distance after a trial that missed the edge; smallest distance of trials from the ends, unless the
+spacing of the trials is smaller. Choices."""
 
 _PREDICTION_ERROR = 0.2
 """Assumed error of a parabola's zero, as a fraction of the distance between this zero and that of the chord.
@@ -41,21 +41,22 @@ A choice."""
 
 _EXPONENTS = np.array([2.0, 1.0, 0.5])
 """Exponents that scale the distances of the pairs of trials around a predicted edge: the first pair is closer
-than the predicted error, the last farther."""
+than the predicted error, the last pair farther. Choices."""
 
 _SUFFICIENT = 0.4
 """Distance of trials from the predicted edge, as a fraction of the tolerance, below which no further trial is
-needed."""
+needed. A choice below 1/2."""
 
 _COMPLEX = KINDS.index("complex")
 
 
 Prediction = Callable[["Brackets", Array], tuple[Array, Array]]
-"""Predicts edges in brackets on the lines with the indices (k,): fraction of each bracket (k,) at which an
-edge is predicted, and error of this fraction (k,)."""
+"""Type of functions that predict edges in brackets on the lines with the indices (k,). They return the
+fraction of each bracket (k,) at which an edge is predicted, and the error of this fraction (k,)."""
 
 Differs = Callable[[StabilitySamples, Array], Array]
-"""Whether samples (k,) on the lines with the indices (k,) belong to the high end of their bracket (k,)."""
+"""Type of functions that return whether (k,) samples on the lines with the indices (k,) belong to the high
+end of their bracket."""
 
 
 class Brackets(NamedTuple):
@@ -71,7 +72,7 @@ class Brackets(NamedTuple):
         return Brackets(*(end[lines] for end in self))
 
     def replaced(self, lines: Array, others: "Brackets") -> "Brackets":
-        """Copy with other brackets on the given lines (k,)."""
+        """Copy in which the brackets on the given lines (k,) are replaced by `others`."""
         return Brackets(*(end.replaced(lines, new) for end, new in zip(self, others, strict=True)))
 
     @property
@@ -138,8 +139,9 @@ class BoundarySearch:
     ) -> Brackets:
         """Narrow brackets (E,) to a tolerance; the default is that of the search.
 
-        Without a prediction trials are evenly spaced between the ends. With one they lie on either side of
-        the predicted edge, closer after they enclose it and farther after they miss it.
+        Without a prediction trials are evenly spaced between the ends. With a prediction they lie on both
+        sides of the predicted edge: closer after trials that enclosed the edge, farther after trials that
+        missed it.
         """
         width = (self.tolerance if tolerance is None else tolerance) * self.scale
         width = np.maximum(width, np.finfo(float).tiny)
@@ -178,8 +180,8 @@ class BoundarySearch:
         """Positions (E, v) and kinds (E,) of the edges between stable and unstable points (E,); NaN if a
         failed point lies between them. beyond: see `Brackets`.
 
-        Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli these
-        pass through zero smoothly.
+        Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli, these
+        determinants pass through zero smoothly.
         """
         if len(stable) == 0:
             return stable.points, np.zeros(0, dtype=int)
@@ -200,8 +202,7 @@ class BoundarySearch:
     def _narrow_by_parabolas(
         self, brackets: Brackets, differs: Differs, tolerance: float | None = None
     ) -> Brackets:
-        """Brackets narrowed around the zeros of parabolas through values of the function that changes
-        sign."""
+        """Brackets narrowed around the zeros of parabolas through values of the crossing function."""
         kinds = brackets.kinds
         on_circle = (kinds == _COMPLEX) & (brackets.low.crossing_values[:, _COMPLEX] < NOISE)
         predict = _parabolic_prediction(np.where(on_circle, _COMPLEX + 1, kinds))
@@ -217,7 +218,7 @@ class BoundarySearch:
     def crossings(self, *sets_of_lines: Lines) -> list[Crossings]:
         """Changes of stability between neighbours on lines, without those next to failed points.
 
-        Stable stretches between two unstable neighbours are found where one of these has a multiplier beyond
+        Stable intervals between two unstable neighbours are found where one neighbour has a multiplier beyond
         +1 and the other beyond -1.
         """
         changes = [lines.changes() for lines in sets_of_lines]
@@ -241,7 +242,7 @@ class BoundarySearch:
 
     def sign_changes(self, low: StabilitySamples, high: StabilitySamples, kind: int) -> Brackets:
         """Brackets (E,), narrowed to the tolerance, in which the crossing function of +1 (kind 0) or -1 (kind
-        1) changes sign. low, high (E,): points between which it does."""
+        1) changes sign. low, high (E,): ends of the brackets."""
 
         def passed(samples: StabilitySamples, lines: Array) -> Array:
             return samples.distances[:, kind] * high.distances[lines, kind] > 0
@@ -264,7 +265,8 @@ class BoundarySearch:
         is_stretch = np.linalg.norm(leave - start.points, axis=1) < np.linalg.norm(
             enter - start.points, axis=1
         )
-        # With several coordinates another multiplier may be outside between the two edges, or at an edge.
+        # With several coordinates, another multiplier may be outside the unit circle between the two edges,
+        # or at an edge.
         middles = self.evaluate((leave + enter) / 2)
         is_stretch &= middles.stable
         middles, kinds = middles[is_stretch], np.repeat([0, 1], is_stretch.sum())

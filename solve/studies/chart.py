@@ -39,11 +39,11 @@ from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, checked_tolerance, speed_in_si, speeds_given
 
 _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
-"""Arrays of results that describe stability."""
+"""Names of the arrays of results that describe stability."""
 
 _PREDICTED = 0.3
-"""A minimum of the distance from instability is followed only if a parabola predicts it below this fraction
-of the distance at the grid point. A choice: fewer false minima than at 1, on a grid that is coarse."""
+"""Ratio of the minimum predicted by a parabola to the distance from instability at the grid point, below
+which the minimum is searched for. A choice: on a coarse grid, a larger ratio gives more false minima."""
 
 
 def chart(
@@ -73,7 +73,7 @@ def chart(
         Parameters in the model's unit or as texts with unit, or "speed": {name: values}, or a text such as
         "delta=0:10:60", "k1=10:90:50 kN m/rad", "speed=100:400:40 rpm".
     speed : float or str, optional
-        Speed if it is not x or y; by default that of the case.
+        Speed, if neither x nor y is the speed; by default the speed of the case.
     case : str, optional
         Case of a model given by name.
     method, rtol : optional
@@ -85,7 +85,7 @@ def chart(
     engine : str
         "auto", "compiled" or "numpy".
     executor : concurrent.futures.Executor, optional
-        Computes chunks of the grid.
+        Executor that computes chunks of the grid.
     store : str or Path, optional
         Folder that keeps completed chunks; the same call resumes from it.
     of : str, optional
@@ -97,8 +97,8 @@ def chart(
     Returns
     -------
     Chart
-        A point that fails, such as a linkage that cannot rotate fully, is NaN with its reason, and boundaries
-        end there.
+        Verdicts, spectral radii and boundaries. Points that fail, such as those of a linkage that cannot
+        rotate fully, are NaN with the reason, and boundaries end next to them.
 
     Raises
     ------
@@ -162,10 +162,12 @@ def chart(
 def _provable(model: object) -> Model:
     """Return the model. Raises LinearModelError if verdicts on boxes cannot be proved for it."""
     if not isinstance(model, PeriodicSystem):
-        raise LinearModelError("a proved chart needs a model, not a function that builds systems")
+        raise LinearModelError("prove requires a model, not a function that builds systems")
     require_provable(model)
     if not isinstance(model, Model):
-        raise LinearModelError("a proved chart needs a generated model, whose parameters are variables")
+        raise LinearModelError(
+            "prove requires a generated model, whose parameters are variables of its formulas"
+        )
     return model
 
 
@@ -265,8 +267,8 @@ def _axis(
     array = np.array(numbers)
     if array.ndim != 1 or len(array) < 2 or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
         raise ValueOutOfBoundsError(
-            f"values of {name} must be at least two finite numbers, in increasing order; a unit requires "
-            "a model that declares one"
+            f"values of {name} must be at least two finite numbers, in increasing order; texts with a unit "
+            "require a model that declares units"
         )
     return name, numbers
 
@@ -281,7 +283,7 @@ def _family(
     """Family of systems at the points (P, 2): variations of one model, or systems that a function builds."""
     if case is not None:
         raise ValueOutOfBoundsError(
-            f"case is '{case}', but the system already has values of its parameters; leave out the case"
+            f"case is '{case}', but a system already has values of its parameters; leave out the case"
         )
     if not isinstance(model, PeriodicSystem):
         return BuiltFamily(model, names, points, _held(speed, names))
@@ -301,7 +303,7 @@ def _held(speed: float | str | None, names: tuple[str, str]) -> float | None:
 
 
 def _continuations(found: Array, axes: tuple[Array, Array], along: int, searched: Array) -> Array:
-    """Indices of the middle points at which a tongue found at points (k, 2) may continue on the neighbouring
+    """Indices of the middle points at which a tongue found at points (k, 2) may continue on neighbouring
     lines. Only points with two neighbours on their line are returned. searched (lines, middles): where
     tongues were searched for or found, updated in place."""
     line = np.searchsorted(axes[1 - along], found[:, 1 - along])

@@ -40,10 +40,10 @@ _MAX_SECONDS = 2.0
 
 _REPEATS = 5
 _MAX_REPEAT_SECONDS = 0.1
-"""Maximum number of timed runs, and total time after which they end. Choices."""
+"""Maximum number of timed runs, and total time in seconds after which they end. Choices."""
 
 _BEYOND = 1e-3
-"""Error, relative to the smallest target, down to which rows with doubled steps continue so that a figure
+"""Error, relative to the smallest target, down to which rows with doubled steps are added so that a figure
 shows the trend. A choice."""
 
 
@@ -75,7 +75,8 @@ def compare(
     Returns
     -------
     Comparison
-        All methods run in NumPy. A method that fails has the reason in its row.
+        Errors and times of the methods, all of which run in NumPy. The row of a method that fails states the
+        reason.
 
     Raises
     ------
@@ -200,7 +201,8 @@ class _AgainstReference:
     def _solved(self, steps: int) -> Solutions:
         for failure in self.solver.unstable_points(steps, np.zeros(1, dtype=int)):
             raise failure.reason
-        # The errors of a method that grows without bound show this; overflow warnings are not needed.
+        # If the solution of a method grows without bound, its errors show this; overflow warnings are not
+        # needed.
         with np.errstate(all="ignore"):
             solution = self.solver.solve(steps, np.zeros(1, dtype=int))
         for reason in solution.failures.values():

@@ -1,7 +1,7 @@
 """Stability with constant M, C and K, for any load, from the eigenvalues µ of µ²M + µC + K.
 
-There is no parametric resonance, and so no narrow tongue between speeds. The eigenvalues vary slowly with the
-speed or a parameter.
+There is no parametric resonance, and therefore no narrow tongue between speeds. The eigenvalues vary slowly
+with the speed or a parameter.
 """
 
 from dataclasses import dataclass, replace
@@ -38,7 +38,8 @@ _ROUNDING = 64 * EPS
 """Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
 
 _CLOSE = 1e-6
-"""Uncertainty of a modulus up to which a multiplier on the unit circle counts as stable, as in verdicts."""
+"""Uncertainty of a modulus up to which a multiplier on the unit circle counts as stable, as in
+`solve.period.multipliers.verdicts`."""
 
 _LARGEST = 300.0
 """Largest growth exponent per period that is shown; larger ones overflow."""
@@ -74,8 +75,8 @@ class ConstantCoefficients:
     def evaluate(self, points: Array) -> StabilitySamples:
         """Stability at points (k, v).
 
-        The multipliers have the true moduli, but angles Im µ Ω times a fixed time. Two multipliers then
-        coincide only if their exponents do.
+        The moduli of the multipliers are exact, but their angles are Im µ Ω times a fixed time, so that two
+        multipliers coincide only if their exponents do.
         """
         exponents, period = self.exponents(points), self.family.example.period
         growth, errors = exponents.growth * period, exponents.errors * period

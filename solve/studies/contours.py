@@ -11,16 +11,16 @@ from solve.results.chart import BoundaryCurve
 from solve.results.points import KINDS
 
 _NARROW = 0.1
-"""Width of an unstable stretch of a cell's rim, relative to the cell, below which it continues into the cell
-as a tongue. A choice."""
+"""Width of an unstable part of a cell's edge, relative to the cell, below which it continues into the cell as
+a tongue. A choice."""
 
 
 @dataclass(frozen=True)
 class Crossings:
     """Points on the lines of a grid at which stability changes.
 
-    line (c,): index of the line. place (c,): coordinate along it. kind (c,): index in KINDS of the multiplier
-    that leaves the unit circle.
+    line (c,): index of the line. place (c,): coordinate along the line. kind (c,): index in KINDS of the
+    multiplier that leaves the unit circle.
     """
 
     line: Array
@@ -38,8 +38,8 @@ def contours(
     """Stability boundaries through the cells of a grid.
 
     axes: x (nx,) and y (ny,). stable: 1, 0 or NaN (ny, nx). rows, columns: crossings on grid lines.
-    is_stable: function of points (k, 2), called where the corners of a cell allow two topologies. Cells with
-    a NaN at a corner have no boundary.
+    is_stable: function of points (k, 2) that returns whether each is stable, called where the corners of a
+    cell allow two topologies. Cells with a NaN at a corner have no boundary.
     """
     rims = _CellCrossings(axes, rows, columns)
     i, j = rims.cells
@@ -109,9 +109,9 @@ def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
 def _decided(
     rims: _CellCrossings, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
-    """Connections (k, 2) within cells that have several unstable arcs. A boundary keeps its kind. If several
-    connections remain possible, two arcs are joined if the point between them is unstable, or if both are
-    as narrow as a tongue."""
+    """Connections (k, 2) within cells that have several unstable arcs. Connected crossings are of the same
+    kind. If several connections remain possible, two arcs are joined if the point between them is unstable,
+    or if both are as narrow as a tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)
@@ -143,7 +143,7 @@ def _chains(count: int, ends: Array) -> list[list[int]]:
     graph = coo_array((np.ones(len(ends)), ends.T), shape=(count, count)).tocsr()
     seen = degree == 0
     chains = []
-    # Open chains from one of their ends, then closed ones.
+    # Open chains are followed from one of their ends; closed chains come last.
     for start in np.argsort(degree != 1, kind="stable").tolist():
         if not seen[start]:
             chain = depth_first_order(graph, start, directed=False, return_predecessors=False).tolist()

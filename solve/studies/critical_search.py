@@ -32,11 +32,11 @@ from solve.system import PeriodicSystem, multiplier_count
 
 _ASIDE = 0.25
 """Distance from a maximum at which the response is compared with it, as a fraction of the distance between
-neighbouring divisions. A choice: far enough from this maximum, and before the next."""
+neighbouring divisions. A choice: outside the peak of this maximum, and before the next maximum."""
 
 _BESIDE = 4.0
-"""Distance, in tolerances of its speed, at which a maximum is examined on either side. A choice: beyond the
-error of the speed."""
+"""Distance on either side of a maximum at which results are compared with it, as a multiple of the tolerance
+of its speed. A choice larger than the error of the speed."""
 
 _SHARE = 0.1
 """Smallest rise of a harmonic's power, relative to the largest rise, with which the harmonic counts as the
@@ -101,7 +101,7 @@ class CriticalSearch:
         return self.batch.family.example
 
     def solve(self, speeds: Array) -> PointResults:
-        """Orbits at speeds (P,); those of the sweep are reused."""
+        """Orbits at speeds (P,); orbits of the sweep are reused."""
         if self.sweep is None:
             return gathered(self.batch, speeds[:, None], self.kept)
         _, in_sweep, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
@@ -137,7 +137,7 @@ class CriticalSearch:
         return narrow_to_tolerance(brackets, guides, values_at, self.tolerance).maxima
 
     def response_maxima(self, speeds: Array, results: PointResults, resolved: Array) -> Brackets:
-        """Brackets of the maxima of the response among the speeds (P,). resolved (P,): where orders are
+        """Brackets of the maxima of the response among the speeds (P,). resolved (P,): whether the orders are
         resolved."""
         values = np.where(resolved, self.response(results), np.nan)
         places = peaks(values, results.errors[:, 0] * np.abs(values))
@@ -187,7 +187,7 @@ class CriticalSearch:
         """Maxima of the response, each labelled with the orders whose power is higher there than on both
         sides.
 
-        Maxima within an unstable range are never reached and are left out, but not those at its edge.
+        Maxima within an unstable range are never reached and are omitted, except those at its edge.
         """
         if not len(brackets):
             return []
@@ -211,7 +211,8 @@ class CriticalSearch:
         ]
 
     def _with_heights(self, brackets: Brackets, unbounded: Array) -> list[Maximum]:
-        """Maxima with certified heights, however narrow they are; infinite heights where `unbounded` (k,)."""
+        """Maxima with certified heights, however narrow they are; heights are infinite where `unbounded` (k,)
+        is True."""
 
         def values_at(speeds: Array, _: Array) -> tuple[Array, Array]:
             return self.response(self.solve(speeds)), np.full(len(speeds), np.nan)

@@ -1,7 +1,7 @@
 """Critical speeds by three criteria (thesis 7.2.3, 7.3).
 
 Maxima of the response over speed; maxima of the real part of the dominant Floquet multiplier; integer
-divisions of the natural frequencies' means over the cycle.
+fractions of the cycle-mean natural frequencies.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,11 +33,11 @@ RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 """Figures of a quantity whose maxima can be searched for."""
 
 _SPEEDS_PER_DIVISION = 24
-"""Speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
+"""Number of speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
 
 _ROUNDOFF = 64 * np.finfo(float).eps
-"""Relative difference below which two speeds of the grid are the same: each is computed by a few operations
-with round-off of eps."""
+"""Relative difference below which two speeds of the grid are the same: each speed is computed by a few
+operations with round-off of eps."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ def critical_speeds(
     figure : str
         "max_abs", "rms", "max", "min" or "mean" of the quantity over the period.
     orders : int
-        Highest order of integer divisions and combinations. Where the lowest frequency is of a higher order,
-        no maxima are searched for.
+        Highest order of integer divisions and combinations. Maxima are not searched for at speeds where the
+        lowest frequency is of a higher order.
     method : str or Method
         Method, as in `periodic`.
     rtol : float
@@ -97,7 +97,7 @@ def critical_speeds(
     Returns
     -------
     CriticalSpeeds
-        Critical speeds in descending order.
+        Critical speeds in descending order of the speed.
 
     Raises
     ------
@@ -252,6 +252,6 @@ def _omissions(frequencies: MeanFrequencies, results: PointResults, orders: int)
     skipped = frequencies.lowest > (orders + 0.5) * grid
     if skipped.any():
         limit = unit.text(float(grid[skipped].max()), ".4g")
-        yield f"below {limit} only orders above {orders} occur; maxima are not searched for there"
+        yield f"below {limit} only orders above {orders} occur; maxima are not searched for at these speeds"
     if results.failures:
         yield without_result(grid, results.failed, unit, next(iter(results.failures.values())))

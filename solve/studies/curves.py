@@ -37,15 +37,15 @@ class SolvedCurves:
 
 
 class PeriodicCurves:
-    """Periodic solutions of one system at any speeds, on a fixed grid; the matrices are sampled once for all
-    speeds.
+    """Periodic solutions of one system at arbitrary speeds, on a fixed grid. The matrices are sampled once
+    for all speeds.
 
     Parameters
     ----------
     system : PeriodicSystem
         System without discontinuities.
     method : Method
-        Method, by default Radau's.
+        Method, by default Radau IIA.
     steps : int
         Even number of steps per period.
     samples : int
@@ -56,7 +56,7 @@ class PeriodicCurves:
     StepsError
         For an invalid number of steps.
     MatricesError
-        For a system with breaks, which need steps of their own.
+        For a system with breaks, at which steps would have to end.
 
     Examples
     --------
@@ -71,8 +71,8 @@ class PeriodicCurves:
             raise StepsError(f"steps is {steps!r}; allowed: even numbers of at least 2, such as 96")
         if system.breaks:
             raise MatricesError(
-                f"{system.labels.name} has matrices that jump; steps must end at the jumps: use periodic at "
-                "each speed"
+                f"{system.labels.name} has matrices that jump, but the steps of PeriodicCurves do not end at "
+                "jumps; call solve.periodic at each speed"
             )
         self.system, self.steps, self.samples = system, steps, samples
         task, _ = task_of(over_speed(system), method, rtol=1e-6, engine="auto")

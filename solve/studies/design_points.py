@@ -65,7 +65,7 @@ class DesignPoint:
 class Design:
     """Model with free parameters between bounds. The variables x (r,) range from 0 to 1.
 
-    orbits: whether quantities of orbits are needed, or only multipliers.
+    orbits: whether orbits are required, or multipliers only.
     """
 
     model: PeriodicSystem
@@ -86,7 +86,7 @@ class Design:
 
     def parameters(self, x: Array) -> Mapping[str, float]:
         """Free parameters by name, in the model's units."""
-        # Rounding must not leave the bounds.
+        # Round-off must not lead beyond the bounds.
         values = np.clip(self.low + x * (self.high - self.low), self.low, self.high)
         return dict(zip(self.names, values.tolist(), strict=True))
 

@@ -59,7 +59,7 @@ def fit(
     free : sequence of str
         Names of the free parameters. Positive parameters are fitted by their logarithms.
     bounds : dict, optional
-        Lower and upper bound by name, in the model's units or as texts with unit.
+        Lower and upper bounds by name, in the model's units or as texts with unit.
     speed : float or str, optional
         Speed in rad/s, or a text with unit; required if the file has no column of speeds.
     robust : bool
@@ -82,7 +82,7 @@ def fit(
     Notes
     -----
     The method is a trust-region reflective one (M. A. Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21,
-    1999, 1-23). A trial that the model refuses shortens the step.
+    1999, 1-23). If the model rejects the parameters of a trial, the step is shortened.
     """
     names = unique_names(free)
     if not names:

@@ -1,8 +1,9 @@
 """Warnings about a fit: residuals that are not noise, a wrong unit, a channel with constant values, duplicate
 rows.
 
-Residuals are not noise if neighbours are correlated, by the sum of the squared autocorrelations at several
-lags, channel divided by its standard deviation (G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297-303).
+Residuals are not noise if neighbours are correlated. The test uses the sum of the squared autocorrelations at
+several lags, each divided by its standard deviation (G. M. Ljung, G. E. P. Box, Biometrika 65 (1978)
+297-303).
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +14,8 @@ from solve.arrays import Array
 from solve.results.fit import Channel
 
 _EXACT = 1e-5
-"""Relative residual that errors of the orbits (tolerance 1e-7) and finite differences can explain."""
+"""Relative residual up to which errors of the orbits (tolerance 1e-7) and of finite differences explain the
+residuals. A choice."""
 
 _FALSE_ALARMS = 0.003
 """Probability of a warning for residuals that are noise. A choice."""
@@ -22,11 +24,11 @@ _MAX_LAGS, _VALUES_PER_LAG = 6, 6
 """Maximum number of lags, and smallest number of values per lag. Choices."""
 
 _POOR_FIT = 0.5
-"""Relative residual above which the model explains little. A choice."""
+"""Relative residual above which the model does not describe the data. A choice."""
 
 _FEW, _SENSOR_ERROR = 2 * _VALUES_PER_LAG, 0.05
-"""Number of values below which autocorrelation is not meaningful, and the relative difference beyond which so
-few values count as a poor fit: accelerometers and their amplifiers are specified to 5 % of amplitude."""
+"""Number of values below which autocorrelation is not meaningful, and relative residual above which the fit
+to fewer values counts as poor: accelerometers and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT_RATIO = 100.0
 """Ratio of sizes above which a unit is doubtful. A choice."""

@@ -137,7 +137,7 @@ class Problem:
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
         rule = orbit.certified.method
         if not isinstance(rule, Collocated):
-            raise ValueOutOfBoundsError(f"method is {rule.name}; a fit takes radau, gauss, or auto")
+            raise ValueOutOfBoundsError(f"method is {rule.name}; allowed for a fit: radau, gauss, auto")
         grid = GridDerivatives(orbit, rule, orbit.steps, dependence_of(orbit, self.names), self.names)
         if data.orders:
             return [
@@ -210,7 +210,8 @@ def _modes(data: Measured) -> Array:
 
 
 def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str]) -> Array:
-    """Derivatives (r, n) of λ from those of M and K, in the order of the modes at these values."""
+    """Derivatives (r, n) of λ from derivatives of M and K, in the order of the modes at the present
+    values."""
 
     def matrices(varied: Model) -> Array:
         M, _, K, _ = at_speed_zero(varied, position)
@@ -222,6 +223,6 @@ def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str])
 
 
 def _slope(values: Callable[[Model], Array], model: Model, name: str) -> Array:
-    """Derivative of an array of the model with respect to one parameter."""
+    """Derivative with respect to one parameter of the array that `values` returns for a model."""
     at = model.parameters[name]
     return slope(lambda number: values(model.varied({name: number})), at, _STEP * (abs(at) or 1.0))

@@ -7,28 +7,28 @@ algorithms that form and invert those matrices; they are not counts of this pack
 
 
 def time_marching(N: int, n: int, cycles: int, stored: bool = True) -> int:
-    """Operations of marching from rest over the cycles of the transient."""
+    """Number of operations of marching from rest over the cycles of the transient."""
     if stored:
         return N * (22 * n**3 + (29 + 4 * cycles) * n**2 + (3 + 2 * cycles) * n)
     return N * cycles * (22 * n**3 + 33 * n**2 + 5 * n)
 
 
 def algorithm_1(N: int, n: int, stored: bool = True) -> int:
-    """Operations for the transition matrix and two cycles (thesis 6.5)."""
+    """Number of operations for the transition matrix and two cycles (thesis 6.5)."""
     if stored:
         return N * (38 * n**3 + 37 * n**2 + 7 * n) + 16 * n**3 + 8 * n**2
     return N * (78 * n**3 + 77 * n**2 + 10 * n) - 14 * n**3 - 21 * n**2 - 3 * n
 
 
 def algorithm_2(N: int, n: int, stored: bool = True) -> int:
-    """Operations for the closed form with the inverse of the matrix of each step (thesis 6.6)."""
+    """Number of operations for the closed form with the inverse of the matrix of each step (thesis 6.6)."""
     if stored:
         return N * (62 * n**3 + 37 * n**2 + 9 * n) + 8 * n**3 + 8 * n**2 + 2 * n
     return N * (102 * n**3 + 87 * n**2 + 10 * n) - 14 * n**3 - 21 * n**2 - n
 
 
 def fourier_series(N: int, n: int, harmonics: int) -> int:
-    """Operations for the Fourier series of matrices, load and response (thesis 6.4)."""
+    """Number of operations for the Fourier series of matrices, load and response (thesis 6.4)."""
     N_h = harmonics
     return (
         N_h**3 * (8 * n**3 + 32 * n**2)

@@ -27,8 +27,8 @@ from solve.threads import one_thread
 from solve.units import checked_rtol, speeds_between, speeds_given
 
 _FEWEST_STEPS, _MOST_STEPS = 64, 512
-"""Steps of the first and the last grid that is tried: the phases at which eigenvectors are compared must
-resolve the harmonics of the vectors. A choice."""
+"""Number of steps of the first and of the last grid that is tried: the phases at which eigenvectors are
+compared must resolve the harmonics of the vectors. Choices."""
 
 _ALLOWED = 100.0
 """Ratio of the error of a single multiplier to `rtol` up to which the number of steps is not doubled. A
@@ -109,8 +109,8 @@ def follow_modes(
     system : PeriodicSystem
         System of second or first order.
     speeds : float, str or sequence of float or str, optional
-        Two or more speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm"; with `over` one
-        speed, by default that of the case.
+        Two or more speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm"; if `over` is
+        given, one speed, by default the speed of the case.
     method : str or Method
         Method with step maps, radau or gauss; by default radau.
     steps : int, optional
@@ -174,7 +174,7 @@ def _method(method: str | Rule, coordinates: int) -> Method:
     rule = chosen(method)
     used = rule if isinstance(rule, Method) else damping(coordinates)
     if used.with_another_stage is None:
-        raise StepsError(f"{used.name} gives no eigenvectors with error estimates; use radau or gauss")
+        raise StepsError(f"{used.name} provides no eigenvectors with error estimates; use radau or gauss")
     return used
 
 
@@ -205,7 +205,8 @@ class _Points:
         given_speeds = speeds_given(speed_or_usual(system, None) if speeds is None else speeds)
         if len(given_speeds) != 1:
             raise ValueOutOfBoundsError(
-                f"{len(given_speeds)} speeds and over {name}; give one speed with over"
+                f"speeds are {len(given_speeds)} values, and over varies {name}; give one speed together "
+                "with over"
             )
         require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
         for extreme in (numbers[0], numbers[-1]):

@@ -30,10 +30,11 @@ from solve.units import require_size_of_number, speed_in_si, with_unit
 USUAL_COUNT = 4
 
 TURN = 36
-"""Default number of positions per period."""
+"""Default number of positions per period. A choice."""
 
 _RUNNING = 1.0
-"""Speed in rad/s at which matrices are tested if they do not exist at speed 0 and no case names a speed."""
+"""Speed in rad/s at which matrices are tested if they do not exist at speed 0 and no case states a speed. A
+choice."""
 
 
 @of_system
@@ -54,8 +55,8 @@ def frequencies(
     Returns
     -------
     Frequencies
-        Modes are in the order of λ in K v = λ M v: those with λ < 0 first, which grow at the rate √−λ, then
-        rigid-body modes of frequency exactly 0, then those that vibrate.
+        Natural frequencies in the order of λ in K v = λ M v: first modes with λ < 0, which grow at the rate
+        √−λ, then rigid-body modes of frequency exactly 0, then vibrating modes.
 
     Raises
     ------
@@ -100,7 +101,8 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     """Matrices M, C, K, d at positions (m,). Raises DesiredMotionError if the fundamental motion is undefined
-    at speed 0, and MatricesError if the matrices are; its text names speed 0 if that is the only cause."""
+    at speed 0, and MatricesError if the matrices are; the message mentions speed 0 if it is the only
+    cause."""
     unit = system.labels.speed_unit
     elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
     try:
@@ -176,14 +178,15 @@ def frequencies_over(
     Returns
     -------
     Variation
-        Values that the system refuses give NaN with the reason.
+        Natural frequencies at each value. Frequencies at values that the system rejects are NaN, with the
+        reason.
 
     Raises
     ------
     UnknownNameError, UnitError
         For bad input.
     NoResultError
-        If all values are refused.
+        If the system rejects all values.
     """
     require_name(f"parameter of {system.labels.name}", parameter, system.labels.parameters)
     if len(values) == 0 or len(positions) == 0:

@@ -58,8 +58,8 @@ class KeptValues:
         return limits
 
     def smooth(self, at: int, place: int) -> Tracked:
-        """Values of a quantity at a speed, with derivatives. They are the points of the curve, or every
-        extremum that equals the statistic at the start."""
+        """Values of a quantity at a speed, with derivatives. The values are the points of a kept curve, or
+        all extrema that equal the kept statistic at the start."""
         each, design = self.kept[place], self.design
         if each.phases is not None:
             return Curve(design, at, each.name, each.phases)
@@ -71,9 +71,10 @@ class KeptValues:
     def equations(self) -> Equations | None:
         """Constraint equations of the quantities without a tolerance.
 
-        They are combinations of changes, by the singular value decomposition of their derivatives at the
-        start, relative to what is allowed. Combinations that no parameters within the bounds change by more
-        are left out: several speeds, or neighbouring phases, give the same equation.
+        The equations are combinations of the changes, from the singular value decomposition of the
+        derivatives at the start, relative to the allowed changes. Combinations that stay within the allowed
+        change for all parameters within the bounds are omitted: several speeds, or neighbouring phases, give
+        the same equation.
         """
         chosen = [
             (at, place)
@@ -97,7 +98,7 @@ class KeptValues:
 
         directions, sizes, _ = np.linalg.svd(slopes(self.design.start), full_matrices=False)
         moved = sizes > 1.0
-        # Divided by the singular values, the equations have derivatives of 1.
+        # After division by the singular values, the derivatives of the equations have norm 1.
         weights = (directions[:, moved] / sizes[moved]).T
         return Equations(lambda x: weights @ residuals(x), lambda x: weights @ slopes(x))
 

@@ -1,9 +1,9 @@
 """Nonlinear least squares in a domain with unknown limits, which trials detect (M. A. Branch, T. F. Coleman,
 Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as implemented in SciPy).
 
-A trial outside the domain has NaN residuals. SciPy's trust-region reflective method then reduces its trust
-radius to a quarter of the step and tries again from the same point, before it compares the objective with its
-quadratic model. Large finite residuals would enter this model and spoil the next radius.
+A trial outside the domain has NaN residuals. SciPy's trust-region reflective method then reduces the trust
+radius to a quarter of the step and tries again from the same point, before the objective is compared with its
+quadratic model. Large finite residuals would distort the next radius.
 """
 
 from collections.abc import Sequence
@@ -29,12 +29,13 @@ _SPREAD = 1.4826
 """Ratio of the standard deviation to the median of the moduli, for normally distributed errors."""
 
 _OFFSET = 0.1
-"""Relative offset above which a point is not a minimum: the estimate is a tenth of its standard error or more
-from the stationary point. Bates and Watts stop at 0.001; SciPy's ftol of 1e-8 gives 1e-4 √(n/p), 0.01 for 10
-000 values."""
+"""Relative offset above which a point does not count as a minimum: the distance to the stationary point is
+then a tenth of the standard error or more. Bates and Watts stop at 0.001; SciPy's ftol of 1e-8 gives 1e-4
+√(n/p), 0.01 for 10 000 values."""
 
 _EXACT = 1e-5
-"""Relative residual that errors of the orbits (tolerance 1e-7) and finite differences can explain."""
+"""Relative residual up to which errors of the orbits (tolerance 1e-7) and of finite differences explain the
+residuals. A choice."""
 
 _MOVED = 1e-8
 """Relative change below which a parameter counts as unchanged: SciPy's xtol."""
@@ -44,7 +45,7 @@ _ROUND_OFF = 1e-12
 round-off of 1e-13 of their terms. Measured in directions that the data cannot identify: 4e-14 to 6e-14."""
 
 _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
-"""Errors that depend on the values of the parameters but do not state them."""
+"""Exceptions that depend on the values of the parameters but do not state the values."""
 
 
 class LeastSquares(Protocol):
@@ -74,9 +75,9 @@ class Minimum:
 
 
 def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -> Minimum:
-    """Minimum that the trust-region reflective method reaches from the start. robust: whether residuals of
-    outliers enter by their moduli instead of their squares. Raises SolveError subclasses, with the initial
-    values in the message, if the residuals do not exist at the start."""
+    """Minimum that the trust-region reflective method reaches from the start. robust: whether outliers
+    contribute the moduli instead of the squares of their residuals. Raises SolveError subclasses, with the
+    initial values in the message, if the residuals do not exist at the start."""
     from scipy.optimize import least_squares
 
     trials = _Trials(problem, _at_start(problem).shape)

@@ -24,8 +24,8 @@ from solve.studies.requirements import Bound
 from solve.studies.tracked import leading
 
 _REACH = 8.0
-"""Standard deviations of a normal distribution within which gradients are calculated: beyond lies a
-probability of 1e-15."""
+"""Number of standard deviations of a normal distribution within which gradients are calculated. The
+probability outside is 1e-15."""
 
 
 class Quantity(NamedTuple):
@@ -41,8 +41,9 @@ STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
 
 
 class Event(NamedTuple):
-    """Event at points (P,) and speeds (k,). margins (P, k): positive where it occurs, NaN without a result.
-    occurs: at one speed at least; otherwise undetermined, or failed, if it is so at one speed."""
+    """Event at points (P,) and speeds (k,). margins (P, k): positive where the event occurs, NaN without a
+    result. occurs (P,): whether the event occurs at at least one speed. Otherwise the point is undetermined
+    or failed if it is undetermined or failed at one speed."""
 
     margins: Array
     occurs: Array
@@ -103,8 +104,8 @@ class Machines:
         )
 
     def outcome(self, parameters: Array, folder: str) -> Outcome:
-        """Results for machines with parameters (P, r). folder: name in the store, if there is one. Raises
-        NoResultError."""
+        """Results for machines with parameters (P, r). folder: name of the folder in the store, if results
+        are stored. Raises NoResultError."""
         count, speeds, period = len(self.speeds), np.tile(self.speeds, len(parameters)), self.model.period
         points = np.column_stack((np.repeat(parameters, count, axis=0), speeds))
         store = None if self.store is None else made_folder(self.store) / folder

@@ -24,7 +24,7 @@ _SUBDIVISION = 3
 """Initial subdivision of each side of a bracket, so that the highest of several maxima is found. A choice."""
 
 _EVALUATIONS = 14
-"""Number of further solutions per bracket, as measured; used to estimate the remaining time."""
+"""Typical number of further solutions per bracket (measured), used to estimate the remaining time."""
 
 _SAME_GRID = ("radau", "gauss")
 """Methods whose more accurate solution, with one stage more, uses the same grid."""
@@ -33,12 +33,13 @@ _MAX_ITERATIONS = 100
 """Maximum number of iterations: golden sections alone reduce a bracket to 1e-16 of its width in 77."""
 
 _FLAT_TOP, _HEIGHT_TOLERANCE = 1e-5, 1e-6
-"""Rise of a maximum above the ends of its bracket, relative to its height, up to which the height is accepted
-without refinement; relative tolerance of the height of narrower maxima. Choices."""
+"""Difference between a maximum and the ends of its bracket, relative to the height, up to which the height is
+not refined; and relative tolerance of the height of narrower maxima. Choices."""
 
 Value = Callable[[Array, Array], tuple[Array, Array]]
-"""Heights (m,) at speeds (m,) within brackets with the indices (m,), NaN where there is none; and guides
-(m,), a smooth function whose maxima may coincide with narrow maxima of the heights, NaN without a guide."""
+"""Type of functions of speeds (m,) within brackets with the indices (m,). They return heights (m,), NaN
+without a result, and guides (m,), values of a smooth function whose maxima may coincide with narrow maxima of
+the heights, NaN without a guide."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +75,9 @@ class Trials:
     """Solver at speeds within brackets. Each bracket has one grid, the finest of the grids at its ends and
     middle.
 
-    Errors are the largest ones of the ends and the middle. They are not estimated again by a second grid.
-    results: known solutions; `places` (k, 3): positions of the brackets among them.
+    Errors are the largest errors at the ends and the middle, and are not estimated again by a second grid.
+    results: solutions on the original grid; `places` (k, 3): indices of the brackets' speeds among these
+    solutions.
     """
 
     def __init__(self, batch: Batch, kept: Kept, results: PointResults, places: Array):
@@ -109,7 +111,8 @@ def peaks(values: Array, errors: Array) -> Array:
 
 def find_peaks(values: Array) -> tuple[Array, Array]:
     """Indices (k,) and prominences (k,) of local maxima of finite values (P,), as from
-    `scipy.signal.find_peaks`, whose import takes a second. Of equal neighbours the middle one is returned."""
+    `scipy.signal.find_peaks`, whose import takes a second. Of equal neighbours, the middle one is
+    returned."""
     starts = np.flatnonzero(np.append(True, np.diff(values) != 0)) if len(values) else np.zeros(0, dtype=int)
     levels, ends = values[starts], np.append(starts[1:], len(values)) - 1
     tops = 1 + np.flatnonzero((levels[1:-1] > levels[:-2]) & (levels[1:-1] > levels[2:]))
@@ -126,8 +129,8 @@ def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, toleran
     """Brackets of the highest maxima, each narrowed to a tolerance relative to its speed. guides (k, 3):
     values of a guide function at the speeds of the brackets.
 
-    The highest of equidistant speeds in a bracket is refined to its maximum, and the guide to its own; the
-    highest of all these speeds is the result.
+    The maximum of the heights, and that of the guide, are refined from the highest of equidistant speeds in
+    each bracket. The highest of all solved speeds is returned.
     """
     if len(brackets) == 0:
         return brackets
@@ -208,8 +211,9 @@ class _CachedValues:
             self._cache[number][speed] = row
 
     def subdivide(self, x: Array) -> tuple[Array, Array]:
-        """Brackets (k, 3) within brackets x (k, 3), for heights and for guides: the highest of speeds that
-        divide both sides evenly, with its neighbours. NaN where a guide is highest at an end."""
+        """Brackets (k, 3) within brackets x (k, 3), for heights and for guides: the highest value at speeds
+        that divide both sides evenly, and its two neighbours. NaN where a guide is largest at an end of the
+        bracket."""
         low, best, high = x.T
         sides = [np.linspace(*ends, _SUBDIVISION + 1, axis=1) for ends in ((low, best), (best, high))]
         speeds = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)

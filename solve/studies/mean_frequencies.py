@@ -23,15 +23,16 @@ _TOLERANCE, _MAX_ITERATIONS = 1e-10, 10
 two speeds of the grid: four iterations suffice, and only jumps of the means reach the limit."""
 
 _JUMP = 1e-2
-"""Remaining difference, relative to the multiple of the speed, above which the means count as jumping over
-the multiple instead of crossing it. A choice."""
+"""Remaining relative difference between a mean frequency and a multiple of the speed above which the mean
+jumps over the multiple instead of crossing it. A choice."""
 
 _SAMPLES = 24
 """Smallest number of speeds, if available, at which frequencies with and without C are compared. A choice."""
 
 _MAX_LOW_ORDER = 4
-"""Highest order of combination resonances for which grid points are added. A choice: their growth rate
-decreases with the order, which requires a higher harmonic of the matrices or a higher power of the first."""
+"""Highest order of combination resonances for which grid points are added. A choice: their growth rates
+decrease with the order, because higher orders require a higher harmonic of the matrices or a higher power of
+the first harmonic."""
 
 _CORRECTIONS = 2
 """Number of corrections of a resonant speed with the mean frequencies at that speed. A choice."""
@@ -72,7 +73,7 @@ class MeanFrequencies:
         means = np.full((len(self.speeds), self.system.n), np.nan)
         imaginary, rigid = np.zeros(len(self.speeds), dtype=bool), np.zeros(len(self.speeds), dtype=int)
         for at, speed in enumerate(self.speeds.tolist()):
-            # The solution at a speed without matrices reports the reason.
+            # The solution at such a speed, without matrices, reports the reason.
             with progress.subtask("speeds"), suppress(SolveError, np.linalg.LinAlgError):
                 if speed not in self._cache:
                     mean, _, is_imaginary, count = mean_modes(self.system, speed)
@@ -97,8 +98,8 @@ class MeanFrequencies:
         return [
             "gyroscopic forces, or damping that couples modes, change frequencies by more than "
             f"{limit:.0%} (first at {text(first, '.4g')}), and by up to {shifts[largest]:.0%} at "
-            f"{text(float(speeds[largest]), '.4g')}: mean frequencies and their divisions, which "
-            "follow from M and K alone, are unreliable there"
+            f"{text(float(speeds[largest]), '.4g')}: mean frequencies and their integer fractions, which "
+            "are computed from M and K only, are unreliable there"
         ]
 
 
@@ -126,7 +127,7 @@ def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]
 def resonance_speeds(
     frequencies: MeanFrequencies, weights: Array, orders: int
 ) -> Iterator[tuple[int, float]]:
-    """Orders k per revolution and speeds Ω at which the sum of the mean frequencies, multiplied by weights
+    """Orders k per revolution and speeds Ω at which the sum of the mean frequencies, weighted by `weights`
     (n,), equals kΩ."""
     from scipy.optimize.elementwise import find_root
 
@@ -142,15 +143,15 @@ def resonance_speeds(
         return
     ends, tolerances = (speeds[at], speeds[at + 1]), {"xrtol": _TOLERANCE, "xatol": 0.0, "fatol": 0.0}
     root = find_root(excess, ends, args=(row + 1,), tolerances=tolerances, maxiter=_MAX_ITERATIONS)
-    # Means jump where two modes begin to keep their shapes.
+    # The means jump where two modes are no longer exchanged during a period.
     crosses = np.abs(root.f_x) <= _JUMP * (row + 1) * speeds[at]
     yield from zip((row[crosses] + 1).tolist(), root.x[crosses].tolist(), strict=True)
 
 
 def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
     """Speeds of combination resonances of low order between two limits, for modes that keep on average more
-    than half their amplitude per period. Mean frequencies are evaluated at these speeds. rest: means at
-    speed 0."""
+    than half their amplitude per period. Mean frequencies are evaluated at these speeds. rest: mean
+    frequencies at speed 0."""
     system, (values,) = rest.system, rest.values
     candidates = [
         (weights, order)
@@ -182,6 +183,6 @@ def _decay_per_period(system: PeriodicSystem, speed: float) -> Array:
 
 
 def is_excited(system: PeriodicSystem, order: int) -> bool:
-    """Whether matrices with this period can have a harmonic of the given order per revolution."""
+    """Whether matrices with the system's period can have a harmonic of the given order per revolution."""
     number = order * system.period / (2 * math.pi)
     return math.isclose(number, round(number), abs_tol=1e-9)

@@ -11,14 +11,16 @@ from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
 _PHASES, _FEW_PHASES = 64, 16
-"""Phases of the means, and of the comparison with C. Choices: both means converge exponentially."""
+"""Number of phases for the means, and for the comparison with C. Choices: both means converge
+exponentially."""
 
 _ROUNDOFF, _COMPLEX = 1e-12, 1e-6
-"""Negative squares of frequencies, and imaginary parts of the squares, relative to the largest square, that
-count as round-off; double eigenvalues lose half the digits."""
+"""Relative sizes up to which negative squares of frequencies, and imaginary parts of these squares, count as
+round-off, relative to the largest square. The second is larger because double eigenvalues lose half their
+digits."""
 
 _MIN_OVERLAP = 1e-30
-"""Overlap of two shapes below which its logarithm is not resolved; any tiny number serves."""
+"""Lower limit of the overlap of two shapes in logarithms. Any very small positive number is suitable."""
 
 _NEAR = 0.5
 """Fraction of their largest difference in the period below which two frequencies count as close. A choice."""
@@ -41,9 +43,9 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
 
     With first-order coordinates, frequencies are moduli of complex frozen eigenvalues, and rates are exact.
 
-    Modes are followed by their shapes where frequencies cross, see `_follow`; modes that exchange their
-    places within a period have a common mean. The sorted frequencies are averaged instead if the small
-    component of the vibration that keeps its rank decays so slowly that it dominates after a period.
+    Modes are followed by their shapes where frequencies cross, see `_follow`; modes that exchange their ranks
+    within a period have a common mean. If the small component of the vibration that keeps its rank decays so
+    slowly that it dominates after a period, the sorted frequencies are averaged instead.
     """
     step = system.period / _PHASES
     M, C, K, d = system.at((np.arange(_PHASES) + 0.5) * step, speed)
@@ -79,7 +81,8 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     """Largest relative difference between mean frequencies with and without C, at a speed (rad/s).
 
     With C they are moduli of eigenvalues. Gyroscopic forces change them, and damping that couples modes, but
-    not modal damping. 0 if some are real, and with first-order coordinates, whose frequencies include C.
+    not modal damping. The result is 0 if an eigenvalue is real, and for systems with first-order coordinates,
+    whose frequencies include C.
     """
     if len(system.states):
         return 0.0
@@ -128,8 +131,8 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
     difference = np.where(difference < _NEAR * difference.max(axis=0), difference, np.inf)
 
     def adapts(at: Array | int, now: Array, then: Array) -> Array:
-        """Whether modes (…, n) with these ranks at two consecutive phases have enough time between them to
-        change their shape."""
+        """Whether modes (…, n) with these ranks at two consecutive phases have enough time between the phases
+        to change their shapes."""
         rotated, before, after = (
             matrix[np.asarray(at)[..., None, None], first[:, None], second]
             for matrix, first, second in (
@@ -144,7 +147,7 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
     all_adapt = adapts(np.arange(count), identity, identity).all(axis=-1)
     if all_adapt.all() and (np.einsum("kii->ki", overlaps) > 0.5).all():
         return np.tile(identity, (count, 1)), identity, 0.0
-    # A shape between two modes would identify neither: begin where all shapes are modes.
+    # During an exchange, a shape identifies neither mode. The first phase is therefore outside exchanges.
     first = int(all_adapt.argmax())
     ranks, log_unchanged, now = np.empty((count, n), dtype=int), 0.0, identity
     reference, left, reference_rank = shapes[first], inverse[first], identity

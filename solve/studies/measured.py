@@ -40,7 +40,7 @@ _ABSCISSAS = {"s": "time", "deg": "phase", "rad": "phase", "order": "order", "1"
 
 
 _MOST_ORDERS, _LARGEST = 10**5, 1e100
-"""Largest order, and largest value whose squares can be summed without overflow."""
+"""Largest permitted order, and largest permitted value, whose square does not overflow in sums. Choices."""
 
 _ALIKE = 1e-3
 """Relative difference up to which the speeds of an orbit and of a measurement count as equal. A choice."""
@@ -162,9 +162,9 @@ class Measured:
     """Measurement at one speed (rad/s), in SI units.
 
     orders: whether `at` (k,) contains orders, counted per period, instead of phases. channels: values (k,) by
-    coordinate or output; for orders complex amplitudes if phase angles are given, else moduli. position: the
-    phase at which natural frequencies were measured at rest; `at` then contains their modes, from 1 on, and
-    FREQUENCY is the only channel.
+    coordinate or output; for orders complex amplitudes if phase angles are given, otherwise moduli. position:
+    the phase at which natural frequencies were measured at rest; `at` then contains their modes, from 1 on,
+    and FREQUENCY is the only channel.
     """
 
     speed: float
@@ -177,13 +177,14 @@ class Measured:
 def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> list[Measured]:
     """Read measurements from a .csv, .mat, .uff or .unv file, one measurement per speed or position.
 
-    The titles of columns have units. The first column is "phase (deg)", "time (s)" or "order (1)". Then
-    follow coordinates and outputs, "q3 (m)", for orders also their phase angles, "q3_phase (deg)".
-    Alternatively "mode (1)" is followed by "frequency (Hz)" and, if needed, "position (deg)".
+    The titles of columns have units. The first column is "phase (deg)", "time (s)" or "order (1)". The next
+    columns are coordinates and outputs, such as "q3 (m)", and for orders also their phase angles, such as
+    "q3_phase (deg)". Alternatively "mode (1)" is followed by "frequency (Hz)" and, if needed, "position
+    (deg)".
 
     A column "speed (rpm)", anywhere, distinguishes several speeds; without it, the given speed (rad/s)
-    applies. The phase beside the time, as in files of orbits, is not read. Raises CaseFileError, UnitError,
-    UnknownNameError, MissingValueError, ValueOutOfBoundsError.
+    applies. A column of the phase in addition to the time, as in files of orbits, is not read. Raises
+    CaseFileError, UnitError, UnknownNameError, MissingValueError, ValueOutOfBoundsError.
     """
     read = record(file)
     names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in read.titles]
@@ -219,7 +220,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     return sets
 
 
-def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
+def compared_at_speed(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
     """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
     ValueOutOfBoundsError if there are no measurements at this speed."""
     channels = []
@@ -261,7 +262,7 @@ def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Map
     if axis == "order" and not ((at == np.round(at)) & (at >= 0)).all():
         other = at[(at != np.round(at)) | (at < 0)][0]
         raise ValueOutOfBoundsError(
-            f"data: {file} has the order {other:g}; allowed: whole numbers from 0 on, counted per period"
+            f"data: {file} has the order {other:g}; allowed: whole numbers of at least 0, counted per period"
         )
     if not (speeds > 0).all():
         raise ValueOutOfBoundsError(f"data: {file} has a speed of {speeds.min():g} rad/s; allowed: above 0")

@@ -1,7 +1,7 @@
 """Minimisation of the largest of several values, subject to bounds and equations.
 
 Sequential quadratic programming (D. Kraft, A software package for sequential quadratic programming, DFVLR-FB
-88-28, 1988, in SciPy) on the epigraph: the smallest t that no value exceeds."""
+88-28, 1988, in SciPy) on the epigraph: the smallest t that is not exceeded by any value is sought."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,15 +13,15 @@ from solve.arrays import Array
 from solve.studies.tracked import Tracked
 
 _MAX_ITERATIONS = 60
-"""Most iterations of one round. A choice: rounds of cam and manipulator take 10 to 40."""
+"""Largest number of iterations in a round. A choice: rounds of cam and manipulator take 10 to 40."""
 
 _LINE_SEARCH, _MAX_STALLED = 5, 2
-"""Evaluations of a line search above which it is stalled, and number of stalled line searches after which a
-round ends: then extrema have merged or vanished, or the gain is within the error of the values. Choices."""
+"""Number of evaluations above which a line search is stalled, and number of stalled line searches after which
+a round ends: extrema have then merged or vanished, or the gain is within the error of the values. Choices."""
 
 _CORRECTIONS = 3
-"""Number of corrections after which equations hold to round-off: SLSQP satisfies them to 4 to 6 digits, and
-each correction doubles the number of digits."""
+"""Number of corrections after which equations hold to round-off: SLSQP satisfies the equations to 4 to 6
+digits, and each correction doubles the number of digits."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ def minimised(
     rtol: float,
 ) -> tuple[Array, float]:
     """Variables x (r,) in 0 … 1 that minimise the largest value of the objective, with every element changed
-    by at most `reach`, and the change of the objective relative to its largest modulus. Raises the
-    exceptions of the values."""
+    by at most `reach`, and the change of the objective relative to its largest modulus. Raises the exceptions
+    of the functions that compute the values."""
     from scipy.optimize import minimize
 
     scale = max(float(np.abs(each.values(x)).max()) for each in objective) or 1.0
@@ -74,7 +74,8 @@ def minimised(
 
     largest = max(float(each.values(x).max()) for each in objective) / scale
     start, level = np.append(x, largest), np.append(np.zeros(len(x)), 1.0)
-    # With derivatives of at most 1 at the start, the first step, along the gradient, is not too long.
+    # Values are scaled to derivatives of at most 1 at the start, so that the first step, along the gradient,
+    # is not too long.
     steep = np.abs(slack_slopes(start)).max(axis=0)
     units = 1 / np.maximum(steep, 1.0)
     constraints = [
@@ -108,7 +109,7 @@ def minimised(
 
 def restored(equations: Equations, x: Array) -> Array:
     """Variables x (r,) in 0 … 1 with smaller residuals of the equations, by Gauss-Newton corrections within
-    the bounds. Raises the exceptions of the values."""
+    the bounds. Raises the exceptions of the equations."""
     for _ in range(_CORRECTIONS):
         inner = (x > 0) & (x < 1)
         change = np.linalg.lstsq(equations.slopes(x)[:, inner], equations.residuals(x))[0]

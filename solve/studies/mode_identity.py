@@ -14,8 +14,8 @@ from solve.results.followed_modes import CROSSING, VEERING, Ambiguity, Meeting
 from solve.studies.mode_tracks import Approach, Doubt, Sample, State, Tracks
 
 _COVERED = 0.99
-"""Fraction of each mode that the listed harmonics contain, if there are at most `_MOST_HARMONICS` on either
-side. A choice."""
+"""Fraction of each mode that the listed harmonics contain, unless this requires more than `_MOST_HARMONICS`
+harmonics on either side. A choice."""
 
 _MOST_HARMONICS = 12
 """Maximum number of harmonics on either side of the main one: a choice."""
@@ -24,8 +24,8 @@ _SAME = 1e-6
 """Relative difference between the participations of two harmonics that counts as zero: a choice."""
 
 _LEAST_EXCHANGE = 4.0
-"""Range of values relative to the width of a veering from which the pair is listed: in a wider veering the
-vectors are exchanged only partly. A choice."""
+"""Smallest ratio of the range of values to the width of a veering for which the veering is listed: in a wider
+veering the vectors are exchanged only in part. A choice."""
 
 
 class Identities(NamedTuple):
@@ -148,8 +148,8 @@ def _every_harmonic(modes: ModeVectors) -> Array:
 
 
 def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[Array, Array]:
-    """One track of each conjugate pair, and the exponents (S, T). Of two tracks, the one with the less damped
-    real multiplier, or with positive mean imaginary part, is selected."""
+    """One track of each conjugate pair, and the exponents (S, T). Of two conjugate tracks, the one with
+    positive mean imaginary part is selected, or the less damped one if the multipliers are real."""
     partners, columns = path.partners(), exponents.copy()
     tracks = [track for track in range(exponents.shape[1]) if twins.get(track, track) >= track]
     for track in tracks:
@@ -195,7 +195,8 @@ def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str
 
 
 def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[Ambiguity]:
-    """Ambiguities in ascending order. Those of the same pair and kind are joined where their ranges touch."""
+    """Ambiguities in ascending order. Ambiguities of the same pair and kind are joined where their ranges
+    touch."""
     ambiguities = set()
     for doubt in doubts:
         pair = _pair(label_of, doubt)

@@ -14,7 +14,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.mode_vectors import SURE, ModeVectors
-from solve.period.overlaps import Meetings, Overlaps, meetings
+from solve.period.overlaps import CoupledPairs, Overlaps, exceptional_points
 from solve.results.followed_modes import CLOSE, LOCKED
 
 _ACCEPTED = 0.8
@@ -26,18 +26,18 @@ _CLEAR = 0.5
 the vectors change gradually within the segment: they rotate by less than 45° (tan 2θ = 1 / (2 · 0.5))."""
 
 _FEWEST_LEVELS, _MOST_LEVELS = 1, 36
-"""Bisections of an interval: at least one, so that no assignment relies on two samples alone; at most a
-number after which the interval is still larger than the round-off of the parameter."""
+"""Smallest and largest number of bisections of an interval. With one bisection no assignment relies on two
+samples alone; after the largest number the interval is still longer than the round-off of the parameter."""
 
 _REAL = 0.05
 """Imaginary part of two exceptional points, relative to their distance, up to which the points count as real:
 between two real points the exponents of the pair are locked. A choice."""
 
 _WIDE, _FEWEST_LOCKED = 0.5, 4
-"""Distance of two real exceptional points relative to the step, and bisections, from which a pair is locked.
-Vectors that rotate with the parameter without coupling show an apparent coupling that decreases with the
-square of the step; the distance between the two exceptional points that it produces decreases in proportion
-to the step."""
+"""Smallest distance between two real exceptional points, relative to the step, and smallest number of
+bisections, with which a pair counts as locked. Vectors that rotate with the parameter without coupling show
+an apparent coupling that decreases with the square of the step; the distance between the two exceptional
+points that it produces decreases in proportion to the step."""
 
 
 _NEAR, _NARROW = 1.0, 0.1
@@ -47,7 +47,7 @@ Choices."""
 
 
 _TIE = 0.01
-"""Weight of the overlap with the last sample, which decides between equal overlaps with an earlier one. A
+"""Weight of the overlap with the last sample. It decides between equal overlaps with an earlier sample. A
 choice."""
 
 _FARTHEST = 8.0
@@ -102,7 +102,7 @@ class Tracks:
     doubts, approaches : list
         Undetermined identities, and approaches of coupled modes.
     base : int
-        Position of the sample with which the next one is compared.
+        Index of the sample with which the next sample is compared.
     held : dict
         Tracks that are compared with an earlier sample, at the position given.
     twins : dict
@@ -112,7 +112,7 @@ class Tracks:
     budget : int
         Number of samples that may still be added.
     exhausted : float or None
-        Value from which on samples were required but not added, as the budget was spent.
+        Value from which on required samples were not added because the budget was exhausted.
     """
 
     solve: Callable[[float], ModeVectors | None]
@@ -185,7 +185,7 @@ class Step:
         for track, at in tracks.held.items():
             earlier = Overlaps.of(tracks.samples[at].modes, self.sample.modes).products
             modes[track], shifts[track] = (values[track] for values in tracks.states[at])
-            # The last sample decides where the earlier one does not.
+            # The last sample decides between modes that overlap equally with the earlier sample.
             products[track] = earlier[modes[track]] + _TIE * products[track]
         return State(modes, shifts), products
 
@@ -220,34 +220,34 @@ class Step:
         return np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
 
     @cached_property
-    def meetings(self) -> Meetings:
+    def pairs(self) -> CoupledPairs:
         """Exceptional points between the compared tracks."""
         at, base = self.compared, self.tracks.states[self.tracks.base]
         places, points = (base.modes[at], self.modes[at]), (self.before.modes, self.sample.modes)
         shifts = self.references.shifts + self.shifts - base.shifts
-        return meetings(self.overlaps, points, places, shifts[at], self.noise[at])
+        return exceptional_points(self.overlaps, points, places, shifts[at], self.noise[at])
 
     @cached_property
     def twins(self) -> Array:
-        """Whether pairs (r,) of the meetings are a mode and its conjugate."""
-        first, second = (self.compared[each] for each in (self.meetings.first, self.meetings.second))
+        """Whether pairs (r,) of `pairs` are a mode and its conjugate."""
+        first, second = (self.compared[each] for each in (self.pairs.first, self.pairs.second))
         pairs = zip(first.tolist(), second.tolist(), strict=True)
         return np.array([self.tracks.twins.get(one) == other for one, other in pairs], dtype=bool)
 
     @cached_property
     def close(self) -> Array:
         """Mask (r, S) of the pairs and shifts of coupled tracks with exceptional points near the segment."""
-        meetings = self.meetings
+        pairs = self.pairs
         modes = self.tracks.states[self.tracks.base].modes[self.compared]
-        is_separate = ~self.before.modes.coincident[modes[meetings.first], modes[meetings.second]]
+        is_separate = ~self.before.modes.coincident[modes[pairs.first], modes[pairs.second]]
         is_held = np.isin(self.compared, list(self.tracks.held))
-        is_open = is_separate & ~self.twins & ~(is_held[meetings.first] & is_held[meetings.second])
-        return meetings.coupled & (meetings.distance < _CLEAR) & is_open[:, None]
+        is_open = is_separate & ~self.twins & ~(is_held[pairs.first] & is_held[pairs.second])
+        return pairs.coupled & (pairs.distance < _CLEAR) & is_open[:, None]
 
     @cached_property
     def locked(self) -> Array:
         """Mask (r, S) of the pairs and shifts in `close` whose exceptional points are real."""
-        roots = self.meetings.roots
+        roots = self.pairs.roots
         with np.errstate(invalid="ignore"):
             separation = np.abs(np.real(roots[0] - roots[1]))
         is_real = np.abs(np.imag(roots)).max(axis=0) <= _REAL * separation
@@ -272,11 +272,11 @@ class Step:
 
     def _pairs(self, flags: Array) -> list[tuple[int, int]]:
         rows = np.flatnonzero(flags.any(axis=1))
-        first, second = (self.compared[each[rows]] for each in (self.meetings.first, self.meetings.second))
+        first, second = (self.compared[each[rows]] for each in (self.pairs.first, self.pairs.second))
         return [*zip(first.tolist(), second.tolist(), strict=True)]
 
     def _rival(self, track: int) -> int:
-        """Other track with the largest overlap with this track's mode."""
+        """Other track that has the largest overlap with the mode of this track."""
         overlap = self.products[:, self.modes[track]].copy()
         overlap[track] = -1.0
         return int(overlap.argmax())
@@ -298,9 +298,9 @@ class Step:
             tracks.base = here
 
     def _hold(self) -> None:
-        """Compare tracks with an earlier sample while their eigenvectors are mixed: those of locked pairs,
-        and of modes near a resonance with their own conjugate."""
-        tracks, found = self.tracks, self.meetings
+        """Compare tracks with an earlier sample while their eigenvectors are mixed: tracks of locked pairs,
+        and of modes near a resonance with their own conjugates."""
+        tracks, found = self.tracks, self.pairs
         width = np.abs(found.roots[0] - found.roots[1]) / 2
         is_near = found.coupled & (found.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
         near = {track for pair in self._pairs(is_near & self.twins[:, None]) for track in pair}
@@ -343,13 +343,13 @@ class Step:
 
     def _note_approaches(self) -> None:
         """Record the exceptional points of coupled pairs whose middle lies in this step."""
-        meetings, width = self.meetings, self.sample.x - self.before.x
-        middle = np.real(meetings.roots).mean(axis=0)
-        is_near = meetings.coupled & (middle >= 0) & (middle < 1) & (meetings.distance < _FARTHEST)
+        pairs, width = self.pairs, self.sample.x - self.before.x
+        middle = np.real(pairs.roots).mean(axis=0)
+        is_near = pairs.coupled & (middle >= 0) & (middle < 1) & (pairs.distance < _FARTHEST)
         for row, column in np.argwhere(is_near).tolist():
-            first, second = (self.before.x + width * complex(root) for root in meetings.roots[:, row, column])
-            pair = sorted((int(self.compared[meetings.first[row]]), int(self.compared[meetings.second[row]])))
-            gap = float(meetings.gap[row, column])
+            first, second = (self.before.x + width * complex(root) for root in pairs.roots[:, row, column])
+            pair = sorted((int(self.compared[pairs.first[row]]), int(self.compared[pairs.second[row]])))
+            gap = float(pairs.gap[row, column])
             self.tracks.approaches.append(Approach(pair[0], pair[1], (first, second), gap))
 
 

@@ -20,7 +20,7 @@ from solve.system import multiplier_count
 from solve.terminal import progress
 
 _ON_A_LINE = 1e-9
-"""Distance from a line, relative to the ranges, within which a point is on it: round-off."""
+"""Distance, relative to the ranges, up to which a point counts as lying on a line: round-off. A choice."""
 
 
 def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> PointResults:
@@ -76,8 +76,8 @@ def _solve(
 
 
 def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]) -> NonlinearOrbit:
-    """Orbit started from the nearest solved point. If there is no such point, or if no orbit or an unstable
-    one is found, the strategies of `solve.nonlinear` are used."""
+    """Orbit started from the nearest solved point. If there is no such point, or if the orbit found is
+    unstable or none is found, the strategies of `solve.nonlinear` are used."""
     system, speed = task.family.system(points[at])
     request = task.request
     settings = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}

@@ -1,5 +1,5 @@
 """Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds
-with exact derivatives, where error estimates count to the disadvantage of the design."""
+with exact derivatives, where error estimates are counted against the design."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -30,7 +30,7 @@ from solve.terminal import progress
 from solve.units import speeds_given
 
 Objective = str | Callable[[Sequence[Orbit]], float]
-"""Quantity by name, or a function of the orbits at all speeds."""
+"""Type of objectives: a quantity by name, or a function of the orbits at all speeds."""
 
 _CURVE_PHASES = 721
 """Number of phases of the stored curves: every half degree of a revolution."""
@@ -59,20 +59,20 @@ def optimise(
         System with derivatives with respect to the free parameters, such as the gains of a feedback.
     minimise : str or callable
         Quantity such as "q3.max_abs", "shaft_torque.rms" or "spectral_radius"; or a function of the sequence
-        of orbits at the speeds, which is differentiated by differences.
+        of orbits at the speeds, which is differentiated by finite differences.
     free : mapping
-        Lower and upper bound of each free parameter by name, in the model's units or as texts with unit. The
-        parameters of the model are the start.
+        Lower and upper bounds of each free parameter by name, in the model's units or as texts with unit. The
+        search starts from the parameters of the model.
     speeds : float, str or sequence, optional
         Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm", a range in which speeds between
-        those given are checked too; by default the speed of the case.
+        the given ones are checked too; by default the speed of the case.
     keep : sequence of str
         Quantities that do not change: a figure such as "lift.range" or "lift.max", or a curve such as
         "lift@80:100 deg"; with a tolerance as in "lift.range within 0.1 mm".
     subject : sequence of str
         Bounds of quantities at every speed, such as "contact_force.min > 0" or "spectral_radius < 0.9".
     starts : int
-        Number of starts: the model's parameters, and random ones within the bounds.
+        Number of starts: the parameters of the model, and random values within the bounds.
     method : str or Method
         "radau", "gauss" or "auto".
     rtol : float
@@ -82,7 +82,7 @@ def optimise(
     robust : float or str, optional
         Minimise the mean plus this many standard deviations of the quantity, or its quantile for a text such
         as "95 %", over machines whose parameters deviate by the tolerances of the case and those of `vary`.
-        Their widths are those at the start.
+        The widths of the deviations are those at the start.
     vary : mapping of str to str, optional
         Tolerance or distribution by parameter, as in `tolerances`.
 
@@ -100,9 +100,9 @@ def optimise(
 
     Notes
     -----
-    Every local extremum that may be the largest is a constraint of the epigraph. The spectral radius with its
-    error stays below 1 at every speed; on the unit circle, for a model without damping. The optimum is a
-    local one.
+    Every local extremum that may be the largest is a constraint of the epigraph. The spectral radius plus its
+    error stays below 1 at every speed, or equals 1 within its error for a model without damping. The optimum
+    is a local one.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def optimise(
     require_integer("starts", starts)
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
-        raise ValueOutOfBoundsError(f"method is {rule.name}; an optimum takes radau, gauss, or auto")
+        raise ValueOutOfBoundsError(f"method is {rule.name}; allowed for an optimum: radau, gauss, auto")
     given = speeds_given(speed_or_usual(model, None) if speeds is None else speeds)
     is_range = isinstance(speeds, str) and speeds.count(":") == 2
     model = shown_in(model, given[0])
@@ -145,25 +145,28 @@ def _machines(
     """Deviating machines of a robust objective; none without one. Raises SolveError subclasses."""
     if statistic is None:
         if vary:
-            raise ValueOutOfBoundsError("vary is given without robust; give robust=3, or leave vary out")
+            raise ValueOutOfBoundsError(
+                "vary requires robust; add robust, such as robust=3, or leave out vary"
+            )
         return []
     if is_range or not isinstance(objective, Named):
         raise ValueOutOfBoundsError(
-            "a robust optimum takes a quantity by name and a list of speeds, such as '100 200 300 rpm'"
+            "robust requires a quantity by name and a list of speeds, such as '100 200 300 rpm', instead of "
+            "a function or a range"
         )
     if not isinstance(design.model, Model):
         raise ValueOutOfBoundsError(
-            f"a robust optimum takes a model, not {design.model.labels.name}; leave robust out"
+            f"robust requires a model; {design.model.labels.name} is none; leave out robust"
         )
     return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 
 
 def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Array]:
-    """Names, lower and upper bounds (r,) of the free parameters. Raises UnknownNameError,
+    """Names, lower bounds (r,) and upper bounds (r,) of the free parameters. Raises UnknownNameError,
     ValueOutOfBoundsError, UnitError, NoDerivativeError."""
     names = unique_names(free)
     if not names:
-        raise ValueOutOfBoundsError("no parameter is free; give names with bounds, such as k1=4e4:1e5")
+        raise ValueOutOfBoundsError("free is empty; give parameters with bounds, such as k1=4e4:1e5")
     ends = []
     for name in names:
         ends.append(bounds_in_own_unit(model, name, free[name]))
@@ -220,7 +223,7 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
 
 
 def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any], list[str]]:
-    """Objective and verdicts of nonlinear orbits, and proved verdicts; also sentences on results that are not
+    """Objective and verdicts of nonlinear orbits, proved verdicts, and sentences on results that are not
     confirmed."""
     design, model = search.design, search.design.varied(best.x)
     confirmed: dict[str, Any] = {}

@@ -27,29 +27,32 @@ ROUNDS = "rounds"
 """Name of the unit in progress reports."""
 
 _MAX_ROUNDS = 30
-"""Most rounds, each of which follows the extrema that lead at its start. A choice: cam and manipulator take
-up to 8."""
+"""Largest number of rounds, each of which follows the extrema that are largest at its start. A choice: cam
+and manipulator take up to 8."""
 
 _SHRINKING, _SMALLEST_REACH = 4.0, 1e-6
-"""Reduction of the largest change of x after a round that gained nothing, and its limit. Choices."""
+"""Factor by which the largest change of x is reduced after a round without gain, and lower limit of this
+change. Choices."""
 
 _STATIONARY = 100.0
-"""Change of the objective in a round, relative and in units of rtol, below which the search ends. With 10 the
-errors of the orbits, which differ from grid to grid, prevent the end for some optima of the manipulator."""
+"""Relative change of the objective in a round, in units of rtol, below which the search ends. With 10, the
+search does not end for some optima of the manipulator, because the errors of the orbits differ between
+grids."""
 
 _VIOLATION = 1e-7
-"""Violation of a bound, relative to its scale, that counts as none. A choice."""
+"""Largest violation of a bound, relative to its scale, with which the bound counts as satisfied. A choice."""
 
 _BETWEEN, _MAX_ADDED = 4, 10
-"""Parts of each interval of speeds, at whose ends the optimum of a range is checked, and most rounds in which
-speeds are added. Choices."""
+"""Number of parts of each interval of speeds at whose ends the optimum of a range is checked, and largest
+number of rounds in which speeds are added. Choices."""
 
 _NEARLY = 0.01
-"""Distance below the largest value, relative to it, from which on a maximum between speeds is refined. A
+"""Largest relative difference from the largest value with which a maximum between speeds is refined. A
 choice."""
 
 _SPEED_TOLERANCE = 1e-5
-"""Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
+"""Relative tolerance of a refined speed. A choice: the value at a maximum changes by the square of the speed
+error."""
 
 _RADIUS = Named(RADIUS, "1", RADIUS)
 
@@ -79,8 +82,8 @@ class State:
 class Search:
     """Search for the optimum of a quantity, or of a function of the orbits at all speeds.
 
-    machines, statistic: deviating machines of a robust objective, and what it is of their values.
-    limit: of the spectral radius. failures: reasons of trials without a solution.
+    machines, statistic: deviating machines of a robust objective, and the statistic of their values that is
+    minimised. limit: limit of the spectral radius. failures: reasons of trials without a solution.
     """
 
     design: Design
@@ -93,7 +96,7 @@ class Search:
 
     def __post_init__(self) -> None:
         verdicts = {point.solved.verdict for point in self.design.points(self.design.start)}
-        # Without damping, multipliers remain on the unit circle.
+        # Without damping, all multipliers remain on the unit circle.
         self.limit = 1 + KNOWN_ON_CIRCLE if verdicts == {"stable"} else 1 - UNIT_CIRCLE
         self.kept_values = KeptValues(self.design, self.kept)
         self._evaluate_kept()
@@ -117,7 +120,7 @@ class Search:
         return best
 
     def over_range(self, state: State) -> tuple[State, list[str]]:
-        """Optimum after insertion of speeds at which values between the given speeds are worse, and reasons
+        """Optimum after insertion of speeds, between the given ones, at which values are worse; and reasons
         for doubt."""
         for _ in range(_MAX_ADDED):
             added = self._worse_between(state)
@@ -144,7 +147,8 @@ class Search:
         return np.full(len(points), Function(self.design, self.minimise).of(points))
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
-        """Objective (k,) at each speed, with the deviations of a robust one; points: the solutions at x."""
+        """Objective (k,) at each speed, over the deviating machines if it is robust. points: the solutions at
+        x."""
         if self.statistic is None:
             return self.values(points)
         return np.concatenate([each.values(x) for each in self._objective(x)])
@@ -171,7 +175,7 @@ class Search:
     def _state(self, x: Array) -> State:
         points = self.design.points(x)
         violations = [violation for _, violation in self._bounded(points)]
-        # Twice what is allowed violates a kept quantity as much as 1e-7 a bound.
+        # Twice the allowed change of a kept quantity counts as a violation of a bound by 1e-7.
         violations += [
             _VIOLATION * (change / allowed - 1) for _, change, allowed in self.kept_values.changes(points)
         ]
@@ -201,7 +205,7 @@ class Search:
         return state
 
     def _round(self, x: Array, reach: float) -> tuple[Array, float]:
-        """Optimum near x of those extrema that are largest near x, and the relative change of the
+        """Optimum near x, for the extrema that are largest near x, and the relative change of the
         objective."""
         design, limits = self.design, [*self.kept_limits]
         for at, point in enumerate(design.points(x)):

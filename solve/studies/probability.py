@@ -1,8 +1,8 @@
 """Probabilities of events of standard normal variables z, with confidence intervals.
 
-Rare events are sampled about the points of the events nearest to z = 0, which the gradient finds. Samples of
-all centres are weighted with the density of their mixture (E. Veach, L. J. Guibas, SIGGRAPH 1995, 419-428),
-so that no weight exceeds one over the fraction of samples about 0.
+Rare events are sampled about the points of the events nearest to z = 0, which the gradient finds. Samples
+about all centres are weighted with the density of the mixture (E. Veach, L. J. Guibas, SIGGRAPH 1995,
+419-428), so that no weight exceeds the inverse of the fraction of samples about 0.
 """
 
 import math
@@ -17,25 +17,28 @@ from solve.errors import SolveError
 from solve.results.tolerances import Probability
 
 Gradient = Callable[[Array], tuple[float, Array]]
-"""Margin of an event at z (r,), positive where it occurs, and its derivatives (r,)."""
+"""Type of functions that return the margin of an event at z (r,), positive where the event occurs, and its
+derivatives (r,)."""
 
 QUANTILE = 1.959963984540054
 """Quantile of the normal distribution for intervals of 95 %."""
 
 SEARCH_SPREAD = 2.5
-"""Standard deviation of the samples that search for events. A choice: an event at a distance of 4.3, of
-probability 1e-5, then is found by one sample in 23."""
+"""Standard deviation of the samples that search for events. A choice: an event at a distance of 4.3, with
+probability 1e-5, is then found by one sample in 23."""
 
 _PLAIN, _WIDE = 0.3, 0.2
-"""Fractions of samples about 0, and of wide samples about 0, among those of a mixture. Choices: intervals of
-events that surround 0 in three dimensions then cover the truth as often as others."""
+"""Fractions of the samples of a mixture that are drawn about 0 with unit and with wide spread. Choices: with
+them, intervals for events that surround 0 in three dimensions contain the true value as often as other
+intervals."""
 
 _STEPS, _STEP_END, _FARTHEST = 12, 0.02, 8.0
-"""Most Newton steps to the nearest point of an event, the change of z at which they end, and its largest
-modulus, of probability 6e-16. Choices."""
+"""Largest number of Newton steps to the nearest point of an event, change of z below which they end, and
+largest modulus of z, with probability 6e-16. Choices."""
 
 _COVERED = 1.0
-"""Distance before the tangent plane through a centre up to which events belong to this centre. A choice."""
+"""Distance from the tangent plane through a centre, on the side of 0, up to which events belong to this
+centre. A choice."""
 
 
 class Mixture(NamedTuple):
@@ -74,8 +77,8 @@ class Mixture(NamedTuple):
         return self.counts.sum() / density
 
     def probability(self, weights: Array, events: Array, undetermined: Array, failed: Array) -> Probability:
-        """Probability of an event (P,) with Wilson's interval. Samples that are undetermined or failed count
-        in its upper end, not in its lower end."""
+        """Probability of an event (P,) with Wilson's interval. Undetermined and failed samples are included
+        in the upper end of the interval, but not in the lower end."""
         value, low, _ = self._interval(weights * events)
         _, _, high = self._interval(weights * (events | undetermined | failed))
         counts = (int(np.count_nonzero(each)) for each in (events, undetermined, failed))
@@ -103,12 +106,12 @@ def normal_variables(cube: Array) -> Array:
 
 
 def centres_of(gradient: Gradient, found: Array, most: int) -> list[Array]:
-    """Points of an event nearest to z = 0, at most `most`: one reached from 0, and one for each separate
+    """Points of an event nearest to z = 0, at most `most`: the one reached from 0, and one for each separate
     group of the events `found` (k, r)."""
     starts, centres = [np.zeros(found.shape[1])], []
     with suppress(SolveError):
         if gradient(starts[0])[0] > 0:
-            # About 0 the event is frequent.
+            # If the event includes 0, it is frequent.
             return []
     left = found[np.argsort((found**2).sum(axis=1))]
     while starts and len(centres) < most:
@@ -119,7 +122,7 @@ def centres_of(gradient: Gradient, found: Array, most: int) -> list[Array]:
             centres.append(centre)
             size = float(np.linalg.norm(centre))
             left = left[left @ centre < size * (size - _COVERED)]
-        # An event that no centre covers is the start of the next search.
+        # The next search starts from an event that no centre covers.
         starts, left = list(left[:1]), left[1:]
     return centres
 

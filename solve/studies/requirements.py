@@ -25,10 +25,10 @@ RANGE = "range"
 
 _RELATION = re.compile(r"\s*(\S+?)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
 _CURVE_PHASES = 33
-"""Number of phases at which a curve is kept: Chebyshev points of the interval."""
+"""Number of phases, the Chebyshev points of the interval, at which a curve is kept. A choice."""
 
 _TOLERANCE = 1e-9
-"""Largest change of a kept quantity without a stated tolerance, relative to its largest modulus."""
+"""Largest change of a kept quantity without a stated tolerance, relative to its largest modulus. A choice."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,9 @@ class Bound:
 
 @dataclass(frozen=True)
 class Kept:
-    """Statistic of a quantity, or with phases (k,) its curve at these phases, that an optimum must not
-    change.
-
-    figures: the names of statistics, the first minus the second. tolerance: largest change in the SI unit;
-    None for a change that counts as none.
+    """Statistic of a quantity, or its curve at given phases (k,), that an optimum must not change. figures:
+    name of the statistic, or two names for the difference between two statistics. tolerance: largest change
+    in the SI unit; None if no tolerance is stated.
     """
 
     text: str
@@ -118,7 +116,7 @@ def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:
 
 
 def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
-    """Kept quantities of texts; see `Kept.of`."""
+    """Kept quantities from texts; see `Kept.of`."""
     return [Kept.of(system, text) for text in unique_names(texts)]
 
 

@@ -39,7 +39,8 @@ for a maximum of the spectral radius, which is narrower; and the excess over the
 label counts as equally good. Choices."""
 
 _ORDER_PENALTY = 0.1
-"""Addition to the sum for each order above the first, since higher orders are weaker. A choice."""
+"""Penalty that is added to the sum for each order above the first, because resonances of higher order are
+weaker. A choice."""
 
 _SAME_SPEED = 1e-3
 """Relative difference of speeds up to which maxima of the real part and of the modulus of a multiplier
@@ -74,11 +75,11 @@ class MultiplierMatcher:
     """Matching of multipliers to modes at a speed (rad/s). rho (2n,): multipliers; ratios (n,): ascending
     ratios of mean natural frequencies to the speed.
 
-    Multipliers are matched to modes in pairs: conjugate ones, and real ones of one sign, of which only the
-    product identifies the mode. The pair of a mode has the angle ω̄T, up to full turns and the sign, and
-    decays by δT. All pairs are matched at once by the least sum of the squared differences, each over what is
-    allowed. Pairs with the same angle may exchange energy; their decay may then differ from that of the mode
-    by as much as from the mean of theirs.
+    Multipliers are matched to modes in pairs: conjugate multipliers, and real multipliers of equal sign, of
+    which only the product identifies the mode. The pair of a mode has the angle ω̄T, up to sign and multiples
+    of 2π, and the logarithmic decrement δT. All pairs are matched together such that the sum of the squared
+    differences, each relative to its allowed value, is smallest. Pairs with the same angle may exchange
+    energy. Their decay may then differ from that of the mode by as much as from the mean of the pairs.
     """
 
     system: PeriodicSystem
@@ -215,10 +216,10 @@ class MultiplierMatcher:
     def label_real_part(self, maximum: Maximum, multiplier: int, orders: int, unstable: bool) -> Label:
         """Label of a maximum of the real part of the multiplier with index `multiplier`.
 
-        An order of its mode explains it where the multiplier passes +1, except for the angle arctan(δ/ω):
-        there exp(-δT) cos ωT is largest. Elsewhere, and where the motion is unstable, a combination does if
-        the multiplier of another mode has the same angle and the sum or difference of the frozen frequencies
-        is near an order.
+        Where the multiplier passes +1, up to the angle arctan(δ/ω) at which exp(-δT) cos ωT is largest, the
+        maximum is attributed to an order of the multiplier's mode. Elsewhere, and where the motion is
+        unstable, it is attributed to a combination if the multiplier of another mode has the same angle and
+        the sum or difference of the frozen frequencies is near an order.
         """
         rho = self.rho[multiplier]
         if rho == 0:
@@ -240,11 +241,9 @@ class MultiplierMatcher:
 def assign(
     rows: list[Critical], labels: list[Label], frequencies: MeanFrequencies, column: str
 ) -> list[Critical]:
-    """Rows with maxima inserted in a column, the highest first, each in the row of its nearest division that
-    fits.
-
-    If no division explains a maximum, or if the frozen frequencies are imaginary there, it gets a row of its
-    own or that of the same combination.
+    """Rows with maxima inserted in a column, the highest first, each in the row of the nearest division that
+    fits. A maximum that no division explains, or at which the frozen frequencies are imaginary, is inserted
+    in the row of the same combination or in a new row.
     """
     rows = list(rows)
     for label in sorted(labels, key=lambda label: -label.maximum.height):
@@ -295,8 +294,8 @@ def _label(maximum: Maximum, fits: list[Fit]) -> Label:
 
 
 def _plausible(fits: list[Fit], penalty: float = 0.0) -> list[Fit]:
-    """Combinations with a small misfit, the best first, without those that are clearly worse than another
-    one. penalty: added to the misfit for each order above the first."""
+    """Combinations with a small misfit, the best first, without combinations that are clearly worse than
+    another. penalty: added to the misfit for each order above the first."""
 
     def rank(fit: Fit) -> float:
         return fit[0] + penalty * (fit[1].order - 1)

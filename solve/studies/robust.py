@@ -1,8 +1,8 @@
 """Robust objectives: statistics of a quantity over machines whose parameters deviate, with exact
 derivatives.
 
-The deviations are the same for every design, so that the objective is a smooth function of the design, or for
-quantiles a continuous one.
+The deviations are the same for every design, so that the objective is a smooth function of the design, or a
+continuous one for quantiles.
 """
 
 import math
@@ -21,12 +21,13 @@ from solve.studies.probability import normal_variables
 from solve.studies.tracked import leading, tracked
 
 _MACHINES, _BEYOND = 16, 2
-"""Least number of machines, and least number of them beyond a quantile. Numbers are powers of two, for a
-Sobol sequence. Choices: mean and deviation of an oscillator then agree with integrals to 2 %; quantiles of
-90, 95 and 99 %, from 32, 64 and 256 machines with one to five varied parameters, to 1 to 4 %."""
+"""Smallest number of machines, and smallest number of machines beyond a quantile. Numbers are powers of two,
+for a Sobol sequence. Choices. Measured for an oscillator: mean and deviation agree with integrals to 2 %;
+quantiles of 90, 95 and 99 %, from 32, 64 and 256 machines with one to five varied parameters, agree to 1 to 4
+%."""
 
 _EXTREME = 0.01
-"""Smallest distance of a quantile from 0 and 1: it then takes 256 machines. A choice."""
+"""Smallest distance of a quantile from 0 and 1, for which 256 machines are required. A choice."""
 
 
 class Statistic(NamedTuple):
@@ -70,12 +71,13 @@ class Statistic(NamedTuple):
         return max(_MACHINES, 2 ** math.ceil(math.log2(needed)))
 
     def weights(self, values: Array) -> Array:
-        """Derivatives (s,) of the statistic with respect to values (s,). Multiplied by the values they give
-        the statistic, which is homogeneous."""
+        """Derivatives (s,) of the statistic with respect to values (s,). Their scalar product with the values
+        is the statistic, which is homogeneous."""
         count = len(values)
         weights = np.zeros(count)
         if self.is_quantile:
-            # Linear between the sorted values, of which value i is the quantile of (i - 1/2) / s (Hazen).
+            # Quantiles are interpolated linearly between the sorted values, of which value i is the quantile
+            # of (i - 1/2) / s (Hazen).
             place = min(max(self.amount * count - 0.5, 0.0), count - 1.0)
             below, order = min(int(place), count - 2), np.argsort(values, kind="stable")
             weights[order[below : below + 2]] = below + 1 - place, place - below
@@ -108,8 +110,8 @@ class Robust:
 
 
 def deviating(design: Design, spreads: Mapping[str, Spread], count: int) -> list[Design]:
-    """A number of machines of a design, a power of two, whose parameters deviate from it as the spreads from
-    the model's numbers."""
+    """Machines of a design, `count` in number (a power of two), whose parameters deviate from those of the
+    design as the spreads deviate from the values of the model."""
     from scipy.stats.qmc import Sobol
 
     cube = Sobol(len(spreads), rng=np.random.default_rng(0)).random(count)
@@ -127,7 +129,7 @@ def deviating(design: Design, spreads: Mapping[str, Spread], count: int) -> list
         )
         model = design.model.varied(others) if others else design.model
         ends = design.low + shift, design.high + shift
-        # The list of speeds is shared.
+        # All machines share the list of speeds.
         rest = design.speeds, design.method, design.rtol, design.orbits
         machines.append(Design(model, design.names, *ends, *rest))
     return machines

@@ -57,7 +57,8 @@ _STEP_REDUCTION = 8.0
 """Reduction of the step for a narrower maximum. A choice."""
 
 _NEWTON_STEPS = 3
-"""Newton corrections of a speed that is known to a tolerance. A choice: each doubles the digits."""
+"""Number of Newton corrections of a speed that is accurate to a tolerance. A choice: each correction doubles
+the number of accurate digits."""
 
 
 @of_system
@@ -88,7 +89,7 @@ def sensitivities_over(
     Returns
     -------
     SensitivitiesOver
-        Speeds without a solution are NaN with the reason.
+        Derivatives at each speed; NaN with the reason at speeds without a solution.
 
     Raises
     ------
@@ -144,7 +145,7 @@ def speed_sensitivities(
     found : Bands or CriticalSpeeds
         Result of `solve.bands` or `solve.critical_speeds`.
     by : sequence of str, optional
-        Names of parameters, by default all by which there are derivatives.
+        Names of parameters, by default all parameters with respect to which derivatives are available.
     method : str or Method
         "radau", "gauss" or "auto".
     rtol : float
@@ -155,7 +156,7 @@ def speed_sensitivities(
     Sensitivities
         Quantities are "band1.from", "band1.to", …, with the bands in ascending order, and "response1",
         "multiplier1", "radius1", …, with the critical speeds in descending order. Edges at the ends of the
-        range and integer divisions are left out. Speeds without derivatives have NaN and the reason.
+        range and integer divisions are omitted. Speeds without derivatives have NaN and the reason.
 
     Raises
     ------
@@ -166,8 +167,9 @@ def speed_sensitivities(
 
     Notes
     -----
-    At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the derivative
-    g by the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact derivatives.
+    At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the derivative g
+    with respect to the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact
+    derivatives.
     """
     system = found.system
     names = moving_parameters(system, by)
@@ -176,15 +178,16 @@ def speed_sensitivities(
         return sensitivities(system, speed, of, [*names, SPEED], method, rtol=rtol).found[of]
 
     is_bands = isinstance(found, Bands)
-    places = _edges(found) if is_bands else _maxima(found)
+    marked_speeds = _edges(found) if is_bands else _maxima(found)
     differentiate = _of_edge if is_bands else _of_maximum
-    if not places:
+    if not marked_speeds:
         raise NoResultError(
-            f"{system.labels.name} has no edge or maximum between these speeds; give other speeds"
+            f"{system.labels.name} has no {'edge of an unstable range' if is_bands else 'maximum'} between "
+            "these speeds; give other speeds"
         )
     by_name = {}
-    with progress.task("speeds", len(places)):
-        for name, of, speed in places:
+    with progress.task("speeds", len(marked_speeds)):
+        for name, of, speed in marked_speeds:
             with progress.subtask("speeds"):
                 sensitivity = (
                     differentiate(of, speed, derivatives) if of else _none(speed, len(names), _UNBOUNDED)
@@ -204,8 +207,8 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
     _, differentiable = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in differentiable:
         raise ValueOutOfBoundsError(
-            "by is speed, but the quantities to differentiate are themselves speeds; give parameters, such "
-            "as 'k1', or leave by out"
+            "'by' contains speed, but the quantities to differentiate are themselves speeds; give "
+            "parameters, such as 'k1', or leave out 'by'"
         )
     return [name for name in differentiable if name != SPEED]
 
@@ -268,7 +271,7 @@ def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
 
 
 def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
-    # The differences below share all but one of their steps.
+    # The differences below use all but one of their points in common.
     @functools.cache
     def gradient(omega: float) -> Array:
         return derivatives(of, omega).derivatives

@@ -15,30 +15,31 @@ from solve.units import ShownUnit
 
 LIGHTLY_DAMPED = 0.5
 """Modulus of the largest multiplier above which instability is searched for between stable speeds. A choice:
-to make a motion with stronger damping unstable, a parametric resonance must double the amplitude in a
-period."""
+with stronger damping, only a parametric resonance that doubles the amplitude in a period causes
+instability."""
 
 _INTERVALS = 40
 """Number of intervals of the speed range at whose ends the existence of matrices is tested. A choice."""
 
 _PHASES = 16
-"""Phases at which the frozen matrices give the rotation rate of the multipliers. A choice."""
+"""Number of phases at which the rotation rate of the multipliers is computed from frozen matrices. A
+choice."""
 
 _DAMPED_OUT = 1e-2
-"""Modulus of a multiplier of the frozen matrices below which its mode is ignored: it cannot become
-unstable without a parametric excitation that grows a hundredfold in a period."""
+"""Modulus of a multiplier of the frozen matrices below which its mode is ignored: it can become unstable only
+by a parametric resonance that increases the amplitude a hundredfold in a period. A choice."""
 
 _HALVINGS = 20
 """Maximum number of halvings of an interval in which two pairs of multipliers may pass +1 or -1. A bound on
 the work, and a choice."""
 
 _NEIGHBOURHOOD, _COINCIDENT = 0.5, 1e-4
-"""Largest distance from +1 or -1 at which a pair of multipliers may pass it before the next speed; difference
-of two such distances below which both pairs count as one. Choices."""
+"""Largest distance from +1 or -1 at which a pair of multipliers may pass this point before the next speed;
+difference between two such distances below which both pairs count as one. Choices."""
 
 Rotation = Callable[[Array], Array]
-"""Angle by which the fastest relevant multiplier rotates per unit of 1/Ω at speeds (k,): its frequency times
-the period in phase."""
+"""Type of functions of speeds (k,) that return the angle by which the fastest relevant multiplier rotates per
+unit of 1/Ω: its frequency times the period in phase."""
 
 
 def no_rotation(speeds: Array) -> Array:
@@ -51,8 +52,8 @@ def multiplier_rotation(
 ) -> Rotation:
     """Rotation from the matrices frozen at several phases and at the two ends of the range.
 
-    Modes that are damped out within a period are ignored, and modes that rotate by more than `max_angle` per
-    period at the lowest speed.
+    Ignored are modes that are damped out within a period, and modes whose phase advance per period exceeds
+    `max_angle` at the lowest speed.
     """
     values = [omega * frozen(OnePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
     exponents = np.concatenate(values) * system.period
@@ -86,8 +87,8 @@ def separate_crossings(
 
 
 def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> Array:
-    """Whether (k - 1,) two pairs may pass +1, or -1, between neighbours, because the distance of both at one
-    end is below the largest change of distance."""
+    """Whether (k - 1,) two pairs may pass +1, or -1, between neighbours, because the distances of both from
+    +1 or -1 at one end are below the largest possible change."""
     values = crossing_function(samples.multipliers, sign)
     distance, beyond = np.sqrt(np.maximum(values, 0.0)), values[:, 1:] < 0
     farther, separation = (
@@ -121,4 +122,4 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
 def without_result(speeds: Array, failed: Array, unit: ShownUnit, reason: str) -> str:
     """Message with the number and the ranges of those ascending speeds (P,) that failed, and the reason."""
     ranges = unit.spans((float(speeds[low]), float(speeds[high])) for low, high in runs(failed))
-    return f"{failed.sum()} of {len(speeds)} speeds give no result, {ranges}: {reason}"
+    return f"{failed.sum()} of {len(speeds)} speeds have no result, {ranges}: {reason}"

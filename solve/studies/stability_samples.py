@@ -21,16 +21,18 @@ _UNREACHABLE = 1e6
 multipliers of modulus near 1 is suitable."""
 
 NOISE = 1e-6
-"""Distance from the unit circle that counts as round-off: coalescing multipliers lose half their digits."""
+"""Distance from the unit circle that counts as round-off, because multipliers that coincide lose half their
+digits."""
 
 
 @dataclass(frozen=True)
 class StabilitySamples:
     """Stability at points (k, v).
 
-    unstable (k,): a multiplier lies outside the unit circle by more than its error; stable (k,): none does.
-    Both are False where the point failed or the errors leave the verdict open. multipliers (k, N): in
-    descending order of modulus, 0 where failed. distances (k, 4): see `distances_to_instability`.
+    unstable (k,): whether a multiplier lies outside the unit circle by more than its error; stable (k,):
+    whether all multipliers lie inside or on it within their errors. Both are False where the point failed or
+    the verdict is open. multipliers (k, N): in descending order of modulus, 0 where failed. distances (k, 4):
+    see `distances_to_instability`.
     """
 
     points: Array
@@ -67,7 +69,7 @@ class StabilitySamples:
         return StabilitySamples(*map(np.concatenate, pairs))
 
     def replaced(self, rows: Array, others: "StabilitySamples") -> "StabilitySamples":
-        """Copy with other points in the given rows (k,)."""
+        """Copy in which the given rows (k,) are replaced by `others`."""
         columns = [column.copy() for column in self._columns]
         for column, new in zip(columns, others._columns, strict=True):
             column[rows] = new
@@ -84,7 +86,7 @@ class StabilitySamples:
 
     @property
     def for_plus_one(self) -> "StabilitySamples":
-        """Samples that count as stable as long as no multiplier passes +1 along the real axis."""
+        """Samples in which a point counts as stable unless a multiplier has passed +1 along the real axis."""
         first, known = self.distances[:, 0], ~self.failed
         distances = np.where(np.arange(self.distances.shape[1]) == 0, self.distances, _UNREACHABLE)
         return replace(self, stable=known & (first > 0), unstable=known & (first < 0), distances=distances)
@@ -98,9 +100,9 @@ class StabilitySamples:
     def crossing_values(self) -> Array:
         """Smooth functions (k, 4) that become negative where a point becomes unstable.
 
-        The columns are: det(I - Φ), for +1, and det(I + Φ), for -1, but negative wherever a multiplier is
-        beyond; the distance of the largest multiplier from the unit circle; and the squared distance of pairs
-        that coalesce on the circle.
+        The columns are det(I - Φ), for +1, and det(I + Φ), for -1, both negative wherever a multiplier is
+        beyond +1 or -1; the distance of the largest multiplier from the unit circle; and the squared distance
+        between pairs that coincide on the circle.
         """
         size = np.maximum(np.abs(self.multipliers[:, 0]), NOISE)
         leaving = np.where(size > 1 + NOISE, -np.square(size - 1 / size), self.distances[:, 2])
@@ -140,7 +142,7 @@ def crossing_function(multipliers: Array, sign: int) -> Array:
     negative, total = ((real & (np.real(rho) < limit)).sum(axis=1)[:, None] for limit in (0, np.inf))
     ascending = np.sort(np.where(real, np.real(rho), np.nan), axis=1)
     partner = np.where(order < negative, negative, negative + total) - 1 - order
-    # The middle one of an odd number has no partner.
+    # The middle multiplier of an odd number has no partner.
     other = np.take_along_axis(ascending, np.clip(partner, 0, order[-1]), axis=1) * (partner != order)
     of_real = np.where(order < total, (1 - ascending) * (1 - other), np.nan)
     of_complex = np.where(real, np.nan, np.square(np.abs(1 - rho)))
@@ -151,8 +153,8 @@ def coalescence_distance(multipliers: Array, leading: Array) -> Array:
     """Signed distance (k,) from coalescence of the multipliers (k, N) with indices `leading` (k,) and their
     partners: the square of half their difference divided by their product.
 
-    It is negative for conjugate pairs, positive for real ones, and passes smoothly through zero where they
-    meet on the real axis.
+    It is negative for conjugate pairs, positive for real ones, and passes smoothly through zero where the two
+    multipliers meet on the real axis.
     """
     rows = np.arange(len(leading))
     rho = multipliers[rows, leading]
@@ -169,8 +171,8 @@ def coalescence_distance(multipliers: Array, leading: Array) -> Array:
 def crosses_plus_one(multipliers: Array, error: Array) -> Array:
     """Whether (k,) a multiplier passes +1 at the second of three neighbouring points.
 
-    multipliers (3, k, N) with absolute errors (3, k). It passes along the real axis at the edge of an
-    unstable range. It passes along the unit circle at an undamped resonance, with or without a narrow
+    multipliers (3, k, N) with absolute errors (3, k). A multiplier passes +1 along the real axis at the edge
+    of an unstable range, and along the unit circle at an undamped resonance, with or without a narrow
     unstable range around it.
     """
     distance, modulus = np.abs(1 - multipliers), np.abs(multipliers)

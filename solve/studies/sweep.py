@@ -67,8 +67,8 @@ def sweep(
     executor : concurrent.futures.Executor, optional
         Computes chunks of the sweep.
     quantities : sequence of str, optional
-        Coordinates and outputs whose statistics are kept, by default all. Bounds on outputs that are not kept
-        are not checked.
+        Coordinates and outputs whose statistics are kept, by default all. Only bounds on these outputs are
+        checked.
     spectra : sequence of str
         Quantities whose amplitudes are kept too.
     harmonics : int
@@ -87,7 +87,7 @@ def sweep(
     Returns
     -------
     Sweep
-        A speed without a periodic solution has NaN and the reason.
+        Statistics of the orbits; NaN with the reason at speeds without a periodic solution.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def sweep(
     task, notes = task_of(family, method, rtol, engine, selection, steps)
     if nonlinear and executor is not None:
         raise ValueOutOfBoundsError(
-            "a nonlinear sweep finds each orbit from its neighbour, in one process; omit the executor"
+            "a nonlinear sweep starts each orbit from a neighbouring one, in one process; omit the executor"
         )
     if nonlinear:
         results = nonlinear_points(task, points, store)
@@ -128,7 +128,7 @@ def sweep(
         results = _rigid_points(family, points, selection)
     else:
         raise ValueOutOfBoundsError(
-            f"{system.labels.name} has no coordinates, and its sweep uses no store; omit the store"
+            f"{system.labels.name} has no coordinates, so that its sweep cannot use a store; omit the store"
         )
     parameters = dict(zip(values, points.T, strict=False))
     return Sweep(system, points[:, -1], results, task.request.engine, [*notes, *results.notes], parameters)
@@ -195,7 +195,7 @@ def _rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
 
 
 def _keep_rigid(results: PointResults, at: int, orbit: RigidOrbit) -> None:
-    """Store the outputs at a point."""
+    """Store the statistics and amplitudes of the outputs at a point."""
     system, names = orbit.system, results.kept.names
     results.verdicts[at], results.errors[at] = 0, orbit.error_estimate
     results.steps[at], results.methods[at] = orbit.steps, orbit.method
@@ -242,7 +242,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     Returns
     -------
     dict
-        The models by the text of their value.
+        Models by the text of their value.
 
     Raises
     ------
@@ -358,8 +358,8 @@ def validity(
     Returns
     -------
     Validity
-        Errors as by `Orbit.linearisation_error`. A speed without a linear orbit, or at which the correction
-        diverges, has no error, and the model counts as invalid there.
+        Errors as by `Orbit.linearisation_error`. At speeds without a linear orbit, or at which the correction
+        diverges, the error is NaN and the model counts as invalid.
 
     Raises
     ------

@@ -37,20 +37,20 @@ from solve.terminal import progress
 from solve.units import speeds_given
 
 _SEARCH = 8
-"""Fraction 1 / _SEARCH of the samples that search for rare events. A choice."""
+"""Divisor of the number of samples: 1 / _SEARCH of the samples search for rare events. A choice."""
 
 _MOST_SPEEDS, _MOST_CENTRES = 4, 8
-"""Most speeds at which points of an event are sought, and most such points, those nearest to the nominal
-parameters. Choices."""
+"""Largest number of speeds at which points of an event are sought, and largest number of these points, of
+which the nearest to the nominal parameters are kept. Choices."""
 
 _MOST_STEPS = 40
-"""Most evaluations in the search of a worst point. A choice."""
+"""Largest number of evaluations in the search for a worst point. A choice."""
 
 _STARTS = 3
 """Number of the worst samples from which a worst point is sought. A choice: maxima may be local."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 64, 10**7
-"""Bounds of the number of samples. Intervals of fewer samples say little."""
+"""Smallest and largest number of samples. Intervals from fewer samples are too wide to be useful. Choices."""
 
 
 @of_model
@@ -79,8 +79,8 @@ def tolerances(
         Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm"; by default the speed of the
         case. A machine counts as unstable if it is unstable at one of these speeds.
     vary : mapping of str to str, optional
-        Tolerance or distribution by parameter, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)" or
-        "uniform(7e4, 9e4)"; in addition to those of the case, or instead of them.
+        Tolerance or distribution by parameter, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)" or "uniform(7e4,
+        9e4)"; in addition to the tolerances of the case, which they replace for the same parameter.
     subject : sequence of str
         Limits of quantities at every speed, such as "q3.max_abs < 9 um".
     of : sequence of str
@@ -88,8 +88,8 @@ def tolerances(
     samples : int
         Number of samples for the probabilities.
     index_samples : int
-        Number of samples for the Sobol indices, times the number of parameters plus 2; rounded up to a power
-        of two. 0 for none.
+        Base number of samples for the Sobol indices, rounded up to a power of two; 0 for no indices. The
+        model is solved at this number times (number of parameters + 2) points.
     method : str or Method
         "radau", "gauss" or "auto".
     rtol : float
@@ -115,8 +115,9 @@ def tolerances(
 
     Notes
     -----
-    Parameters are independent. Of normal distributions, worst points are sought within three standard
-    deviations. Samples with an open verdict are counted apart; the upper ends of the intervals include them.
+    Parameters are independent. For normal distributions, worst points are sought within three standard
+    deviations. Samples with an undetermined verdict are counted separately and included in the upper ends of
+    the intervals.
 
     Examples
     --------
@@ -198,7 +199,7 @@ def _machines(
     method, rtol, engine = accuracy
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
-        raise ValueOutOfBoundsError(f"method is {rule.name}; tolerances take radau, gauss, or auto")
+        raise ValueOutOfBoundsError(f"method is {rule.name}; allowed for tolerances: radau, gauss, auto")
     family = SystemFamily(model, [*spreads, SPEED])
     orbit = any(each.of_orbit for each in distinct)
     task, _ = task_of(family, rule, rtol, engine, kept_for(list(distinct)), orbit=orbit)
@@ -206,7 +207,7 @@ def _machines(
 
 
 def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> Mixture:
-    """Mixture density about 0 and about those points of each event that are nearest to 0. z (P, r): points
+    """Mixture density about 0 and about the points of each event that are nearest to 0. z (P, r): points
     already evaluated."""
     centres: list[Array] = []
     for limit, event in zip(machines.limits, (searched.unstable, *searched.beyond), strict=True):
@@ -238,7 +239,7 @@ def _sobol(
         parameters = machines.parameters(normal_variables(cube))
         return machines.worst(machines.outcome(parameters, "indices").values)[0]
 
-    # Errors of the values are up to their tolerance.
+    # The errors of the values are assumed equal to their tolerance.
     power, error = math.ceil(math.log2(samples)), machines.task.request.rtol
     indices, unknown = sobol_indices(evaluate, len(machines.spreads), 2**power, rng, error)
     by_name = [dict(zip(machines.spreads, each, strict=True)) for each in indices]

@@ -9,9 +9,9 @@ from solve.studies.speed_grids import LIGHTLY_DAMPED
 from solve.studies.stability_samples import Evaluate, StabilitySamples
 
 _MAX_PARABOLAS, _DECREASE = 10, 0.5
-"""Maximum number of parabolas per minimum; each must predict a minimum below this fraction of the current
-one. SciPy's `find_minimum` would continue to the minimum; here the search ends at the first unstable point,
-or as soon as the minimum cannot reach zero."""
+"""Maximum number of parabolas per minimum, and largest ratio of the predicted to the current minimum with
+which the search continues. SciPy's `find_minimum` would continue to the minimum; here the search ends at the
+first unstable point, or as soon as the minimum cannot reach zero. Choices."""
 
 _MIN_WIDTH = 1e-10
 """Width of a bracket, as a fraction of the interval, below which the descent ends."""
@@ -30,8 +30,8 @@ def find_narrow_tongues(
     """Unstable points between stable neighbours on lines.
 
     Each line is three samples: the middle one at positions (k,), the others `stride` before and after. Where
-    a distance to instability has its minimum at the middle, parabolas follow it; `predicted` is the fraction
-    of the distance at the middle below which the first parabola must predict the minimum.
+    a distance to instability is smallest at the middle, parabolas locate its minimum; `predicted` is the
+    fraction of the distance at the middle below which the first parabola must predict the minimum.
     """
     stable, distances = samples.stable, samples.distances
     middle = middle[stable[middle - stride] & stable[middle] & stable[middle + stride]]

@@ -1,8 +1,9 @@
 """Quantities as smooth functions in the neighbourhood of a design. Each local extremum over the period that
 may become the largest is followed separately.
 
-The maximum over the period is not differentiable where two extrema are equally large, which is where
-minimisation leads. Extrema are, and their derivatives are those at a fixed phase (envelope theorem).
+The maximum over the period is not differentiable where two extrema are equally large, to which minimisation
+leads. The individual extrema are differentiable, and their derivatives are those at a fixed phase (envelope
+theorem).
 """
 
 from collections.abc import Callable, Sequence
@@ -24,12 +25,12 @@ _LEADING = 0.5
 unless a later round finds them among the largest."""
 
 _WINDOW = np.linspace(-1.0, 1.0, 33)
-"""Places in the window in which an extremum is found again, in halves of its width. The window ends half way
-to the neighbouring extremum."""
+"""Sampling points of the window in which an extremum is found again, relative to the half width. The window
+ends half way to the neighbouring extremum."""
 
 _ZOOMS, _ZOOM = 2, 16
-"""Number of times that a window is searched, and reduction of its width: one gives derivatives of extrema to
-2e-4, two to 1e-7, in the test of an oscillator."""
+"""Number of times that a window is searched, and reduction of its width: for an oscillator, derivatives of
+extrema are accurate to 2e-4 with one search, and to 1e-7 with two."""
 
 _WIDEST = 1 / 16
 """Largest half width of a window, in periods. A choice."""
@@ -42,8 +43,8 @@ _OF_CONSTANT = 16
 """Number of windows, over the whole period, in which maxima of a constant are followed. A choice."""
 
 _DIFFERENCE = 1e-4
-"""Difference of x, whose range is 0 to 1, for derivatives of a function that is given without. Errors are of
-the order of its square. On equal grids, round-off divided by it is smaller."""
+"""Step in x, whose range is 0 to 1, of finite differences for a function without derivatives. The truncation
+error is of the order of the squared step; round-off on equal grids, divided by the step, is smaller."""
 
 
 _EQUAL = 1e-9
@@ -95,8 +96,8 @@ class Extrema:
         return self.design.slopes(self.sides[:, None] * point.signal_slopes(self.name, phases))
 
     def _found(self, x: Array) -> tuple[Array, Array]:
-        """Phases and values (k,) of the maxima in the windows; at an end of a window that contains no
-        maximum."""
+        """Phases and values (k,) of the maxima in the windows; a phase is at an end of its window if the
+        window contains no maximum."""
         point, found, widths = self.design.points(x)[self.at], self.phases, self.widths
         for _ in range(_ZOOMS):
             phases = found[:, None] + widths[:, None] * _WINDOW
@@ -168,7 +169,7 @@ class Function:
             return self.of(self.design.on_grids_of(points, np.r_[x[:place], end, x[place + 1 :]]))
 
         for place, at in enumerate(x.tolist()):
-            # At a bound the difference is one-sided, and corrected by the second difference.
+            # At a bound the difference is one-sided and is corrected by the second difference.
             middle = min(max(at, _DIFFERENCE), 1 - _DIFFERENCE)
             below, above = value(place, middle - _DIFFERENCE), value(place, middle + _DIFFERENCE)
             bend = 0.0 if middle == at else below - 2 * value(place, middle) + above
@@ -217,7 +218,7 @@ def _maxima(values: Array, least: float, period: float) -> Array:
     before, after = np.roll(values, 1), np.roll(values, -1)
     places = np.flatnonzero((values >= before) & (values > after) & (values >= least))
     if not len(places):
-        # A constant has no maxima yet, and may have them anywhere in the next design.
+        # A constant has no maxima in this design, but may have maxima at any phase in the next design.
         places = np.arange(0, len(values), len(values) // _OF_CONSTANT)
     neighbours = np.stack((before, values, after), axis=1)[places]
     phases = (places[:, None] + np.array([-1, 0, 1])) * (period / len(values))

@@ -1,6 +1,6 @@
 """Command lines: exit status, messages on standard error, and interruptions.
 
-Exit status 0: completed, or the reader of the output has closed it. 2: refused. 70: internal error.
+Exit status 0: completed, or the reader of the output has closed it. 2: invalid input. 70: internal error.
 130: interrupted. Each failure prints one line on standard error.
 """
 
@@ -43,7 +43,7 @@ error the cursor movements of the progress line."""
 
 
 class UniqueOptions:
-    """Mixin for Typer commands that refuses a second value for a single-value option, and equal values for a
+    """Mixin for Typer commands that rejects a second value for a single-value option, and equal values for a
     repeatable one."""
 
     def parse_args(self: Any, ctx: Any, args: list[str]) -> list[str]:
@@ -139,7 +139,11 @@ def run_cli(
     """
     with redirect_stdout(_Stream(sys.stdout, False)), redirect_stderr(_Stream(sys.stderr, True)):
         for argument in filter(_CONTROL.search, arguments):
-            return _fail(name, f"'{_escaped(argument)}' contains a control character; write it without")
+            return _fail(
+                name,
+                f"'{_escaped(argument)}' contains a control character; write the argument "
+                "without control characters",
+            )
         interruptions: list[object] = []
         try:
             with _repeat_sigint(interruptions):
@@ -151,7 +155,7 @@ def run_cli(
         except _StreamError as error:
             return 0 if error.closed_by_reader else _fail(name, str(error))
         except Exception as error:
-            # Libraries may convert an interruption into errors of their own.
+            # Libraries may convert an interruption into their own exceptions.
             if interruptions:
                 return _interrupted(name)
             if isinstance(error, refusals):
@@ -168,7 +172,8 @@ def run_cli(
 def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[Exception]) -> NoReturn:
     """Run `sys.argv` as a program and exit with its status; the parameters are those of `run_cli`.
 
-    Warnings of libraries are hidden unless Python was started with -W: doubtful results carry their own.
+    Warnings of libraries are hidden unless Python was started with -W, because doubtful results carry their
+    own warnings.
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
@@ -228,7 +233,7 @@ def _is_missing_library(error: Exception) -> TypeGuard[ModuleNotFoundError]:
 
 
 def _interrupted(name: str) -> int:
-    # Python would end by the signal if the interruption came within code compiled from text.
+    # Python would end itself by the signal if the interruption occurred in code compiled from text.
     exec("")
     return _fail(name, "interrupted", INTERRUPTED)
 
@@ -250,7 +255,7 @@ def _internal_error(name: str, error: Exception, debug: bool) -> int:
 
 
 def _escaped(text: str) -> str:
-    """The text with control characters escaped as in JSON, so that JSON stays valid.
+    """Text with control characters escaped as in JSON, so that JSON remains valid.
 
     >>> _escaped("a\x1b[31m")
     'a\\\\u001b[31m'

@@ -14,11 +14,11 @@ from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 TERMINAL_DELAY, TERMINAL_INTERVAL = 1.0, 0.25
-"""Seconds until the progress line appears on a terminal, and between two updates of it."""
+"""Seconds until the progress line appears on a terminal, and between two updates of this line. Choices."""
 
 LOG_DELAY, MAX_LOG_INTERVAL = 10.0, 60.0
-"""Seconds until the first line in a file or pipe. Each interval equals the elapsed time, up to the
-maximum."""
+"""Seconds until the first line in a file or pipe. Each interval equals the elapsed time, up to the maximum.
+Choices."""
 
 
 class Task:
@@ -38,7 +38,7 @@ class Task:
         self._report()
 
     def step(self, what: str) -> None:
-        """Begin the next part, under a name of its own, of a task with unequal parts."""
+        """Begin the next part, with the name `what`, of a task with unequal parts."""
         self.what = what
         self.add()
 

@@ -30,17 +30,17 @@ from solve.views.style import Figure, drawn
 ENDINGS = (".gif", ".html", *PICTURES)
 
 FREE_TURNS = 8
-"""Number of periods of a free vibration."""
+"""Number of periods of a free vibration. A choice."""
 
 _FRAMES, _FREE_FRAMES, _POSITIONS = 90, 240, 6
 MOST_FRAMES, MOST_POSITIONS = 720, 12
 
 _PANELS = 4
-"""Number of coordinates whose curves are shown by default."""
+"""Number of coordinates whose curves are shown by default. A choice."""
 
 VISIBLE = 0.12
-"""Largest displacement by automatic magnification, relative to the size of the mechanism: clearly visible
-without distorting the mechanism."""
+"""Largest displacement by automatic magnification, relative to the size of the mechanism: a choice with which
+vibration is clearly visible and the mechanism is not distorted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class Animation:
     @cached_property
     def html(self) -> str:
         """Animation as a self-contained HTML page."""
-        # The caption of the picture contains the doubt.
+        # The caption of the picture contains `doubt`.
         warnings = [warning for warning in self.warnings if warning != self.doubt]
         return page_text(self.drawn(still=False), warnings)
 
@@ -161,9 +161,9 @@ def animate(
     Parameters
     ----------
     system : PeriodicSystem or Orbit
-        System, or an orbit of one.
+        System, or an orbit of a system.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; by default that of the case.
+        Speed in rad/s, or a text with unit; by default the speed of the case.
     scale : float, optional
         Magnification; by default the vibration is visible.
     frames : int, optional
@@ -233,8 +233,8 @@ def _require_nothing(is_given: bool) -> None:
     """Raise ValueOutOfBoundsError if arguments are given that do not apply to an existing orbit."""
     if is_given:
         raise ValueOutOfBoundsError(
-            "an orbit that is already calculated has a speed, a method and equations; leave out speed, "
-            "method and nonlinear, or give the model instead of the orbit"
+            "an orbit already has a speed, a method and equations; leave out speed, method and nonlinear, "
+            "or give the model instead of the orbit"
         )
 
 

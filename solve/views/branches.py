@@ -33,7 +33,7 @@ _MARKS = {FOLD: ("o", "turns back"), DOUBLING: ("^", "period doubles"), TORUS: (
 
 
 _SIGNS = "o", "^", "s", "D", "v"
-"""Markers of initial states, one for each orbit that they lead to."""
+"""Markers of initial states, one for each orbit to which initial states lead."""
 
 
 @figure.register(Branch)

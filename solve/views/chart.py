@@ -24,14 +24,14 @@ _MOST_GROWTH = 4.0
 """Growth exponent per period above which colours do not change: a choice that resolves the boundaries."""
 
 _FEW = 40_000
-"""Maximum number of grid points for which colours follow the boundaries; a denser grid resolves them
-itself."""
+"""Maximum number of grid points with which colours are interpolated up to the boundaries; a denser grid
+resolves the boundaries itself. A choice."""
 
 _LETTER = 0.007, 0.035
-"""Half width and half height of a letter including its margin, as fractions of the figure."""
+"""Half width and half height of a letter including its margin, as fractions of the figure (measured)."""
 
 _FEWEST = 5
-"""Minimum number of points of a curve for smoothing by Akima's cubics."""
+"""Minimum number of points of a curve that is smoothed by Akima's cubics."""
 
 
 class Field(NamedTuple):
@@ -164,7 +164,7 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
     top = np.clip(np.nanmax(np.where(field.kinds != "", growth, 0.0)), 1e-3, _MOST_GROWTH)
     levels = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, top))
     levels = levels[levels >= 0]
-    # Negative values outside make the interpolated field vanish at the boundary.
+    # With negative values outside, the interpolated field is zero at the boundary.
     plane = _plane(field, np.where(field.kinds != "", growth, -levels[1]))
     colours = {"levels": levels, "extend": "max"}
     for kind in reversed(kinds):

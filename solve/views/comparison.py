@@ -34,7 +34,7 @@ _LEGEND = {
 _MARKERS = "osD^vPXph*<>"
 _DOTS: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4, "markersize": 5.5}
 _LINES = ("-", "--", ":")
-"""Line styles; each is used with all colours before the next one."""
+"""Line styles. Each style is used with all colours before the next style."""
 
 _WORST = 3.0
 """Largest relative error that is drawn: a result with a larger error is not accurate to even one digit."""

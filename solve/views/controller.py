@@ -17,10 +17,10 @@ _ROW = 1.6
 """Height of the panel of a signal in inches."""
 
 _MOST_ROWS, _MOST_CURVES = 3, 8
-"""Largest number of panels, and of curves in a panel: as many as can be read."""
+"""Largest number of panels, and of curves in a panel: as many as are legible."""
 
 _MOST_GAINS, _SHOWN = 16, 4
-"""Largest number of rows of the table of gains, and harmonics shown in it."""
+"""Largest number of rows, and number of harmonics, of the table of gains. Choices."""
 
 
 @figure.register(Controller)

@@ -17,8 +17,8 @@ from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION
 from solve.views.tables import MOST_LISTED, RenderableType, Table, table_of, text
 
 _CAPTIONS = {
-    "–": "mode –: no division of a frequency and no combination up to order {0} explains it",
-    "?": "mode ?: several combinations explain it equally well",
+    "–": "mode –: no division of a frequency and no combination up to order {0} explains the row",
+    "?": "mode ?: several combinations explain the row equally well",
     "+": "mode i+j: (ω̄i + ω̄j)/k",
     "−": "mode i−j: (ω̄i − ω̄j)/k",
     "|ρ|": "a row with |ρ| alone shows the multiplier at the maximum of |ρ|",
@@ -186,7 +186,7 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
         return np.sign(values) * np.abs(values) ** power
 
     maxima = found.maxima("multiplier")
-    # With resonances of higher orders only, the multiplier rotates faster than the speeds resolve.
+    # If only resonances of higher orders occur, the speeds do not resolve the rotation of the multiplier.
     seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
     speeds, real_part = _curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
     shown = found.system.labels.speed_unit.of

@@ -1,4 +1,4 @@
-"""Fits, with measured values beside computed ones, and sensitivities to parameters."""
+"""Figures and tables of fits, with measured and computed values, and of sensitivities to parameters."""
 
 import math
 from collections.abc import Sequence
@@ -23,14 +23,14 @@ from solve.views.tables import RenderableType, Table, table, text
 
 _MOST_PANELS, _MOST_ORDERS = 8, 60
 _SAME, _EVEN = 1e-6, 1e-3
-"""Tolerances for equal phases, relative to the period, and for equal distances between phases. They are
-choices within the precision of measured data."""
+"""Relative tolerances with which phases, and distances between phases, count as equal. Choices: below the
+precision of measured data."""
 
 _CLOSE = 0.9
-"""Correlation above which a pair of parameters is listed."""
+"""Correlation above which a pair of parameters is listed. A choice."""
 
 _LEAST = 1e-6
-"""Smallest amplitude that is drawn, relative to the largest measured one."""
+"""Smallest amplitude that is drawn, relative to the largest measured amplitude. A choice."""
 
 
 @figure.register(Fitted)
@@ -95,7 +95,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
             for amplitudes, mark, color in ((found, "o", VERMILION), (computed, "x", BLUE)):
                 spectra.plot(np.arange(1, most + 1), amplitudes, mark, markersize=3, color=color)
             spectra.set_yscale("log")
-            # Computed harmonics decay to round-off, far below measured ones.
+            # Computed harmonics decay to round-off, far below measured amplitudes.
             spectra.set_ylim(bottom=max(found.min() / 10, _LEAST * found.max()) or None)
             spectra.set_xlabel("order of rotation")
             spectra.set_ylabel(labelled("amplitude", unit))
@@ -126,7 +126,7 @@ def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
     equidistant."""
     phases = np.mod(each.at, system.period)
     order = np.argsort(phases, kind="stable")
-    # The end of a period is its beginning.
+    # The end of a period coincides with its beginning.
     order = order[np.append(np.diff(phases[order]) > _SAME * system.period, True)]
     gaps = np.diff(np.append(phases[order], phases[order[:1]] + system.period))
     even = len(order) > 4 and np.ptp(gaps) <= _EVEN * gaps.mean()
@@ -156,7 +156,7 @@ def sensitivities_figure(result: Sensitivities) -> Figure:
             axes.invert_yaxis()
             axes.axvline(0.0, color="black", linewidth=0.7)
             axes.set_title(quantity, loc="left")
-        panels[-1].set_xlabel("elasticity: relative change by relative change of the parameter")
+        panels[-1].set_xlabel("elasticity: relative change per relative change of the parameter")
     return figure
 
 
@@ -187,7 +187,7 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
 
 @figure.register(SensitivitiesOver)
 def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
-    """Figure with one panel per quantity of its largest elasticities over speed; moduli for complex
+    """Figure of the largest elasticities over speed, one panel per quantity; moduli for complex
     quantities."""
     count, speeds = len(result.quantities), result.system.labels.speed_unit.of(result.speeds)
     with panels_over(
@@ -208,7 +208,7 @@ def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
 
 @tables.register(SensitivitiesOver)
 def sensitivities_over_tables(result: SensitivitiesOver) -> Sequence[RenderableType]:
-    """Tables, one per quantity, of its largest elasticities, with one row per speed."""
+    """Tables of the largest elasticities, one table per quantity, with one row per speed."""
     return [_over_table(result, place) for place in range(len(result.quantities))]
 
 

@@ -25,7 +25,7 @@ _MOST_HARMONICS, _WIDTH = 3, 48
 """Maximum number of harmonics that tables name, and of characters for them in 80 columns."""
 
 _MOST_RAYS = 12
-"""Maximum number of rays of the harmonics of the speed, so that curves remain visible."""
+"""Maximum number of rays of the harmonics of the speed, so that curves remain visible. A choice."""
 
 
 @figure.register(FollowedModes)
@@ -70,7 +70,7 @@ def _draw_frequencies(axes: Axes, followed: FollowedModes) -> None:
 
 
 def _draw_sidebands(axes: Axes, followed: FollowedModes, column: int, style: dict[str, Any]) -> None:
-    """Draw the other harmonics of a mode, where their participation is sufficient."""
+    """Draw the other harmonics of a mode where their participation exceeds `_SIDEBAND`."""
     x, rotation = _places(followed, followed.values), followed.speeds * 2 * math.pi / followed.system.period
     shares = followed.participation[:, column].sum(axis=1)
     for number, harmonic in enumerate(followed.harmonics.tolist()):

@@ -1,5 +1,5 @@
-"""Natural frequencies: mode shapes at a position, and frequencies over the revolution and over a
-parameter."""
+"""Figures and tables of natural frequencies: mode shapes at a position, and frequencies over the revolution
+and over a parameter."""
 
 import itertools
 import math
@@ -55,7 +55,8 @@ def frequencies_figure(found: Frequencies) -> Figure:
         return positions_figure(system, found.positions, found.signed)
     if not system.labels.links:
         raise ValueOutOfBoundsError(
-            f"{system.labels.name} at one position has nothing to draw; draw the whole turn: --turn 36"
+            f"{system.labels.name} at one position has no mode shapes to draw; draw the frequencies over "
+            "the turn with --turn 36"
         )
     return shapes_figure(system, float(found.positions[0]), found.shapes())
 
@@ -209,8 +210,8 @@ def frequencies_tables(found: Frequencies) -> Sequence[Table]:
 
 @tables.register(Variation)
 def variation_tables(found: Variation) -> Sequence[Table]:
-    """Table with one row per value of the parameter: the lowest frequency (and the next one if the lowest is
-    that of a rigid-body mode), and the frequencies of up to three separate links."""
+    """Table with one row per value of the parameter: the lowest frequency, the lowest elastic frequency if
+    the lowest mode is a rigid-body mode, and the frequencies of up to three separate links."""
     mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
     caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
     title = f"Over {found.parameter}, rad/s{mean_of}"

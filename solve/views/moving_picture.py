@@ -25,7 +25,7 @@ _TALL = 1.8
 """Ratio of height to width of a mechanism above which six positions fit side by side."""
 
 _SAME = 1e-9
-"""Distance, relative to the mechanism's size, up to which two points count as equal; it bounds the
+"""Distance, relative to the mechanism's size, up to which two points count as equal; a bound on the
 round-off."""
 
 _RIGID = {"color": "#B4B4B4", "linewidth": 2.4, "solid_capstyle": "round", "zorder": 2}

@@ -34,7 +34,7 @@ _CROWDED = 80
 """Number of harmonics above which lines are thin and have no markers."""
 
 _TITLE = 46
-"""Number of characters that fit above a panel."""
+"""Number of characters that fit above a panel (measured)."""
 
 
 _RANKS = ("strongest", "second", "third")
@@ -44,7 +44,7 @@ SCALES = ("linear", "dB")
 
 
 class Motion(NamedTuple):
-    """Quantity over one period: values (k,) at equidistant phases, including both ends; values of another
+    """Quantity over one period: values (k,) at equidistant phases, including both ends; values of a second
     solution for comparison, if any; amplitudes (m + 1,), beginning with the mean."""
 
     values: Array
@@ -184,8 +184,8 @@ def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[Renderabl
 
 @brief.register(RigidOrbit)
 def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
-    """Complete tables of the orbit of a mechanism without coordinates. A short form would state the verdict,
-    which does not exist."""
+    """Complete tables of the orbit of a mechanism without coordinates. There is no short form, because it
+    would state the verdict, which does not exist."""
     return printout(orbit)
 
 
@@ -211,8 +211,8 @@ def _degrees(period: float, phase: float) -> str:
 
 
 def _order_table(orbit: Orbit) -> Table:
-    """Table of the amplitudes and phase angles of the strongest harmonics; "–" for those below the error of
-    the orbit."""
+    """Table of the amplitudes and phase angles of the strongest harmonics; "–" for harmonics below the error
+    of the orbit."""
     rotation, rows = 2 * math.pi / orbit.system.period, []
     for name in known_quantities(orbit.system):
         amplitudes, angles = orbit.harmonics(name, orbit.samples // 8)

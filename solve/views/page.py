@@ -21,7 +21,7 @@ from solve.views.style import Figure, drawn
 from solve.views.tables import table, text
 
 OVER_SPEEDS = 1e-6
-"""Smallest tolerance of results over speed, whose curves and tables show fewer digits."""
+"""Smallest tolerance of results over speed. A choice: curves and tables over speed show fewer digits."""
 
 ENDINGS = (".html",)
 
@@ -46,7 +46,7 @@ class Part:
     """Section of a report.
 
     heading, about: title, and a sentence on the content. result, reason: the result, or the reason why there
-    is none. orbit: name of the orbit if the report has two.
+    is none. orbit: name of the orbit if the report contains two orbits.
     """
 
     heading: str

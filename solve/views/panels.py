@@ -27,7 +27,7 @@ _BETWEEN = 16
 
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
-"""Position in the colour map beyond which lines are too light for a white page."""
+"""Position in the colour map beyond which curves are too light for a white page. A choice."""
 
 _FEW = 60
 """Maximum number of points of a curve that are marked."""
@@ -122,8 +122,9 @@ def panels_over(
     """Figure of `count` panels, one below the other, over speeds (k,) in rad/s or over the values of a
     parameter.
 
-    title: follows the model's name. height: of the figure in inches. ratios: of the panels' heights. The
-    horizontal axis is labelled, and the vertical labels are aligned, at the end of the block.
+    title: text after the model's name. height: height of the figure in inches. ratios: ratios of the heights
+    of the panels. The horizontal axis is labelled, and the vertical labels are aligned, at the end of the
+    block.
     """
     with page(height, f"{title_of(system)}: {title}") as figure:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
@@ -181,8 +182,8 @@ def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **s
 
 
 def shades(count: int) -> list[dict[str, Any]]:
-    """Colours and dashes for several curves, the first darkest. Dashes distinguish the curves in black and
-    white."""
+    """Colours and dashes for several curves, of which the first is darkest. Dashes distinguish the curves in
+    black and white."""
     import matplotlib
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
@@ -199,7 +200,7 @@ def frame_of(places: Plane) -> tuple[complex, complex]:
 
 def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:
     """Label the vertical axis for values of a quantity, and write its meaning above. Returns the factor from
-    SI units to the displayed ones."""
+    SI units to the displayed unit."""
     factor, unit = prefixed(system.labels.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
     axes.set_ylabel(labelled(named(figure, name) if figure else name, unit))
     axes.set_title(system.labels.meanings.get(name, ""), loc="left", color=GREY)

@@ -31,8 +31,8 @@ from solve.views.page import OVER_SPEEDS, Part, Report
 
 
 class Request(NamedTuple):
-    """Section to compute: the function for its result, and a function for a substitute if there is no
-    result."""
+    """Section to compute: the function that returns its result, and a function that returns a substitute if
+    there is no result."""
 
     part: Part
     calculate: Callable[[], Result]
@@ -57,10 +57,10 @@ def report(
     system : PeriodicSystem or str
         System, or the name of a model.
     speeds : float, str or sequence of float or str, optional
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". A structure without motion
-        needs none.
+        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Not required for a structure
+        without motion.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; by default that of the case.
+        Speed in rad/s, or a text with unit; by default the speed of the case.
     method : str or Method
         Method, as in `periodic`.
     rtol : float
@@ -133,7 +133,7 @@ def _of_motion(
     )
     beyond = Part(
         "Vibration by the nonlinear equations",
-        f"The periodic vibration at {at} without linearisation, compared with the linear one.",
+        f"The periodic vibration at {at} without linearisation, compared with the linear vibration.",
         orbit=other,
     )
     matters = Part(

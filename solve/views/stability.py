@@ -21,7 +21,7 @@ CIRCLE_ROW = 2.45
 """Height in inches of the panels that show multipliers."""
 
 _CLOSER = 0.4
-"""Spectral radius below which multipliers are also drawn magnified."""
+"""Spectral radius below which multipliers are also drawn magnified. A choice."""
 
 _MOST_MULTIPLIERS = 8
 VERDICT_STYLES = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
@@ -105,7 +105,7 @@ def draw_stability(place: Figure | SubFigure, result: Stability) -> None:
         panels[1].add_patch(
             Circle((0, 0), radius / 10.0**power, fill=False, color=GREY, linewidth=0.8, linestyle="--")
         )
-        panels[1].set_title("closer, within the largest", loc="left", color=GREY)
+        panels[1].set_title("magnified, within the largest", loc="left", color=GREY)
     _write_summary(panels[-1], result)
 
 

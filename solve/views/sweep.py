@@ -41,7 +41,7 @@ KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex": "complex pair"}
 
 _ALIKE = 1e-6
-"""Distance from 1 below which differences of spectral radii are round-off and are not resolved by the
+"""Distance from 1 below which differences between spectral radii are round-off and are not resolved by the
 axis."""
 
 _FLOOR = -80.0
@@ -51,7 +51,7 @@ _WIDTH = 48
 """Number of characters for columns of quantities, out of 80 with speed, radius and stability."""
 
 _MOST_ROWS = 60
-"""Maximum number of rows; if there are more speeds, every k-th is shown."""
+"""Maximum number of rows; if there are more speeds, every k-th speed is shown. A choice."""
 
 Edges = Sequence[tuple[float, float, str]]
 """Unstable bands: lower and upper edge (rad/s), kind."""
@@ -110,9 +110,9 @@ def response_figure(
     panel of the spectral radius.
 
     varied, responses: values (P,) by name. radius: spectral radii (P,); None without vibration. There is a
-    line for each combination of the other parameters; a single line has its maxima marked. Unstable bands are
-    shaded; the response is not drawn there because it is not sustained. Raises ValueOutOfBoundsError for more
-    lines than can be distinguished.
+    curve for each combination of the other parameters; the maxima of a single curve are marked. Unstable
+    bands are shaded; the response within them is not drawn because it is not sustained. Raises
+    ValueOutOfBoundsError for more curves than can be distinguished.
     """
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
@@ -154,7 +154,7 @@ def _lines(
         lines.setdefault(labels[index], []).append(index)
     if len(lines) > MOST_CURVES:
         raise ValueOutOfBoundsError(
-            f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_CURVES}"
+            f"{len(lines)} curves to draw, one for each {' and '.join(others)}; allowed: up to {MOST_CURVES}"
         )
     return dict(sorted(lines.items(), key=lambda line: min(line[1])))
 
@@ -195,11 +195,13 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     *others, along = moving(varied)
     if others:
         raise ValueOutOfBoundsError(
-            f"{', '.join([*others, along])} vary; a spectrum is drawn over one of them: give one value "
-            "of each other quantity"
+            f"{', '.join([*others, along])} vary; a spectrum is drawn over one of these quantities; give a "
+            "single value of every other quantity"
         )
     if amplitudes.shape[1] < 2:
-        raise ValueOutOfBoundsError("no harmonics above the mean are stored; give the sweep harmonics=60")
+        raise ValueOutOfBoundsError(
+            "no harmonics above the mean are stored; repeat the sweep with harmonics, such as harmonics=60"
+        )
     order = np.argsort(varied[along])
     x, label = unit_of(system, along).of(varied[along][order]), axis_label(system, along)
     heights = amplitudes[order, 1:].T
@@ -261,7 +263,7 @@ def _draw_radius(axes: Axes, x: Array, radius: Array, **style: Any) -> None:
     if np.nanmin(positive, initial=1.0) <= 0.1 or np.nanmax(positive, initial=1.0) >= 10:
         axes.set_yscale("log")
     elif np.nanmax(np.abs(positive - 1), initial=0.0) < _ALIKE:
-        # Do not resolve round-off.
+        # The axis must not resolve round-off.
         axes.set_ylim(0.99, 1.01)
     axes.set_ylabel("spectral\nradius |ρ|")
 
@@ -275,7 +277,7 @@ def _name_bands(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
 def _shade(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
     names, unit = dict(KIND_NAMES), system.labels.speed_unit
     for low, high, kind in bands:
-        # Each kind once in the legend.
+        # Each kind appears once in the legend.
         style = {"color": KIND_COLORS[kind], "alpha": 0.3, "linewidth": 0.8, "label": names.pop(kind, None)}
         axes.axvspan(unit.of(low), unit.of(high), **style)
 
@@ -351,7 +353,7 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
             ),
             ["largest", "", *numbers(np.nanmax(values, axis=1).tolist())],
         ],
-        caption="peaks and quiet speeds of the first, among the speeds given",
+        caption="peaks and quiet speeds of the first system, among the given speeds",
     )
 
 

@@ -112,7 +112,7 @@ def _number_table() -> type[Table]:
             unbroken = console.measure(self, options=options.update_width(_UNBROKEN)).maximum
             if unbroken > options.max_width:
                 for column in self.columns:
-                    # Put each unit on its own line.
+                    # Each unit is put on a separate line.
                     column.header = str(column.header).replace(" (", "\n(")
             for column in self.columns:
                 if column.justify == "right":

@@ -23,7 +23,7 @@ _BINS = 40
 """Number of bars of a histogram. A choice."""
 
 _OUTSIDE = 5e-4
-"""Fraction of the distribution at either end that histograms leave out. A choice."""
+"""Fraction of the distribution that histograms omit at each end. A choice."""
 
 
 @figure.register(Tolerances)

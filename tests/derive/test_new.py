@@ -65,7 +65,7 @@ def test_new_mechanism_is_drawn(mine):
 def test_no_file_is_replaced(derive, capsys, tmp_path, existing):
     (tmp_path / existing).write_text("kept")
     assert derive("--new", "mine.py") == 2
-    refusal = f"derive: {existing} exists, and --new replaces no file; give another name\n"
+    refusal = f"derive: {existing} exists, and --new does not replace files; give another name\n"
     assert capsys.readouterr().err == refusal
     assert [file.name for file in tmp_path.iterdir()] == [existing]
     assert (tmp_path / existing).read_text() == "kept"

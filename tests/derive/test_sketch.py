@@ -86,8 +86,8 @@ def test_a_structure_states_lines_besides_its_links():
         (lambda m, q, r: [(0, 0), (r, "r")], DeclarationError, "two or more"),
         (lambda m, q, r: r, DeclarationError, "two or more"),
         (lambda m, q, r: [(0, 0), (sympy.I * r, 0)], DeclarationError, "two or more"),
-        (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "one point of a curve"),
-        (lambda m, q, r: [(0, 0), (r, 0.2)], UnitError, "a number times metre"),
+        (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "one moving point of a curve"),
+        (lambda m, q, r: [(0, 0), (r, 0.2)], UnitError, "a number multiplied by metre"),
         (lambda m, q, r: [(0, 0), (r, r + 0.2)], UnitError, "sketch line"),
         (lambda m, q, r: [(0, 0), (r * rate(q), 0)], UnknownSymbolError, "sketch line contains qd"),
         (lambda m, q, r: [(0, 0), (sympy.Symbol("R"), 0)], UnknownSymbolError, "contains R, which is not"),
@@ -118,7 +118,7 @@ def test_names_and_units_that_do_not_fit():
             made.sketch(argument, [(0, 0), (0, made.metre)])
     with pytest.raises(UnitError, match=r'"mm", which is 0\.001'):
         made.sketch("other", [(0, 0), (0, made.metre)], unit="mm")
-    with pytest.raises(DeclarationError, match='sketch other is in "1", others in "m"'):
+    with pytest.raises(DeclarationError, match='sketch other is in "1", other sketches in "m"'):
         made.sketch("other", [(0, 0), (0, 1)], unit="1")
 
 

@@ -34,9 +34,9 @@ def test_a_complete_statement_passes():
     "described", [("", "mass"), ("kg", ""), ("kg",), "kg", ("kg", "mass", "> 0", "more")]
 )
 def test_unit_and_meaning_are_needed(described):
-    with pytest.raises(DeclarationError, match="m2 needs a unit and a meaning"):
+    with pytest.raises(DeclarationError, match="m2 requires a unit and a meaning"):
         oscillator()[0].parameters(m2=described)
-    with pytest.raises(DeclarationError, match="q2 needs a unit and a meaning"):
+    with pytest.raises(DeclarationError, match="q2 requires a unit and a meaning"):
         oscillator()[0].coordinates(q2=described)
 
 
@@ -70,7 +70,7 @@ def test_bounds_have_one_form_however_they_are_spaced(bound, form):
 
 @pytest.mark.parametrize("bound", ["", "integer", "integer, >= 1"])
 def test_limits_need_a_bound_that_a_curve_can_keep(bound):
-    with pytest.raises(DeclarationError, match="limit: drive_torque needs a bound such as"):
+    with pytest.raises(DeclarationError, match="limit: drive_torque requires a bound such as"):
         oscillator()[0].limit("drive_torque", bound, beyond="the motor stalls")
 
 

@@ -180,7 +180,7 @@ def test_duffings_cubic_spring_is_named():
     module_text(one, "", "one", reported.append)
     assert reported == [
         "k3 is in the energies but not in the linearised equations; linear results ignore it",
-        "W is in the energies but moves nothing: it is in no equation of motion and in no output",
+        "W is in the energies but has no effect: no equation of motion and no output contains it",
     ]
 
 
@@ -333,7 +333,10 @@ REFUSED = {
     ),
     "shifted": (DeclarationError, r"contains both the phase and a coordinate; .*wrapped\(phase \+ q\)"),
     "square": (UnsupportedExpressionError, "cannot be determined; let steps and kinks depend on the phase"),
-    "open": (DeclarationError, r"has no value where no condition of .* holds; end it with a default piece"),
+    "open": (
+        DeclarationError,
+        r"has no value where no condition of .* holds; add a last piece with the condition True",
+    ),
     "pieces": (UnitError, "cannot be added or compared"),
     "compared": (UnitError, "cannot be added or compared"),
 }

@@ -75,7 +75,10 @@ def test_printed_table_1_exceeds_the_validity_at_1500_rpm():
     assert maxima_mm(orbit)[0] == pytest.approx(35.01, abs=0.005)
     assert len(orbit.warnings) == 2
     assert any("not small against the length: deflection_ratio" in text for text in orbit.warnings)
-    assert any("near to buckling the coupler: euler_ratio reaches 0.842" in text for text in orbit.warnings)
+    assert any(
+        "close to the buckling load of the coupler: euler_ratio reaches 0.842" in text
+        for text in orbit.warnings
+    )
 
 
 def test_three_modes_are_enough_and_twenty_are_possible():

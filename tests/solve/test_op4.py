@@ -63,7 +63,7 @@ def test_mass_stiffness_and_damping_of_one_set_are_recognised(tmp_path):
     rho = np.exp(2 * np.pi * (-0.05 + 1j * np.sqrt(4 - 0.05**2)) / (10 * np.pi))
     assert abs(solve.floquet(system, "300 rpm").multipliers - rho).min() < 1e-9
     (tmp_path / "both.op4").write_text(text(content | {"KGG": two, "MGG": two}))
-    with pytest.raises(FileError, match=r"both\.op4': it has matrices of several sets, KAA, KGG"):
+    with pytest.raises(FileError, match=r"both\.op4': it contains matrices of several sets, KAA, KGG"):
         solve.read_op4(tmp_path / "both.op4")
 
 

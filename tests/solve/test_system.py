@@ -131,7 +131,7 @@ def test_lists_and_whole_numbers_are_matrices_too():
         ("K", lambda p: square(np.full(len(p), np.nan)), "K has NaN or infinite entries at phase 0; check"),
         ("d", lambda p: np.where(p > 6, np.inf, 1.0)[:, None], "d has NaN or infinite entries at phase 6.28"),
         ("K", lambda p: square(4 + p), "K is not periodic: between phase 0 and 6.28319 it changes by 6.28"),
-        ("d", lambda p: np.cos(p / 2)[:, None], "d is not periodic: .* give the right period"),
+        ("d", lambda p: np.cos(p / 2)[:, None], "d is not periodic: .* give the correct period"),
         ("M", lambda p: square(0 * p), "M is singular: some coordinate has no inertia; give every"),
         ("C", lambda p: square(1j * p), "not four real arrays M, C, K, d: .*complex"),
         ("C", lambda p: square(["soft"] * len(p)), "not four real arrays M, C, K, d"),

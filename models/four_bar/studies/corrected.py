@@ -40,8 +40,8 @@ _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
 class OneModel:
     """Result computed with one model.
 
-    drawn: name of the largest output, whose statistics are `figures`; values (k,): output drawn for the
-    reference, at phases over a revolution with both ends.
+    drawn: name of the output with the largest value, whose statistics are `figures`; values (k,): the output
+    that is drawn for the reference, at phases over a revolution, including both ends.
     """
 
     drawn: str
@@ -54,7 +54,7 @@ class OneModel:
 
 @dataclass(frozen=True)
 class Corrections(Result):
-    """Values of a quantity at a speed (rad/s), from several models of one mechanism, by label of the
+    """Values of a quantity at a speed (rad/s) from several models of one mechanism, by the label of the
     model."""
 
     _rows: ClassVar[str] = "models"

@@ -78,7 +78,7 @@ class RigidMotion(Result):
 
     @cached_property
     def summary_values(self) -> dict[str, Any]:  # type: ignore[override]
-        """All values of the result; if the crank cannot rotate fully, only those at one position."""
+        """All values of the result; if the crank cannot rotate fully, only the values at one position."""
         linkage = self.linkage
         record: dict[str, Any] = {**_classification(linkage), "speed": self.speed}
         if self.position is None:
@@ -183,7 +183,7 @@ class RigidMotion(Result):
                 joint: {"peak": peak.max, "position": peak.max_phase} for joint, peak in peaks.items()
             },
             "drive_torque": _extremes(lambda t: forces(t).torque),
-            # Energy that a flywheel stores and releases in a revolution (thesis 3.7), without a motor.
+            # Energy that a flywheel without a motor stores and releases in a revolution (thesis 3.7).
             "energy_swing": energy.max - energy.min,
             "energy_residual": float(residual),
         }

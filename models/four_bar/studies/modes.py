@@ -31,7 +31,7 @@ from solve.views.style import MANY, Figure, page
 from solve.views.tables import RenderableType, table, table_of
 
 _UNCOUPLED_STEPS = 720
-"""Steps per revolution of the uncoupled solution; with more steps, its error remains the same."""
+"""Number of steps per revolution of the uncoupled solution. With more steps, its error is the same."""
 
 serializable(Contributions)
 

@@ -58,8 +58,8 @@ class Compensator(FirstOrderSystem):
 class ClosedLoop(FeedbackLoop):
     """System with u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with the estimates x̂ of an observer as states.
 
-    The load of the system is known to the observer. The inputs are further outputs. At other speeds than
-    that of the design, and with other parameters, the gains keep their values at each phase.
+    The load of the system is known to the observer. The inputs are further outputs. At other speeds and with
+    other parameters than those of the design, the gains keep their values at each phase.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class ClosedLoop(FeedbackLoop):
         if self.observer is None:
             C[..., :p] += force[..., n:]
             return M, C, K + force[..., :n], d
-        # The observer has the equations of the design, also where the system is linearised about a motion.
+        # The observer contains the equations of the design even if the system is linearised about a motion.
         A, B, b = state_equations(*observed(), len(self.design.states))
         if self.ahead is not None:
             b = b + np.einsum("knr,rk->kn", B, self.ahead(phase))

@@ -34,8 +34,8 @@ def lqr(
     Parameters
     ----------
     system : PeriodicSystem
-        System with r inputs, of first or second order. Its states x are (q, q̇), or those of a first-order
-        system.
+        System with r inputs, of first or second order. The states x are (q, q̇), or the states of a
+        first-order system.
     speed : float or str
         Ω in rad/s, or a text with unit.
     Q : (N, N) array, mapping or callable
@@ -46,8 +46,8 @@ def lqr(
     rtol : float
         Relative tolerance of the solution of the Riccati equation and of the multipliers.
     feedforward : bool
-        Whether to add the periodic f(φ) that minimises the mean under the load, u = −K x + f. Without it,
-        feedback opposes every motion, the one that the load forces included.
+        Whether to add the periodic feedforward f(φ) that minimises the mean under the load, u = −K x + f.
+        Without it, feedback opposes every motion, including the forced vibration.
 
     Returns
     -------
@@ -104,16 +104,16 @@ def kalman(
         along which noise acts, or of states to whose rates it is added; or a function of phases (k,).
     V : (y, y) array, mapping or callable
         Spectral density of the noise of the measured quantities: numbers by name of states and outputs, which
-        are then measured. A positive definite matrix, or a function of phases, is of the outputs of a
-        `FirstOrderSystem` that names some, otherwise of all coordinates.
+        are then measured. A positive definite matrix, or a function of phases, applies to the outputs of a
+        `FirstOrderSystem` with named outputs, otherwise to all coordinates.
     rtol : float
         Relative tolerance of the solution of the Riccati equation and of the multipliers.
 
     Returns
     -------
     Controller
-        Covariance P(φ) of the error of the estimates, gain L(φ) = P Cᵀ V⁻¹ (N, y), and as closed loop the
-        equations of the error.
+        Covariance P(φ) of the error of the estimates, gain L(φ) = P Cᵀ V⁻¹ (N, y), and, as closed loop, the
+        equations of the estimation error.
 
     Raises
     ------
@@ -173,7 +173,8 @@ def lqg(
     Returns
     -------
     Controller
-        As of `lqr`, with the filter as `observer`; the closed loop has the estimates NAME_hat as states.
+        Result as of `lqr`, with the filter as `observer`. The closed loop has additional states, the
+        estimates NAME_hat.
 
     Raises
     ------
@@ -223,8 +224,8 @@ def control(
     lqr : mapping or pair, optional
         Weights by name, of inputs and of states and outputs, such as {"q3": 1e6, "u": 1}; or Q and R.
     kalman : mapping or pair, optional
-        Noise by name, along inputs and of measured states and outputs, such as {"u": 1, "q1": 1e-9}; or W and
-        V.
+        Noise intensities by name, of inputs and of measured states and outputs, such as {"u": 1, "q1": 1e-9};
+        or W and V.
     rtol : float
         As in `lqr`.
     feedforward : bool
@@ -232,18 +233,18 @@ def control(
     vibration : bool
         Whether to compute the periodic vibration without and with feedback.
     margin : sequence of str
-        Names of parameters whose smallest change that makes the closed loop unstable is computed, see
-        `stability_margin`.
+        Names of parameters. Their smallest relative change that makes the closed loop unstable is computed,
+        see `stability_margin`.
 
     Returns
     -------
     Controller
-        Of `lqr`, `kalman`, or, if both are given, of `lqg`.
+        Result of `lqr` or of `kalman` or, if both are given, of `lqg`.
 
     Raises
     ------
     SolveError
-        As of `lqr` and `kalman`.
+        The exceptions of `lqr` and `kalman`.
 
     Examples
     --------
@@ -269,7 +270,7 @@ def control(
 
 
 _OF = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
-"""The functions under names that arguments of `control` do not hide."""
+"""Design functions by name: inside `control`, its arguments have the same names."""
 
 
 def _vibration(made: Controller) -> dict[str, Vibration]:
@@ -322,7 +323,7 @@ def _controller(
     closed: PeriodicSystem,
     rtol: float,
 ) -> Controller:
-    """Result with the certified multipliers of the closed loop."""
+    """Controller with the certified multipliers of the closed loop."""
     return Controller(
         system=plant.system,
         speed=plant.speed,

@@ -1,4 +1,4 @@
-"""Base of closed loops: a system with a feedback of its own to the inputs."""
+"""Base of closed loops: a system whose inputs are set by feedback."""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -30,8 +30,8 @@ from solve.system import PeriodicSystem
 
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
-    """System with feedback. Its inputs NAME_disturbance are added to those of the feedback, which are
-    outputs.
+    """System with feedback. Its inputs NAME_disturbance are added to the values that the feedback sets, which
+    are outputs.
 
     open_loop: the system without feedback, or its equations linearised about a motion; model: the system
     itself; design: the system for which the feedback was designed, which an observer contains.
@@ -41,9 +41,9 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     system : PeriodicSystem
         System with inputs.
     further : sequence of str
-        Coordinates that the feedback adds, behind those with second derivatives of the system.
+        Coordinates that the feedback adds, after the second-order coordinates of the system.
     estimates : sequence of str
-        States that the feedback adds, behind those of the system.
+        States that the feedback adds, after those of the system.
     """
 
     def __init__(self, system: PeriodicSystem, further: Sequence[str] = (), estimates: Sequence[str] = ()):
@@ -152,14 +152,14 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         require_bounds(self.model, parameters)
 
     def many_points(self, names: Sequence[str]) -> None:
-        """None: each point requires a system of its own."""
+        """None, because each point requires its own system."""
 
     def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
         return sketched(self.model, phase, speed, q[: self.n_open], fineness)
 
     @property
     def derivatives(self) -> ParameterDerivatives:
-        """Derivatives with respect to parameters, of which there are none."""
+        """Object that rejects all parameters, because there are no derivatives with respect to them."""
         return _NoDerivatives(self)
 
     @property
@@ -206,7 +206,7 @@ class _NoDerivatives:
         return np.zeros((len(self._loop.breaks), 0))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Raise NoDerivativeError."""
+        """Raise NoDerivativeError for any parameter."""
         raise NoDerivativeError(
             f"{self._loop.labels.name} has no equations that can be differentiated; the gains of "
             "solve.OutputFeedback have derivatives"

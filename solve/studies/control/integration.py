@@ -11,11 +11,12 @@ from solve.errors import TransientError
 from solve.studies.control.plant import state_equations
 
 _LEAST_STEPS = 128
-"""Fewest steps per period: longer ones would skip a load that acts for a part of the period. A choice."""
+"""Smallest number of steps per period: longer steps could skip a load that acts during a part of the period.
+A choice."""
 
 Equations = Callable[[Array, Array, float, Array, Array], Matrices]
 """Function of phases and speeds (k,), an acceleration, and q and q̇ (k, n) that returns M, C, K and d of the
-equations linearised about this state; with the state itself they are exact."""
+equations linearised about this state; at this state they are exact."""
 
 
 class FeedbackIntegrator:
@@ -34,14 +35,15 @@ class FeedbackIntegrator:
         return 2 * self._n - self._first_order
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """See `Integrator`. Raises TransientError if the integration fails."""
+        """States of a period, see `Integrator`. Raises TransientError if the integration fails."""
         from scipy.integrate import solve_ivp
 
         ends = speed, speed if last is None else last
         mean, n, N = sum(ends) / 2, self._n, self._N
 
         def rates(s: Array, x: Array) -> tuple[Array, Array]:
-            """A (k, N, N) and b (k, N) of x′ = A x + b with derivatives by time, at states x (N, k)."""
+            """A (k, N, N) and b (k, N) of x′ = A x + b with derivatives with respect to time, at states x (N,
+            k)."""
             phase, omega, acceleration = driven(s, *ends, self._period)
             q, qd = x[:n].T, np.zeros((len(s), n))
             qd[:, : N - n] = x[n:].T

@@ -1,9 +1,9 @@
 """Periodic Riccati equations −X′ = AᵀX + XA − XGX + Q on the steps of a grid.
 
-A step relates the state x at its start and the costate λ = Xx at its end to those at the other ends:
-x₁ = A x₀ − G λ₁ and λ₀ = H x₀ + Aᵀ λ₁. Gauss collocation conserves this symplectic structure. Two steps
-are composed without inverses of unstable maps, which is the structure-preserving doubling algorithm
-(E. Chu, H. Fan, W. Lin, C. Wang, Int. J. Control 77 (2004) 767-788)."""
+A step relates the state x at its start and the costate λ = Xx at its end to the state at its end and the
+costate at its start: x₁ = A x₀ − G λ₁ and λ₀ = H x₀ + Aᵀ λ₁. Gauss collocation conserves this symplectic
+structure. Two steps are composed without inverses of unstable maps, which is the structure-preserving
+doubling algorithm (E. Chu, H. Fan, W. Lin, C. Wang, Int. J. Control 77 (2004) 767-788)."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -15,8 +15,8 @@ from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 
 _MOST_DOUBLINGS = 60
-"""Doublings of the period after which the solution counts as nonexistent: closed-loop multipliers up to
-1 − 1e-17 converge before."""
+"""Number of doublings of the period after which no solution exists: with closed-loop multipliers of up to 1 −
+1e-17, the iteration converges earlier."""
 
 _CONVERGED = 16 * EPS
 """Relative change or residual of the solution that counts as round-off. A choice."""
@@ -25,10 +25,10 @@ _CORRECTIONS = 2
 """Largest number of Newton corrections. The first one reaches round-off; a choice."""
 
 _BYTES = 2**20
-"""Bytes of the stage systems that are solved at a time. A choice."""
+"""Memory, in bytes, of the stage systems that are solved at a time. A choice."""
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
-"""Function of phases (k,) that returns A, G and Q (k, N, N); derivatives are by the phase."""
+"""Function of phases (k,) that returns A, G and Q (k, N, N); derivatives are with respect to the phase."""
 
 
 class Maps(NamedTuple):
@@ -142,9 +142,8 @@ def _ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
 
 
 def _mechanical_ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
-    """As `_ends`, for second-order systems, from equations of half the size.
-
-    The rates of the positions follow from the velocities, and those of their costates from the others.
+    """Matrices as from `_ends`, for second-order systems, from equations of half the size. The rates of the
+    positions follow from the velocities, and the rates of the positions' costates from the other costates.
     Unknowns are the rates w of v, and those μ of its costate backwards, at the stages. Given are the state at
     the start and the costate at the end."""
     m, s, N, _ = A.shape
@@ -209,8 +208,8 @@ def periodic_solution(maps: Maps) -> Array | None:
 
 
 def _doubled(maps: Maps) -> Array | None:
-    """As `periodic_solution`, without corrections: products of pairs of steps, then doubling of the
-    period."""
+    """Periodic solution as from `periodic_solution`, without corrections: products of pairs of steps, then
+    doubling of the period."""
     levels = [maps]
     while len(levels[-1].A) > 1:
         levels.append(levels[-1].pairs)

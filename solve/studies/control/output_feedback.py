@@ -23,8 +23,9 @@ _DAMPING = 0.01
 
 
 class Gain(NamedTuple):
-    """Gain from a signal to an input, times a wave 1, cos φ, sin φ, cos 2φ, …: the positions of all three,
-    its unit, and the name of the constant gain to which it belongs."""
+    """Gain from a signal to an input, multiplied by a function 1, cos φ, sin φ, cos 2φ, …: indices of the
+    signal, the input and the function; unit of the gain; and name of the constant gain to which it
+    belongs."""
 
     input: int
     signal: int
@@ -39,7 +40,7 @@ class OutputFeedback(FeedbackLoop):
     Parameters
     ----------
     system : PeriodicSystem
-        System with inputs, and with second derivatives of all coordinates.
+        System with inputs whose coordinates are all of second order.
     measured : sequence of str
         Names of states, such as q1 and q1_dot, and of outputs.
     harmonics : int
@@ -135,7 +136,8 @@ class OutputFeedback(FeedbackLoop):
         super().require_bounds({name: value for name, value in parameters.items() if name not in self.gains})
 
     def bounds_of_gains(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
-        """Bounds, with those of u_by_q1 for all gains from q1 to u that have none of their own."""
+        """Bounds of all gains. Bounds of u_by_q1 apply to all gains from q1 to u for which no bounds are
+        given."""
         own = {name: bounds[gain.base] for name, gain in self.gain_terms.items() if gain.base in bounds}
         return {**own, **bounds}
 

@@ -19,8 +19,8 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Plant:
-    """A system at a speed in rad/s, with states x = (q, q̇) and derivatives by time. For rows of outputs there
-    may be a speed per phase."""
+    """System at a speed in rad/s, with states x = (q, q̇) and derivatives with respect to time. For rows of
+    outputs, the speed may be an array with one value per phase."""
 
     system: PeriodicSystem
     speed: float
@@ -45,7 +45,7 @@ class Plant:
         if not self.system.inputs:
             raise ControlError(
                 f"{self.system.labels.name} has no inputs; declare them, such as "
-                'mechanism.input("u", "N", along=q1), or name them in the system, see docs/control.md'
+                'mechanism.input("u", "N", along=q1), or give `inputs` of the system, see docs/control.md'
             )
 
     def rows(self, names: Sequence[str], phase: Array) -> Array:
@@ -118,8 +118,8 @@ def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array
 def output_slopes(
     system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
 ) -> Array:
-    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at a state (3, n, k)."""
+    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at a state (3, n, k)."""
     rates = np.asarray(speed)[..., None, None] ** np.array([2.0, 1.0, 0.0])[:, None]
-    # A dependence uses derivatives by the phase.
+    # `Dependence` uses derivatives with respect to the phase.
     dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates
     return np.stack([dependence.output(name, phase, speed, states)[1] / rates for name in names], axis=1)

@@ -23,11 +23,12 @@ _ADVANCE, _AT = 7.0, 1e-8
 constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
 _GROWTH, _FAST_GROWTH = 1.25, 2.0
-"""Growth of the number of steps from grid to grid, and where the error exceeds the root of the tolerance.
-Errors of resolved solutions fall by at least 1.25^-12 = 0.07."""
+"""Ratio of the steps of successive grids, and larger ratio used while the error exceeds the square root of
+the tolerance. Errors of resolved solutions fall at least by the factor 1.25^-12 = 0.07."""
 
 _RESOLVED = 1e-4
-"""Error below which a solution counts as resolved, so that an error that no longer falls is round-off."""
+"""Error below which a solution counts as resolved. An error of a resolved solution that no longer decreases
+is round-off. A choice."""
 
 _PHASES = 48
 """Phases at which frozen modes are computed. A choice."""
@@ -36,7 +37,7 @@ _LEAST, _MOST = 24, 6000
 """Smallest and largest number of steps: choices. With 12 states, 6000 steps take several seconds."""
 
 _STENCIL = 6
-"""Nodes through which the curve of a step goes, with their slopes: its degree is 11."""
+"""Number of nodes whose values and slopes the curve of a step interpolates, with the degree 11. A choice."""
 
 _POINTS = 9
 """Points per step of curves of the gain, whose error is the ninth power of the step. A choice."""
@@ -46,7 +47,8 @@ _POINTS = 9
 class Riccati:
     """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, or dX/dt = AX + XAᵀ − XQX + G of a filter.
 
-    coefficients: function of phases (k,) that returns A, G and Q (k, N, N) for derivatives by time."""
+    coefficients: function of phases (k,) that returns A, G and Q (k, N, N) for derivatives with respect to
+    time."""
 
     coefficients: Callable[[Array], tuple[Array, Array, Array]]
     speed: float
@@ -126,7 +128,7 @@ class Riccati:
             )
         return (
             "the Riccati equation has no stabilising solution: a mode that does not decay cannot be "
-            "controlled by the inputs, or has no weight in Q; add inputs, or weight more states"
+            "controlled by the inputs, or has no weight in Q; add inputs, or give weights to more states"
         )
 
     def curve(self, steps: int) -> Curve:

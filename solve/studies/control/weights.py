@@ -8,10 +8,11 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 
 Weight = Array | Sequence[Sequence[float]] | Mapping[str, float] | Callable[[Array], Array]
-"""Matrix (N, N); numbers by name; or a function of phases (k,) that returns (k, N, N)."""
+"""Types of weights: a matrix (N, N); numbers by name; or a function of phases (k,) that returns (k, N, N)."""
 
 _PHASES = 37
-"""Number of phases per period at which definiteness is checked: a choice, odd to miss symmetries."""
+"""Number of phases per period at which definiteness is checked: a choice, odd so that the phases do not
+coincide with symmetries."""
 
 _NEGATIVE = 1e-10
 """Negative eigenvalue, relative to the largest, that counts as round-off. A choice."""

@@ -34,14 +34,14 @@ and its values."""
 
 
 class Background:
-    """Process that performs one calculation at a time. It is started for the first calculation, and again
-    after a cancellation.
+    """Process that performs one calculation at a time. The process is started for the first calculation, and
+    again after a cancellation.
 
     Reports are delivered from a thread of this object.
 
     Notes
     -----
-    The process is a new interpreter, not one of `multiprocessing`, which would run the script that opened the
+    The process is a new interpreter. A process of `multiprocessing` would run the script that opened the
     window a second time.
     """
 
@@ -114,7 +114,7 @@ class Background:
 
 
 def _started() -> "subprocess.Popen[bytes]":
-    """New interpreter that imports from the same places and calls `serve`."""
+    """New interpreter that has the same import paths and calls `serve`."""
     command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
@@ -127,7 +127,7 @@ def _write(stream: Any, content: object) -> None:
 
 def serve() -> None:
     """Carry out calculations received on standard input until it is closed."""
-    # An interruption of the terminal reaches all its processes; the window ends this one.
+    # An interruption in the terminal is sent to all processes; this one is ended by the window.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     reports = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

@@ -15,8 +15,8 @@ from solve.studies.frequencies import frequencies
 from solve.units import GivenSpeed, ShownUnit, raised, speed_in_si, unit_given
 
 _SPAN = 10.0
-"""Ratio of the upper end of a slider to the value of a positive parameter, and of the value to the lower end.
-A choice."""
+"""Ratio of the upper end of the slider of a positive parameter to its value, and of the value to the lower
+end. A choice."""
 
 _SPEEDS = 0.2, 3.0
 """Ends of the slider of the speed, relative to the first speed. A choice."""
@@ -46,8 +46,8 @@ class Range:
 class Control:
     """Slider of a parameter or of the speed.
 
-    value: in `unit`. bound: as the model states it. further: whether it belongs among the parameters that
-    rarely matter, because its value is 0.
+    value: in `unit`. bound: text of the bound as stated in the model. further: whether the slider is shown
+    among the less important parameters, because its value is 0.
     """
 
     name: str
@@ -94,8 +94,8 @@ def _family(name: str) -> str:
 
 
 def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
-    """Initial speed in rad/s with its unit: the given one, otherwise that of the case, otherwise one well
-    below the lowest natural frequency. Raises SolveError subclasses for invalid input, and
+    """Initial speed in rad/s with its unit: the given speed, otherwise the speed of the case, otherwise a
+    speed well below the lowest natural frequency. Raises SolveError subclasses for invalid input, and
     MissingValueError if no speed can be determined."""
     try:
         return speed_in_si(speed_or_usual(model, speed))
@@ -120,7 +120,7 @@ def speed_range(value: float) -> Range:
 def parameter_range(value: float, bound: str, scale: float) -> Range:
     """Range of the slider of a parameter, within the parameter's bounds.
 
-    scale: half the width of the range of a value of 0 without bounds.
+    scale: half width of the range if the value is 0 and there are no bounds.
 
     >>> parameter_range(8e4, "> 0", 1.0)
     Range(low=8000.0, high=800000.0, logarithmic=True, integer=False)
@@ -195,7 +195,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
     text : str
         Number with or without a unit, such as "30 mm".
     unit : ShownUnit
-        Unit of the slider of the speed, in which a speed without unit is understood.
+        Unit of the slider of the speed, which applies to a speed without unit.
 
     Returns
     -------

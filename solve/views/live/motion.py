@@ -18,8 +18,8 @@ FRAMES = 36
 point then deviates from its circle by at most 0.4 %."""
 
 COARSE = 0.25
-"""Number of points of curves while sliders move, as a fraction of that in animations; this takes a quarter of
-the time."""
+"""Ratio of the number of points of curves while sliders move to the number in animations. A choice that
+reduces the time to a quarter."""
 
 
 def motion(
@@ -41,8 +41,8 @@ def motion(
     record : dict
         Names, sizes and kinds of the lines, magnification, and the area that all frames need.
     points : bytes
-        Coordinates as little-endian 32-bit floats: for each line the rigid motion, then the magnified one,
-        each frame by frame, point by point, x before y. None for a model without a sketch.
+        Coordinates as little-endian 32-bit floats: for each line the rigid motion, then the magnified motion,
+        in the order of frames, points, and x, y. None for a model without a sketch.
     """
     system, speed = solution.orbit.system, solution.orbit.speed
     if not _has_sketch(system):

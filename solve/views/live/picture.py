@@ -23,7 +23,7 @@ PHASES = 361
 """Number of points of a curve: one per degree of a revolution, more than the pixels of a narrow panel."""
 
 FREE_PERIODS = 8
-"""Number of periods of the free vibration that is shown without a load."""
+"""Number of periods of the free vibration that is shown if there is no load. A choice."""
 
 _FREE_RTOL = 1e-6
 """Tolerance of the free vibration: far below a pixel."""

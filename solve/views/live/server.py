@@ -67,7 +67,8 @@ class LiveServer:
         self.port: int = self._sockets[0].getsockname()[1]
         self.token = secrets.token_urlsafe(16)
         self.model, self._origin, self._speed = model, origin, speed
-        # Memory of CasADi serves one thread: all windows are solved in this one, by a copy of the model.
+        # CasADi functions may be evaluated by one thread at a time: all windows are solved in this thread,
+        # with a copy of the model.
         self.numerics = ThreadPoolExecutor(1, thread_name_prefix="numerics")
         self._base: Model | None = None
         self.last: Session | None = None
@@ -89,7 +90,7 @@ class LiveServer:
 
     @property
     def state(self) -> State:
-        """State of the window opened last, or the initial state if none was opened."""
+        """State of the window that was opened last, or the initial state if no window was opened."""
         if self.last is not None:
             return self.last.state
         return Session(self.model, self._origin, self._speed, *2 * [lambda *_: None]).state
@@ -124,21 +125,23 @@ class LiveServer:
             self.loop.call_soon_threadsafe(self._stop.set)
 
     def allows(self, token: str, host: str) -> bool:
-        """Whether a request contains the token and is addressed to this machine by one of its own host
-        names."""
+        """Whether a request contains the token and is addressed to a host name of this machine."""
         own = {f"{name}:{self.port}" for name in (HOST, "localhost")}
         return secrets.compare_digest(token.encode(), self.token.encode()) and host in own
 
 
 def _bound(port: int) -> list[Any]:
     if not 0 <= port <= 65535:
-        raise ValueOutOfBoundsError(f"port is {port}; allowed: 1 … 65535, or leave it out for a free one")
+        raise ValueOutOfBoundsError(
+            f"port is {port}; allowed: 1 … 65535, or leave out the port to use a free one"
+        )
     try:
         return netutil.bind_sockets(port, HOST)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueOutOfBoundsError(
-            f"port {port} cannot be used ({reason}); give another, or leave it out for a free one"
+            f"port {port} cannot be used ({reason}); give another port, or leave out the port to use a free "
+            "one"
         ) from None
 
 
@@ -222,7 +225,7 @@ class Page(websocket.WebSocketHandler):
             except Exception as error:
                 self.send({"is": "failed", "message": internal_error(error)}, None)
 
-        # After the end of the server nothing is accepted.
+        # The executor accepts no calculation after the end of the server.
         with suppress(RuntimeError):
             self._server.numerics.submit(run)
 

@@ -19,13 +19,12 @@ from solve.units import ShownUnit, raised
 from solve.views.live.picture import shortened
 
 MOST_POINTS, MOST_ACROSS = 2000, 120
-"""Largest number of points of a sweep, and along either side of a chart: more than the pixels of the
-picture."""
+"""Largest number of points of a sweep, and of values along each side of a chart. Choices."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Varying quantity, with values from `low` to `high` in the unit of its slider."""
+    """Varying quantity with `count` values from `low` to `high` in the unit of its slider."""
 
     name: str
     low: float
@@ -50,7 +49,7 @@ class Axis:
             ) from None
         if not (np.isfinite([axis.low, axis.high]).all() and axis.low < axis.high):
             raise ValueOutOfBoundsError(
-                f"{axis.name} from {axis.low:g} to {axis.high:g}; give two finite numbers, the smaller first"
+                f"{axis.name} from {axis.low:g} to {axis.high:g}; give two finite numbers in ascending order"
             )
         if not 2 <= axis.count <= most:
             raise ValueOutOfBoundsError(f"{axis.name} has {axis.count} points; allowed: 2 … {most}")
@@ -85,7 +84,8 @@ class Axis:
 class Survey:
     """Request for a sweep (if y is None) or a chart of a model.
 
-    speed: in rad/s, of the axes that do not vary it. unit: of the slider of the speed. of: quantity by name.
+    speed: speed in rad/s if no axis is the speed. unit: unit of the slider of the speed. of: name of the
+    quantity.
     """
 
     model: Model

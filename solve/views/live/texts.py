@@ -29,7 +29,8 @@ _NUMBERED = re.compile(r"(.*?)([0-9]+)")
 class Origin:
     """Paths of the files of a model.
 
-    argument: name or path by which commands find it; None for a model in memory. cases: another case file.
+    argument: name or path of the model in commands; None for a model in memory. cases: another case file, if
+    given.
     """
 
     argument: str | None = None
@@ -171,7 +172,7 @@ def save_case(state: State, name: str, file: str) -> str:
     try:
         old = path.read_text(encoding="utf-8-sig") if path.exists() else ""
     except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another") from None
+        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another file") from None
     if old and name in read_cases(path, units, functions_of(module)):
         raise CaseFileError(f"'{file}' has a case '{name}'; give another name")
     text = f"{old.rstrip()}\n\n{block}" if old else block

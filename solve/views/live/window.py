@@ -48,8 +48,8 @@ class LiveWindow:
 
     Notes
     -----
-    In a notebook the window is shown in a frame. The server runs in a thread until `close`, or until the page
-    or Python ends it. The notebook's browser must run on the same machine.
+    In a notebook the window is shown in a frame. The server runs in a thread until `close`, or until it is
+    ended by the page or by the end of Python. The notebook's browser must run on the same machine.
     """
 
     def __init__(self, server: "LiveServer"):
@@ -105,7 +105,8 @@ def explore(
         Model, or its name or the path of a mechanism file. Its parameters are the first values of the
         sliders.
     speed : float or str, optional
-        First speed in rad/s, or a text with unit; by default that of the case, or one well below resonance.
+        First speed in rad/s, or a text with unit; by default the speed of the case, or a speed well below
+        resonance.
     port : int
         Port on this machine, 0 for a free one.
 

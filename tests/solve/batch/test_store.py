@@ -69,7 +69,7 @@ def test_without_zarr_a_store_is_refused_in_one_line_and_no_folder_is_made(
     out, error = capsys.readouterr()
     assert out == ""
     assert error == (
-        'solve: a store needs zarr; install it with: pip install "parametric-vibration[store]"\n'
+        'solve: a store requires zarr; install zarr with: pip install "parametric-vibration[store]"\n'
     )
     assert list(tmp_path.iterdir()) == []
 

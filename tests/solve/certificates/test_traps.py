@@ -210,7 +210,7 @@ def test_steps_beyond_a_methods_own_limit_are_refused(method, limit):
 
     given = system(matrices, 1)
     least = 2 * np.pi * np.sqrt(1.5e4) / limit
-    with pytest.raises(StepsError, match=rf"{method.name} with .* beyond its stability limit; use at least"):
+    with pytest.raises(StepsError, match=rf"{method.name} with .* exceeds its stability limit; use at least"):
         floquet(given, 1.0, method, steps=int(0.99 * least), rtol=0.9)
     assert np.isfinite(floquet(given, 1.0, method, steps=int(1.01 * least) + 1, rtol=0.9).spectral_radius)
 

@@ -101,7 +101,7 @@ def test_small_spectra_are_magnified_though_other_multipliers_are_unknown(withou
     found = solve.floquet(damped, 1.0)
     assert found.unresolved == 2
     titles = [axes.get_title(loc="left") for axes in found.plot().axes]
-    assert "closer, within the largest" in titles
+    assert "magnified, within the largest" in titles
 
 
 def test_without_slicot_missing_orders_and_tolerances_are_noted(without_slicot):
@@ -120,7 +120,7 @@ def test_multipliers_left_out_for_their_work_are_noted(monkeypatch):
     found = solve.floquet(damped_pair(), 1.0)
     assert np.isnan(found.multipliers[2:]).all()
     assert [note.split("; ")[1] for note in found.notes] == [
-        "with so many coordinates and steps, they are computed only with all_multipliers"
+        "for so many coordinates and steps, small multipliers require all_multipliers"
     ]
 
 

@@ -178,7 +178,7 @@ def test_a_sweep_with_speed_and_speeds_is_refused(command):
         (("chart", "meissner", "--x", "w1=1:2:2", "--y", "w2=1:2:2", "--cut", "w2=-1"), "w2 = -1 has"),
         (("validity", "cam", "--speeds", "100 200 rpm", "--set", "c1=1e30"), "none of the 2 speeds"),
         (("frequencies", "cam", "--over", "k1=-3:-1:3"), "none of the 3 values of k1"),
-        (("compare", "mathieu", "--method", "march", "--set", "zeta=0"), "no method gives a result"),
+        (("compare", "mathieu", "--method", "march", "--set", "zeta=0"), "no method has a result"),
         (("sensitivity", "cam", "--speeds", "100 110 rpm", "--set", "c1=1e30"), "no speed has a result"),
     ],
 )

@@ -69,7 +69,7 @@ def test_invalid_combinations_are_refused_in_one_line(command, arguments, messag
 def test_a_model_without_generated_matrices_is_refused_before_it_is_solved(command):
     ran = command("floquet", "four_bar", "--speed", "30 rad/s", "--prove")
     assert (ran.status, ran.out) == (2, "")
-    assert "a proof needs matrices that are a function of the phase" in ran.err
+    assert "a proof requires matrices that are a function of the phase" in ran.err
 
 
 def test_without_python_flint_the_extra_is_named(command, monkeypatch):
@@ -81,7 +81,8 @@ def test_without_python_flint_the_extra_is_named(command, monkeypatch):
     ran = command(*MATHIEU, "--prove")
     assert (ran.status, ran.out) == (2, "")
     message = (
-        'solve: a proof needs python-flint; install it with: pip install "parametric-vibration[prove]"\n'
+        "solve: a proof requires python-flint; install python-flint with: "
+        'pip install "parametric-vibration[prove]"\n'
     )
     assert ran.err == message
 

@@ -161,7 +161,7 @@ def test_python_takes_one_speed_one_text_or_many():
 @pytest.mark.parametrize(
     ("speeds", "error", "message"),
     [
-        ([], ValueOutOfBoundsError, "no speeds given; give some, such as '100:900:81 rpm'"),
+        ([], ValueOutOfBoundsError, "no speeds given; give speeds, such as '100:900:81 rpm'"),
         (np.array([]), ValueOutOfBoundsError, "no speeds given"),
         (None, ValueOutOfBoundsError, "speeds are None; give a sequence of numbers in rad/s or of texts"),
         ([[1.0, 2.0]], ValueOutOfBoundsError, r"speed is \[1.0, 2.0\]; allowed: finite and > 0"),

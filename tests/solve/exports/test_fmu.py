@@ -198,7 +198,7 @@ def test_refused_fmu_export_leaves_no_file(tmp_path, monkeypatch):
     from solve.kernel.compiler import c_compiler
 
     c_compiler.cache_clear()
-    with pytest.raises(MissingLibraryError, match=r"needs a C compiler.*no-such-compiler"):
+    with pytest.raises(MissingLibraryError, match=r"requires a C compiler.*no-such-compiler"):
         solve.export(solve.load("mathieu"), file)
     c_compiler.cache_clear()
     monkeypatch.setitem(sys.modules, "fmpy", None)

@@ -9,7 +9,7 @@ from scipy.optimize import fsolve
 
 import solve
 from solve.certify.correction import CoordinateScale
-from solve.newton.iteration import at_rest
+from solve.newton.iteration import zero_motion
 from solve.period.grid import Grid
 from tests.solve.newton.mechanisms import (
     absorber,
@@ -160,7 +160,7 @@ def test_coordinate_scale_is_load_over_own_impedance():
     numbers = {"zeta": 0.2, "k": 3.0, "alpha": 0.0, "f": 0.7}
     model, grid = model_of(duffing(), **numbers), Grid.uniform(64, 2 * np.pi)
     for speed in (0.3, np.sqrt(3.0), 7.0):
-        rest = at_rest(1, grid)
+        rest = zero_motion(1, grid)
         scale = CoordinateScale(model.along(rest), rest, speed, grid.steps)
         expected = 0.7 / (3.0 + 2 * 0.2 * speed + speed**2)
         assert scale.load_scale == pytest.approx(expected, rel=1e-12)
@@ -176,7 +176,7 @@ def test_the_round_off_of_a_residual_is_below_its_bound(numbers, speed):
         for q, omega in zip(rng.normal(scale=0.3, size=200), speed + rng.random(200), strict=True):
             angle = mpmath.acos(g / mpmath.mpf(omega) ** 2) + mpmath.mpf(q)
             exact = (g - mpmath.mpf(omega) ** 2 * mpmath.cos(angle)) * mpmath.sin(angle)
-            motion = at_rest(1, Grid.uniform(1, 2 * np.pi))
+            motion = zero_motion(1, Grid.uniform(1, 2 * np.pi))
             motion.coefficients[:] = q
             along = model.along(motion)
             _, _, K, d = along.at(np.array([0.3]), omega)

@@ -67,7 +67,7 @@ def test_any_number_of_harmonics_is_given_even_beyond_the_samples(count):
 
 @pytest.mark.parametrize("count", [-1, 2.5, "60", None])
 def test_invalid_harmonic_counts_are_refused(count):
-    with pytest.raises(ValueOutOfBoundsError, match=r"harmonics are .*; allowed: whole numbers from 0 on"):
+    with pytest.raises(ValueOutOfBoundsError, match=r"harmonics is .*; allowed: whole numbers of at least 0"):
         harmonics(np.cos, 2 * np.pi, count)
 
 

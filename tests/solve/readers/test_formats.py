@@ -127,7 +127,7 @@ def test_a_vector_is_a_constant_load(tmp_path):
 
 def test_signals_of_a_first_order_system_need_all_matrices(tmp_path):
     np.savez(tmp_path / "a.npz", A=-np.eye(2), B=np.ones((2, 1)))
-    with pytest.raises(FileError, match="has no C; give B, C and D"):
+    with pytest.raises(FileError, match="has no C; give all of B, C and D, or none"):
         solve.read_npz(tmp_path / "a.npz")
 
 

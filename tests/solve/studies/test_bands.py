@@ -148,7 +148,7 @@ def test_one_speed_is_no_range():
 
 
 def test_an_empty_range_is_refused():
-    with pytest.raises(ValueOutOfBoundsError, match="no speeds given; give some, such as"):
+    with pytest.raises(ValueOutOfBoundsError, match="no speeds given; give speeds, such as"):
         solve.bands(mathieu(), [])
 
 

@@ -182,7 +182,7 @@ def test_a_tolerance_that_cannot_be(tolerance):
 
 
 def test_a_case_belongs_to_a_name():
-    with pytest.raises(ValueOutOfBoundsError, match="case is 'stable', but the system already has values"):
+    with pytest.raises(ValueOutOfBoundsError, match="case is 'stable', but a system already has values"):
         solve.chart(solve.load("mathieu"), X, Y, case="stable")
 
 
@@ -294,7 +294,7 @@ def test_orbit_chart_solves_once_and_keeps_stability_without_an_orbit(monkeypatc
     assert chart.failures == plain.failures == {}
     (warning,) = chart.warnings
     assert warning.startswith("1 of 6 points have no orbit: I - Φ is singular")
-    with pytest.raises(NoResultError, match="none of the 4 points gives a result: I - Φ is singular"):
+    with pytest.raises(NoResultError, match="none of the 4 points has a result: I - Φ is singular"):
         solve.chart(lambda a, b: build(1, 0), {"a": [1.0, 2.0]}, {"b": [1.0, 2.0]}, 1.0, of="x.max_abs")
 
 

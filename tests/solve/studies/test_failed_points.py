@@ -64,7 +64,7 @@ def test_the_picture_of_a_chart_with_holes(gapped_chart):
 
 
 def test_chart_without_any_result_is_refused():
-    with pytest.raises(NoResultError, match=r"none of the 4 points gives a result: .* NaN"):
+    with pytest.raises(NoResultError, match=r"none of the 4 points has a result: .* NaN"):
         solve.chart(holed, {"delta": [1.5, 2.0]}, {"epsilon": [0.5, 1.0]}, 1.0)
 
 
@@ -113,7 +113,7 @@ def test_bands_end_open_where_speeds_fail():
     assert right.high == pytest.approx(band.high, rel=1e-6)
     assert low - bands.spacing <= left.high <= low
     assert high <= right.low <= high + bands.spacing
-    assert "give no result" in bands.notes[0]
+    assert "have no result" in bands.notes[0]
     assert "NaN" in bands.notes[0]
 
 
@@ -139,7 +139,7 @@ def test_critical_speeds_report_failed_speeds():
     good = solve.critical_speeds(model, "0.5:3:20 rad/s")
     assert not good.notes
     critical = solve.critical_speeds(broken(4.0, 1.9, 2.1), np.linspace(1.2, 3.0, 20))
-    assert any("speeds give no result" in note for note in critical.notes)
+    assert any("speeds have no result" in note for note in critical.notes)
 
 
 def faulty(fault):
@@ -207,7 +207,7 @@ def test_failed_speeds_at_the_ends_are_omitted(speeds):
     assert len(peaks) == 2
     assert peaks == pytest.approx(reference, rel=1e-4)
     for text in (note, critical.notes[-1]):
-        assert "give no result, from 9.5493 to 14." in text
+        assert "have no result, from 9.5493 to 14." in text
         assert "to 57.296 rpm: M has NaN" in text
 
 

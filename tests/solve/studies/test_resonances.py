@@ -32,7 +32,10 @@ def test_maximum_at_a_multiplier_crossing_stays_unexplained():
     assert row.multiplier.speed == pytest.approx(10.0, rel=1e-4)
     assert (row.mode, row.order, row.combination) == (None, None, None)
     assert critical.record()["rows"][critical.rows.index(row)]["combination"] is None
-    assert "no division of a frequency and no combination up to order 6 explains it" in critical._repr_html_()
+    assert (
+        "no division of a frequency and no combination up to order 6 explains the row"
+        in critical._repr_html_()
+    )
 
 
 def test_combination_resonance_explains_the_multiplier_maximum():
@@ -126,7 +129,7 @@ def test_equally_good_combinations_are_all_reported():
     (row,) = [row for row in critical.rows if row.radius]
     assert row.combination is None
     assert {(one.modes, one.order) for one in row.candidates} == {((1, 1), 1), ((2, 1), 1), ((2, 2), 1)}
-    assert "several combinations explain it equally well" in repr(critical)
+    assert "several combinations explain the row equally well" in repr(critical)
 
 
 def test_combination_resonance_narrower_than_the_speed_spacing_is_found():

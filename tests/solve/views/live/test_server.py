@@ -220,8 +220,8 @@ def test_used_port_is_refused_in_one_line(capsys):
         busy.listen()
         port = busy.getsockname()[1]
         assert run(["explore", "mathieu", "--port", str(port), "--no-browser"]) == 2
-    refusal = f"solve: port {port} cannot be used (address already in use); give another, or leave it out for"
-    assert capsys.readouterr().err == f"{refusal} a free one\n"
+    refusal = f"solve: port {port} cannot be used (address already in use); give another port, or leave"
+    assert capsys.readouterr().err == f"{refusal} out the port to use a free one\n"
 
 
 @pytest.mark.parametrize(
@@ -248,7 +248,8 @@ def test_missing_library_is_named(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "tornado", None)
     assert run(["explore", "mathieu", "--no-browser"]) == 2
     assert capsys.readouterr().err == (
-        'solve: the live window needs Tornado; install it with: pip install "parametric-vibration[explore]"\n'
+        "solve: the live window requires Tornado; install Tornado with: "
+        'pip install "parametric-vibration[explore]"\n'
     )
 
 

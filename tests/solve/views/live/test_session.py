@@ -151,7 +151,7 @@ def test_chart_has_verdicts_and_boundaries(window):
         ({"x": {"name": "k9", "low": 1, "high": 2, "count": 3}}, "unknown parameter of cam 'k9'"),
         (
             {"x": {"name": "k1", "low": 2, "high": 1, "count": 3}},
-            "k1 from 2 to 1; give two finite numbers, the smaller first",
+            "k1 from 2 to 1; give two finite numbers in ascending order",
         ),
         ({"x": {"name": "k1", "low": 1, "high": 2, "count": 1}}, "1 points; allowed: 2 … 2000"),
         (
