@@ -192,8 +192,9 @@ def _held(text: str, model: Model) -> tuple[str, float]:
 
 
 def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:
-    """Unstable bands between the lowest and the highest speed, their edges refined. Speeds are added where
-    the model requires more; narrow bands are searched for between the speeds.
+    """Unstable bands between the lowest and the highest speed, their edges refined.
+
+    Speeds are added where the model requires more; narrow bands are searched for between the speeds.
     """
     omegas, model = speeds.omegas(), problem.loaded()
     moved.require_known(model)
