@@ -74,8 +74,8 @@ COMMANDS = {
     "chart": "Stability over two quantities, with named boundaries.",
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
     "modes": "Floquet modes followed over the speed or a parameter: frequencies, damping, veerings.",
-    "transient": "Transient at constant speed from given initial conditions to the periodic orbit; or "
-    "run-up or run-down.",
+    "transient": "Transient at constant speed from given initial conditions to the periodic orbit; "
+    "run-up, run-down.",
     "sensitivity": "Derivatives of quantities with respect to parameters and speed, at one or many speeds.",
     "fit": "Parameters of the model from measured vibration, with confidence intervals.",
     "optimise": "Optimum of parameters: least vibration over speeds, stable, within bounds.",

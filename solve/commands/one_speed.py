@@ -188,8 +188,7 @@ def transient(
         Flag("Run-up or run-down instead of one speed, linear in time; one end may be 0.", '"A:B unit"'),
     ] = None,
 ) -> None:
-    """Transient at constant speed from given initial conditions to the periodic orbit; or run-up or
-    run-down."""
+    """Transient at constant speed from given initial conditions to the periodic orbit; run-up, run-down."""
     model = problem.loaded()
     shown(model, show)
     if speeds is not None and speed.speed is not None:

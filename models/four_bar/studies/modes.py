@@ -264,6 +264,6 @@ def elements(
     count: Annotated[int, Flag("Number of frequencies, from the lowest: up to 9.", "N")] = 4,
     turn: Annotated[int, Flag("Number of equidistant crank positions.", "N")] = 36,
 ) -> None:
-    """Natural frequencies over a revolution by element type, compared with the exact ones."""
+    """Natural frequencies over a revolution by element type, compared with exact frequencies."""
     result = element_kinds(four_bar.loaded(), kinds.split(","), count, turn)
     deliver_result(results, result, four_bar.choices)
