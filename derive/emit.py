@@ -320,7 +320,7 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
     def drawn(number: Any) -> Any:
         return steady(from_fundamental(mechanism, number.xreplace(still)))
 
-    lines = {sketche.name: sketche.at(drawn) for sketche in mechanism.declared_sketches}
+    lines = {sketch.name: sketch.at(drawn) for sketch in mechanism.declared_sketches}
     doc = (
         "Coordinates x and y of the points of each line of SKETCH, in sequence; running goes from 0 to 1 "
         "along the line."
@@ -383,7 +383,7 @@ def constants(
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
     if mechanism.declared_sketches:
         rows["SKETCH"] = [
-            (sketche.name, sketche.unit, sketche.kind) for sketche in mechanism.declared_sketches
+            (sketch.name, sketch.unit, sketch.kind) for sketch in mechanism.declared_sketches
         ]
     lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
     for name, tuples in rows.items():
