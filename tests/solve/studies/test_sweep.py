@@ -225,7 +225,7 @@ def test_too_many_lines_for_one_picture():
     ):
         sweep.plot()
     with pytest.raises(
-        ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn over one of them"
+        ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn over one of these quantities"
     ):
         solve.sweep(
             solve.load("mathieu"), "1:2:2 rad/s", spectra=["q"], over={"epsilon": [0.1, 0.2]}
