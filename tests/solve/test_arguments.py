@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import solve
-from solve import public
 from solve.errors import SolveError, ValueOutOfBoundsError
 from tests.solve.systems import random_system
 
-FUNCTIONS = [name for name in public.__all__ if inspect.isfunction(getattr(solve, name))]
+FUNCTIONS = [name for name in solve.__all__ if inspect.isfunction(getattr(solve, name))]
 OF_OTHERS = {"boundaries", "chart", "signal_statistics", "sweeps"}
 """Those whose first argument may be a function or a mapping."""
 
