@@ -3,8 +3,8 @@
 
 Reference for tests: NumPy only, without derivation by machine. Each wrong entry of the paper is a named
 `Misprint` that can be selected individually. Without misprints the equations are correct, with `AS_PRINTED`
-they are those of the paper. Eqs. (23) and (31) carry slips of dimension, which the later ones do not inherit:
-in (23) f3 and f1 lack their factor x, in (31) the cosine terms carry iπ/l squared.
+they are those of the paper. Eqs. (23) and (31) contain errors of dimension, which do not affect the later
+equations: in (23) f3 and f1 lack their factor x, in (31) the cosine terms carry iπ/l squared.
 
 Conventions. The crank turns counter-clockwise about the origin, phase Ωt from the x0 axis; the ground line
 runs from the origin to the follower's pivot C at the angle θ; φ3 is the direction from crank pin A to joint

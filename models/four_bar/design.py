@@ -1,6 +1,6 @@
 """Design method for high speed (thesis 7.5): critical speeds, quiet bands, run-up plan and simulated run-ups.
 
-Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
+A ratio is that of stress to allowable stress; where no link is named, the largest ratio of all links.
 """
 
 import math
@@ -59,7 +59,8 @@ class Peak(NamedTuple):
 class QuietSpeed(NamedTuple):
     """Quiet speed (rad/s) above a critical speed (`peak`, rad/s).
 
-    needed, fixed: ratio on the way there when L4 changes and returns, and when L4 is fixed.
+    needed, fixed: largest ratio during a run-up to the quiet speed if L4 changes and returns, and if L4 is
+    fixed.
     """
 
     peak: float
@@ -93,9 +94,9 @@ class Design:
     """Speeds that a four-bar linkage can reach within given allowable stresses.
 
     peaks: critical speeds at the mechanism's own L4. quiet: bands there; the first begins at rest, the others
-    lie above critical speeds that exceed the allowable stress. quiet_of: bands of each link alone.
-    quiet_above: for each critical speed, the speed between it and the next with the smallest ratio when L4
-    returns, if moving the pivot is useful.
+    lie above critical speeds that exceed the allowable stress. quiet_of: bands by link, for the stress of
+    that link only. quiet_above: for each critical speed, the speed between it and the next with the smallest
+    ratio when L4 returns, if moving the pivot is useful.
     """
 
     map: DesignMap
@@ -225,8 +226,8 @@ def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
-    """Smallest attainable ratio without return of L4 to its own value, if L4 may also change at constant
-    speed."""
+    """Smallest attainable ratio without return of L4 to the mechanism's own length, if L4 may also change at
+    constant speed."""
     return float(arrival(until.ratio)[-1].min())
 
 
@@ -289,8 +290,8 @@ class Outcome(Serializable):
     target: rad/s; until: the map up to the target. returns: whether L4 returns to the mechanism's own length
     there. least: smallest ratio of stress to allowable stress for a run-up to the target, without and with
     the return. plan: None where no plan exists. steady (k, links): ratios along the plan at the speeds (k,)
-    of `until`. trials: the plan simulated, each within half the time of the one before, until the stress is
-    too high.
+    of `until`. trials: simulations of the plan, each with half the duration of the previous one, until the
+    stress is too high.
     """
 
     design: Design

@@ -33,7 +33,7 @@ OUTSIDE_ADVISED = "outside {:g}°–{:g}°".format(*map(math.degrees, ADVISED))
 
 
 class LinkageError(SolveError):
-    """Raised for a linkage that cannot be assembled, at all or at the given crank angle."""
+    """Raised for a linkage that cannot be assembled at the given crank angle or at any."""
 
 
 class Extremes(NamedTuple):
@@ -94,7 +94,7 @@ class Linkage:
         """Smallest and largest |t1| within 0 … π at which the linkage closes; 0 and π if the crank can rotate
         fully.
 
-        At any other end coupler and follower are in line and the crank turns back.
+        At an end other than 0 and π, coupler and follower are in line and the crank turns back.
         """
         folded, stretched = self._stops
         return (
@@ -295,7 +295,8 @@ def within_advised(least: float, greatest: float) -> bool:
 def transmission_warnings(linkage: Linkage) -> list[str]:
     """Warning if the transmission angle leaves the advised range; empty otherwise.
 
-    A crank that cannot turn fully always has one: coupler and follower are in line at its ends.
+    There is always a warning for a crank that cannot turn fully, because coupler and follower are in line at
+    the ends of its range.
     """
     if not linkage.turns_fully:
         return ["the crank cannot turn fully: the transmission angle reaches 0° or 180° where it turns back"]

@@ -80,11 +80,10 @@ def arrival(ratio: Array) -> Array:
 
 
 def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
-    """Smallest and largest L4 (P,) at every speed, between which the ratio does not exceed the cap; None if
-    there is no such corridor.
+    """Smallest and largest L4 (P,) at every speed, between which the ratio does not exceed the cap.
 
-    Each range overlaps the next, and the last contains the length with index `final`, if given. None if no
-    such ranges exist.
+    Each range overlaps the next, and the last contains the length with index `final`, if given. Returns None
+    if no such ranges exist.
     """
     reach = _reached_below(ratio, cap)
     if reach is None:

@@ -2,7 +2,7 @@
 
 At one L4 all speeds share the matrices over the phase. Between the solved lengths the stress at a position
 and a crank angle is interpolated by the polynomial through Chebyshev points of L4, on which it depends
-smoothly. Its maximum over a revolution does not.
+smoothly. The maximum over a revolution does not depend smoothly on L4.
 """
 
 import math
@@ -39,9 +39,9 @@ _BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 class Peaks:
     """Largest |stress| (Pa) over a revolution (P, lengths, links), at P speeds.
 
-    place and phase: its position as a fraction of the link's length, and crank angle (rad). error (P,):
-    relative change of the largest stress with half the steps, or with two Chebyshev points fewer if that is
-    larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
+    place and phase: position of the largest stress, as a fraction of the link's length, and its crank angle
+    (rad). error (P,): relative change of the largest stress with half the steps, or with two Chebyshev points
+    fewer if that is larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
     """
 
     stress: Array

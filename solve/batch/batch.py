@@ -24,7 +24,7 @@ POINTS = "points"
 """Name of the unit in progress reports."""
 
 _MIN_GROUP = 4
-"""Minimum number of points with equal parameters for terms over the speed only. A choice."""
+"""Minimum number of points with equal parameters for which terms over the speed are computed. A choice."""
 
 
 class Batch:

@@ -26,9 +26,9 @@ _CACHED_SYSTEMS = 8
 class Family:
     """Family of systems over points (P, v). Each row contains the values of the quantities `names`.
 
-    speed: in rad/s, unless among the names. example: system of the family; all have the same coordinates,
-    outputs, units and period. Copies and pickles are rebuilt: CasADi's memory serves one thread of one
-    process.
+    speed: in rad/s; None if it is among the names. example: one system of the family; all systems have the
+    same coordinates, outputs, units and period. Copies and pickles are rebuilt: CasADi's memory serves one
+    thread of one process.
     """
 
     names: tuple[str, ...]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import casadi
 
 TERMS = np.zeros((5, 3, 3))
-"""Coefficients that express products of 1, c, s by 1, c, s, c², cs, with s² = 1 − c²."""
+"""Coefficients that express products of 1, c, s in terms of 1, c, s, c², cs, with s² = 1 − c²."""
 for _row, _i, _j, _sign in (
     *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
     *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
@@ -38,8 +38,8 @@ class Properties:
     """Properties of links and joints.
 
     Of the links: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): of the joints.
-    damping_ratio: that of every mode. spring, dashpot: constants of supports on the ground (N/m, N m, N s/m,
-    N m s), one value for each degree of freedom on which they act.
+    damping_ratio: damping ratio of every mode. spring, dashpot: constants of supports on the ground (N/m, N
+    m, N s/m, N m s), one value for each degree of freedom on which they act.
     """
 
     length: Array

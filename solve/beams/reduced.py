@@ -192,8 +192,8 @@ class ReducedStructure(StructureModel):
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
             raise ValueOutOfBoundsError(
-                f"reduce requires elements with finitely many modes, and {EXACT} has infinitely many; omit "
-                "reduce, or choose another element"
+                f"'reduce' requires elements with finitely many modes, and the element '{EXACT}' has "
+                "infinitely many; omit 'reduce', or choose another element"
             )
         if any(link.inextensible for link in freedoms.links):
             raise ValueOutOfBoundsError(

@@ -53,7 +53,7 @@ class Body:
         return self.assembled_singly(local).sum(axis=0)
 
     def assembled_singly(self, local: Array) -> Array:
-        """Matrix (k, k) of the link due to each element alone, (elements, k, k)."""
+        """Contribution (elements, k, k) of each element to the matrix (k, k) of the link."""
         matrices = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
         for matrix, (rows, _) in zip(matrices, self._rows(), strict=True):
             matrix[rows[:, None], rows] += local
@@ -90,7 +90,8 @@ class LinkBasis:
     """Reduced coordinates of a link: interface coordinates, followed by modes.
 
     local (k, r): T_l. at (r,): indices of its reduced coordinates among those of the structure. frequencies
-    (modes,): of the retained modes in rad/s; discarded: lowest frequency of the others, infinite without any.
+    (modes,): of the retained modes in rad/s; discarded: lowest frequency of the modes that are not retained,
+    infinite if all are retained.
     """
 
     body: Body

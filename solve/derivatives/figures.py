@@ -210,7 +210,8 @@ class Figures:
         return _EXTRAPOLATION @ values.T / np.array([[1.0], [distance]])
 
     def _carried(self, name: str, phases: Array) -> Array:
-        """Changes (r, k) of an output at phases (k,) because the jump just before each phase moves with θ."""
+        """Derivatives (r, k) of an output at phases (k,) with respect to θ, due to the shift of the jump just
+        before each phase."""
         breaks, distance = self._nearest_break(phases)
         moved = (distance > 0) & (distance < 2 * _SIDE * self.orbit.system.period)
         if name in self.orbit.system.coordinates or not self._nodes[breaks][moved].any():
@@ -219,7 +220,7 @@ class Figures:
         return self._nodes[breaks].T * (moved * slope)
 
     def _values_at(self, names: Array, phases: Array) -> Array:
-        """Values (k, j) of quantities (k,), each at phases of its own (k, j)."""
+        """Values (k, j) of quantities (k,), each at its row of the phases (k, j)."""
         values, coordinates = np.empty(phases.shape), self.orbit.system.coordinates
         coordinate_values = self.orbit.problem.curve(phases.ravel()).reshape(-1, *phases.shape)
         for name in dict.fromkeys(names.tolist()):
@@ -247,7 +248,7 @@ class Figures:
         phases, signs = phases[largest], signs[largest]
         sign, carried = -1.0 if figure == "min" else 1.0, signs * self._carried(name, phases)
 
-        # At a maximum of a harmonic the derivative of the quadrature part is zero.
+        # At an extremum of a harmonic, a change of its phase angle has no effect: other phases give the size.
         others = phases[0] + _OTHERS * self.orbit.system.period if len(phases) > 1 else phases[:0]
         weights = np.append(signs, np.ones(len(others)))
 

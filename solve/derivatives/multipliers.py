@@ -104,7 +104,8 @@ class GridMultipliers:
         """Multipliers (N,) of Φ, and its right and left eigenvectors as columns of matrices (N, N)."""
         Phi = self._problem.propagate(np.eye(self._problem.A.shape[-1]))[-1]
         values, right = np.linalg.eig(Phi)
-        # The inverse of the right vectors is inaccurate for all left ones if two others are nearly parallel.
+        # An inverse of the matrix of right vectors would make all left vectors inaccurate if any two right
+        # vectors are nearly parallel.
         adjoint_values, left = np.linalg.eig(Phi.conj().T)
         places = np.abs(adjoint_values.conj() - values[:, None]).argmin(axis=1)
         return values.astype(complex), right, left[:, places]
@@ -112,8 +113,8 @@ class GridMultipliers:
     def _of_product(self, at: int) -> Vectors:
         if not slicot.available():
             raise MissingLibraryError(
-                f"the derivative of multiplier {at + 1} requires SLICOT, because it is below the round-off "
-                "of Φ; install ctrlsys, or choose a larger multiplier"
+                f"multiplier {at + 1} is below the round-off of Φ, so that its derivative requires SLICOT; "
+                "install the package ctrlsys, which contains it, or choose a larger multiplier"
             )
         right, left = self._product_vectors
         place = int(self._places[at])

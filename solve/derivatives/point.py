@@ -24,7 +24,8 @@ from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 
 _SAFETY = 2.0
-"""Safety factor on the difference between derivatives and those with one stage more, as for solutions."""
+"""Safety factor on the difference from the derivatives of the method with one more stage, as for
+solutions."""
 
 _COARSENING = 4
 """Ratio of the steps to those of the grid that estimates the sizes of the terms of derivatives. A choice."""
@@ -62,7 +63,8 @@ def sensitivities(
         Quantities such as "q3.max_abs", "contact_force.harmonic5", "spectral_radius", "rho1" (complex),
         "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius.
     by : sequence of str, optional
-        Names of parameters, "speed" among them; by default all by which there are derivatives.
+        Names of parameters, "speed" among them; by default all with respect to which derivatives are
+        available.
     method : str or Method
         "radau", "gauss" or "auto".
     steps, rtol, engine : optional
@@ -83,15 +85,15 @@ def sensitivities(
     UnknownNameError
         For an unknown quantity or parameter.
     NoDerivativeError
-        For systems without generated equations, and for integers.
+        For systems without generated equations, and for parameters that are integers.
     SolveError
         Other subclasses, as in `periodic`.
 
     Notes
     -----
-    Derivatives are those of the numerical solution on its grid, by one forward or adjoint solution
-    (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15). Errors are estimated from one
-    stage more.
+    Derivatives are those of the numerical solution on its grid, by one forward or adjoint solution (A.
+    Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15). Errors are estimated by comparison
+    with a method with one more stage.
 
     Examples
     --------
@@ -175,7 +177,7 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
     """Names without duplicates. Raises ValueOutOfBoundsError if the list is empty."""
     names = list(unique_names(default if given is None else given))
     if not names:
-        raise ValueOutOfBoundsError(f"{what} is empty; give names, or leave {what} out")
+        raise ValueOutOfBoundsError(f"'{what}' is empty; give names, or leave out '{what}'")
     return names
 
 

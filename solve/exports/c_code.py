@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _FUNCTIONS = {
     "linearised": "M q'' + C q' + K q = d, linearised about the fundamental motion q = 0.",
     "residual": "The nonlinear equations of motion, r = 0.",
-    "outputs": "Outputs y, those of the drive at constant speed.",
+    "outputs": "Outputs y; the outputs of the drive are those at constant speed.",
 }
 """Generated functions, and their descriptions in the header."""
 

@@ -34,8 +34,8 @@ class _Tables(NamedTuple):
 
 
 def controller_mat(result: Controller, samples: int) -> bytes:
-    """Content of a .mat file with K, f and, with an observer, A, b and L at phases; the phase is the last
-    index."""
+    """Content of a .mat file with K, f and, with an observer, A, b and L at `samples` phases; the phase is
+    the last index."""
     from scipy.io import savemat
 
     tables = _Tables.of(result, np.arange(samples) * (result.system.period / samples))

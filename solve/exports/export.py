@@ -35,7 +35,7 @@ class Exported:
     files : tuple of Path
         Written files.
     warnings : tuple of str
-        Sentences on what is doubtful.
+        Warnings, one sentence each.
     """
 
     files: tuple[Path, ...]
@@ -54,8 +54,9 @@ def export(
     Parameters
     ----------
     system : PeriodicSystem or Controller
-        System to export, or feedback: ".c" with a ".h" file, a table over the phase with a function of the
-        inputs and one of the observer; ".mat" with the gains at phases.
+        System to export, or controller. A controller is exported to ".c" with a ".h" file, as tables over the
+        phase with functions that compute the inputs and advance the observer, or to ".mat", as gains at
+        `samples` phases.
     path : str or Path
         File whose ending selects the format. ".mat": state space over `samples` phases with its multipliers,
         for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions of phase, speed,
@@ -64,7 +65,7 @@ def export(
     speed : float or str, optional
         Ω in rad/s, or a text with unit; by default that of the case. The C functions take any speed.
     samples : int
-        Number of phases per period in a .mat file.
+        Number of phases per period in a .mat file and in the tables of a controller.
 
     Returns
     -------
@@ -184,11 +185,13 @@ def _fmu(system: PeriodicSystem, file: Path, speed: float | str | None, samples:
 def _controller(
     result: Controller, file: Path, speed: float | str | None, samples: int
 ) -> tuple[Mapping[Path, bytes], list[str]]:
-    """Contents of the files of a controller. Raises ValueOutOfBoundsError for a filter alone, or a speed."""
-    if result.kind == "kalman" or speed is not None:
+    """Contents of the files of a controller. Raises ValueOutOfBoundsError if a speed is given, and for a
+    filter without regulator."""
+    if speed is not None:
+        raise ValueOutOfBoundsError("a controller is exported for its design speed; leave out the speed")
+    if result.kind == "kalman":
         raise ValueOutOfBoundsError(
-            "a controller is exported for the speed of its design, with a regulator; leave speed out, and "
-            "give lqr weights"
+            "a filter without regulator cannot be exported; compute both, by giving weights for lqr too"
         )
     if file.suffix.lower() == ".mat":
         return {file: controller_mat(result, samples)}, result.warnings

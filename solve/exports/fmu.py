@@ -143,7 +143,7 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
 
 def _start(model: Model, speed: float) -> tuple[Array, Array, list[str]]:
     """Initial q and q̇ (2n,) on the periodic orbit at phase 0, largest moduli on the orbit, and warnings.
-    Without a load, zeros and ones."""
+    Without a load, the state is zero and the moduli are one."""
     try:
         require_load(model, speed)
     except NoLoadError as reason:
@@ -190,7 +190,7 @@ def _exported(model: Model, variables: _Variables, headers: Path, compiler: str)
     for output, value in zip(outputs, casadi.vertsplit(values) if outputs else (), strict=True):
         builder.eq(output, value)
     for jump in model.breaks:
-        # Falling zero at the jump, once per period, at which an integrator restarts.
+        # The function falls through zero at the jump, once per period, where integrators then restart.
         builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - jump)) < 0, [])
     files = builder.export_fmu({"no_warning": True, "with_serialization": False})
     # The mathematical library may not be loaded by the importing tool.

@@ -45,8 +45,8 @@ class TransferValues(NamedTuple):
     """Values of a harmonic transfer function.
 
     values (2N+1, p, 2N+1, n), complex: from harmonic k of input j to harmonic i of output o at
-    [i + N, o, k + N, j]. error: estimated from half the harmonics, for each output and input relative to the
-    largest among the harmonics. warnings: about the truncation.
+    [i + N, o, k + N, j]. error: difference from the values with half as many harmonics of the states, for
+    each output and input relative to the largest value among the harmonics. warnings: about the truncation.
     """
 
     values: Array
@@ -169,8 +169,9 @@ class HarmonicTransfer:
         return TransferValues(fine, error, self._warnings(error))
 
     def gain(self, frequency: float) -> float:
-        """Largest singular value of H at a frequency: the largest ratio of root mean squares of outputs and
-        inputs, both with harmonics -N … N of this frequency.
+        """Largest singular value of H at a frequency: the largest ratio, over all inputs, of the root mean
+        square of the outputs to that of the inputs. Inputs and outputs have the harmonics -N … N of this
+        frequency.
 
         Parameters
         ----------

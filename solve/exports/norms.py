@@ -21,11 +21,12 @@ _ORDERS, _HARMONICS = 16, 2
 """Harmonics of the states, and of inputs and outputs, in the gain from which the search starts. Choices."""
 
 _ON_CIRCLE = 1e-7
-"""Distance of a multiplier of the Hamiltonian system from the unit circle that counts as none. A choice:
-double multipliers lose half their digits."""
+"""Distance from the unit circle up to which a multiplier of the Hamiltonian system counts as lying on it. A
+choice: double multipliers lose half their digits."""
 
 _GROWTH, _MOST = 1.3, 80
-"""Factor by which the search for an upper bound grows, and most tests. Choices."""
+"""Factor by which the trial gain is increased in the search for an upper bound, and maximum number of trials.
+Choices."""
 
 
 class Norm(NamedTuple):
@@ -38,7 +39,7 @@ class Norm(NamedTuple):
     error : float
         Estimated relative error.
     frequency : float or None
-        Frequency in rad/s of the largest gain, up to half the frequency of the period; None for H2.
+        Frequency in rad/s at which the gain is largest, from 0 to π/T; None for H2.
     warnings : tuple of str
         Reasons to doubt the value.
     """
@@ -121,7 +122,8 @@ def hinf_norm(
     inputs: Sequence[str] | None = None,
     rtol: float = 1e-6,
 ) -> Norm:
-    """Compute the H-infinity norm: the largest ratio of root mean squares of outputs and inputs of any kind.
+    """Compute the H-infinity norm: the largest ratio, over all inputs, of the root mean square of the outputs
+    to that of the inputs.
 
     Parameters
     ----------
@@ -151,7 +153,7 @@ def hinf_norm(
     The gain at a frequency is the largest singular value of the harmonic transfer function (N. M. Wereley,
     1990). γ is one of its singular values at a frequency ω if exp(iωT) is a multiplier of the Hamiltonian
     system with the matrices A, BBᵀ/γ² and CᵀC. The largest γ with a multiplier of modulus 1 is found by
-    bisection, above a gain of few harmonics; the error is that of the bisection.
+    bisection, which starts from the gain computed with few harmonics. The error is that of the bisection.
 
     Examples
     --------

@@ -39,7 +39,8 @@ _OPEN = 0.001
 """Fraction of the area at which bisection of the undecided boxes ends."""
 
 _MOST_BOXES = 200_000, 20_000
-"""Most boxes that are examined for one coordinate, and for more, whose boxes take a hundred times as long."""
+"""Maximum numbers of boxes that are examined for one coordinate, and for several coordinates, where a box
+takes a hundred times as long."""
 
 _SMALLEST = 2.0**-8
 """Width of a box, as a fraction of the range, below which it is not bisected in search of a polynomial."""
@@ -95,7 +96,8 @@ def _central(whole: Box) -> Box:
 
 
 def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box]]:
-    """Boxes with polynomials, and undecided boxes without. The equations are not analytic near the latter."""
+    """Boxes with polynomials, and undecided boxes without polynomials, near which the equations are not
+    analytic."""
     found, without, pending = [], [], [whole]
     while pending:
         box = pending.pop()

@@ -19,7 +19,8 @@ from solve.proof.instructions import Instructions, UndecidedError
 from solve.proof.turn import Turn
 
 _CELLS = 4
-"""Intervals of a step on which M⁻¹ is bounded, and halved while that is infinite."""
+"""Number of intervals of a step on which M⁻¹ is bounded; an interval is halved while its bound is
+infinite."""
 
 _SHORTEST = 2.0**-12
 """Fraction of an interval below which the interval is not halved any more."""
@@ -59,7 +60,7 @@ class Curvature:
 
     def over(self, radius: Ball) -> Ball:
         """Bound Λ for deviations of norm ≤ radius. It is infinite if no bound exists, or if the residual may
-        have a kink or a jump in the tube; its derivatives do not bound N there."""
+        have a kink or a jump in the tube, where its second derivatives do not bound N."""
         tube = [arb(0, (radius * size).upper()) for size in self.sizes]
         return largest(self._on(cell, tube) for cell in self.cells)
 

@@ -32,16 +32,18 @@ GUARD_BITS = 40
 """Bits beyond the digits: condition numbers up to 10^6, and the levels of the product."""
 
 _MOST_ADVANCE = 24.0
-"""h‖A‖ of a step at most. The cam at 600 rpm takes 1.2 times as long with 48, and twice as long with 72."""
+"""Maximum h‖A‖ of a step. The cam at 600 rpm takes 1.2 times as long with 48, and twice as long with 72."""
 
 ROUNDED = 34, 4.0
-"""Bits, and h‖A‖ at most, for balls of parameters: their radius of up to 2^-51 is enlarged by e^{2h‖A‖}."""
+"""Bits, and maximum h‖A‖ of a step, for balls of parameters: their radius of up to 2^-51 is enlarged by
+e^{2h‖A‖}."""
 
 _DOUBLINGS = 2
-"""Most doublings of the precision for an open verdict."""
+"""Maximum number of doublings of the precision while the verdict is undetermined."""
 
 _SAMPLES = 64
-"""Phases from which scales are chosen; they change widths, not truth."""
+"""Number of phases from which scales are chosen; the scales affect the widths of enclosures, not their
+validity."""
 
 _SHOWN = 4
 """Decimal digits that are shown beyond those which two bounds share."""
@@ -124,7 +126,7 @@ def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
     centers = [complex(disc.center) for disc in each]
     moves = [abs(disc.center - center) for disc, center in zip(each, centers, strict=True)]
     radii = [above(disc.radius + move) for disc, move in zip(each, moves, strict=True)]
-    # Multipliers that are closer than doubles share a disc about a double.
+    # Multipliers closer to each other than neighbouring doubles share a disc about a double.
     alone = [
         disc.isolated and bool(arb(radius) < disc.room - move)
         for disc, move, radius in zip(each, moves, radii, strict=True)
@@ -213,7 +215,7 @@ def _orbit(
             worst = max(worst, above(apart / low))
         else:
             resting = max(resting, above(apart))
-    # A coordinate that may be at rest has no size of its own.
+    # The error of a coordinate that may be at rest is relative to the largest coordinate.
     size = max(low for low, _ in bounds.values())
     return bounds, max(worst, resting / size) if size > 0 else math.inf
 

@@ -41,8 +41,8 @@ _TINY = 1e-290
 """Numbers above it keep all digits when they are multiplied by scales near 1."""
 
 _HALVINGS = 30
-"""Most halvings of a step in search of decided outcomes: the radius of a ball is rounded up by 2^-30 of
-itself, and then is shorter than a window at a jump."""
+"""Maximum number of halvings of a step in search of intervals on which outcomes are decided. The intervals
+are then shorter than a window at a jump; the radius of a ball is rounded up by 2^-30 of itself."""
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,9 @@ _WIDTH = 0.5
 """Relative width of the bounds on the defect."""
 
 _TUBES, _WIDEST = 40, 24
-"""Most halvings of the tube in which the orbit is shown to be unique, and the binary exponent of its largest
-radius. Motions have a size near 1 in scaled coordinates. Choices: radii from 2^-16 to 2^24 are tried."""
+"""Maximum number of halvings of the tube in which the orbit is shown to be unique, and the binary exponent of
+its largest radius. Motions have a size near 1 in scaled coordinates. Choices: radii from 2^-16 to 2^24 are
+tried."""
 
 
 @dataclass(frozen=True)
@@ -103,9 +104,9 @@ def existence(
     product = linear.gamma * Lambda
     if not 2 * product * linear.eta < 1:
         raise StepsError(
-            f"no orbit is proved: η ΓΛ is not below 1/2, with a bound η = {float(linear.eta):.1e} on "
-            f"the first Newton correction and ΓΛ = {float(product):.1e} from the curvature of the "
-            "equations"
+            "the existence of an orbit is not proved: the bound on the first Newton correction, "
+            f"η = {float(linear.eta):.1e}, times the bound on the curvature of the equations, "
+            f"ΓΛ = {float(product):.1e}, is not below 1/2; see docs/proof.md"
         )
     # η + ΓΛρ²/2 ≤ ρ holds for ρ = η (1 + 2ΓΛη), as 2ΓΛη < 1 gives (1 + 2ΓΛη)² ≤ 4.
     radius = (linear.eta * (1 + 2 * product * linear.eta)).upper()

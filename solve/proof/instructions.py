@@ -99,7 +99,7 @@ _SMOOTH: dict[int, Callable[..., Ball]] = {
     casadi.OP_COSH: lambda x: (x.exp() + (-x).exp()) / 2,
     casadi.OP_TANH: lambda x: 1 - 2 / ((2 * x).exp() + 1),
 }
-"""Analytic operations: results of their operands."""
+"""Analytic operations, as functions of their operands."""
 
 
 def _certain(yes: bool, no: bool) -> bool:
@@ -223,8 +223,9 @@ _NAMES = {value: name for name, value in vars(casadi).items() if name.startswith
 class Instructions:
     """Function as a list of (operation, indices of operands, index of the result, constant or function).
 
-    The result of an output is its number with the row and the column of the entry, since later lines reuse
-    places. entries: number of entries of each output that are not structurally zero.
+    For an output, the result is the number of the output with the row and the column of the entry, instead of
+    an index, since later lines overwrite the values at an index. entries: number of entries of each output
+    that are not structurally zero.
     """
 
     lines: tuple[tuple[int, tuple[int, ...], Any, Any], ...]

@@ -49,10 +49,11 @@ _CORRECTIONS = 2
 """Newton corrections on a grid, from an orbit with seven digits: its error is squared by each."""
 
 _TAIL, _ROUNDOFF = 1 / 8, 64 * EPS
-"""Fraction of the harmonics that must be below round-off, and its size relative to the largest harmonic."""
+"""Fraction of the harmonics that must be below round-off, and the size of this round-off relative to the
+largest harmonic."""
 
 _ORDERS = 3
-"""q and its first two derivatives."""
+"""Number of functions in a state: q and its first two derivatives."""
 
 _PARTS, _TERMS = 2, 32
 """Parts of the period per harmonic, and terms of their Taylor polynomials: the remainder is below π^32/32! =

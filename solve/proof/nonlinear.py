@@ -38,10 +38,11 @@ MOST_DIGITS = 12
 """Digits beyond which discs of multipliers do not shrink: the coefficients of the polynomial are doubles."""
 
 _MOST_ADVANCE = 12.0
-"""h‖A‖ of a step at most: the cells of a step are compared in pairs."""
+"""Maximum h‖A‖ of a step: the cells of a step are compared in pairs."""
 
 _SAMPLES = 32
-"""Phases from which scales are chosen; they change widths, not truth."""
+"""Number of phases from which scales are chosen; the scales affect the widths of enclosures, not their
+validity."""
 
 
 def enclosed_orbit(

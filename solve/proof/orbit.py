@@ -14,7 +14,7 @@ _SHORTEST = 2.0**-30
 """Fraction of a step below which halving narrows nothing: the enclosure of the solution is wider."""
 
 _CELLS = 20_000
-"""Most intervals that are examined for one maximum."""
+"""Maximum number of intervals that are examined for one maximum."""
 
 
 def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:

@@ -25,10 +25,10 @@ _WIDTH = 1e-3
 length of the interval only."""
 
 _CELLS = 600
-"""Most intervals that are examined for one output."""
+"""Maximum number of intervals that are examined for one output."""
 
 Polynomial = tuple[list[Ball], Ball]
-"""Coefficients by τ, and a bound on their error."""
+"""Coefficients of the powers of τ, and a bound on the error of the polynomial."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ DIGITS = 20
 """Decimal digits, relative to the spectral radius, that enclosures aim at."""
 
 _MOST_DIGITS = 1000
-"""Most digits: the cost of a step grows with their square, and is minutes then."""
+"""Maximum number of digits: the cost of a step grows with the square of this number and is then minutes."""
 
 
 @first_is(PeriodicSystem, Stability, such_as="solve.load('cam')")
@@ -32,7 +32,7 @@ def prove(
 ) -> Proof:
     """Enclosures of the multipliers, the verdict and the periodic solution of a system.
 
-    Of a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are proved too.
+    For a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are proved too.
 
     Parameters
     ----------
@@ -40,34 +40,35 @@ def prove(
         A model with generated matrices, a system of samples or of a function that takes symbolic phases (see
         docs/proof.md), or a result of one, such as a linear or nonlinear orbit.
     speed : float or str, optional
-        rad/s, or a text with unit; not with a result.
+        Speed in rad/s, or a text with unit. It must be left out if `system` is a result.
     digits : int, optional
-        Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 of
-        a nonlinear orbit.
+        Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 for a
+        nonlinear orbit.
     rounded : bool, optional
         Whether the statement holds for all real numbers within two units in the last place of the given ones,
         whole numbers being exact, rather than for exactly these doubles.
     orbit : bool, optional
-        Whether the periodic solution is enclosed too; that of a result is, if it has one.
+        Whether the periodic solution is enclosed too. If `system` is a result, its periodic solution is
+        always enclosed if it has one.
     executor : Executor, optional
         Computes the steps of the period in parallel, such as a `concurrent.futures.ProcessPoolExecutor`.
 
     Returns
     -------
     Proof
-        Its verdict is "undetermined" where none is proved.
+        Enclosures and proved verdict; "undetermined" if no verdict is proved.
 
     Raises
     ------
     LinearModelError
-        For systems whose matrices are no function of symbols, and for nonlinear orbits of equations with
-        jumps.
+        For systems whose matrices cannot be evaluated with symbols, and for nonlinear orbits of equations
+        with jumps.
     MissingLibraryError
         Without python-flint.
     StepsError
-        Where no step has an enclosure.
+        If no enclosure of a step is found.
     ValueOutOfBoundsError
-        For unsuitable digits.
+        For a number of digits below 1 or above 1000.
 
     Examples
     --------

@@ -54,7 +54,7 @@ _LARGEST = 1024
 """Binary exponent of bounds S above which no number of nodes suffices."""
 
 _MOST_NODES = 1200
-"""Nodes of a box above which it is bisected instead: a choice, a minute of Mathieu's equation."""
+"""Number of nodes above which a box is bisected instead: a choice, a minute for Mathieu's equation."""
 
 _TOGETHER = 16
 """Nodes that a worker computes at a time: a choice, about a second."""

@@ -47,7 +47,8 @@ class Proof(Serializable):
     radii : (2n,) array
         Radii of the discs.
     isolated : (2n,) array of bool
-        Whether the disc contains one multiplier only; others share a disc, which is repeated.
+        Whether the disc contains one multiplier only. Multipliers that are not isolated share a disc, which
+        is repeated.
     spectral_radius : tuple of str
         Lower and upper bound, as decimal numbers.
     max_abs : mapping of str to tuple of float
@@ -64,9 +65,9 @@ class Proof(Serializable):
     seconds : float
         Processor time, without that of an executor.
     warnings : tuple of str
-        Why something was not proved.
+        Reasons why statements were not proved.
     orbit : ProvedOrbit or None
-        Place of an orbit of nonlinear equations.
+        Region that contains exactly one orbit, for nonlinear equations.
     """
 
     verdict: str

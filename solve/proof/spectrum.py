@@ -11,7 +11,8 @@ from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED
 from solve.proof.balls import Ball, Matrix, acb, acb_mat, arb, largest, norm
 
 _APART = 4
-"""Fraction of the distance of two discs that the column's entry may take: 1/4 leaves room for both radii."""
+"""Fraction of the distance between two discs that the column's entry may take: 1/4 leaves room for both
+radii."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def _isolated(
         if moduli[j][i] > 0:
             bound = gaps[j] / (_APART * moduli[j][i])
             sigma = bound.mid() if bound < sigma else sigma
-    # With σ < 1 the disc would not lie within the unscaled one, which the sets of discs count.
+    # With σ < 1 the disc might not lie within the unscaled disc, by which `_connected` counts eigenvalues.
     if not sigma >= 1:
         return None
     radius = ((radii[i] - own) / sigma + own).upper()
@@ -153,8 +154,9 @@ def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:
     """Index in VERDICTS of the verdict that the enclosures imply.
 
     Asymptotically stable if all discs lie inside the unit circle, or a norm of a power of Φ is below 1.
-    Unstable if a disc lies outside, or the trace of a power of Φ is larger than its size. Stable for one
-    conservative coordinate (det Φ = 1) with |tr Φ| < 2: both multipliers are on the circle and different.
+    Unstable if a disc lies outside, or the modulus of the trace of a power of Φ exceeds the number of rows of
+    Φ. Stable for one conservative coordinate (det Φ = 1) with |tr Φ| < 2: both multipliers are on the circle
+    and different.
     """
     size = Phi.nrows()
     if all(each.high < 1 for each in found):

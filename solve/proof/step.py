@@ -29,8 +29,8 @@ _PARTS, _SHORTEST_PART = 4, 2.0**-6
 not halved any more."""
 
 _MOST_TERMS = 8
-"""Most terms of the solution per term of the coefficients: Taylor series of solutions that converge on the
-step need up to three times as many."""
+"""Maximum number of terms of the solution per term of the coefficients: Taylor series of solutions that
+converge on the step need up to three times as many."""
 
 _BOUNDS = 64
 """Bits with which bounds are computed."""
@@ -49,7 +49,7 @@ class Step:
     error : bound on the error of the polynomial at every τ
     advance : bound on h‖A‖
     inverse : bound on max(1, ‖m⁻¹‖)
-    load : coefficients by τ of each row of h r_d, r_d being the last column of r, and a bound on their error
+    load : coefficients of the powers of τ in the rows of h r_d, r_d the last column of r, and error bound
     """
 
     map: Matrix
@@ -66,7 +66,8 @@ def step(
     """Enclosure of a step with h‖A‖ below `most`, an error below `allowed` (2^-bits if None), and a
     truncation error below 2^-bits.
 
-    Raises StepTooLongError where that is not reached, or an operation with pieces changes its outcome.
+    Raises StepTooLongError if these accuracies are not reached, or if a piecewise operation changes its
+    outcome.
     """
     n = equation.n
     try:

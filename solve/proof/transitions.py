@@ -1,6 +1,6 @@
 """Bounds on the transition matrices of a linear system over a period.
 
-Ψ(t, s) maps a state at s to the state at t ≥ s, Y(t) = Ψ(t, 0). Wanted are
+Ψ(t, s) maps a state at s to the state at t ≥ s, Y(t) = Ψ(t, 0). The module computes bounds
 
     κ ≥ sup_t ‖Y(t)‖,    τ ≥ sup_t ∫_0^t ‖Ψ(t, s)‖ ds.
 

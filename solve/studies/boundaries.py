@@ -1,4 +1,4 @@
-"""Stability boundaries along lines through the quantities of a family, for many lines at once.
+"""Stability boundaries on lines in the space of the varied quantities of a family, for many lines at once.
 
 SciPy's `find_root` takes one trial per bracket and iteration, and abandons a bracket at the first NaN. Here a
 few brackets share a batch of trials, and the verdict at a trial, not the sign of a smooth function alone,
@@ -32,8 +32,8 @@ _KIND_TOLERANCE = 1e-5
 
 _MAX_DISTANCE, _MIN_DISTANCE, _END_MARGIN = 0.05, 1e-8, 1e-3
 """Fractions of a bracket: largest distance of the first trials from the predicted edge; square of the
-smallest distance after a trial that missed the edge; smallest distance of trials from the ends, unless trials
-are closer to each other. Choices."""
+smallest distance after a trial that missed the edge; smallest distance of trials from the ends, or the
+smallest distance of trials from the edge if that is less. Choices."""
 
 _PREDICTION_ERROR = 0.2
 """Assumed error of a parabola's zero, as a fraction of the distance between this zero and that of the chord.
@@ -71,7 +71,7 @@ class Brackets(NamedTuple):
         return Brackets(*(end[lines] for end in self))
 
     def replaced(self, lines: Array, others: "Brackets") -> "Brackets":
-        """Copy with other brackets on the given lines (k,)."""
+        """Copy with the brackets `others` (k,) on the given lines (k,)."""
         return Brackets(*(end.replaced(lines, new) for end, new in zip(self, others, strict=True)))
 
     @property
@@ -98,7 +98,8 @@ class Lines:
 
     @cached_property
     def neighbours(self) -> tuple[Array, Array]:
-        """Indices (c,) of samples and of the next sample on the same line."""
+        """Indices (c,) of all samples that have a next sample on the same line, and indices (c,) of these
+        next samples."""
         order = np.lexsort((self.samples.points[:, self.along], self.line))
         first, last = order[:-1], order[1:]
         same = self.line[first] == self.line[last]
@@ -241,7 +242,7 @@ class BoundarySearch:
 
     def sign_changes(self, low: StabilitySamples, high: StabilitySamples, kind: int) -> Brackets:
         """Brackets (E,), narrowed to the tolerance, in which the crossing function of +1 (kind 0) or -1 (kind
-        1) changes sign. low, high (E,): points between which it does."""
+        1) changes sign. low, high (E,): points between which the function changes sign."""
 
         def passed(samples: StabilitySamples, lines: Array) -> Array:
             return samples.distances[:, kind] * high.distances[lines, kind] > 0
@@ -264,7 +265,8 @@ class BoundarySearch:
         is_stretch = np.linalg.norm(leave - start.points, axis=1) < np.linalg.norm(
             enter - start.points, axis=1
         )
-        # With several coordinates another multiplier may be outside between the two edges, or at an edge.
+        # With several coordinates a multiplier of another mode may lie outside the unit circle at or between
+        # the two edges.
         middles = self.evaluate((leave + enter) / 2)
         is_stretch &= middles.stable
         middles, kinds = middles[is_stretch], np.repeat([0, 1], is_stretch.sum())
@@ -308,8 +310,8 @@ def _next_distances(radii: Array, first: Array) -> Array:
 
 def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Brackets:
     """Brackets (E,) after trials, the same number in each. The new high end is the trial with index `first`
-    (E,), or the old end; the trial before it is the new low end; the outside point is a neighbour of these
-    two."""
+    (E,), or the old high end if there is no such trial; the trial before it is the new low end; the outside
+    point is a neighbour of these two."""
     count = len(brackets.low)
     samples = brackets.low + trials + brackets.high
     inside, line = len(trials) // count, np.arange(count)
@@ -325,8 +327,8 @@ def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Bra
 def _parabolic_prediction(columns: Array) -> Prediction:
     """Prediction from the crossing values, one column per line (E,): zero of the parabola through three
     points, or of the chord if there are only two. Its error is a fraction of the distance between both
-    zeros. If the sign does not change, for example because of another edge inside, the middle is
-    predicted."""
+    zeros. If the sign does not change, for example because of another edge inside the bracket, the midpoint
+    is predicted."""
 
     def predict(brackets: Brackets, lines: Array) -> tuple[Array, Array]:
         low, high, beyond = brackets

@@ -43,7 +43,7 @@ _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
 
 _PREDICTED = 0.3
 """A minimum of the distance from instability is followed only if a parabola predicts it below this fraction
-of the distance at the grid point. A choice: fewer false minima than at 1, on a grid that is coarse."""
+of the distance at the grid point. A choice: on a coarse grid there are fewer false minima than with 1."""
 
 
 def chart(
@@ -265,8 +265,8 @@ def _axis(
     array = np.array(numbers)
     if array.ndim != 1 or len(array) < 2 or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
         raise ValueOutOfBoundsError(
-            f"values of {name} must be at least two finite numbers, in increasing order; a unit requires "
-            "a model that declares one"
+            f"the values of {name} are not two or more finite numbers in increasing order; give such "
+            "numbers, with a unit only for a model that declares units"
         )
     return name, numbers
 
@@ -301,9 +301,9 @@ def _held(speed: float | str | None, names: tuple[str, str]) -> float | None:
 
 
 def _continuations(found: Array, axes: tuple[Array, Array], along: int, searched: Array) -> Array:
-    """Indices of the middle points at which a tongue found at points (k, 2) may continue on the neighbouring
-    lines. Only points with two neighbours on their line are returned. searched (lines, middles): where
-    tongues were searched for or found, updated in place."""
+    """Indices of the grid points near which a tongue found at points (k, 2) may continue on the neighbouring
+    lines. Only the middle points, which have two neighbours on their line, are counted. searched (lines,
+    middle points): whether a tongue was searched for or found there; updated in place."""
     line = np.searchsorted(axes[1 - along], found[:, 1 - along])
     right = np.searchsorted(axes[along], found[:, along]) - 1
     at, near = np.zeros_like(searched), np.zeros_like(searched)

@@ -200,7 +200,7 @@ class _AgainstReference:
     def _solved(self, steps: int) -> Solutions:
         for failure in self.solver.unstable_points(steps, np.zeros(1, dtype=int)):
             raise failure.reason
-        # The errors of a method that grows without bound show this; overflow warnings are not needed.
+        # The errors show that a solution grows without bound; overflow warnings are not needed.
         with np.errstate(all="ignore"):
             solution = self.solver.solve(steps, np.zeros(1, dtype=int))
         for reason in solution.failures.values():

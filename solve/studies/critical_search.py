@@ -244,8 +244,8 @@ class CriticalSearch:
         return self.system.period / (2 * np.pi)
 
     def _rising_orders(self, rise: Array) -> set[tuple[int, int]]:
-        """All pairs of a mode and an order per revolution whose power has a maximum, from the rise (k,) of
-        each harmonic."""
+        """Orders per revolution whose power rises by at least a tenth of the largest rise, each paired with
+        every mode; from the rise (k,) of each harmonic."""
         turns = self._revolutions
         harmonics = {
             order: round(order * turns)

@@ -30,7 +30,7 @@ from solve.terminal import progress
 from solve.units import checked_tolerance, speeds_between
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
-"""Figures of a quantity whose maxima can be searched for."""
+"""Statistics of a quantity whose maxima over speed can be searched for."""
 
 _SPEEDS_PER_DIVISION = 24
 """Speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
@@ -83,8 +83,8 @@ def critical_speeds(
     figure : str
         "max_abs", "rms", "max", "min" or "mean" of the quantity over the period.
     orders : int
-        Highest order of integer divisions and combinations. Where the lowest frequency is of a higher order,
-        no maxima are searched for.
+        Highest order of integer divisions and combinations. No maxima are searched for at speeds at which the
+        lowest frequency is of a higher order.
     method : str or Method
         Method, as in `periodic`.
     rtol : float
@@ -232,7 +232,8 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, comb
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
-    """Whether (P,) the lowest frequency is at most `orders` times the speed."""
+    """Whether (P,) the ratio of the lowest frequency to the speed, rounded to an integer, is at most
+    `orders`."""
     return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 
@@ -252,6 +253,9 @@ def _omissions(frequencies: MeanFrequencies, results: PointResults, orders: int)
     skipped = frequencies.lowest > (orders + 0.5) * grid
     if skipped.any():
         limit = unit.text(float(grid[skipped].max()), ".4g")
-        yield f"below {limit} only orders above {orders} occur; maxima are not searched for there"
+        yield (
+            f"below {limit} the order of the lowest natural frequency is higher than {orders}; maxima are "
+            "not searched for there"
+        )
     if results.failures:
         yield without_result(grid, results.failed, unit, next(iter(results.failures.values())))

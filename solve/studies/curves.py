@@ -56,7 +56,7 @@ class PeriodicCurves:
     StepsError
         For an invalid number of steps.
     MatricesError
-        For a system with breaks, which need steps of their own.
+        For a system with breaks, because the steps of the fixed grid do not end there.
 
     Examples
     --------
@@ -71,8 +71,8 @@ class PeriodicCurves:
             raise StepsError(f"steps is {steps!r}; allowed: even numbers of at least 2, such as 96")
         if system.breaks:
             raise MatricesError(
-                f"{system.labels.name} has matrices that jump; steps must end at the jumps: use periodic at "
-                "each speed"
+                f"{system.labels.name} has breaks, such as jumps of its matrices, at which the steps of "
+                "PeriodicCurves do not end; call solve.periodic at each speed"
             )
         self.system, self.steps, self.samples = system, steps, samples
         task, _ = task_of(over_speed(system), method, rtol=1e-6, engine="auto")

@@ -1,8 +1,9 @@
 """Warnings about a fit: residuals that are not noise, a wrong unit, a channel with constant values, duplicate
 rows.
 
-Residuals are not noise if neighbours are correlated, by the sum of the squared autocorrelations at several
-lags, channel divided by its standard deviation (G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297-303).
+Residuals are not noise if neighbours are correlated. The test statistic is the sum of the squared
+autocorrelations at several lags, each divided by its standard deviation (G. M. Ljung, G. E. P. Box,
+Biometrika 65 (1978) 297-303).
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +30,8 @@ _FEW, _SENSOR_ERROR = 2 * _VALUES_PER_LAG, 0.05
 few values count as a poor fit: accelerometers and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT_RATIO = 100.0
-"""Ratio of sizes above which a unit is doubtful. A choice."""
+"""Ratio of measured to computed values, or of computed to measured values, above which a unit is doubtful. A
+choice."""
 
 
 def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:
@@ -91,8 +93,9 @@ def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, A
 
 
 def _autocorrelation(residuals: Array, lag: int) -> tuple[float, float]:
-    """Autocorrelation at a lag, as the sum of the products of residuals divided by its standard deviation,
-    estimated from these products, and divided by the sum of squares."""
+    """Autocorrelation at a lag in two normalisations. The sum of the products of residuals is divided first
+    by its standard deviation, which is estimated from the products, and its modulus is taken; then by the sum
+    of the squares of the residuals."""
     products = np.real(residuals[lag:] * np.conj(residuals[:-lag]))
     deviation = float(np.sqrt(np.sum(products**2)))
     size = float(np.sum(np.abs(residuals) ** 2))

@@ -58,8 +58,8 @@ class KeptValues:
         return limits
 
     def smooth(self, at: int, place: int) -> Tracked:
-        """Values of a quantity at a speed, with derivatives. They are the points of the curve, or every
-        extremum that equals the statistic at the start."""
+        """Values by which a quantity is kept at a speed, with derivatives: the points of a curve; for a
+        maximum, minimum or range, every extremum that equals it at the start; otherwise the statistic."""
         each, design = self.kept[place], self.design
         if each.phases is not None:
             return Curve(design, at, each.name, each.phases)
@@ -71,9 +71,10 @@ class KeptValues:
     def equations(self) -> Equations | None:
         """Constraint equations of the quantities without a tolerance.
 
-        They are combinations of changes, by the singular value decomposition of their derivatives at the
-        start, relative to what is allowed. Combinations that no parameters within the bounds change by more
-        are left out: several speeds, or neighbouring phases, give the same equation.
+        The equations are combinations of the changes, each change relative to its allowed value, from the
+        singular value decomposition of the derivatives at the start. Combinations that no parameters within
+        the bounds change by more than the allowed value are left out: several speeds, or neighbouring phases,
+        give nearly the same equation.
         """
         chosen = [
             (at, place)

@@ -24,8 +24,8 @@ from solve.studies.requirements import Bound
 from solve.studies.tracked import leading
 
 _REACH = 8.0
-"""Standard deviations of a normal distribution within which gradients are calculated: beyond lies a
-probability of 1e-15."""
+"""Standard deviations of a normal distribution within which gradients are calculated; the probability of
+larger deviations is 1e-15."""
 
 
 class Quantity(NamedTuple):
@@ -42,7 +42,8 @@ STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
 
 class Event(NamedTuple):
     """Event at points (P,) and speeds (k,). margins (P, k): positive where it occurs, NaN without a result.
-    occurs: at one speed at least; otherwise undetermined, or failed, if it is so at one speed."""
+    occurs (P,): the event occurs at one speed or more. failed (P,): otherwise, one speed or more has no
+    result. undetermined (P,): otherwise, it is undetermined at one speed or more."""
 
     margins: Array
     occurs: Array

@@ -74,8 +74,8 @@ class Trials:
     """Solver at speeds within brackets. Each bracket has one grid, the finest of the grids at its ends and
     middle.
 
-    Errors are the largest ones of the ends and the middle. They are not estimated again by a second grid.
-    results: known solutions; `places` (k, 3): positions of the brackets among them.
+    The errors are the largest of those at the ends and the middle. They are not estimated again with a second
+    grid. results: known solutions; `places` (k, 3): positions of the brackets among them.
     """
 
     def __init__(self, batch: Batch, kept: Kept, results: PointResults, places: Array):
@@ -126,8 +126,8 @@ def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, toleran
     """Brackets of the highest maxima, each narrowed to a tolerance relative to its speed. guides (k, 3):
     values of a guide function at the speeds of the brackets.
 
-    The highest of equidistant speeds in a bracket is refined to its maximum, and the guide to its own; the
-    highest of all these speeds is the result.
+    In each bracket, the maximum of the height near the highest of equidistant speeds is located, and likewise
+    that of the guide. The result is the highest point of all speeds solved.
     """
     if len(brackets) == 0:
         return brackets

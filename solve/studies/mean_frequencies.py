@@ -126,7 +126,7 @@ def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]
 def resonance_speeds(
     frequencies: MeanFrequencies, weights: Array, orders: int
 ) -> Iterator[tuple[int, float]]:
-    """Orders k per revolution and speeds Ω at which the sum of the mean frequencies, multiplied by weights
+    """Orders k per revolution and speeds Ω at which the sum of the mean frequencies, weighted by `weights`
     (n,), equals kΩ."""
     from scipy.optimize.elementwise import find_root
 
@@ -142,7 +142,7 @@ def resonance_speeds(
         return
     ends, tolerances = (speeds[at], speeds[at + 1]), {"xrtol": _TOLERANCE, "xatol": 0.0, "fatol": 0.0}
     root = find_root(excess, ends, args=(row + 1,), tolerances=tolerances, maxiter=_MAX_ITERATIONS)
-    # Means jump where two modes begin to keep their shapes.
+    # Means jump at speeds from which two modes are followed by shape instead of rank.
     crosses = np.abs(root.f_x) <= _JUMP * (row + 1) * speeds[at]
     yield from zip((row[crosses] + 1).tolist(), root.x[crosses].tolist(), strict=True)
 

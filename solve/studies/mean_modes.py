@@ -11,7 +11,8 @@ from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
 _PHASES, _FEW_PHASES = 64, 16
-"""Phases of the means, and of the comparison with C. Choices: both means converge exponentially."""
+"""Number of phases over which modes are averaged, and number for the comparison of frequencies with and
+without C. Choices: both means converge exponentially."""
 
 _ROUNDOFF, _COMPLEX = 1e-12, 1e-6
 """Negative squares of frequencies, and imaginary parts of the squares, relative to the largest square, that
@@ -78,8 +79,9 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
 def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     """Largest relative difference between mean frequencies with and without C, at a speed (rad/s).
 
-    With C they are moduli of eigenvalues. Gyroscopic forces change them, and damping that couples modes, but
-    not modal damping. 0 if some are real, and with first-order coordinates, whose frequencies include C.
+    The frequencies with C are moduli of eigenvalues. They are changed by gyroscopic forces and by damping
+    that couples modes, but not by modal damping. The difference is 0 if some eigenvalues are real, and for
+    systems with first-order coordinates, whose mean frequencies include C.
     """
     if len(system.states):
         return 0.0

@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.studies.tracked import Tracked
 
 _MAX_ITERATIONS = 60
-"""Most iterations of one round. A choice: rounds of cam and manipulator take 10 to 40."""
+"""Maximum number of iterations of one round. A choice: rounds of cam and manipulator take 10 to 40."""
 
 _LINE_SEARCH, _MAX_STALLED = 5, 2
 """Evaluations of a line search above which it is stalled, and number of stalled line searches after which a

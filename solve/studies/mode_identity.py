@@ -24,8 +24,8 @@ _SAME = 1e-6
 """Relative difference between the participations of two harmonics that counts as zero: a choice."""
 
 _LEAST_EXCHANGE = 4.0
-"""Range of values relative to the width of a veering from which the pair is listed: in a wider veering the
-vectors are exchanged only partly. A choice."""
+"""Ratio of the range of values to the width of a veering above which the veering is listed: in a wider
+veering the vectors are exchanged only partly. A choice."""
 
 
 class Identities(NamedTuple):
@@ -148,8 +148,8 @@ def _every_harmonic(modes: ModeVectors) -> Array:
 
 
 def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[Array, Array]:
-    """One track of each conjugate pair, and the exponents (S, T). Of two tracks, the one with the less damped
-    real multiplier, or with positive mean imaginary part, is selected."""
+    """One track of each conjugate pair, and the exponents (S, T). Of the two tracks of a pair, the one with
+    the less damped real multiplier, or with positive mean imaginary part, is selected."""
     partners, columns = path.partners(), exponents.copy()
     tracks = [track for track in range(exponents.shape[1]) if twins.get(track, track) >= track]
     for track in tracks:
@@ -213,8 +213,8 @@ def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[A
 
 
 def _veerings(approaches: Sequence[Approach], label_of: Mapping[int, str], x: Array) -> list[Meeting]:
-    """Veerings narrower than the range of the values: pairs with exceptional points on both sides of the real
-    axis."""
+    """Veerings narrower than a quarter of the range of the values: pairs with exceptional points on both
+    sides of the real axis."""
     by_pair: dict[tuple[str, str], list[tuple[float, float, float]]] = {}
     for approach in sorted(approaches, key=lambda approach: approach.gap):
         pair = _pair(label_of, approach)

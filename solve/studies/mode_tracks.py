@@ -31,13 +31,14 @@ number after which the interval is still larger than the round-off of the parame
 
 _REAL = 0.05
 """Imaginary part of two exceptional points, relative to their distance, up to which the points count as real:
-between two real points the exponents of the pair are locked. A choice."""
+between two real points the pair is locked, which means that its exponents have equal imaginary parts. A
+choice."""
 
 _WIDE, _FEWEST_LOCKED = 0.5, 4
-"""Distance of two real exceptional points relative to the step, and bisections, from which a pair is locked.
-Vectors that rotate with the parameter without coupling show an apparent coupling that decreases with the
-square of the step; the distance between the two exceptional points that it produces decreases in proportion
-to the step."""
+"""Smallest distance between two real exceptional points, relative to the step, and smallest number of
+bisections, for a pair to count as locked. Vectors that rotate with the parameter without coupling show an
+apparent coupling that decreases with the square of the step; the distance between the two exceptional points
+that it produces decreases in proportion to the step."""
 
 
 _NEAR, _NARROW = 1.0, 0.1
@@ -104,7 +105,7 @@ class Tracks:
     base : int
         Position of the sample with which the next one is compared.
     held : dict
-        Tracks that are compared with an earlier sample, at the position given.
+        Position of the sample, by track, for tracks that are compared with a sample earlier than `base`.
     twins : dict
         Tracks of complex conjugates.
     locked : set
@@ -205,7 +206,7 @@ class Step:
 
     @cached_property
     def own(self) -> Array:
-        """Overlap (T,) of each track with its own mode alone."""
+        """Overlap (T,) of each track with its mode, without coincident and conjugate modes."""
         return np.where(self.modes >= 0, self.products[np.arange(len(self.modes)), self.modes], 0.0)
 
     @property
@@ -342,7 +343,7 @@ class Step:
         return bool((self.sample.modes.coincident[np.ix_(after, after)] & ~coincident_before).any())
 
     def _note_approaches(self) -> None:
-        """Record the exceptional points of coupled pairs whose middle lies in this step."""
+        """Record the exceptional points of each coupled pair if their midpoint lies in this step."""
         meetings, width = self.meetings, self.sample.x - self.before.x
         middle = np.real(meetings.roots).mean(axis=0)
         is_near = meetings.coupled & (middle >= 0) & (middle < 1) & (meetings.distance < _FARTHEST)

@@ -1,5 +1,5 @@
 """Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds
-with exact derivatives, where error estimates count to the disadvantage of the design."""
+with exact derivatives. Error estimates are added on the unfavourable side."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -59,7 +59,7 @@ def optimise(
         System with derivatives with respect to the free parameters, such as the gains of a feedback.
     minimise : str or callable
         Quantity such as "q3.max_abs", "shaft_torque.rms" or "spectral_radius"; or a function of the sequence
-        of orbits at the speeds, which is differentiated by differences.
+        of orbits at the speeds, which is differentiated by finite differences.
     free : mapping
         Lower and upper bound of each free parameter by name, in the model's units or as texts with unit. The
         parameters of the model are the start.
@@ -67,8 +67,8 @@ def optimise(
         Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm", a range in which speeds between
         those given are checked too; by default the speed of the case.
     keep : sequence of str
-        Quantities that do not change: a figure such as "lift.range" or "lift.max", or a curve such as
-        "lift@80:100 deg"; with a tolerance as in "lift.range within 0.1 mm".
+        Quantities that must not change: a statistic such as "lift.range" or "lift.max", or a curve such as
+        "lift@80:100 deg". Changes up to a tolerance are allowed by "lift.range within 0.1 mm".
     subject : sequence of str
         Bounds of quantities at every speed, such as "contact_force.min > 0" or "spectral_radius < 0.9".
     starts : int
@@ -82,7 +82,7 @@ def optimise(
     robust : float or str, optional
         Minimise the mean plus this many standard deviations of the quantity, or its quantile for a text such
         as "95 %", over machines whose parameters deviate by the tolerances of the case and those of `vary`.
-        Their widths are those at the start.
+        The widths of the tolerances are those at the start.
     vary : mapping of str to str, optional
         Tolerance or distribution by parameter, as in `tolerances`.
 
@@ -100,9 +100,9 @@ def optimise(
 
     Notes
     -----
-    Every local extremum that may be the largest is a constraint of the epigraph. The spectral radius with its
-    error stays below 1 at every speed; on the unit circle, for a model without damping. The optimum is a
-    local one.
+    Every local extremum that may be the largest is a constraint of the epigraph. The spectral radius plus its
+    error stays below 1 at every speed. In a model without damping it must stay at 1 within the error. The
+    optimum is a local one.
 
     Examples
     --------
@@ -149,7 +149,8 @@ def _machines(
         return []
     if is_range or not isinstance(objective, Named):
         raise ValueOutOfBoundsError(
-            "a robust optimum takes a quantity by name and a list of speeds, such as '100 200 300 rpm'"
+            "a robust optimum requires a quantity by name and a list of speeds, not a function or a range "
+            "of speeds; give for example 'q3.max_abs' and '100 200 300 rpm'"
         )
     if not isinstance(design.model, Model):
         raise ValueOutOfBoundsError(

@@ -27,29 +27,30 @@ ROUNDS = "rounds"
 """Name of the unit in progress reports."""
 
 _MAX_ROUNDS = 30
-"""Most rounds, each of which follows the extrema that lead at its start. A choice: cam and manipulator take
-up to 8."""
+"""Maximum number of rounds. Each follows the extrema that are largest at its start. A choice: cam and
+manipulator take up to 8."""
 
 _SHRINKING, _SMALLEST_REACH = 4.0, 1e-6
-"""Reduction of the largest change of x after a round that gained nothing, and its limit. Choices."""
+"""Factor by which the largest allowed change of x is reduced after a round without gain, and the change below
+which the search ends. Choices."""
 
 _STATIONARY = 100.0
 """Change of the objective in a round, relative and in units of rtol, below which the search ends. With 10 the
 errors of the orbits, which differ from grid to grid, prevent the end for some optima of the manipulator."""
 
 _VIOLATION = 1e-7
-"""Violation of a bound, relative to its scale, that counts as none. A choice."""
+"""Violation of a bound, relative to its scale, up to which the bound counts as satisfied. A choice."""
 
 _BETWEEN, _MAX_ADDED = 4, 10
-"""Parts of each interval of speeds, at whose ends the optimum of a range is checked, and most rounds in which
-speeds are added. Choices."""
+"""Number of parts into which each interval of speeds is divided, at whose ends the optimum of a range is
+checked, and maximum number of rounds in which speeds are added. Choices."""
 
 _NEARLY = 0.01
-"""Distance below the largest value, relative to it, from which on a maximum between speeds is refined. A
-choice."""
+"""Largest relative distance from the largest value at which a maximum between speeds is refined. A choice."""
 
 _SPEED_TOLERANCE = 1e-5
-"""Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
+"""Relative tolerance of a refined speed: the value near a maximum changes with the square of the distance. A
+choice."""
 
 _RADIUS = Named(RADIUS, "1", RADIUS)
 
@@ -79,8 +80,8 @@ class State:
 class Search:
     """Search for the optimum of a quantity, or of a function of the orbits at all speeds.
 
-    machines, statistic: deviating machines of a robust objective, and what it is of their values.
-    limit: of the spectral radius. failures: reasons of trials without a solution.
+    machines, statistic: deviating machines, and the statistic of their values, of a robust objective. limit:
+    upper bound of the spectral radius. failures: reasons of trials without a solution.
     """
 
     design: Design
@@ -144,7 +145,8 @@ class Search:
         return np.full(len(points), Function(self.design, self.minimise).of(points))
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
-        """Objective (k,) at each speed, with the deviations of a robust one; points: the solutions at x."""
+        """Objective (k,) at each speed. points: solutions at x; a robust objective is computed from the
+        deviating machines instead."""
         if self.statistic is None:
             return self.values(points)
         return np.concatenate([each.values(x) for each in self._objective(x)])
@@ -171,7 +173,7 @@ class Search:
     def _state(self, x: Array) -> State:
         points = self.design.points(x)
         violations = [violation for _, violation in self._bounded(points)]
-        # Twice what is allowed violates a kept quantity as much as 1e-7 a bound.
+        # A change of twice the allowed value counts as much as a bound that is violated by 1e-7.
         violations += [
             _VIOLATION * (change / allowed - 1) for _, change, allowed in self.kept_values.changes(points)
         ]

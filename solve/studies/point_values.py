@@ -11,8 +11,8 @@ from solve.results.points import Kept, PointResults
 
 
 def kept_for(quantities: Sequence[Named], judged: Sequence[str] = ()) -> Kept:
-    """Selection of the data that must be stored at each point for the quantities, and for those with
-    limits."""
+    """Selection of the data that must be stored at each point for the quantities, and for the coordinates and
+    outputs `judged`."""
     of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
     orders = [quantity.number for quantity in of_orbit if quantity.figure == HARMONIC]
     spectra = dict.fromkeys(quantity.subject for quantity in of_orbit if quantity.figure == HARMONIC)

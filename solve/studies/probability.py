@@ -31,11 +31,12 @@ _PLAIN, _WIDE = 0.3, 0.2
 events that surround 0 in three dimensions then cover the truth as often as others."""
 
 _STEPS, _STEP_END, _FARTHEST = 12, 0.02, 8.0
-"""Most Newton steps to the nearest point of an event, the change of z at which they end, and its largest
-modulus, of probability 6e-16. Choices."""
+"""Maximum number of Newton steps to the nearest point of an event; the change of z at which they end; and the
+largest modulus of z, beyond which the probability is 6e-16. Choices."""
 
 _COVERED = 1.0
-"""Distance before the tangent plane through a centre up to which events belong to this centre. A choice."""
+"""Distance in front of the tangent plane through a centre, on the side of z = 0, up to which events belong to
+this centre. A choice."""
 
 
 class Mixture(NamedTuple):

@@ -30,8 +30,8 @@ _DECAY_TOLERANCE = 0.25
 A choice."""
 
 _MAX_COST = 9.0
-"""Upper limit of a single squared difference, three times the allowed value, so that no single difference
-decides the matching. A choice."""
+"""Upper limit of a single squared difference, that of three times the allowed difference, so that no single
+difference decides the matching. A choice."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
 """Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part;
@@ -64,7 +64,7 @@ class Label(NamedTuple):
 
 
 def allowed_distance(orders: Array | float) -> Array:
-    """Largest difference, for each order, between the order and the ratio of a frequency to the speed at
+    """Largest difference, for each order, between the order and the ratio of a frequency to the speed, up to
     which the order may explain a maximum."""
     return np.minimum(_NEAR, CLOSE * orders)
 
@@ -76,9 +76,10 @@ class MultiplierMatcher:
 
     Multipliers are matched to modes in pairs: conjugate ones, and real ones of one sign, of which only the
     product identifies the mode. The pair of a mode has the angle ω̄T, up to full turns and the sign, and
-    decays by δT. All pairs are matched at once by the least sum of the squared differences, each over what is
-    allowed. Pairs with the same angle may exchange energy; their decay may then differ from that of the mode
-    by as much as from the mean of theirs.
+    decays by δT. All pairs are matched at once, with the smallest sum of squared differences, each relative
+    to its allowed value. Pairs with the same angle may exchange energy. The allowed difference between the
+    decay of such a pair and that of its mode is therefore increased by the difference between the decay of
+    the pair and the mean decay of these pairs.
     """
 
     system: PeriodicSystem
@@ -215,10 +216,10 @@ class MultiplierMatcher:
     def label_real_part(self, maximum: Maximum, multiplier: int, orders: int, unstable: bool) -> Label:
         """Label of a maximum of the real part of the multiplier with index `multiplier`.
 
-        An order of its mode explains it where the multiplier passes +1, except for the angle arctan(δ/ω):
-        there exp(-δT) cos ωT is largest. Elsewhere, and where the motion is unstable, a combination does if
-        the multiplier of another mode has the same angle and the sum or difference of the frozen frequencies
-        is near an order.
+        Where the multiplier passes +1, an order of its mode explains the maximum. The multiplier may have an
+        angle of arctan(δ/ω) there, at which exp(-δT) cos ωT is largest. Elsewhere, and where the motion is
+        unstable, a combination explains it if the multiplier of another mode has the same angle and the sum
+        or difference of the frozen frequencies is near an order.
         """
         rho = self.rho[multiplier]
         if rho == 0:

@@ -21,12 +21,13 @@ from solve.studies.probability import normal_variables
 from solve.studies.tracked import leading, tracked
 
 _MACHINES, _BEYOND = 16, 2
-"""Least number of machines, and least number of them beyond a quantile. Numbers are powers of two, for a
-Sobol sequence. Choices: mean and deviation of an oscillator then agree with integrals to 2 %; quantiles of
-90, 95 and 99 %, from 32, 64 and 256 machines with one to five varied parameters, to 1 to 4 %."""
+"""Smallest number of machines, and smallest number of machines beyond a quantile. The number of machines is a
+power of two, for a Sobol sequence. Choices: mean and deviation of an oscillator then agree with integrals to
+2 %; quantiles of 90, 95 and 99 %, from 32, 64 and 256 machines with one to five varied parameters, to 1 to 4
+%."""
 
 _EXTREME = 0.01
-"""Smallest distance of a quantile from 0 and 1: it then takes 256 machines. A choice."""
+"""Smallest distance of a quantile from 0 and from 1; at this distance it requires 256 machines. A choice."""
 
 
 class Statistic(NamedTuple):
@@ -70,8 +71,8 @@ class Statistic(NamedTuple):
         return max(_MACHINES, 2 ** math.ceil(math.log2(needed)))
 
     def weights(self, values: Array) -> Array:
-        """Derivatives (s,) of the statistic with respect to values (s,). Multiplied by the values they give
-        the statistic, which is homogeneous."""
+        """Derivatives (s,) of the statistic with respect to values (s,). Their sum, weighted with the values,
+        is the statistic, because the statistic is homogeneous."""
         count = len(values)
         weights = np.zeros(count)
         if self.is_quantile:
@@ -108,8 +109,8 @@ class Robust:
 
 
 def deviating(design: Design, spreads: Mapping[str, Spread], count: int) -> list[Design]:
-    """A number of machines of a design, a power of two, whose parameters deviate from it as the spreads from
-    the model's numbers."""
+    """Machines of a design, `count` of them (a power of two), whose parameters deviate from those of the
+    design as the spreads deviate from the parameters of the model."""
     from scipy.stats.qmc import Sobol
 
     cube = Sobol(len(spreads), rng=np.random.default_rng(0)).random(count)

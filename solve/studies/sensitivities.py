@@ -54,10 +54,11 @@ _SMOOTH = 0.5
 """Largest relative change of the curvature of a maximum for twice the step. A choice."""
 
 _STEP_REDUCTION = 8.0
-"""Reduction of the step for a narrower maximum. A choice."""
+"""Factor by which the step is reduced for a narrower maximum. A choice."""
 
 _NEWTON_STEPS = 3
-"""Newton corrections of a speed that is known to a tolerance. A choice: each doubles the digits."""
+"""Newton corrections of a speed that is known to a tolerance. A choice: each doubles the number of correct
+digits."""
 
 
 @of_system
@@ -144,7 +145,7 @@ def speed_sensitivities(
     found : Bands or CriticalSpeeds
         Result of `solve.bands` or `solve.critical_speeds`.
     by : sequence of str, optional
-        Names of parameters, by default all by which there are derivatives.
+        Names of parameters, by default all with respect to which derivatives are available.
     method : str or Method
         "radau", "gauss" or "auto".
     rtol : float
@@ -166,8 +167,9 @@ def speed_sensitivities(
 
     Notes
     -----
-    At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the derivative
-    g by the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact derivatives.
+    At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the derivative g
+    with respect to the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact
+    derivatives.
     """
     system = found.system
     names = moving_parameters(system, by)
@@ -180,7 +182,10 @@ def speed_sensitivities(
     differentiate = _of_edge if is_bands else _of_maximum
     if not places:
         raise NoResultError(
-            f"{system.labels.name} has no edge or maximum between these speeds; give other speeds"
+            f"{system.labels.name} has no edge of an unstable band between these speeds; give other speeds"
+            if is_bands
+            else f"{system.labels.name} has no maximum of the response or of a multiplier between these "
+            "speeds; give other speeds"
         )
     by_name = {}
     with progress.task("speeds", len(places)):
@@ -204,8 +209,8 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
     _, differentiable = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in differentiable:
         raise ValueOutOfBoundsError(
-            "by is speed, but the quantities to differentiate are themselves speeds; give parameters, such "
-            "as 'k1', or leave by out"
+            "'by' is speed, but the quantities to differentiate are themselves speeds; give parameters, such "
+            "as 'k1', or leave out 'by'"
         )
     return [name for name in differentiable if name != SPEED]
 
@@ -268,7 +273,7 @@ def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
 
 
 def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
-    # The differences below share all but one of their steps.
+    # The differences below use several speeds in common.
     @functools.cache
     def gradient(omega: float) -> Array:
         return derivatives(of, omega).derivatives

@@ -24,7 +24,7 @@ def sobol_indices(
     """First-order and total index of each quantity for each variable, and number of samples without a value.
 
     evaluate: values (P, q) of quantities at points (P, r) of the unit cube. samples: a power of two. error:
-    relative error of the values; quantities that vary by less have no indices, NaN.
+    relative error of the values; the indices of quantities that vary by less are NaN.
     """
     from scipy.stats.qmc import Sobol
 

@@ -67,7 +67,7 @@ class StabilitySamples:
         return StabilitySamples(*map(np.concatenate, pairs))
 
     def replaced(self, rows: Array, others: "StabilitySamples") -> "StabilitySamples":
-        """Copy with other points in the given rows (k,)."""
+        """Copy with the samples `others` (k,) in the given rows (k,)."""
         columns = [column.copy() for column in self._columns]
         for column, new in zip(columns, others._columns, strict=True):
             column[rows] = new
@@ -79,7 +79,7 @@ class StabilitySamples:
 
     @property
     def failed(self) -> Array:
-        """Whether (k,) neither stability nor instability is established."""
+        """Whether (k,) a point has neither a stable nor an unstable verdict."""
         return ~(self.stable | self.unstable)
 
     @property
@@ -98,9 +98,9 @@ class StabilitySamples:
     def crossing_values(self) -> Array:
         """Smooth functions (k, 4) that become negative where a point becomes unstable.
 
-        The columns are: det(I - Φ), for +1, and det(I + Φ), for -1, but negative wherever a multiplier is
-        beyond; the distance of the largest multiplier from the unit circle; and the squared distance of pairs
-        that coalesce on the circle.
+        The columns are: det(I - Φ), for +1, and det(I + Φ), for -1, but negative wherever a multiplier lies
+        beyond +1 or -1; the distance of the largest multiplier from the unit circle; and the squared distance
+        of pairs that coalesce on the circle.
         """
         size = np.maximum(np.abs(self.multipliers[:, 0]), NOISE)
         leaving = np.where(size > 1 + NOISE, -np.square(size - 1 / size), self.distances[:, 2])

@@ -40,17 +40,17 @@ _SEARCH = 8
 """Fraction 1 / _SEARCH of the samples that search for rare events. A choice."""
 
 _MOST_SPEEDS, _MOST_CENTRES = 4, 8
-"""Most speeds at which points of an event are sought, and most such points, those nearest to the nominal
-parameters. Choices."""
+"""Maximum number of speeds at which points of an event are sought, and maximum number of such points, of
+which those nearest to the nominal parameters are used. Choices."""
 
 _MOST_STEPS = 40
-"""Most evaluations in the search of a worst point. A choice."""
+"""Maximum number of evaluations in the search for a worst point. A choice."""
 
 _STARTS = 3
 """Number of the worst samples from which a worst point is sought. A choice: maxima may be local."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 64, 10**7
-"""Bounds of the number of samples. Intervals of fewer samples say little."""
+"""Bounds of the number of samples. With fewer samples the intervals are too wide to be useful."""
 
 
 @of_model
@@ -80,7 +80,7 @@ def tolerances(
         case. A machine counts as unstable if it is unstable at one of these speeds.
     vary : mapping of str to str, optional
         Tolerance or distribution by parameter, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)" or
-        "uniform(7e4, 9e4)"; in addition to those of the case, or instead of them.
+        "uniform(7e4, 9e4)". It replaces the tolerance that the case states for the same parameter.
     subject : sequence of str
         Limits of quantities at every speed, such as "q3.max_abs < 9 um".
     of : sequence of str
@@ -88,8 +88,8 @@ def tolerances(
     samples : int
         Number of samples for the probabilities.
     index_samples : int
-        Number of samples for the Sobol indices, times the number of parameters plus 2; rounded up to a power
-        of two. 0 for none.
+        Base number of samples for the Sobol indices, rounded up to a power of two. The number of machines
+        solved is this number times (number of varying parameters + 2). With 0, no indices are computed.
     method : str or Method
         "radau", "gauss" or "auto".
     rtol : float
@@ -115,8 +115,9 @@ def tolerances(
 
     Notes
     -----
-    Parameters are independent. Of normal distributions, worst points are sought within three standard
-    deviations. Samples with an open verdict are counted apart; the upper ends of the intervals include them.
+    Parameters are independent. For normal distributions, worst points are sought within three standard
+    deviations. Samples with an undetermined verdict are counted separately; the upper ends of the intervals
+    include them.
 
     Examples
     --------
@@ -238,7 +239,7 @@ def _sobol(
         parameters = machines.parameters(normal_variables(cube))
         return machines.worst(machines.outcome(parameters, "indices").values)[0]
 
-    # Errors of the values are up to their tolerance.
+    # The relative errors of the values are taken to be as large as the tolerance rtol.
     power, error = math.ceil(math.log2(samples)), machines.task.request.rtol
     indices, unknown = sobol_indices(evaluate, len(machines.spreads), 2**power, rng, error)
     by_name = [dict(zip(machines.spreads, each, strict=True)) for each in indices]

@@ -2,7 +2,8 @@
 may become the largest is followed separately.
 
 The maximum over the period is not differentiable where two extrema are equally large, which is where
-minimisation leads. Extrema are, and their derivatives are those at a fixed phase (envelope theorem).
+minimisation leads. Each extremum is differentiable, and its derivatives equal those at a fixed phase
+(envelope theorem).
 """
 
 from collections.abc import Callable, Sequence
@@ -24,12 +25,12 @@ _LEADING = 0.5
 unless a later round finds them among the largest."""
 
 _WINDOW = np.linspace(-1.0, 1.0, 33)
-"""Places in the window in which an extremum is found again, in halves of its width. The window ends half way
-to the neighbouring extremum."""
+"""Positions at which a window is sampled to locate its extremum in another design, in half widths of the
+window. The window ends half way to the neighbouring extremum."""
 
 _ZOOMS, _ZOOM = 2, 16
-"""Number of times that a window is searched, and reduction of its width: one gives derivatives of extrema to
-2e-4, two to 1e-7, in the test of an oscillator."""
+"""Number of times that a window is searched, and factor by which its width is then reduced. In the test of an
+oscillator, derivatives of extrema are accurate to 2e-4 with one search, and to 1e-7 with two."""
 
 _WIDEST = 1 / 16
 """Largest half width of a window, in periods. A choice."""
@@ -42,8 +43,8 @@ _OF_CONSTANT = 16
 """Number of windows, over the whole period, in which maxima of a constant are followed. A choice."""
 
 _DIFFERENCE = 1e-4
-"""Difference of x, whose range is 0 to 1, for derivatives of a function that is given without. Errors are of
-the order of its square. On equal grids, round-off divided by it is smaller."""
+"""Step in x, whose range is 0 to 1, for finite differences of a function without derivatives. Their errors
+are of the order of the square of the step. On equal grids, round-off divided by the step is smaller."""
 
 
 _EQUAL = 1e-9

@@ -29,7 +29,7 @@ _STRONG, _PALE = 0.65, 0.2
 """Opacity of Grashof and of non-Grashof regions."""
 
 _LEAST_ROOM = 0.045
-"""Smallest width of a labelled region relative to the size of its plane. A choice by appearance.."""
+"""Smallest width of a labelled region relative to the size of its plane. A choice by appearance."""
 
 _EXPLAINED = (
     "Strong: Grashof, by the shortest link; pale: non-Grashof, by the longest. Lines: change points,\n"

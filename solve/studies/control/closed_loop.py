@@ -58,8 +58,8 @@ class Compensator(FirstOrderSystem):
 class ClosedLoop(FeedbackLoop):
     """System with u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with the estimates x̂ of an observer as states.
 
-    The load of the system is known to the observer. The inputs are further outputs. At other speeds than
-    that of the design, and with other parameters, the gains keep their values at each phase.
+    The load of the system is known to the observer. The inputs u are further outputs of the closed loop. At
+    speeds other than the design speed, and with other parameters, the gains keep their values at each phase.
 
     Parameters
     ----------

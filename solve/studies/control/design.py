@@ -47,7 +47,7 @@ def lqr(
         Relative tolerance of the solution of the Riccati equation and of the multipliers.
     feedforward : bool
         Whether to add the periodic f(φ) that minimises the mean under the load, u = −K x + f. Without it,
-        feedback opposes every motion, the one that the load forces included.
+        feedback opposes every motion, including the vibration excited by the load.
 
     Returns
     -------
@@ -65,8 +65,8 @@ def lqr(
     -----
     X is the stabilising periodic solution of −Ẋ = AᵀX + XA − XBR⁻¹BᵀX + Q (S. Bittanti, P. Colaneri, Periodic
     Systems, 2009). It is computed by doubling on the symplectic maps of Gauss collocation and corrected by
-    Newton's method. Multipliers of the closed loop are those of `solve.floquet`. f = −R⁻¹Bᵀg with the
-    periodic solution of −ġ = (A − BK)ᵀg + Xb for the load b of the states.
+    Newton's method. Multipliers of the closed loop are those of `solve.floquet`. f = −R⁻¹Bᵀg, where g is the
+    periodic solution of −ġ = (A − BK)ᵀg + Xb and b the load of the states.
 
     Examples
     --------
@@ -104,16 +104,16 @@ def kalman(
         along which noise acts, or of states to whose rates it is added; or a function of phases (k,).
     V : (y, y) array, mapping or callable
         Spectral density of the noise of the measured quantities: numbers by name of states and outputs, which
-        are then measured. A positive definite matrix, or a function of phases, is of the outputs of a
-        `FirstOrderSystem` that names some, otherwise of all coordinates.
+        are then measured. A positive definite matrix, or a function of phases, refers to the outputs of a
+        `FirstOrderSystem` if it names outputs, otherwise to all coordinates.
     rtol : float
         Relative tolerance of the solution of the Riccati equation and of the multipliers.
 
     Returns
     -------
     Controller
-        Covariance P(φ) of the error of the estimates, gain L(φ) = P Cᵀ V⁻¹ (N, y), and as closed loop the
-        equations of the error.
+        Covariance P(φ) of the error of the estimates and gain L(φ) = P Cᵀ V⁻¹ (N, y). The closed loop
+        contains the equations of this error.
 
     Raises
     ------
@@ -173,7 +173,8 @@ def lqg(
     Returns
     -------
     Controller
-        As of `lqr`, with the filter as `observer`; the closed loop has the estimates NAME_hat as states.
+        Result as returned by `lqr`, with the filter as `observer`; the closed loop has the estimates NAME_hat
+        as additional states.
 
     Raises
     ------
@@ -232,18 +233,18 @@ def control(
     vibration : bool
         Whether to compute the periodic vibration without and with feedback.
     margin : sequence of str
-        Names of parameters whose smallest change that makes the closed loop unstable is computed, see
+        Names of parameters. Their smallest joint change that makes the closed loop unstable is computed, see
         `stability_margin`.
 
     Returns
     -------
     Controller
-        Of `lqr`, `kalman`, or, if both are given, of `lqg`.
+        Result of `lqr` or `kalman`, or of `lqg` if both are given.
 
     Raises
     ------
     SolveError
-        As of `lqr` and `kalman`.
+        Subclasses as in `lqr` and `kalman`.
 
     Examples
     --------

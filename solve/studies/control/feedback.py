@@ -1,4 +1,4 @@
-"""Base of closed loops: a system with a feedback of its own to the inputs."""
+"""Base class of closed loops: a system with a feedback to its inputs."""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -30,8 +30,8 @@ from solve.system import PeriodicSystem
 
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
-    """System with feedback. Its inputs NAME_disturbance are added to those of the feedback, which are
-    outputs.
+    """System with feedback. Its inputs NAME_disturbance are added to the inputs that the feedback sets, which
+    are outputs of the closed loop.
 
     open_loop: the system without feedback, or its equations linearised about a motion; model: the system
     itself; design: the system for which the feedback was designed, which an observer contains.
@@ -41,9 +41,10 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     system : PeriodicSystem
         System with inputs.
     further : sequence of str
-        Coordinates that the feedback adds, behind those with second derivatives of the system.
+        Coordinates that the feedback adds, listed after the coordinates of the system with second
+        derivatives.
     estimates : sequence of str
-        States that the feedback adds, behind those of the system.
+        States that the feedback adds, listed after the states of the system.
     """
 
     def __init__(self, system: PeriodicSystem, further: Sequence[str] = (), estimates: Sequence[str] = ()):
@@ -74,8 +75,9 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def closed(self, phase: Array, speed: Any, matrices: Matrices, inputs: Array, observed: Any) -> Matrices:
         """M, C, K and d of the closed loop at phases (k,) and a speed, a number or (k,).
 
-        matrices, inputs: those of the system without feedback; observed: a function that returns the matrices
-        of the system of the design and those of its inputs."""
+        matrices, inputs: matrices M, C, K, d and input matrix of the system without feedback. observed: a
+        function that returns the matrices and the input matrix of the system for which the feedback was
+        designed."""
 
     @abstractmethod
     def inputs_of(self, phase: Array, speed: Any, q: Array, qd: Array) -> Array:
@@ -107,7 +109,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return self._varying_by(phase, speed, acceleration, matrices)
 
     def _varying_by(self, phase: Array, speed: Any, acceleration: float, matrices: Matrices) -> Matrices:
-        """Matrices of the closed loop at speeds (k,) that change, from those of the system."""
+        """Matrices of the closed loop while the speed (k,) changes, from the matrices of the system."""
 
         def observed() -> tuple[Matrices, Array]:
             matrices = varying_of(self.design)(phase, speed, acceleration)
@@ -152,7 +154,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         require_bounds(self.model, parameters)
 
     def many_points(self, names: Sequence[str]) -> None:
-        """None: each point requires a system of its own."""
+        """None, because each point requires a separate system."""
 
     def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
         return sketched(self.model, phase, speed, q[: self.n_open], fineness)
@@ -189,7 +191,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return made
 
     def _of_system(self, motion: Motion) -> Motion:
-        """Motion of the coordinates of the system alone."""
+        """Motion of the coordinates of the system, without those that the feedback adds."""
         return motion if self.n == self.n_open else _Leading(motion, self.n_open)
 
 
@@ -202,7 +204,7 @@ class _NoDerivatives:
         self._loop = loop
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Array (b, 0)."""
+        """Derivatives (b, 0) of the breaks: an empty array."""
         return np.zeros((len(self._loop.breaks), 0))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:

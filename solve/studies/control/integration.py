@@ -15,7 +15,7 @@ _LEAST_STEPS = 128
 
 Equations = Callable[[Array, Array, float, Array, Array], Matrices]
 """Function of phases and speeds (k,), an acceleration, and q and q̇ (k, n) that returns M, C, K and d of the
-equations linearised about this state; with the state itself they are exact."""
+equations linearised about this state; at the state itself the linearised equations are exact."""
 
 
 class FeedbackIntegrator:
@@ -41,7 +41,8 @@ class FeedbackIntegrator:
         mean, n, N = sum(ends) / 2, self._n, self._N
 
         def rates(s: Array, x: Array) -> tuple[Array, Array]:
-            """A (k, N, N) and b (k, N) of x′ = A x + b with derivatives by time, at states x (N, k)."""
+            """A (k, N, N) and b (k, N) of x′ = A x + b with derivatives with respect to time, at states x (N,
+            k)."""
             phase, omega, acceleration = driven(s, *ends, self._period)
             q, qd = x[:n].T, np.zeros((len(s), n))
             qd[:, : N - n] = x[n:].T

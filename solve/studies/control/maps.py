@@ -1,8 +1,8 @@
 """Periodic Riccati equations −X′ = AᵀX + XA − XGX + Q on the steps of a grid.
 
-A step relates the state x at its start and the costate λ = Xx at its end to those at the other ends:
-x₁ = A x₀ − G λ₁ and λ₀ = H x₀ + Aᵀ λ₁. Gauss collocation conserves this symplectic structure. Two steps
-are composed without inverses of unstable maps, which is the structure-preserving doubling algorithm
+A step maps the state x at its start and the costate λ = Xx at its end to the state at its end and the costate
+at its start: x₁ = A x₀ − G λ₁ and λ₀ = H x₀ + Aᵀ λ₁. Gauss collocation conserves this symplectic structure.
+Two steps are composed without inverses of unstable maps, which is the structure-preserving doubling algorithm
 (E. Chu, H. Fan, W. Lin, C. Wang, Int. J. Control 77 (2004) 767-788)."""
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ _BYTES = 2**20
 """Bytes of the stage systems that are solved at a time. A choice."""
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
-"""Function of phases (k,) that returns A, G and Q (k, N, N); derivatives are by the phase."""
+"""Function of phases (k,) that returns A, G and Q (k, N, N); derivatives are with respect to the phase."""
 
 
 class Maps(NamedTuple):
@@ -69,8 +69,8 @@ class Maps(NamedTuple):
 
     @property
     def dual(self) -> "Maps":
-        """Maps of the filter equation. Its solution at the starts of these steps, in reverse order, is that
-        of the filter at the nodes."""
+        """Maps of the filter equation, which is a regulator equation in reversed time. Its solution at the
+        starts of these steps, in reverse order, is the solution of the filter at the nodes."""
         return Maps(transposed(self.A)[::-1], self.H[::-1], self.G[::-1])
 
     def closed(self, X: Array) -> Array:
@@ -144,9 +144,9 @@ def _ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
 def _mechanical_ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
     """As `_ends`, for second-order systems, from equations of half the size.
 
-    The rates of the positions follow from the velocities, and those of their costates from the others.
-    Unknowns are the rates w of v, and those μ of its costate backwards, at the stages. Given are the state at
-    the start and the costate at the end."""
+    The rates of q follow from v, and the rates of the costates of q from q, v and the costates of v. Unknowns
+    are, at the stages, the rates w of v and the rates μ, backwards in time, of the costates of v. Given are
+    the state at the start and the costate at the end."""
     m, s, N, _ = A.shape
     p, back, T = N // 2, b - weights, np.diagonal(A[:, 0, : N // 2, N // 2 :], axis1=1, axis2=2)
     square, sums = (weights @ weights)[:, None, :, None], weights.sum(axis=1)[:, None, None]

@@ -24,8 +24,8 @@ _STEP = 1e-4
 suffices for a direction."""
 
 _TURNS, _GAIN = (1.0, 0.5, 0.25, 0.1), 1e-4
-"""Fractions of the way to the normal of the boundary that are tried, and relative decrease of the distance
-below which the search ends. Choices."""
+"""Fractions of the difference between ray and normal of the boundary by which the ray is rotated in trials,
+and relative decrease of the distance below which the search ends. Choices."""
 
 _TOLERANCE, _BESIDE = 1e-6, 1e-3
 """Tolerance of the distance, and relative distance from the boundary at which the verdicts on both sides are
@@ -52,8 +52,8 @@ def stability_margin(
     Returns
     -------
     StabilityMargin
-        Distance √Σ(Δp/p)², the changes, and the verdicts on both sides of the boundary. Up to 100 % are
-        searched; without a boundary, the distance is infinite.
+        Distance √Σ(Δp/p)² of the boundary, the changes, and the verdicts on both sides. The boundary is
+        searched up to a distance of 1 (100 %); if none is found, the distance is infinite.
 
     Raises
     ------
@@ -64,9 +64,9 @@ def stability_margin(
 
     Notes
     -----
-    The boundary |ρ| = 1 is located on rays from the unchanged parameters. At its nearest point its normal is
-    along the ray, so that rays turn to the normal while the distance decreases. The first ray is the best
-    change of a single parameter. The minimum is a local one.
+    The boundary |ρ| = 1 is located on rays from the unchanged parameters. At the nearest point of the
+    boundary the normal is parallel to the ray. The ray is therefore rotated towards the normal as long as the
+    distance decreases. The first ray is the best change of a single parameter. The minimum is a local one.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def stability_margin(
         if not system.labels.parameters[name]:
             raise ValueOutOfBoundsError(f"{name} is 0 and has no relative change; name other parameters")
     if not names:
-        raise ValueOutOfBoundsError("by is empty; name parameters")
+        raise ValueOutOfBoundsError("'by' is empty; give names of parameters that differ from 0")
     return _Boundary(system, omega, names, rtol).nearest()
 
 
@@ -92,7 +92,8 @@ class _Boundary:
         self._system, self._speed, self._names, self._rtol = system, speed, names, rtol
 
     def nearest(self) -> StabilityMargin:
-        """Nearest point of the boundary. Raises ControlError for a system that is not stable."""
+        """Point of the boundary nearest to the unchanged parameters. Raises ControlError for a system that is
+        not asymptotically stable."""
         unit = np.eye(len(self._names))
         verdict = self._stability(0 * unit[0]).verdict
         if verdict != "asymptotically stable":
@@ -135,7 +136,8 @@ class _Boundary:
         return np.inf
 
     def _growth(self, change: Array) -> float:
-        """log |ρ| of the largest multiplier, 0 on the boundary, where verdicts have a tolerance."""
+        """Logarithm of the spectral radius plus the tolerance of verdicts, so that it is 0 where the verdict
+        changes."""
         return float(np.log(self._stability(change).spectral_radius)) + UNIT_CIRCLE
 
     def _normal(self, change: Array) -> Array:

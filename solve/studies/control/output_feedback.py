@@ -61,8 +61,8 @@ class OutputFeedback(FeedbackLoop):
 
     Notes
     -----
-    Gains have the names u_by_q1 and, for the harmonics, u_by_q1_cos1 and u_by_q1_sin1. They are zero at
-    first; `varied` and `solve.optimise` change them. A section of the delay is Padé's approximant
+    Gains have the names u_by_q1 and, for the harmonics, u_by_q1_cos1 and u_by_q1_sin1. They are initially
+    zero; `varied` and `solve.optimise` change them. A section of the delay is Padé's approximant
     1 − sτ/(1 + sτ/2 + s²τ²/12) of exp(−sτ), whose error at the frequency ω is (ωτ)⁵/720. A resonator
     z̈ + 2ζω ż + ω² z = ω² w at a harmonic ω with ζ = 0.01 has a gain of z, u_by_q1_res2, and one of ż/ω,
     u_by_q1_res2_dot.
@@ -135,13 +135,15 @@ class OutputFeedback(FeedbackLoop):
         super().require_bounds({name: value for name, value in parameters.items() if name not in self.gains})
 
     def bounds_of_gains(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
-        """Bounds, with those of u_by_q1 for all gains from q1 to u that have none of their own."""
+        """Bounds by name. The bounds of u_by_q1 are also used for all other gains from q1 to u without given
+        bounds."""
         own = {name: bounds[gain.base] for name, gain in self.gain_terms.items() if gain.base in bounds}
         return {**own, **bounds}
 
     @property
     def derivatives(self) -> ParameterDerivatives:
-        """Derivatives with respect to the gains; there are none about a motion."""
+        """Derivatives with respect to the gains; none are available for equations linearised about a
+        motion."""
         return GainDerivatives(self) if self.open_loop is self.model else super().derivatives
 
     def waves(self, phase: Array) -> Array:
@@ -151,8 +153,8 @@ class OutputFeedback(FeedbackLoop):
         return np.concatenate((np.ones((len(phase), 1)), waves), axis=1)
 
     def signals(self, phase: Array, speed: Any) -> tuple[Array, Array, Array]:
-        """Rows (k, s, 2, n) of the signals that gains multiply, by velocities and coordinates; and C and K
-        (k, a, n) of the a equations of delays and resonators, whose M is the identity."""
+        """Rows (k, s, 2, n) of the signals that gains multiply: coefficients of velocities and coordinates;
+        and C and K (k, a, n) of the a equations of delays and resonators, whose M is the identity."""
         k, n, y = len(phase), self.model.n, len(self.measured)
         rows = np.zeros((k, y, 2, self.n))
         measured = Plant(self.design, speed).rows(self.measured, phase)

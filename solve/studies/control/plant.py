@@ -19,8 +19,8 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Plant:
-    """A system at a speed in rad/s, with states x = (q, q̇) and derivatives by time. For rows of outputs there
-    may be a speed per phase."""
+    """A system at a speed in rad/s, with states x = (q, q̇) and derivatives with respect to time. For rows of
+    outputs there may be a speed per phase."""
 
     system: PeriodicSystem
     speed: float
@@ -65,7 +65,8 @@ class Plant:
         return rows
 
     def require_names(self, names: Sequence[str]) -> Sequence[str]:
-        """Outputs with rows. Raises UnknownNameError for names that are neither states nor outputs."""
+        """Names of the outputs for which `rows` is available. Raises UnknownNameError for names that are
+        neither states nor outputs."""
         system = self.system
         outputs = system.outputs if isinstance(system, FirstOrderSystem) else linear_outputs(system)
         for name in names:
@@ -118,8 +119,8 @@ def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array
 def output_slopes(
     system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
 ) -> Array:
-    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at a state (3, n, k)."""
+    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at a state (3, n, k)."""
     rates = np.asarray(speed)[..., None, None] ** np.array([2.0, 1.0, 0.0])[:, None]
-    # A dependence uses derivatives by the phase.
+    # The state of a dependence contains derivatives with respect to the phase.
     dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates
     return np.stack([dependence.output(name, phase, speed, states)[1] / rates for name in names], axis=1)

@@ -23,8 +23,9 @@ _ADVANCE, _AT = 7.0, 1e-8
 constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
 _GROWTH, _FAST_GROWTH = 1.25, 2.0
-"""Growth of the number of steps from grid to grid, and where the error exceeds the root of the tolerance.
-Errors of resolved solutions fall by at least 1.25^-12 = 0.07."""
+"""Factor by which the number of steps increases from grid to grid, and the larger factor used while the error
+exceeds the square root of the tolerance. Errors of resolved solutions are multiplied by 1.25^-12 = 0.07 or
+less."""
 
 _RESOLVED = 1e-4
 """Error below which a solution counts as resolved, so that an error that no longer falls is round-off."""
@@ -46,7 +47,8 @@ _POINTS = 9
 class Riccati:
     """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, or dX/dt = AX + XAᵀ − XQX + G of a filter.
 
-    coefficients: function of phases (k,) that returns A, G and Q (k, N, N) for derivatives by time."""
+    coefficients: function of phases (k,) that returns A, G and Q (k, N, N) for derivatives with respect to
+    time."""
 
     coefficients: Callable[[Array], tuple[Array, Array, Array]]
     speed: float
