@@ -265,8 +265,8 @@ def _axis(
     array = np.array(numbers)
     if array.ndim != 1 or len(array) < 2 or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
         raise ValueOutOfBoundsError(
-            f"the values of {name} are not two or more finite numbers in increasing order; give such "
-            "numbers, with a unit only for a model that declares units"
+            f"values of {name} must be at least two finite numbers in increasing order; a unit may be given "
+            "only if the model declares units of its parameters"
         )
     return name, numbers
 

@@ -211,7 +211,7 @@ BAD = {
     ),
     "critical: by the speed itself": (
         ("critical", "cam", "--speeds", "600 700 rpm", "--by", "speed"),
-        ("by is speed", "'k1'"),
+        ("'by' is speed", "'k1'"),
     ),
     "bands: by an unknown parameter": (
         ("bands", "cam", "--speeds", "600 700 rpm", "--by", "k9"),
