@@ -341,7 +341,7 @@ class Outcome(Serializable):
         if least * (1 - error) > 1:
             text = f"no plan exists: {need}"
         else:
-            text = f"no plan was found: {need}, with an error of {error:.1g} of the map"
+            text = f"no plan was found: {need}; the map has a relative error of {error:.1g}"
         if least_ratio_at_any_rate(self.until) <= 1:
             text += (
                 "; L4 would have to change below the lowest speed of the map: give a lower first "

@@ -123,7 +123,7 @@ class Batch:
         return np.sort(np.concatenate(left))
 
     def _single(self, points: Array, at: int) -> Points | Failed:
-        """Point at an index with a system of its own; Failed if this system is invalid."""
+        """Point at an index with a separate system; Failed if this system is invalid."""
         try:
             system, speed = self.family.system(points[at])
             check(system, speed)

@@ -125,7 +125,7 @@ class HarmonicTransfer:
     @property
     def rest(self) -> Array:
         """Fourier coefficients (2N+1, p) of the outputs without states and forces. For a first-order system
-        with inputs, those of its outputs without inputs."""
+        with inputs, they are the coefficients of its outputs if all inputs are zero."""
         return self._truncated(self._spectra.y0) + self._spectra.free_response(
             2 * self.orders, self.harmonics, self.rotation
         )

@@ -61,8 +61,8 @@ class Signals(NamedTuple):
 
 def signals(system: PeriodicSystem) -> Signals:
     """Signals of a system's state space: states q and q_dot; inputs force_q; as outputs the coordinates and
-    those outputs of the model that have derivatives. First-order states x have inputs load_x, unless
-    inputs are named."""
+    those outputs of the model that have derivatives. First-order states x have inputs load_x; a system with
+    named inputs has the named ones instead."""
     names = system.coordinates
     units = [system.labels.units.get(name, "") for name in names]
     inertial = len(names) - len(system.states)
@@ -222,7 +222,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     speed : float or str
         Ω in rad/s, or a text with unit.
     samples : int
-        Number of equidistant phases per period. At a jump, the matrices are those after it.
+        Number of equidistant phases per period. At a jump, the matrices just after it are used.
 
     Returns
     -------

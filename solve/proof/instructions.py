@@ -28,7 +28,7 @@ Entries = list[tuple[int, int, Ball]]
 """Rows, columns and values of a matrix."""
 
 ANY: Outcomes = ("any",)
-"""All outcomes that are possible on an interval: results contain those of each."""
+"""All outcomes that are possible on an interval: the results contain the values for each of them."""
 
 
 def _power(x: Ball, y: Ball) -> Ball:

@@ -242,7 +242,7 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
         return min(found, key=lambda at: math.prod(found[at][0]))
 
     examine(0, 0)
-    # S grows with the ellipses: if S of the smallest needs too many nodes on the largest, so do all others.
+    # S grows with the ellipses: if the smallest S needs too many nodes with the largest ρ, no ρ is suitable.
     if not found or math.prod(_count(sizes[0], _RATIOS[-1]) for _ in box) > _MOST_NODES:
         return None, np.zeros(0), False
     for k in range(1, len(_RATIOS)):

@@ -23,7 +23,7 @@ class Multiplier:
     radius : upper bound, exact
     count : number of multipliers for which the disc stands
     isolated : whether it contains no other multiplier
-    room : no other multiplier is nearer to the center, if the disc is isolated
+    room : lower bound on the distance of all other multipliers from the center, if the disc is isolated
     """
 
     center: Ball

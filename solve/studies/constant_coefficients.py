@@ -75,8 +75,8 @@ class ConstantCoefficients:
     def evaluate(self, points: Array) -> StabilitySamples:
         """Stability at points (k, v).
 
-        The multipliers have the true moduli, but angles Im µ Ω times a fixed time. Two multipliers then
-        coincide only if their exponents do.
+        The multipliers have the true moduli, but their angles are Im µ Ω times a fixed time instead of the
+        period. Two multipliers then coincide only if their exponents do.
         """
         exponents, period = self.exponents(points), self.family.example.period
         growth, errors = exponents.growth * period, exponents.errors * period

@@ -81,8 +81,8 @@ class CriticalSearch:
     between them.
 
     multipliers: the batch without orbits; rotation: rotation of the multipliers over speed; constant:
-    evaluation for constant matrices; sweep: known solutions with the same figure; orders: highest order of
-    divisions.
+    evaluation for constant matrices; sweep: solutions already known, with the same statistic; orders: highest
+    order of divisions.
     """
 
     batch: Batch
@@ -137,8 +137,8 @@ class CriticalSearch:
         return narrow_to_tolerance(brackets, guides, values_at, self.tolerance).maxima
 
     def response_maxima(self, speeds: Array, results: PointResults, resolved: Array) -> Brackets:
-        """Brackets of the maxima of the response among the speeds (P,). resolved (P,): where orders are
-        resolved."""
+        """Brackets of the maxima of the response among the speeds (P,). resolved (P,): whether maxima are
+        searched for at a speed, because the order of the lowest frequency is low enough there."""
         values = np.where(resolved, self.response(results), np.nan)
         places = peaks(values, results.errors[:, 0] * np.abs(values))
         trials = Trials(self.batch, self.kept, results, places)

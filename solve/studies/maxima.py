@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array, unique_integers
 from solve.batch.batch import POINTS, Batch
-from solve.batch.gathering import gathered, unjudged
+from solve.batch.gathering import gathered, on_one_grid
 from solve.period.multipliers import EPS
 from solve.results.critical_speeds import Maximum
 from solve.results.points import Kept, PointResults
@@ -91,7 +91,7 @@ class Trials:
         steps = self._steps[numbers]
         for count in unique_integers(steps):
             at = np.flatnonzero(steps == count)
-            results.insert(at, unjudged(self._batch, speeds[at, None], count, self._kept))
+            results.insert(at, on_one_grid(self._batch, speeds[at, None], count, self._kept))
         results.errors[:] = self._errors[numbers]
         return results
 

@@ -117,7 +117,7 @@ class MultiplierMatcher:
         return np.abs(np.angle(self.rho[[first for first, _ in self.pairs]])) / (2 * math.pi)
 
     def pairs_at_angle_of(self, pair: int) -> list[int]:
-        """Other resolved pairs with the same angle."""
+        """Resolved pairs, other than the given one, with the angle of the given one."""
         near = np.flatnonzero(np.abs(self.angles - self.angles[pair]) <= _ANGLE_TOLERANCE)
         return [int(other) for other in near if other != pair and self._resolved[other]]
 
@@ -244,8 +244,8 @@ def assign(
     """Rows with maxima inserted in a column, the highest first, each in the row of its nearest division that
     fits.
 
-    If no division explains a maximum, or if the frozen frequencies are imaginary there, it gets a row of its
-    own or that of the same combination.
+    If no division explains a maximum, or if the frozen frequencies are imaginary there, the maximum is
+    inserted in the row of the same combination, or in a new row if there is none.
     """
     rows = list(rows)
     for label in sorted(labels, key=lambda label: -label.maximum.height):

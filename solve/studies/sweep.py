@@ -82,7 +82,8 @@ def sweep(
     store : str or Path, optional
         Folder that keeps completed chunks; the same call resumes from it.
     nonlinear : bool
-        Whether to solve the nonlinear equations: each point has its own orbit, found from the nearest one.
+        Whether to solve the nonlinear equations. The iteration for each orbit starts from the nearest orbit
+        already found.
 
     Returns
     -------

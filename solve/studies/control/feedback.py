@@ -57,7 +57,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         self.outputs = (*system.outputs, *system.inputs)
 
     def _take(self, system: PeriodicSystem) -> None:
-        """Use a system with other parameters, and its labels."""
+        """Set the system without feedback, and the labels of the closed loop that follow from it."""
         self.open_loop, self.model, self.breaks, self.events = system, system, system.breaks, Events()
         names, units = state_names(system), dict(system.labels.units)
         rates = {name: f"{units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
