@@ -115,8 +115,8 @@ def design_map(
 ) -> DesignMap:
     """Map of a mechanism over L4 between two lengths (m), with allowable stresses (Pa) by link.
 
-    speeds: initial ones; intervals are halved until the interpolation meets the tolerance. count: number of
-    lengths besides the mechanism's own. Raises DesignError for impossible lengths or speeds.
+    speeds: initial speeds; intervals between them are halved until the interpolation meets the tolerance.
+    count: number of lengths besides the mechanism's own. Raises DesignError for impossible lengths or speeds.
     """
     _require_possible(model, lengths)
     stress_map = StressMap(model, *lengths)

@@ -33,7 +33,7 @@ OUTSIDE_ADVISED = "outside {:g}°–{:g}°".format(*map(math.degrees, ADVISED))
 
 
 class LinkageError(SolveError):
-    """Raised for a linkage that cannot be assembled at the given crank angle or at any."""
+    """Raised for a linkage that cannot be assembled at the given crank angle, or at any crank angle."""
 
 
 class Extremes(NamedTuple):

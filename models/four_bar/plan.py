@@ -119,8 +119,8 @@ def _runs(chosen: Array) -> tuple[Array, int]:
 
 
 def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, float]:
-    """Values of L4 at which the ratio crosses the cap on both sides of a run; the end of the range if it does
-    not."""
+    """Values of L4 at which the ratio crosses the cap on both sides of a run; the end of the range where the
+    ratio does not cross the cap."""
     ends = np.flatnonzero(run)[[0, -1]]
     low, high = (
         _edge(L4, ratio, cap, int(at), int(at) + step) for at, step in zip(ends, (-1, 1), strict=True)

@@ -90,9 +90,9 @@ _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 
 _CHUNK_BYTES = 2**23
-"""Bytes of matrices per chunk of phases when coefficients of the speed are computed. Arrays of a whole grid
-would be released to the system and cleared again, which takes a third of the time with 27 coordinates and
-3840 phases, as measured. Half and twice this size take the same time."""
+"""Bytes of matrices per chunk of phases when coefficients of the speed are computed. Arrays for a whole grid
+would be returned to the operating system and cleared again, which takes a third of the computing time with 27
+coordinates and 3840 phases, as measured. Half and twice this size take as long as this size."""
 
 _BUCKLING_POSITIONS = 180
 """Positions per revolution at which axial forces are checked for buckling. A choice."""

@@ -77,8 +77,8 @@ _JOINT_FORCES = ("force_x", "force_y", "moment")
 def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array, Array]:
     """Force along x and y (N) and moment (N m), (k,) each, on the start (0) or end (1) of a link.
 
-    It includes the inertia of the rigid motion and of the deflections, but not the damping, which is that of
-    the modes and not of a link.
+    It includes the inertia of the rigid motion and of the deflections, but not the damping, which is defined
+    for modes and not for links.
     """
     key = member.number, place
     if key not in state.joint_forces:

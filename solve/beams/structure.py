@@ -29,7 +29,7 @@ MOST = 200
 """Maximum number of frequencies with exact elements, which have infinitely many. A choice."""
 
 _CHUNK_ENTRIES = 2**22
-"""Entries of matrices at the positions processed together, in chunks. A choice."""
+"""Number of matrix entries in a chunk of positions that are processed together. A choice."""
 
 _CACHE_BYTES = 2**26
 """Memory limit in bytes of tables cached for solutions at other speeds: about ten grids of 384 steps with 9

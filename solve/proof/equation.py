@@ -38,7 +38,7 @@ _CONDITION = 1e6
 """Condition number of the modes above which coordinates are not transformed to modes."""
 
 _TINY = 1e-290
-"""Numbers above it keep all digits when they are multiplied by scales near 1."""
+"""Modulus above which numbers keep all digits when they are multiplied by scales near 1."""
 
 _HALVINGS = 30
 """Maximum number of halvings of a step in search of intervals on which outcomes are decided. The intervals

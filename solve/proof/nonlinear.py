@@ -38,7 +38,7 @@ MOST_DIGITS = 12
 """Digits beyond which discs of multipliers do not shrink: the coefficients of the polynomial are doubles."""
 
 _MOST_ADVANCE = 12.0
-"""Maximum h‖A‖ of a step: the cells of a step are compared in pairs."""
+"""Maximum h‖A‖ of a step: longer steps have more cells, and every pair of cells needs a bound."""
 
 _SAMPLES = 32
 """Number of phases from which scales are chosen; the scales affect the widths of enclosures, not their

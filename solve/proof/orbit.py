@@ -11,7 +11,8 @@ _WIDTH = 1e-12
 """Relative width at which the search for a maximum ends."""
 
 _SHORTEST = 2.0**-30
-"""Fraction of a step below which halving narrows nothing: the enclosure of the solution is wider."""
+"""Fraction of a step below which halving an interval does not narrow the bounds: the enclosure of the
+solution is wider."""
 
 _CELLS = 20_000
 """Maximum number of intervals that are examined for one maximum."""

@@ -21,8 +21,8 @@ from solve.proof.turn import Turn
 from solve.system import PeriodicSystem
 
 _WIDTH = 1e-3
-"""Relative width at which the search for a maximum ends: balls of the generated function converge with the
-length of the interval only."""
+"""Relative width at which the search for a maximum ends: the error of the balls of the generated function is
+of first order in the length of the interval."""
 
 _CELLS = 600
 """Maximum number of intervals that are examined for one output."""

@@ -11,8 +11,8 @@ from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED
 from solve.proof.balls import Ball, Matrix, acb, acb_mat, arb, largest, norm
 
 _APART = 4
-"""Fraction of the distance between two discs that the column's entry may take: 1/4 leaves room for both
-radii."""
+"""Inverse of the fraction of the distance between two discs that the entry of the scaled column may reach:
+1/4 leaves room for both radii."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int)
 
 
 _POWERS = 20
-"""Squarings of Φ for bounds on the spectral radius from norms and traces."""
+"""Number of squarings of Φ for bounds on the spectral radius from norms and traces."""
 
 
 def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:

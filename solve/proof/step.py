@@ -37,7 +37,7 @@ _BOUNDS = 64
 
 
 class StepTooLongError(Exception):
-    """Raised if a step of this length has no enclosure of the required accuracy."""
+    """Raised if a step is too long for an enclosure of the required accuracy."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def _stacked(n: int, k: int, term: Matrix) -> Matrix:
 
 
 def _joined(first: Matrix, second: Matrix, divisor: int) -> Matrix:
-    """Exact midpoint of the first matrix above the second, divided by an integer."""
+    """Midpoints of the first matrix stacked above the second, divided by an integer, as an exact matrix."""
     made = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
     return (made / divisor).mid()
 

@@ -31,7 +31,7 @@ _PARTS = 24
 for many steps in each part."""
 
 _GROWTH = 1.5
-"""Ratio of a step to the one before, if that was not too long."""
+"""Ratio of a step to the previous one, if the previous one was not too long."""
 
 
 _Part = tuple[Ball, Ball, bool]

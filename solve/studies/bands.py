@@ -73,14 +73,14 @@ _POINTS_INSIDE = 15
 choice."""
 
 _MAX_SPLITS = 8
-"""Number of times that bands are split at stable speeds inside. A choice."""
+"""Maximum number of times that bands are split at stable speeds inside them. A choice."""
 
 _UNKNOWN = -2
 """State of speeds without a result."""
 
 _MAX_PHASE_ADVANCE = 128.0
-"""Largest angle in rad by which a slow mode rotates per period, at the lowest speed. Half a radian per step
-of the finer grid."""
+"""Largest phase advance in rad per period of a slow mode, at the lowest speed: half a radian per step of the
+finer grid."""
 
 _STEPS, _AGREEMENT = (192, 256), 1e-4
 """Steps of the two grids on which slow modes are solved, and largest difference of a multiplier that belongs

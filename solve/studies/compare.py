@@ -43,8 +43,8 @@ _MAX_REPEAT_SECONDS = 0.1
 """Maximum number of timed runs, and total time after which they end. Choices."""
 
 _BEYOND = 1e-3
-"""Error, relative to the smallest target, down to which rows with doubled steps continue so that a figure
-shows the trend. A choice."""
+"""Rows with doubled steps are added until the error is below this fraction of the smallest target, so that a
+figure shows the trend. A choice."""
 
 
 @of_system

@@ -33,11 +33,11 @@ RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 """Statistics of a quantity whose maxima over speed can be searched for."""
 
 _SPEEDS_PER_DIVISION = 24
-"""Speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
+"""Minimum number of speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
 
 _ROUNDOFF = 64 * np.finfo(float).eps
-"""Relative difference below which two speeds of the grid are the same: each is computed by a few operations
-with round-off of eps."""
+"""Relative difference below which two speeds of the grid count as the same: each is computed by a few
+operations with round-off of eps."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ _ROUND_OFF = 1e-12
 round-off of 1e-13 of their terms. Measured in directions that the data cannot identify: 4e-14 to 6e-14."""
 
 _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
-"""Errors that depend on the values of the parameters but do not state them."""
+"""Exceptions that depend on the values of the parameters, but whose messages do not state these values."""
 
 
 class LeastSquares(Protocol):

@@ -56,7 +56,7 @@ class Brackets:
         return Brackets(self.x[some], self.y[some])
 
     def with_heights(self, heights: Array) -> "Brackets":
-        """Brackets with other heights (k,) in the middle, where they are finite."""
+        """Brackets with the given heights (k,) in the middle, where these are finite."""
         y = self.y.copy()
         y[:, 1] = np.where(np.isfinite(heights), heights, y[:, 1])
         return Brackets(self.x, y)

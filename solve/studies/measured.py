@@ -182,8 +182,8 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     Alternatively "mode (1)" is followed by "frequency (Hz)" and, if needed, "position (deg)".
 
     A column "speed (rpm)", anywhere, distinguishes several speeds; without it, the given speed (rad/s)
-    applies. The phase beside the time, as in files of orbits, is not read. Raises CaseFileError, UnitError,
-    UnknownNameError, MissingValueError, ValueOutOfBoundsError.
+    applies. A column of phases after a column of times, as in files of orbits, is not read. Raises
+    CaseFileError, UnitError, UnknownNameError, MissingValueError, ValueOutOfBoundsError.
     """
     read = record(file)
     names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in read.titles]

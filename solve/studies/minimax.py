@@ -51,8 +51,8 @@ def minimised(
     rtol: float,
 ) -> tuple[Array, float]:
     """Variables x (r,) in 0 … 1 that minimise the largest value of the objective, with every element changed
-    by at most `reach`, and the change of the objective relative to its largest modulus. Raises the
-    exceptions of the values."""
+    by at most `reach`, and the change of the objective relative to its largest modulus. Exceptions from the
+    evaluation of the values are passed on."""
     from scipy.optimize import minimize
 
     scale = max(float(np.abs(each.values(x)).max()) for each in objective) or 1.0
@@ -108,7 +108,7 @@ def minimised(
 
 def restored(equations: Equations, x: Array) -> Array:
     """Variables x (r,) in 0 … 1 with smaller residuals of the equations, by Gauss-Newton corrections within
-    the bounds. Raises the exceptions of the values."""
+    the bounds. Exceptions from the evaluation of the values are passed on."""
     for _ in range(_CORRECTIONS):
         inner = (x > 0) & (x < 1)
         change = np.linalg.lstsq(equations.slopes(x)[:, inner], equations.residuals(x))[0]

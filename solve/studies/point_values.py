@@ -35,8 +35,9 @@ def values_of(quantity: Named, results: PointResults, speeds: Array, period: flo
 
 
 def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Array, period: float) -> Array:
-    """Estimated absolute errors (P,) of values (P,): those of the orbit are relative to its largest modulus,
-    those of multipliers to the spectral radius."""
+    """Estimated absolute errors (P,) of values (P,), from the relative errors of the results. Errors of an
+    orbit are relative to the largest modulus of the coordinate or output, errors of multipliers to the
+    spectral radius."""
     orbit, multipliers = results.errors.T
     if quantity.of_orbit:
         place = results.kept.names.index(quantity.subject)

@@ -27,8 +27,8 @@ SEARCH_SPREAD = 2.5
 probability 1e-5, then is found by one sample in 23."""
 
 _PLAIN, _WIDE = 0.3, 0.2
-"""Fractions of samples about 0, and of wide samples about 0, among those of a mixture. Choices: intervals of
-events that surround 0 in three dimensions then cover the truth as often as others."""
+"""Fractions of the samples of a mixture that are drawn about 0, and about 0 with wide spread. Choices:
+intervals of events that surround 0 in three dimensions then cover the truth as often as others."""
 
 _STEPS, _STEP_END, _FARTHEST = 12, 0.02, 8.0
 """Maximum number of Newton steps to the nearest point of an event; the change of z at which they end; and the
@@ -76,7 +76,7 @@ class Mixture(NamedTuple):
 
     def probability(self, weights: Array, events: Array, undetermined: Array, failed: Array) -> Probability:
         """Probability of an event (P,) with Wilson's interval. Samples that are undetermined or failed count
-        in its upper end, not in its lower end."""
+        as events in the upper end of the interval, not in its lower end."""
         value, low, _ = self._interval(weights * events)
         _, _, high = self._interval(weights * (events | undetermined | failed))
         counts = (int(np.count_nonzero(each)) for each in (events, undetermined, failed))

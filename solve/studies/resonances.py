@@ -35,8 +35,8 @@ difference decides the matching. A choice."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
 """Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part;
-for a maximum of the spectral radius, which is narrower; and the excess over the smallest sum up to which a
-label counts as equally good. Choices."""
+for a maximum of the spectral radius, because such maxima are narrower; and the excess over the smallest sum
+up to which a label counts as equally good. Choices."""
 
 _ORDER_PENALTY = 0.1
 """Addition to the sum for each order above the first, since higher orders are weaker. A choice."""

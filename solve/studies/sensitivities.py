@@ -51,7 +51,7 @@ _UNBOUNDED = (
 )
 
 _SMOOTH = 0.5
-"""Largest relative change of the curvature of a maximum for twice the step. A choice."""
+"""Largest relative change of the curvature of a maximum when the step is doubled. A choice."""
 
 _STEP_REDUCTION = 8.0
 """Factor by which the step is reduced for a narrower maximum. A choice."""

@@ -169,9 +169,9 @@ def coalescence_distance(multipliers: Array, leading: Array) -> Array:
 def crosses_plus_one(multipliers: Array, error: Array) -> Array:
     """Whether (k,) a multiplier passes +1 at the second of three neighbouring points.
 
-    multipliers (3, k, N) with absolute errors (3, k). It passes along the real axis at the edge of an
-    unstable range. It passes along the unit circle at an undamped resonance, with or without a narrow
-    unstable range around it.
+    multipliers (3, k, N) with absolute errors (3, k). The multiplier passes along the real axis at the edge
+    of an unstable range, and along the unit circle at an undamped resonance, with or without a narrow
+    unstable range around the resonance.
     """
     distance, modulus = np.abs(1 - multipliers), np.abs(multipliers)
     nearest = distance.argmin(axis=2)[..., None]

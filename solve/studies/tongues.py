@@ -30,8 +30,8 @@ def find_narrow_tongues(
     """Unstable points between stable neighbours on lines.
 
     Each line is three samples: the middle one at positions (k,), the others `stride` before and after. Where
-    a distance to instability has its minimum at the middle, parabolas follow it; `predicted` is the fraction
-    of the distance at the middle below which the first parabola must predict the minimum.
+    a distance to instability has its minimum at the middle, parabolas locate the minimum; `predicted` is the
+    fraction of the distance at the middle below which the first parabola must predict the minimum.
     """
     stable, distances = samples.stable, samples.distances
     middle = middle[stable[middle - stride] & stable[middle] & stable[middle + stride]]

@@ -229,7 +229,7 @@ def _terms(
 
 
 def _unit(system: PeriodicSystem, u: str, y: str) -> str:
-    """Unit of a gain, such as N m s/rad; empty if that of the measured quantity is itself a quotient."""
+    """Unit of a gain, such as N m s/rad; empty if the unit of the measured quantity is itself a quotient."""
     state = y.removesuffix("_dot") if y not in system.labels.units else y
     of_input, of_state = system.labels.units.get(u, ""), system.labels.units.get(state, "")
     if not of_input or "/" in of_state:

@@ -28,7 +28,7 @@ exceeds the square root of the tolerance. Errors of resolved solutions are multi
 less."""
 
 _RESOLVED = 1e-4
-"""Error below which a solution counts as resolved, so that an error that no longer falls is round-off."""
+"""Error below which a solution counts as resolved: an error that no longer decreases is then round-off."""
 
 _PHASES = 48
 """Phases at which frozen modes are computed. A choice."""
@@ -37,7 +37,7 @@ _LEAST, _MOST = 24, 6000
 """Smallest and largest number of steps: choices. With 12 states, 6000 steps take several seconds."""
 
 _STENCIL = 6
-"""Nodes through which the curve of a step goes, with their slopes: its degree is 11."""
+"""Number of nodes whose values and slopes the curve on a step interpolates: its degree is 11."""
 
 _POINTS = 9
 """Points per step of curves of the gain, whose error is the ninth power of the step. A choice."""
