@@ -101,7 +101,7 @@ def _header(model: Model, functions: dict[str, "casadi.Function"]) -> str:
         *_listed("q", model, model.coordinates),
         *_listed("y", model, model.outputs if "outputs" in functions else ()),
         *_listed("p", model, tuple(model.parameters)),
-        f"/* Values of p of case {_plain(str(model.labels.case))}, with those that were set. */",
+        f"/* Values of p: case {_plain(str(model.labels.case))}, changed where parameters were set. */",
         f"extern const double {name}_parameters[{max(len(model.parameters), 1)}];",
         "",
         f"/* {_ARGUMENTS}",

@@ -124,8 +124,8 @@ def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Periodi
         possible = type(system) is PeriodicSystem and not nonlinear
     if not possible:
         raise LinearModelError(
-            "a proof needs matrices that are a function of the phase; structures, modal damping and "
-            "first-order systems have none"
+            "a proof needs matrices that are a function of the phase; structures, models with modal damping "
+            "and first-order systems have no such function"
         )
     if nonlinear and system.breaks:
         raise LinearModelError(

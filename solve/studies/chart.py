@@ -165,7 +165,7 @@ def _provable(model: object) -> Model:
         raise LinearModelError("a proved chart needs a model, not a function that builds systems")
     require_provable(model)
     if not isinstance(model, Model):
-        raise LinearModelError("a proved chart needs a generated model, whose parameters are variables")
+        raise LinearModelError("a proved chart needs a model with generated matrices; leave out prove")
     return model
 
 

@@ -72,7 +72,10 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
                 "assume a correct model and independent noise, and are not valid"
             )
         if 2 * len(np.unique(np.stack((at, measured)), axis=1).T) <= len(at) and size > _EXACT:
-            warnings.append(f"{name}: duplicate rows; the 95 % intervals count each and are too narrow")
+            warnings.append(
+                f"{name}: the data contain duplicate rows; the 95 % intervals count every row and are too "
+                "narrow"
+            )
     return warnings
 
 

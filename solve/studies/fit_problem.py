@@ -137,7 +137,7 @@ class Problem:
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
         rule = orbit.certified.method
         if not isinstance(rule, Collocated):
-            raise ValueOutOfBoundsError(f"method is {rule.name}; a fit takes radau, gauss, or auto")
+            raise ValueOutOfBoundsError(f"method is {rule.name}; allowed for a fit: radau, gauss, auto")
         grid = GridDerivatives(orbit, rule, orbit.steps, dependence_of(orbit, self.names), self.names)
         if data.orders:
             return [

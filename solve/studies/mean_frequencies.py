@@ -97,8 +97,8 @@ class MeanFrequencies:
         return [
             "gyroscopic forces, or damping that couples modes, change frequencies by more than "
             f"{limit:.0%} (first at {text(first, '.4g')}), and by up to {shifts[largest]:.0%} at "
-            f"{text(float(speeds[largest]), '.4g')}: mean frequencies and their divisions, which "
-            "follow from M and K alone, are unreliable there"
+            f"{text(float(speeds[largest]), '.4g')}: mean frequencies, which follow from M and "
+            "K only, and their integer fractions are unreliable there"
         ]
 
 

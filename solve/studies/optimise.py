@@ -115,7 +115,7 @@ def optimise(
     require_integer("starts", starts)
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
-        raise ValueOutOfBoundsError(f"method is {rule.name}; an optimum takes radau, gauss, or auto")
+        raise ValueOutOfBoundsError(f"method is {rule.name}; allowed for an optimum: radau, gauss, auto")
     given = speeds_given(speed_or_usual(model, None) if speeds is None else speeds)
     is_range = isinstance(speeds, str) and speeds.count(":") == 2
     model = shown_in(model, given[0])
@@ -145,7 +145,9 @@ def _machines(
     """Deviating machines of a robust objective; none without one. Raises SolveError subclasses."""
     if statistic is None:
         if vary:
-            raise ValueOutOfBoundsError("vary is given without robust; give robust=3, or leave vary out")
+            raise ValueOutOfBoundsError(
+                "'vary' is given without 'robust'; give for example robust=3, or leave out 'vary'"
+            )
         return []
     if is_range or not isinstance(objective, Named):
         raise ValueOutOfBoundsError(
@@ -154,7 +156,7 @@ def _machines(
         )
     if not isinstance(design.model, Model):
         raise ValueOutOfBoundsError(
-            f"a robust optimum takes a model, not {design.model.labels.name}; leave robust out"
+            f"a robust optimum requires a model, not {design.model.labels.name}; leave out 'robust'"
         )
     return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 

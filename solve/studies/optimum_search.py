@@ -267,7 +267,7 @@ class Search:
         try:
             found = bands(model, speeds, self.design.method, self.design.rtol)
         except SolveError as reason:
-            return [f"unstable bands between the speeds were not searched: {reason}"]
+            return [f"unstable bands between the speeds were not searched for: {reason}"]
         return [
             f"unstable from {text(band.low)} to {text(band.high)}, between the speeds; give more speeds"
             for band in found

@@ -46,8 +46,8 @@ _CORNER = (
     "narrow for finite differences"
 )
 _UNBOUNDED = (
-    "the response is unbounded at this speed, which has no derivatives; derivatives of the edges of "
-    "unstable ranges are available for `bands`"
+    "the response is unbounded at this speed, which therefore has no derivatives; for derivatives of the "
+    "edges of unstable bands, use the result of `bands`"
 )
 
 _SMOOTH = 0.5

@@ -199,7 +199,7 @@ def _machines(
     method, rtol, engine = accuracy
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
-        raise ValueOutOfBoundsError(f"method is {rule.name}; tolerances take radau, gauss, or auto")
+        raise ValueOutOfBoundsError(f"method is {rule.name}; allowed for tolerances: radau, gauss, auto")
     family = SystemFamily(model, [*spreads, SPEED])
     orbit = any(each.of_orbit for each in distinct)
     task, _ = task_of(family, rule, rtol, engine, kept_for(list(distinct)), orbit=orbit)

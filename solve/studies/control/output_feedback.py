@@ -97,11 +97,11 @@ class OutputFeedback(FeedbackLoop):
             require_integer("harmonic of a resonator", order)
         self.measured, self.resonators = unique_names(measured), tuple(dict.fromkeys(resonators))
         if not self.measured:
-            raise MissingValueError("measured is empty; name states or outputs, such as q1_dot")
+            raise MissingValueError("'measured' is empty; name states or outputs, such as q1_dot")
         Plant(system, 1.0).require_names(self.measured)
         self.delay = in_unit(delay, "s", "delay")
         if not 0 <= self.delay < np.inf:
-            raise ValueOutOfBoundsError(f"delay is {delay!r}; allowed: numbers of at least 0")
+            raise ValueOutOfBoundsError(f"delay is {delay!r}; allowed: 0 s or more, such as '0.5 ms'")
         self._sections = range(sections if self.delay else 0)
         late = [f"{name}_late{k + 1}" for k in self._sections for name in self.measured]
         added = [f"{name}_res{order}" for order in self.resonators for name in self.measured]

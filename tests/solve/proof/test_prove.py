@@ -251,7 +251,7 @@ def test_unsupported_proofs_are_refused():
     filtered = solve.FirstOrderSystem(
         lambda phase, speed: (np.full((len(phase), 1, 1), -2.0), np.cos(phase)[:, None]), ["x"]
     )
-    with pytest.raises(LinearModelError, match="first-order systems have none"):
+    with pytest.raises(LinearModelError, match="first-order systems have no such function"):
         prove(filtered, 1.0)
     with pytest.raises(LinearModelError, match="structures, modal damping"):
         prove(solve.load("four_bar"), "30 rad/s")
