@@ -253,7 +253,7 @@ def test_unsupported_proofs_are_refused():
     )
     with pytest.raises(LinearModelError, match="first-order systems have no such function"):
         prove(filtered, 1.0)
-    with pytest.raises(LinearModelError, match="structures, modal damping"):
+    with pytest.raises(LinearModelError, match="structures, models with modal damping"):
         prove(solve.load("four_bar"), "30 rad/s")
     with pytest.raises(ValueOutOfBoundsError, match="digits is 0; allowed: 1 to 1000"):
         prove(mathieu(), 1.0, digits=0)
