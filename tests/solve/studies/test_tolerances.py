@@ -207,7 +207,7 @@ def test_result_is_reopened_and_drawn(model, tmp_path):
         ({"samples": 10}, ValueOutOfBoundsError, "samples is 10"),
         ({"samples": 10**9}, ValueOutOfBoundsError, "up to"),
         ({"index_samples": -1}, ValueOutOfBoundsError, "index_samples is -1"),
-        ({"method": "newmark"}, ValueOutOfBoundsError, "take radau, gauss, or auto"),
+        ({"method": "newmark"}, ValueOutOfBoundsError, "allowed for tolerances: radau, gauss, auto"),
         ({"rtol": 2.0}, SolveError, "rtol"),
     ],
 )
