@@ -168,7 +168,7 @@ class MultiplierMatcher:
             [
                 (
                     self._deviation(k, self.ratios[mode]) + self.misfit({pair: mode}),
-                    self._of(mode, mode, 1, 2 * k),
+                    self._combination(mode, mode, 1, 2 * k),
                 )
                 for mode in range(len(self.ratios))
                 if 1 <= (k := _nearest(self.ratios[mode])) <= orders
@@ -187,7 +187,7 @@ class MultiplierMatcher:
             k, most = _nearest(total), orders * (1 + (low == high))
             if not (1 <= k <= most and abs(total - k) <= allowed_distance(k) and is_excited(self.system, k)):
                 continue
-            combination = self._of(low, high, sign, k)
+            combination = self._combination(low, high, sign, k)
             for modes in self._assignments(pair, others, low, high, sign * k):
                 misfit = self._deviation(k, total) + self.misfit(modes)
                 best[combination] = min(misfit, best.get(combination, math.inf))
@@ -209,7 +209,7 @@ class MultiplierMatcher:
         allowed value."""
         return float((total - order) / allowed_distance(order)) ** 2
 
-    def _of(self, low: int, high: int, sign: int, order: int) -> Combination:
+    def _combination(self, low: int, high: int, sign: int, order: int) -> Combination:
         speed = self.speed * float(self.ratios[high] + sign * self.ratios[low]) / order
         return Combination(speed, (high + 1, low + 1), sign, order)
 
