@@ -127,7 +127,8 @@ def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, toleran
     values of a guide function at the speeds of the brackets.
 
     In each bracket, the maximum of the height near the highest of equidistant speeds is located, and likewise
-    that of the guide. The result is the highest point of all speeds solved.
+    that of the guide. The result is the bracket around the highest of all speeds solved, narrowed to the
+    tolerance.
     """
     if len(brackets) == 0:
         return brackets
