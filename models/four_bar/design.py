@@ -1,6 +1,6 @@
 """Design method for high speed (thesis 7.5): critical speeds, quiet bands, run-up plan and simulated run-ups.
 
-Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
+A ratio is that of stress to allowable stress; where no link is named, the largest ratio of all links.
 """
 
 import math
@@ -226,8 +226,8 @@ def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
-    """Smallest attainable ratio without return of L4 to its own value, if L4 may also change at constant
-    speed."""
+    """Smallest attainable ratio without return of L4 to the mechanism's own length, if L4 may also change at
+    constant speed."""
     return float(arrival(until.ratio)[-1].min())
 
 
@@ -341,7 +341,7 @@ class Outcome(Serializable):
         if least * (1 - error) > 1:
             text = f"no plan exists: {need}"
         else:
-            text = f"no plan was found: {need}, with an error of {error:.1g} of the map"
+            text = f"no plan was found: {need}; the map has a relative error of {error:.1g}"
         if least_ratio_at_any_rate(self.until) <= 1:
             text += (
                 "; L4 would have to change below the lowest speed of the map: give a lower first "

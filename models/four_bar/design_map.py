@@ -1,6 +1,6 @@
 """Map of the design method: ratio of stress to allowable stress over speed and ground length L4 (thesis 7.5).
 
-Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
+A ratio is that of stress to allowable stress; where no link is named, the largest ratio of all links.
 """
 
 import math
@@ -30,7 +30,7 @@ _MOST_HALVINGS = 8
 
 
 class DesignError(SolveError):
-    """Raised if the mechanism does not permit a length or speed, independent of the stress."""
+    """Raised if the mechanism does not permit a length or speed, whatever the stress is."""
 
 
 @dataclass(frozen=True)

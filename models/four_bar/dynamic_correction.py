@@ -43,7 +43,8 @@ class Corrected(PeriodicSystem, Outputs):
     """Four-bar linkage whose cubic elements are corrected at ω1.
 
     load: one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1. Raises
-    UnknownNameError for another load, or a model with other options than the correction requires.
+    UnknownNameError for another load, or for a model with options that differ from those that the correction
+    requires.
     """
 
     def __init__(self, model: StructureModel, load: str = "consistent"):

@@ -33,7 +33,7 @@ OUTSIDE_ADVISED = "outside {:g}°–{:g}°".format(*map(math.degrees, ADVISED))
 
 
 class LinkageError(SolveError):
-    """Raised for a linkage that cannot be assembled, at all or at the given crank angle."""
+    """Raised for a linkage that cannot be assembled at the given crank angle, or at any crank angle."""
 
 
 class Extremes(NamedTuple):
@@ -94,7 +94,7 @@ class Linkage:
         """Smallest and largest |t1| within 0 … π at which the linkage closes; 0 and π if the crank can rotate
         fully.
 
-        At any other end coupler and follower are in line and the crank turns back.
+        At an end other than 0 and π, coupler and follower are in line and the crank turns back.
         """
         folded, stretched = self._stops
         return (

@@ -108,8 +108,8 @@ def internal_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[A
 
 
 def curvature_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[Array, Array]:
-    """Matrices M/ρA and K/EI of the element with end curvatures, for v, θ, κ at 0 and L. The thesis prints
-    the matrices of (A.1)–(A.4) in their place."""
+    """Matrices M/ρA and K/EI of the element with end curvatures, for v, θ, κ at 0 and L. Instead of these
+    matrices the thesis prints those of (A.1)–(A.4) again."""
     if Misprint.CURVATURE_ELEMENT in misprints:
         return internal_matrices(L, misprints)
     orders = (0, 1, 2, 0, 1, 2)

@@ -41,7 +41,7 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
     return results
 
 
-def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResults:
+def on_one_grid(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResults:
     """Multipliers and statistics of points (P, v) on one grid, without error estimates. All verdicts are
     "undetermined"."""
     n = batch.family.example.n
@@ -111,7 +111,7 @@ class _ResultWriter:
             self.write_figures(found.positions, solutions.curve)
 
     def _system_of(self, found: Certified) -> Callable[[int], tuple[PeriodicSystem, float]]:
-        """Function that maps the index of one of these points to its system and speed (rad/s)."""
+        """Function that maps the index of a point among those in `found` to its system and speed (rad/s)."""
         return lambda at: self.batch.family.system(self.points[found.positions[at]])
 
     def _write_warnings(self, found: Certified) -> None:

@@ -25,7 +25,7 @@ _WORK, _FINISHED = "work", "finished"
 identifies a folder as a store."""
 
 _CODE = np.int8
-"""Type of the index of a method's name among those of its chunk."""
+"""Type of the index of a method's name among the names in its chunk."""
 
 _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "figures": ("point", "quantity", "figure"),

@@ -243,12 +243,12 @@ class Freedoms:
         if order == 1:
             return f"{rotation}_{suffix}" if rotation else ""
         carries_moment = f"{rotation}_turn" in (*self.springs, *self.dashpots)
-        free_pin = self.alone(rotation) and not carries_moment
+        free_pin = self.is_unshared(rotation) and not carries_moment
         return "" if free_pin else f"{link.name}_{joint}_{suffix}"
 
-    def alone(self, rotation: str) -> bool:
-        """Whether a rotation belongs to the end of a single link. The moment at this end is then zero, unless
-        a spring or dashpot acts on the rotation."""
+    def is_unshared(self, rotation: str) -> bool:
+        """Whether only one link end has this rotation. The moment there is then zero, unless a spring or
+        dashpot acts on the rotation."""
         ends = [name for link in self.links for name in (link.start_rotation, link.end_rotation)]
         return bool(rotation) and ends.count(rotation) == 1
 
@@ -299,8 +299,8 @@ class MemberMatrices:
 
     @cached_property
     def rotary(self) -> tuple[Array, Array]:
-        """Contributions of the rotation to both displacements: M J + P and M J² + 2 P J − M, with R′ = J R
-        and the skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
+        """Matrices of the terms due to the rotation of the link in its equations of motion: M J + P and M J²
+        + 2 P J − M, with R′ = J R and the skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
         return M @ J + P, M @ J @ J + 2 * P @ J - M

@@ -186,8 +186,7 @@ class ReducedStructure(StructureModel):
     @classmethod
     def of(cls, setup: Setup) -> Self:
         """Reduced structure from a setup. Raises ValueOutOfBoundsError if the reduction error cannot be
-        estimated, or for more modes than the links have; StructureError under the conditions of the full
-        structure."""
+        estimated, or for more modes than the links have; StructureError as for the full structure."""
         motion = cls._motion(setup)
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
@@ -197,8 +196,8 @@ class ReducedStructure(StructureModel):
             )
         if any(link.inextensible for link in freedoms.links):
             raise ValueOutOfBoundsError(
-                f"reduce requires extensible links, and {setup.module.NAME} has inextensible ones; omit "
-                "reduce"
+                f"'reduce' requires extensible links, and {setup.module.NAME} has inextensible ones; omit "
+                "'reduce'"
             )
         return cls(setup, ReducedMotion(motion, basis(motion.beams, setup.options[REDUCE], cls.static)))
 

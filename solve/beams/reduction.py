@@ -53,7 +53,7 @@ class Body:
         return self.assembled_singly(local).sum(axis=0)
 
     def assembled_singly(self, local: Array) -> Array:
-        """Matrix (k, k) of the link due to each element alone, (elements, k, k)."""
+        """Contribution (elements, k, k) of each element to the matrix (k, k) of the link."""
         matrices = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
         for matrix, (rows, _) in zip(matrices, self._rows(), strict=True):
             matrix[rows[:, None], rows] += local

@@ -77,7 +77,7 @@ class StructureModel(Model, Outputs):
                 self.labels,
                 outputs_apart=True,
                 moves=setup.module.MOVES,
-                links=_drawn(chosen),
+                links=_drawn_links(chosen),
                 no_motion=_reason_without_motion(setup, chosen),
             )
         )
@@ -391,13 +391,13 @@ def _of_each_link(setup: Setup, option: str) -> list[str]:
     return values if len(values) > 1 else values * len(setup.module.LINKS)
 
 
-def _drawn(freedoms: Freedoms) -> tuple[DrawnLink, ...]:
+def _drawn_links(freedoms: Freedoms) -> tuple[DrawnLink, ...]:
     is_held, ends = dict(freedoms.joints), [joint for link in freedoms.links for joint in link[1:3]]
 
     def support(joint: str, rotation: str) -> str:
         if is_held[joint]:
             return "pinned" if rotation else "clamped"
-        return "joined" if ends.count(joint) > 1 and freedoms.alone(rotation) else ""
+        return "joined" if ends.count(joint) > 1 and freedoms.is_unshared(rotation) else ""
 
     return tuple(
         DrawnLink(link.name, (support(link.start, link.start_rotation), support(link.end, link.end_rotation)))

@@ -210,7 +210,8 @@ class Figures:
         return _EXTRAPOLATION @ values.T / np.array([[1.0], [distance]])
 
     def _carried(self, name: str, phases: Array) -> Array:
-        """Changes (r, k) of an output at phases (k,) because the jump just before each phase moves with θ."""
+        """Derivatives (r, k) of an output at phases (k,) with respect to θ, due to the shift of the jump just
+        before each phase."""
         breaks, distance = self._nearest_break(phases)
         moved = (distance > 0) & (distance < 2 * _SIDE * self.orbit.system.period)
         if name in self.orbit.system.coordinates or not self._nodes[breaks][moved].any():
@@ -248,7 +249,7 @@ class Figures:
         phases, signs = phases[largest], signs[largest]
         sign, carried = -1.0 if figure == "min" else 1.0, signs * self._carried(name, phases)
 
-        # At a maximum of a harmonic the derivative of the quadrature part is zero.
+        # At an extremum of a harmonic, a change of its phase angle has no effect: other phases give the size.
         others = phases[0] + _OTHERS * self.orbit.system.period if len(phases) > 1 else phases[:0]
         weights = np.append(signs, np.ones(len(others)))
 

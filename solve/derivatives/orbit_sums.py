@@ -187,7 +187,7 @@ def _direct_and_orbit_terms(
             data_weights[..., columns] = problem.data_weights(each.phase, weights)
             direct[columns.start, columns.stop] = term(by).T @ term(each.weights)
             continue
-        # Sums with the same samples are computed together, and all extrema.
+        # Sums over the same samples are computed together, and so are all extrema.
         by_samples.setdefault(0 if each.fractions is None else id(each.fractions), []).append((each, columns))
     # This import takes longer than a command that needs no solutions.
     from scipy.linalg import block_diag as block_diagonal

@@ -86,7 +86,7 @@ def sensitivities(
     UnknownNameError
         For an unknown quantity or parameter.
     NoDerivativeError
-        For systems without generated equations, and for integers.
+        For systems without generated equations, and for parameters that are integers.
     SolveError
         Other subclasses, as in `periodic`.
 
@@ -178,7 +178,7 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
     """Names without duplicates. Raises ValueOutOfBoundsError if the list is empty."""
     names = list(unique_names(default if given is None else given))
     if not names:
-        raise ValueOutOfBoundsError(f"{what} is empty; give names, or leave {what} out")
+        raise ValueOutOfBoundsError(f"'{what}' is empty; give names, or leave out '{what}'")
     return names
 
 

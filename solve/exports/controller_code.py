@@ -35,8 +35,8 @@ class _Tables(NamedTuple):
 
 
 def controller_mat(result: Controller, samples: int) -> bytes:
-    """Content of a .mat file with K, f and, with an observer, A, b and L at phases; the phase is the last
-    index."""
+    """Content of a .mat file with K, f and, with an observer, A, b and L at `samples` phases; the phase is
+    the last index."""
     from scipy.io import savemat
 
     tables = _Tables.of(result, np.arange(samples) * (result.system.period / samples))
@@ -99,8 +99,16 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
         y, advance = tables.L.shape[2], repr(result.speed)
         body.append(_OBSERVE.format(prototype=prototypes[1], N=N, y=y, speed=advance))
     jumps = result.system.breaks and error > result.rtol
-    doubts = [f"tables of {samples} phases are accurate to {error:.1e}, relative"] if error > 1e-2 else []
-    doubts += ["the gains may jump, which a table smooths over one sample"] if jumps else []
+    doubts = (
+        [f"tables of {samples} phases have a relative error of {error:.1e}; more samples reduce it"]
+        if error > 1e-2
+        else []
+    )
+    doubts += (
+        ["where the matrices jump, the gains may jump too; the tables smooth a jump over one sample"]
+        if jumps
+        else []
+    )
     return "".join(body), header, [*result.warnings, *doubts]
 
 

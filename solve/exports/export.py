@@ -35,7 +35,7 @@ class Exported:
     files : tuple of Path
         Written files.
     warnings : tuple of str
-        Sentences on what is doubtful.
+        Warnings, one sentence each.
     """
 
     files: tuple[Path, ...]
@@ -54,8 +54,9 @@ def export(
     Parameters
     ----------
     system : PeriodicSystem or Controller
-        System to export, or feedback: ".c" with a ".h" file, a table over the phase with a function of the
-        inputs and one of the observer; ".mat" with the gains at phases.
+        System to export, or controller. A controller is exported to ".c" with a ".h" file, as tables over the
+        phase with functions that compute the inputs and advance the observer, or to ".mat", as gains at
+        `samples` phases.
     path : str or Path
         File whose ending selects the format. ".mat": state space over `samples` phases with its multipliers,
         for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions of phase, speed,
@@ -64,7 +65,7 @@ def export(
     speed : float or str, optional
         Ω in rad/s, or a text with unit; by default that of the case. The C functions take any speed.
     samples : int
-        Number of phases per period in a .mat file.
+        Number of phases per period in a .mat file and in the tables of a controller.
 
     Returns
     -------

@@ -143,7 +143,7 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
 
 def _start(model: Model, speed: float) -> tuple[Array, Array, list[str]]:
     """Initial q and q̇ (2n,) on the periodic orbit at phase 0, largest moduli on the orbit, and warnings.
-    Without a load, zeros and ones."""
+    Without a load, the state is zero and the moduli are one."""
     try:
         require_load(model, speed)
     except NoLoadError as reason:

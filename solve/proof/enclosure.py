@@ -109,8 +109,8 @@ def enclosed(
 
 
 def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool) -> str:
-    """Text of the assumptions about a system: about its numbers, its functions, and its periodicity unless
-    the instructions prove it."""
+    """Text of the assumptions about a system: about its numbers and its functions, and about its periodicity
+    if the instructions do not prove it."""
     texts, multiple = [_ALL_WITHIN if rounded else EXACT], multiple_of_pi(system.period)
     if not isinstance(system, Model):
         texts.append(_OF_FUNCTIONS if system.capabilities.samples is None else _OF_SAMPLES)

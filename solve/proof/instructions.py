@@ -1,7 +1,7 @@
 """Evaluation of a CasADi function for balls, discs and power series.
 
 A function of scalars is a list of instructions. Each operation is applied to whatever numbers are given, so
-that one list serves real balls, complex balls and power series. Operations with pieces (comparisons, |x|,
+that one list serves real balls, complex balls and power series. Piecewise operations (comparisons, |x|,
 floor, min, max) are analytic only where their outcome is constant. Outcomes are recorded in an evaluation on
 a real interval, where they must be the same everywhere, and then used on discs and in power series.
 """
@@ -22,7 +22,7 @@ class UndecidedError(Exception):
 
 
 Outcomes = tuple[Any, ...]
-"""Outcomes of the operations with pieces, in the order of the instructions."""
+"""Outcomes of the piecewise operations, in the order of the instructions."""
 
 Entries = list[tuple[int, int, Ball]]
 """Rows, columns and values of a matrix."""
@@ -100,7 +100,7 @@ _SMOOTH: dict[int, Callable[..., Ball]] = {
     casadi.OP_COSH: lambda x: (x.exp() + (-x).exp()) / 2,
     casadi.OP_TANH: lambda x: 1 - 2 / ((2 * x).exp() + 1),
 }
-"""Analytic operations: results of their operands."""
+"""Analytic operations, as functions of their operands."""
 
 
 def _certain(yes: bool, no: bool) -> bool:
@@ -215,7 +215,7 @@ _HULLS: dict[int, Callable[..., Ball]] = {
     casadi.OP_OR: lambda x, y: arb(0).union(arb(1)),
     casadi.OP_IF_ELSE_ZERO: lambda condition, x: x.union(arb(0)),
 }
-"""Operations with pieces of which several outcomes are possible: a ball that contains their results."""
+"""Piecewise operations with several possible outcomes: a ball that contains their results."""
 
 _NAMES = {value: name for name, value in vars(casadi).items() if name.startswith("OP_")}
 

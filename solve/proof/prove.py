@@ -41,7 +41,7 @@ def prove(
         A model with generated matrices, a system of samples or of a function that takes symbolic phases (see
         docs/proof.md), or a result for one of these, such as a linear or nonlinear orbit.
     speed : float or str, optional
-        rad/s, or a text with unit; not with a result.
+        Speed in rad/s, or a text with unit. It must be left out if `system` is a result.
     digits : int, optional
         Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 for a
         nonlinear orbit.
@@ -68,7 +68,7 @@ def prove(
     StepsError
         If a step cannot be enclosed.
     ValueOutOfBoundsError
-        For unsuitable digits.
+        For a number of digits below 1 or above 1000.
 
     Examples
     --------

@@ -154,8 +154,9 @@ def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:
     """Index in VERDICTS of the verdict that the enclosures imply.
 
     Asymptotically stable if all discs lie inside the unit circle, or a norm of a power of Φ is below 1.
-    Unstable if a disc lies outside, or the trace of a power of Φ is larger than its size. Stable for one
-    conservative coordinate (det Φ = 1) with |tr Φ| < 2: both multipliers are on the circle and different.
+    Unstable if a disc lies outside, or the modulus of the trace of a power of Φ exceeds the number of rows of
+    Φ. Stable for one conservative coordinate (det Φ = 1) with |tr Φ| < 2: both multipliers are on the circle
+    and different.
     """
     size = Phi.nrows()
     if all(each.high < 1 for each in found):

@@ -38,7 +38,7 @@ _BOUNDS = 64
 
 
 class StepTooLongError(Exception):
-    """Raised if a step of this length has no enclosure of the required accuracy."""
+    """Raised if a step is too long for an enclosure of the required accuracy."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Step:
     error : bound on the error of the polynomial at every τ
     advance : bound on h‖A‖
     inverse : bound on max(1, ‖m⁻¹‖)
-    load : coefficients by τ of each row of h r_d, r_d being the last column of r, and a bound on their error
+    load : coefficients of the powers of τ in the rows of h r_d, r_d the last column of r, and error bound
     """
 
     map: Matrix
@@ -213,7 +213,7 @@ def _stacked(n: int, k: int, term: Matrix) -> Matrix:
 
 
 def _joined(first: Matrix, second: Matrix, divisor: int) -> Matrix:
-    """Exact midpoint of the first matrix above the second, divided by an integer."""
+    """Midpoints of the first matrix stacked above the second, divided by an integer, as an exact matrix."""
     made = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
     return (made / divisor).mid()
 

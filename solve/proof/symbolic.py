@@ -111,8 +111,9 @@ for _name in ("sin", "cos", "tan"):
 
 @symbolic
 def linearised(system: PeriodicSystem) -> casadi.Function:
-    """CasADi functions M, C, K and d of phase, speed and parameters; those of a generated model are returned
-    unchanged. Raises LinearModelError for a user's function with operations that symbols do not support."""
+    """CasADi function of phase, speed and parameters that returns M, C, K and d; that of a generated model is
+    returned unchanged. Raises LinearModelError for a user's function with operations that symbols do not
+    support."""
     if isinstance(system, Model):
         return system.setup.function("linearised")
     phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")

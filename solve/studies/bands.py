@@ -1,9 +1,10 @@
 """Unstable bands: ranges of speed in which the motion is unstable, with refined edges.
 
 Fast modes that are not damped out cannot be resolved at many speeds: the axial vibration of an undamped steel
-link rotates by thousands of radians per revolution of the crank, and so do its multipliers over speed. Only
-bands of the slow modes are then searched. Radau's method damps out unresolved modes and preserves the slow
-ones: a multiplier belongs to a slow mode if two grids agree on it.
+link has a phase advance of thousands of radians per revolution of the crank, and the angles of its
+multipliers change by as much over the range of speeds. Only bands of the slow modes are then searched for.
+Radau's method damps out unresolved modes and preserves the slow ones: a multiplier belongs to a slow mode if
+two grids agree on it.
 """
 
 from collections.abc import Sequence
@@ -49,11 +50,12 @@ GROWTH = 1e-6
 that coincide lose half their digits."""
 
 _MIN_INTERVALS, _MAX_INTERVALS = 40, 2000
-"""Number of intervals of the range of speeds before the search for narrow bands. Choices."""
+"""Minimum and maximum number of intervals into which the range of speeds is divided before the search for
+narrow bands. Choices."""
 
 _FINER = 5
-"""Subdivision of each interval if the matrices are constant: eigenvalues cost less than a solution. A
-choice."""
+"""Number of parts into which each interval is divided if the matrices are constant: eigenvalues cost less
+than a solution. A choice."""
 
 _PREDICTED = 0.9
 """Ratio of the minimum predicted by a parabola to the distance from instability, below which the minimum is
@@ -70,7 +72,7 @@ _POINTS_INSIDE = 15
 speeds. A choice."""
 
 _MAX_SPLITS = 8
-"""Number of times that bands are split at stable speeds inside. A choice."""
+"""Maximum number of times that bands are split at stable speeds inside them. A choice."""
 
 _UNKNOWN = -2
 """State of speeds without a result."""
@@ -211,7 +213,7 @@ def _subdivide(speeds: Array, parts: Array) -> Array:
 def _refine_near_coalescence(
     evaluate: Evaluate, known: StabilitySamples, rotation: Rotation
 ) -> StabilitySamples:
-    """Samples, refined where the distance of two multipliers is smaller than their rotation between two
+    """Samples, refined where the distance between two multipliers is smaller than their rotation between two
     speeds. Successive coalescences then have separate minima of the distance."""
     for _ in range(_HALVINGS):
         speeds, distance = known.points[:, 0], _least_angle(known.multipliers)

@@ -1,4 +1,4 @@
-"""Stability boundaries along lines through the quantities of a family, for many lines at once.
+"""Stability boundaries on lines in the space of the varied quantities of a family, for many lines at once.
 
 SciPy's `find_root` takes one trial per bracket and iteration, and abandons a bracket at the first NaN. Here a
 few brackets share a batch of trials, and the verdict at a trial, not the sign of a smooth function alone,
@@ -99,7 +99,8 @@ class Lines:
 
     @cached_property
     def neighbours(self) -> tuple[Array, Array]:
-        """Indices (c,) of samples and of the next sample on the same line."""
+        """Indices (c,) of all samples that have a next sample on the same line, and indices (c,) of these
+        next samples."""
         order = np.lexsort((self.samples.points[:, self.along], self.line))
         first, last = order[:-1], order[1:]
         same = self.line[first] == self.line[last]
@@ -310,8 +311,8 @@ def _next_distances(radii: Array, first: Array) -> Array:
 
 def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Brackets:
     """Brackets (E,) after trials, the same number in each. The new high end is the trial with index `first`
-    (E,), or the old end; the trial before it is the new low end; the outside point is a neighbour of these
-    two."""
+    (E,), or the old high end if there is no such trial; the trial before it is the new low end; the outside
+    point is a neighbour of these two."""
     count = len(brackets.low)
     samples = brackets.low + trials + brackets.high
     inside, line = len(trials) // count, np.arange(count)
@@ -327,8 +328,8 @@ def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Bra
 def _parabolic_prediction(columns: Array) -> Prediction:
     """Prediction from the crossing values, one column per line (E,): zero of the parabola through three
     points, or of the chord if there are only two. Its error is a fraction of the distance between both
-    zeros. If the sign does not change, for example because of another edge inside, the middle is
-    predicted."""
+    zeros. If the sign does not change, for example because of another edge inside the bracket, the midpoint
+    is predicted."""
 
     def predict(brackets: Brackets, lines: Array) -> tuple[Array, Array]:
         low, high, beyond = brackets

@@ -143,11 +143,11 @@ def chart(
         search = BoundarySearch(evaluate, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
         system = shown_in(shown_in(family.example, across[0]), upwards[0])
-        at = partial(_at, batch, system.labels.speed_unit)
+        at = partial(_stability_at, batch, system.labels.speed_unit)
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, [*notes, *results.notes])
         if quantity is not None:
             values = values_of(quantity.named, solved_points, family.speeds(points), system.period)
-            beyond = _beyond(system, solved_points, results) if of_orbit else []
+            beyond = _orbit_warnings(system, solved_points, results) if of_orbit else []
             solved = replace(solved, of=quantity.named, values=values.reshape(solved.shape), beyond=beyond)
         if provable is not None and isinstance(family, SystemFamily):
             ranges = (float(xs[0]), float(xs[-1])), (float(ys[0]), float(ys[-1]))
@@ -183,7 +183,7 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
     return results
 
 
-def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
+def _orbit_warnings(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
     """Warnings about orbits: the number of points with a verdict but without an orbit, with the reason; and
     the bounds of the model that orbits violate, with the largest excess."""
     names, valid_figures = orbits.kept.names, orbits.figures[~orbits.failed]
@@ -216,7 +216,7 @@ class _Quantity:
         return self.named.of_orbit
 
 
-def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
+def _stability_at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
     system, speed = batch.family.system(np.array([x, y]))
     return floquet(system, GivenSpeed(speed, unit), batch.method, rtol=batch.request.rtol)
 
@@ -240,10 +240,10 @@ def _cut(
     (crossings,) = search.crossings(Lines(samples, np.zeros(len(samples.points)), along))
     found = [(at, KINDS[kind]) for at, kind in zip(crossings.place.tolist(), crossings.kind, strict=True)]
     radius = np.where(evaluated.failed, np.nan, np.abs(evaluated.multipliers[:, 0]))
-    return Cut(names[along], names[held], value, values, radius, _truth(evaluated), found)
+    return Cut(names[along], names[held], value, values, radius, _stable_as_number(evaluated), found)
 
 
-def _truth(known: StabilitySamples) -> Array:
+def _stable_as_number(known: StabilitySamples) -> Array:
     """Stability (k,) as 1 (stable) or 0 (unstable); NaN where a point failed."""
     return np.where(known.failed, np.nan, known.stable)
 
@@ -286,8 +286,8 @@ def _family(
             f"case is '{case}', but a system already has values of its parameters; leave out the case"
         )
     if not isinstance(model, PeriodicSystem):
-        return BuiltFamily(model, names, points, _held(speed, names))
-    omega = _held(model.labels.case_speed if speed is None else speed, names)
+        return BuiltFamily(model, names, points, _speed_unless_varied(speed, names))
+    omega = _speed_unless_varied(model.labels.case_speed if speed is None else speed, names)
     require_motion(model)
     family = SystemFamily(model, names, omega)
     for extreme in (points[0], points[-1]):
@@ -296,7 +296,7 @@ def _family(
     return family
 
 
-def _held(speed: float | str | None, names: tuple[str, str]) -> float | None:
+def _speed_unless_varied(speed: float | str | None, names: tuple[str, str]) -> float | None:
     if speed is None and SPEED not in names:
         raise MissingValueError("no speed given; give one, or make it one of the two quantities")
     return None if speed is None else speed_in_si(speed)
@@ -338,5 +338,5 @@ def _boundaries(
     across, upwards = lines(index, 0), lines(index.T, 1)
     step("boundaries")
     rows, columns = search.crossings(across, upwards)
-    stable = _truth(known).reshape(chart.shape)
+    stable = _stable_as_number(known).reshape(chart.shape)
     return contours(axes, stable, rows, columns, lambda points: ~search.evaluate(points).unstable)

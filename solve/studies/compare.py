@@ -89,7 +89,7 @@ def compare(
     for count in given_counts:
         require_integer("steps", count)
     if len(targets) == 0:
-        raise ValueOutOfBoundsError("targets is empty; give at least one relative error, such as 1e-3")
+        raise ValueOutOfBoundsError("'targets' is empty; give at least one relative error, such as 1e-3")
     goals = sorted((checked_rtol(target) for target in targets), reverse=True)
     named = [methods] if isinstance(methods, str) else methods
     rules = [chosen(method) for method in named or [name for name in METHODS if name != "auto"]]

@@ -21,7 +21,8 @@ from solve.results.points import Kept, PointResults
 from solve.studies.stability_samples import StabilitySamples, evaluator
 
 _PHASES = 128
-"""Phases at which some points are tested for constant matrices; same as in `solve.period.frozen`."""
+"""Number of phases at which some points are tested for constant matrices; the same number as in
+`solve.period.frozen`."""
 
 _TEST_FRACTIONS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
 """Fractions of the period at which all other points are tested."""

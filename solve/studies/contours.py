@@ -55,9 +55,10 @@ def contours(
 
 
 class _CellCrossings:
-    """Crossings as points (c, 2), grouped by the cells on whose edges they lie: `cells` (i, j), (k,) each,
-    with `counts` (k,) crossings in `around`, beginning at index `starts` (k,), counter-clockwise from the
-    lower left corner."""
+    """Crossings as points (c, 2), grouped by the k cells on whose edges they lie. cells: column indices (k,)
+    and row indices (k,) of the cells. around: indices of the crossings, cell after cell, counter-clockwise
+    from the lower left corner. starts, counts (k,): first index in `around` and number of crossings, by
+    cell."""
 
     def __init__(self, axes: tuple[Array, Array], rows: Crossings, columns: Crossings):
         x, y = axes

@@ -81,8 +81,8 @@ class CriticalSearch:
     between them.
 
     multipliers: the batch without orbits; rotation: rotation of the multipliers over speed; constant:
-    evaluation for constant matrices; sweep: known solutions with the same figure; orders: highest order of
-    divisions.
+    evaluation for constant matrices; sweep: solutions already known, with the same statistic; orders: highest
+    order of divisions.
     """
 
     batch: Batch
@@ -245,8 +245,8 @@ class CriticalSearch:
         return self.system.period / (2 * np.pi)
 
     def _rising_orders(self, rise: Array) -> set[tuple[int, int]]:
-        """All pairs of a mode and an order per revolution whose power has a maximum, from the rise (k,) of
-        each harmonic."""
+        """Orders per revolution whose power rises by at least a tenth of the largest rise, each paired with
+        every mode; from the rise (k,) of each harmonic."""
         turns = self._revolutions
         harmonics = {
             order: round(order * turns)

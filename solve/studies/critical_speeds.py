@@ -30,7 +30,7 @@ from solve.terminal import progress
 from solve.units import checked_tolerance, speeds_between
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
-"""Figures of a quantity whose maxima can be searched for."""
+"""Statistics of a quantity whose maxima over speed can be searched for."""
 
 _SPEEDS_PER_DIVISION = 24
 """Number of speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
@@ -232,7 +232,8 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, comb
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
-    """Whether (P,) the lowest frequency is at most `orders` times the speed."""
+    """Whether (P,) the ratio of the lowest frequency to the speed, rounded to an integer, is at most
+    `orders`."""
     return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 

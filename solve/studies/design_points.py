@@ -50,8 +50,8 @@ class DesignPoint:
         return float(np.real(quantity.value(cast(Solved, self.solved))))
 
     def slopes(self, quantity: Named) -> Array:
-        """Derivatives (r,) of a real quantity. If several multipliers have this value, such as an equal
-        modulus, the derivatives for the first are returned. Raises NoDerivativeError."""
+        """Derivatives (r,) of a real quantity. If several multipliers have this value, for example an equal
+        modulus, the derivatives for the first of them are returned. Raises NoDerivativeError."""
         (slopes,) = self._grid.slopes([quantity])
         if not isinstance(slopes, NoDerivativeError):
             return np.real(slopes)

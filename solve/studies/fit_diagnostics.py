@@ -31,7 +31,8 @@ _FEW, _SENSOR_ERROR = 2 * _VALUES_PER_LAG, 0.05
 to fewer values counts as poor: accelerometers and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT_RATIO = 100.0
-"""Ratio of sizes above which a unit is doubtful. A choice."""
+"""Ratio of measured to computed values, or of computed to measured values, above which a unit is doubtful. A
+choice."""
 
 
 def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:
@@ -72,7 +73,10 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
                 "assume a correct model and independent noise, and are not valid"
             )
         if 2 * len(np.unique(np.stack((at, measured)), axis=1).T) <= len(at) and size > _EXACT:
-            warnings.append(f"{name}: duplicate rows; the 95 % intervals count each and are too narrow")
+            warnings.append(
+                f"{name}: the data contain duplicate rows; the 95 % intervals count every row and are too "
+                "narrow"
+            )
     return warnings
 
 
@@ -93,8 +97,9 @@ def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, A
 
 
 def _autocorrelation(residuals: Array, lag: int) -> tuple[float, float]:
-    """Autocorrelation at a lag, as the sum of the products of residuals divided by its standard deviation,
-    estimated from these products, and divided by the sum of squares."""
+    """Autocorrelation at a lag in two normalisations. The sum of the products of residuals is divided first
+    by its standard deviation, which is estimated from the products, and its modulus is taken; then by the sum
+    of the squares of the residuals."""
     products = np.real(residuals[lag:] * np.conj(residuals[:-lag]))
     deviation = float(np.sqrt(np.sum(products**2)))
     size = float(np.sum(np.abs(residuals) ** 2))

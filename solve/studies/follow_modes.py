@@ -64,8 +64,8 @@ class _Solver:
             return None
 
     def choose_steps(self, values: Sequence[float]) -> None:
-        """Double the steps until all multipliers at these values meet the tolerance and no further multiplier
-        is accurate to one digit, or until two doublings bring no improvement."""
+        """Double the steps until all multipliers at these values are accurate enough and a doubling yields no
+        further multiplier that is accurate to one digit, or until two doublings bring no improvement."""
         history: list[tuple[int, float]] = []
         while True:
             count, error = self._quality(values)
@@ -87,7 +87,7 @@ class _Solver:
 
 
 def _better(history: Sequence[tuple[int, float]]) -> bool:
-    """Whether the last two doublings gave more modes or a smaller error."""
+    """Whether the last two doublings gave more modes or reduced the error at least tenfold."""
     (count, error), (latest_count, latest_error) = history[-3], history[-1]
     return latest_count > count or latest_error < 0.1 * error
 
@@ -196,12 +196,12 @@ class _Points:
         ranges = varied_values(over, system)
         if len(ranges) != 1:
             raise ValueOutOfBoundsError(
-                f"over gives {len(ranges)} parameters; modes are followed over a single parameter"
+                f"'over' gives {len(ranges)} parameters; modes are followed over one: give one parameter"
             )
         ((name, numbers),) = ranges.items()
         numbers = np.unique(numbers)
         if len(numbers) < 2:
-            raise ValueOutOfBoundsError(f"over gives one value of {name}; give two or more: {name}=A:B:N")
+            raise ValueOutOfBoundsError(f"'over' gives one value of {name}; give two or more: {name}=A:B:N")
         given_speeds = speeds_given(speed_or_usual(system, None) if speeds is None else speeds)
         if len(given_speeds) != 1:
             raise ValueOutOfBoundsError(

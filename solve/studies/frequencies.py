@@ -147,7 +147,9 @@ def turn(system: PeriodicSystem, count: int = TURN) -> Array:
     """Evenly spaced positions (count,) of a period, from 0. Raises ValueOutOfBoundsError below 2."""
     require_position(system, count)
     if count < 2:
-        raise ValueOutOfBoundsError(f"turn is {count} positions; allowed: 2 or more, such as {TURN}")
+        raise ValueOutOfBoundsError(
+            f"turn is {count}; allowed: 2 or more positions per period, such as {TURN}"
+        )
     require_size("positions", count, NUMBERS_A_POINT)
     return np.linspace(0.0, system.period, count, endpoint=False)
 

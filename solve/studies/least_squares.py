@@ -141,12 +141,16 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool
     start = problem.start
     if (np.abs(found.x - start) <= _MOVED * np.maximum(1.0, np.abs(start))).all():
         which = ", already a minimum" if stationary else f", which is not a minimum{outside}"
-        return [f"the fit did not move from its start, {problem.described(start)}{which}; try other starts"]
+        return [
+            f"the fit did not move from its start, {problem.described(start)}{which}; try other initial "
+            "values"
+        ]
     if found.status == 0:
         return [f"the fit was stopped after {found.nfev} trials{outside}; continue from its result"]
     if not stationary:
         return [
-            f"the fit ended away from a minimum{outside}; bound the free parameters, or use another start"
+            f"the fit ended away from a minimum{outside}; bound the free parameters, or use other "
+            "initial values"
         ]
     return []
 

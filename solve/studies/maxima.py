@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array, unique_integers
 from solve.batch.batch import POINTS, Batch
-from solve.batch.gathering import gathered, unjudged
+from solve.batch.gathering import gathered, on_one_grid
 from solve.period.multipliers import EPS
 from solve.results.critical_speeds import Maximum
 from solve.results.points import Kept, PointResults
@@ -57,7 +57,7 @@ class Brackets:
         return Brackets(self.x[some], self.y[some])
 
     def with_heights(self, heights: Array) -> "Brackets":
-        """Brackets with other heights (k,) in the middle, where they are finite."""
+        """Brackets with the given heights (k,) in the middle, where these are finite."""
         y = self.y.copy()
         y[:, 1] = np.where(np.isfinite(heights), heights, y[:, 1])
         return Brackets(self.x, y)
@@ -93,7 +93,7 @@ class Trials:
         steps = self._steps[numbers]
         for count in unique_integers(steps):
             at = np.flatnonzero(steps == count)
-            results.insert(at, unjudged(self._batch, speeds[at, None], count, self._kept))
+            results.insert(at, on_one_grid(self._batch, speeds[at, None], count, self._kept))
         results.errors[:] = self._errors[numbers]
         return results
 

@@ -23,7 +23,8 @@ _MIN_OVERLAP = 1e-30
 """Lower limit of the overlap of two shapes in logarithms. Any very small positive number is suitable."""
 
 _NEAR = 0.5
-"""Fraction of their largest difference in the period below which two frequencies count as close. A choice."""
+"""Two frequencies count as close at a phase if their difference is below this fraction of its maximum over
+the period. A choice."""
 
 
 class MeanModes(NamedTuple):

@@ -283,7 +283,7 @@ def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Map
             )
     zero = [name for name, values in channels.items() if not values.any()]
     if zero:
-        raise ValueOutOfBoundsError(f"data: {file} has only zeros for {zero[0]}; leave it out")
+        raise ValueOutOfBoundsError(f"data: {file} has only zeros for {zero[0]}; leave out this column")
 
 
 def _frequencies(

@@ -214,8 +214,8 @@ def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[A
 
 
 def _veerings(approaches: Sequence[Approach], label_of: Mapping[int, str], x: Array) -> list[Meeting]:
-    """Veerings narrower than the range of the values: pairs with exceptional points on both sides of the real
-    axis."""
+    """Veerings narrower than a quarter of the range of the values: pairs with exceptional points on both
+    sides of the real axis."""
     by_pair: dict[tuple[str, str], list[tuple[float, float, float]]] = {}
     for approach in sorted(approaches, key=lambda approach: approach.gap):
         pair = _pair(label_of, approach)

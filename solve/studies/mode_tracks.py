@@ -31,7 +31,8 @@ samples alone; after the largest number the interval is still longer than the ro
 
 _REAL = 0.05
 """Imaginary part of two exceptional points, relative to their distance, up to which the points count as real:
-between two real points the exponents of the pair are locked. A choice."""
+between two real points the pair is locked, which means that its exponents have equal imaginary parts. A
+choice."""
 
 _WIDE, _FEWEST_LOCKED = 0.5, 4
 """Smallest distance between two real exceptional points, relative to the step, and smallest number of
@@ -104,7 +105,7 @@ class Tracks:
     base : int
         Index of the sample with which the next sample is compared.
     held : dict
-        Tracks that are compared with an earlier sample, at the position given.
+        Position of the sample, by track, for tracks that are compared with a sample earlier than `base`.
     twins : dict
         Tracks of complex conjugates.
     locked : set
@@ -205,7 +206,7 @@ class Step:
 
     @cached_property
     def own(self) -> Array:
-        """Overlap (T,) of each track with its own mode alone."""
+        """Overlap (T,) of each track with its mode, without coincident and conjugate modes."""
         return np.where(self.modes >= 0, self.products[np.arange(len(self.modes)), self.modes], 0.0)
 
     @property

@@ -67,8 +67,8 @@ def optimise(
         Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm", a range in which speeds between
         the given ones are checked too; by default the speed of the case.
     keep : sequence of str
-        Quantities that do not change: a figure such as "lift.range" or "lift.max", or a curve such as
-        "lift@80:100 deg"; with a tolerance as in "lift.range within 0.1 mm".
+        Quantities that must not change: a statistic such as "lift.range" or "lift.max", or a curve such as
+        "lift@80:100 deg". Changes up to a tolerance are allowed by "lift.range within 0.1 mm".
     subject : sequence of str
         Bounds of quantities at every speed, such as "contact_force.min > 0" or "spectral_radius < 0.9".
     starts : int

@@ -109,10 +109,10 @@ class Search:
     def best(self, starts: int) -> State:
         """Best local optimum from the given start and from random ones. Raises the exception of the given
         start."""
-        best = self._descended(self.design.start)
+        best = self._local_optimum(self.design.start)
         for x in np.random.default_rng(0).random((starts - 1, len(best.x))):
             try:
-                state = self._descended(x)
+                state = self._local_optimum(x)
             except SolveError as reason:
                 self.failures.append(str(reason))
             else:
@@ -132,7 +132,7 @@ class Search:
                 self.design.speeds.insert(at, speed)
                 self.kept_values.insert(at, start)
             self._evaluate_kept()
-            state = self._descended(state.x)
+            state = self._local_optimum(state.x)
         remaining, doubts = self._worse_between(state), self._missed_bands(state)
         if remaining:
             texts = ", ".join(map(self.design.model.labels.speed_unit.text, remaining))
@@ -181,7 +181,7 @@ class Search:
         ]
         return State(x, float(self.values_at(x, points).max()), max(0.0, *violations))
 
-    def _descended(self, x: Array) -> State:
+    def _local_optimum(self, x: Array) -> State:
         """Local optimum from a start. Raises the exception of the start if it has no solution."""
         state, reach = self._state(x), 0.5
         for _ in range(_MAX_ROUNDS):
@@ -269,7 +269,7 @@ class Search:
         try:
             found = bands(model, speeds, self.design.method, self.design.rtol)
         except SolveError as reason:
-            return [f"unstable bands between the speeds were not searched: {reason}"]
+            return [f"unstable bands between the speeds were not searched for: {reason}"]
         return [
             f"unstable from {text(band.low)} to {text(band.high)}, between the speeds; give more speeds"
             for band in found

@@ -10,13 +10,13 @@ from solve.period.quantities import FIGURES
 from solve.results.points import Kept, PointResults
 
 
-def kept_for(quantities: Sequence[Named], judged: Sequence[str] = ()) -> Kept:
-    """Selection of the data that must be stored at each point for the quantities, and for those with
-    limits."""
+def kept_for(quantities: Sequence[Named], limited: Sequence[str] = ()) -> Kept:
+    """Selection of the data that must be stored at each point for the quantities, and for `limited`, the
+    coordinates and outputs with limits."""
     of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
     orders = [quantity.number for quantity in of_orbit if quantity.figure == HARMONIC]
     spectra = dict.fromkeys(quantity.subject for quantity in of_orbit if quantity.figure == HARMONIC)
-    names = dict.fromkeys([*(quantity.subject for quantity in of_orbit), *judged])
+    names = dict.fromkeys([*(quantity.subject for quantity in of_orbit), *limited])
     return Kept(tuple(names), tuple(spectra), max(orders, default=0), warnings=False)
 
 

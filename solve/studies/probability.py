@@ -42,8 +42,8 @@ centre. A choice."""
 
 
 class Mixture(NamedTuple):
-    """Mixture of normal densities with standard deviations (k,) about centres (k, r), the first about 0;
-    counts (k,) of samples."""
+    """Mixture of normal densities with standard deviations (k,) about centres (k, r), of which the first is
+    0; counts (k,): numbers of samples."""
 
     centres: Array
     deviations: Array

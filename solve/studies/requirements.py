@@ -21,7 +21,7 @@ from solve.system import PeriodicSystem
 from solve.units import apart, in_unit, quantity
 
 RANGE = "range"
-"""Figure of a kept quantity: maximum minus minimum."""
+"""Name of a statistic of kept quantities: maximum minus minimum."""
 
 _RELATION = re.compile(r"\s*(\S+?)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
 _CURVE_PHASES = 33

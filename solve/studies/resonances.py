@@ -30,13 +30,13 @@ _DECAY_TOLERANCE = 0.25
 A choice."""
 
 _MAX_COST = 9.0
-"""Upper limit of a single squared difference, three times the allowed value, so that no single difference
-decides the matching. A choice."""
+"""Upper limit of a single squared difference, that of three times the allowed difference, so that no single
+difference decides the matching. A choice."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
 """Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part;
-for a maximum of the spectral radius, which is narrower; and the excess over the smallest sum up to which a
-label counts as equally good. Choices."""
+for a maximum of the spectral radius, because such maxima are narrower; and the excess over the smallest sum
+up to which a label counts as equally good. Choices."""
 
 _ORDER_PENALTY = 0.1
 """Penalty that is added to the sum for each order above the first, because resonances of higher order are
@@ -65,7 +65,7 @@ class Label(NamedTuple):
 
 
 def allowed_distance(orders: Array | float) -> Array:
-    """Largest difference, for each order, between the order and the ratio of a frequency to the speed at
+    """Largest difference, for each order, between the order and the ratio of a frequency to the speed, up to
     which the order may explain a maximum."""
     return np.minimum(_NEAR, CLOSE * orders)
 
@@ -117,7 +117,7 @@ class MultiplierMatcher:
         return np.abs(np.angle(self.rho[[first for first, _ in self.pairs]])) / (2 * math.pi)
 
     def pairs_at_angle_of(self, pair: int) -> list[int]:
-        """Other resolved pairs with the same angle."""
+        """Resolved pairs, other than the given one, with the angle of the given one."""
         near = np.flatnonzero(np.abs(self.angles - self.angles[pair]) <= _ANGLE_TOLERANCE)
         return [int(other) for other in near if other != pair and self._resolved[other]]
 
@@ -168,7 +168,7 @@ class MultiplierMatcher:
             [
                 (
                     self._deviation(k, self.ratios[mode]) + self.misfit({pair: mode}),
-                    self._of(mode, mode, 1, 2 * k),
+                    self._combination(mode, mode, 1, 2 * k),
                 )
                 for mode in range(len(self.ratios))
                 if 1 <= (k := _nearest(self.ratios[mode])) <= orders
@@ -187,7 +187,7 @@ class MultiplierMatcher:
             k, most = _nearest(total), orders * (1 + (low == high))
             if not (1 <= k <= most and abs(total - k) <= allowed_distance(k) and is_excited(self.system, k)):
                 continue
-            combination = self._of(low, high, sign, k)
+            combination = self._combination(low, high, sign, k)
             for modes in self._assignments(pair, others, low, high, sign * k):
                 misfit = self._deviation(k, total) + self.misfit(modes)
                 best[combination] = min(misfit, best.get(combination, math.inf))
@@ -209,7 +209,7 @@ class MultiplierMatcher:
         allowed value."""
         return float((total - order) / allowed_distance(order)) ** 2
 
-    def _of(self, low: int, high: int, sign: int, order: int) -> Combination:
+    def _combination(self, low: int, high: int, sign: int, order: int) -> Combination:
         speed = self.speed * float(self.ratios[high] + sign * self.ratios[low]) / order
         return Combination(speed, (high + 1, low + 1), sign, order)
 

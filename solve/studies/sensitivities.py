@@ -46,15 +46,15 @@ _CORNER = (
     "narrow for finite differences"
 )
 _UNBOUNDED = (
-    "the response is unbounded at this speed, which has no derivatives; derivatives of the edges of "
-    "unstable ranges are available for `bands`"
+    "the response is unbounded at this speed, which therefore has no derivatives; for derivatives of the "
+    "edges of unstable bands, use the result of `bands`"
 )
 
 _SMOOTH = 0.5
-"""Largest relative change of the curvature of a maximum for twice the step. A choice."""
+"""Largest relative change of the curvature of a maximum when the step is doubled. A choice."""
 
 _STEP_REDUCTION = 8.0
-"""Reduction of the step for a narrower maximum. A choice."""
+"""Factor by which the step is reduced for a narrower maximum. A choice."""
 
 _NEWTON_STEPS = 3
 """Number of Newton corrections of a speed that is accurate to a tolerance. A choice: each correction doubles

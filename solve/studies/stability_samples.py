@@ -81,7 +81,7 @@ class StabilitySamples:
 
     @property
     def failed(self) -> Array:
-        """Whether (k,) neither stability nor instability is established."""
+        """Whether (k,) a point has neither a stable nor an unstable verdict."""
         return ~(self.stable | self.unstable)
 
     @property

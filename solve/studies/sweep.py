@@ -82,7 +82,8 @@ def sweep(
     store : str or Path, optional
         Folder that keeps completed chunks; the same call resumes from it.
     nonlinear : bool
-        Whether to solve the nonlinear equations: each point has its own orbit, found from the nearest one.
+        Whether to solve the nonlinear equations. The iteration for each orbit starts from the nearest orbit
+        already found.
 
     Returns
     -------
@@ -292,7 +293,8 @@ def sweeps(
     speeds : float, str or sequence of float or str
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
     quantities : sequence of str
-        Coordinates and outputs that all systems have, or names of `largest_of`, whose statistics are kept.
+        Quantities whose statistics are kept: coordinates and outputs that all systems have, or names formed
+        by `largest_of`.
     title : str
         Title of the figure.
     method, rtol, executor : optional
@@ -342,7 +344,7 @@ def validity(
     method: str | Rule = "auto",
     rtol: float = 1e-6,
 ) -> Validity:
-    """Estimate the linearisation error at every speed, and the speed up to which it is acceptable.
+    """Estimate the linearisation error at every speed, and the speed up to which the error is acceptable.
 
     Parameters
     ----------
@@ -369,7 +371,9 @@ def validity(
         Other subclasses for bad input.
     """
     if not 0 < at <= 1:
-        raise ValueOutOfBoundsError(f"at is {at}; allowed: a fraction > 0 and up to 1, such as 0.05 for 5 %")
+        raise ValueOutOfBoundsError(
+            f"'at' is {at}; allowed: a fraction > 0 and up to 1, such as 0.05 for 5 %"
+        )
     if not is_nonlinear(system):
         raise LinearModelError(
             f"{system.labels.name} is linear by construction; validity requires a model with "

@@ -258,7 +258,7 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
         climbed = []
         for start in known.argsort()[-_STARTS:].tolist():
             speed = machines.speeds[int(places[start, at])]
-            value, parameters = _climbed(machines, quantity, speed, points[start], (low, high))
+            value, parameters = _local_worst_point(machines, quantity, speed, points[start], (low, high))
             climbed.append((quantity.sign * value, value, speed, parameters))
         _, value, speed, parameters = max(climbed, key=lambda each: each[0])
         found[quantity.named.text] = WorstPoint(
@@ -267,7 +267,7 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
     return found
 
 
-def _climbed(
+def _local_worst_point(
     machines: Machines, quantity: Quantity, speed: float, start: Array, ends: tuple[Array, Array]
 ) -> tuple[float, Array]:
     """Worst value at a speed within the ends of the tolerances, and its parameters (r,), by a gradient search

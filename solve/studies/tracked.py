@@ -234,8 +234,8 @@ def _half_widths(phases: Array, period: float) -> Array:
 
 
 def _refined(values: Array, places: Array, phases: Array) -> Array:
-    """Phases (k,) of the vertices of parabolas through three samples with the middle one at `places` (k,). At
-    the ends, the phases (k, j) of the samples are returned."""
+    """Phases (k,) of the vertices of parabolas through three samples with the middle one at `places` (k,).
+    Where the middle one is the first or the last sample, its phase in `phases` (k, j) is returned."""
     rows, inner = np.arange(len(places)), np.clip(places, 1, values.shape[1] - 2)
     below, top, above = (values[rows, inner + shift] for shift in (-1, 0, 1))
     bend = 2 * top - below - above

@@ -63,7 +63,7 @@ REFUSED = {
     "count is 1.5; allowed": lambda: solve.frequencies(plane(), 0.0, 1.5),  # type: ignore[arg-type]
     "0 values at 1 positions": lambda: solve.frequencies_over(solve.load("cam"), "k1", [], np.zeros(1)),
     r"coordinates are \[1\]; give": lambda: solve.PeriodicSystem(plane().at, [1]),  # type: ignore[list-item]
-    "targets is empty": lambda: solve.compare(plane(), 2.0, targets=[]),
+    "'targets' is empty": lambda: solve.compare(plane(), 2.0, targets=[]),
     "period is '2'; allowed": lambda: solve.PeriodicSystem(plane().at, ["q"], "2"),  # type: ignore[arg-type]
     "1e\\+09 turns; allowed: up to 43690, or more with": lambda: solve.transient(plane(), 2.0, 10**9),
     "start is 3; allowed: rest, orbit": lambda: solve.transient(plane(), 2.0, 3, 3),  # type: ignore[arg-type]

@@ -128,7 +128,7 @@ class Corrections(Result):
 @tables.register(Corrections)
 def corrections_tables(result: Corrections) -> Sequence[RenderableType]:
     """Table of the reference and of the compared models."""
-    caption = "reference: 2 quintic elements with an inner node a link"
+    caption = "reference: 2 quintic elements per link, each with an inner node"
     return [table_of(result.quantity, result.columns, left=1, caption=caption)]
 
 

@@ -57,9 +57,9 @@ serializable(Linkage)
 class RigidMotion(Result):
     """Motion and forces of a rigid linkage.
 
-    speed: speed of the crank (rad/s), None without forces. position: crank angle t1 (rad) to report, None for
-    a full revolution. points: coupler points X + iY (m) whose paths are traced. Raises LinkageError where the
-    crank cannot turn fully and no position is given, or the position is out of reach.
+    speed: speed of the crank (rad/s); None if forces are not computed. position: crank angle t1 (rad) to
+    report, None for a full revolution. points: coupler points X + iY (m) whose paths are traced. Raises
+    LinkageError where the crank cannot turn fully and no position is given, or the position is out of reach.
     """
 
     case: str | None

@@ -128,7 +128,7 @@ def _position(record: Mapping[str, Any]) -> list[RenderableType]:
         links.add_row(name, angles[number - 1], omega, alpha)
     forces = record.get("joint_forces", {})
     columns = ("Fx (N)", "Fy (N)", "|F| (N)") if forces else ()
-    points = table("Places and joint forces" if forces else "Places", "point", "x (m)", "y (m)", *columns)
+    points = table("Positions and joint forces" if forces else "Places", "point", "x (m)", "y (m)", *columns)
     for name in JOINTS:
         force = [*forces[name], math.hypot(*forces[name])] if forces else []
         points.add_row(name, *(f"{x:.6f}" for x in record[name]), *(f"{value:.5g}" for value in force))

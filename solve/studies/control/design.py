@@ -65,8 +65,8 @@ def lqr(
     -----
     X is the stabilising periodic solution of −Ẋ = AᵀX + XA − XBR⁻¹BᵀX + Q (S. Bittanti, P. Colaneri, Periodic
     Systems, 2009). It is computed by doubling on the symplectic maps of Gauss collocation and corrected by
-    Newton's method. Multipliers of the closed loop are those of `solve.floquet`. f = −R⁻¹Bᵀg with the
-    periodic solution of −ġ = (A − BK)ᵀg + Xb for the load b of the states.
+    Newton's method. Multipliers of the closed loop are those of `solve.floquet`. f = −R⁻¹Bᵀg, where g is the
+    periodic solution of −ġ = (A − BK)ᵀg + Xb and b the load of the states.
 
     Examples
     --------

@@ -56,7 +56,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         self.outputs = (*system.outputs, *system.inputs)
 
     def _take(self, system: PeriodicSystem) -> None:
-        """Use a system with other parameters, and its labels."""
+        """Set the system without feedback, and the labels of the closed loop that follow from it."""
         self.open_loop, self.model, self.breaks, self.events = system, system, system.breaks, Events()
         names, units = state_names(system), dict(system.labels.units)
         rates = {name: f"{units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
@@ -74,8 +74,9 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def closed(self, phase: Array, speed: Any, matrices: Matrices, inputs: Array, observed: Any) -> Matrices:
         """M, C, K and d of the closed loop at phases (k,) and a speed, a number or (k,).
 
-        matrices, inputs: those of the system without feedback; observed: a function that returns the matrices
-        of the system of the design and those of its inputs."""
+        matrices, inputs: matrices M, C, K, d and input matrix of the system without feedback. observed: a
+        function that returns the matrices and the input matrix of the system for which the feedback was
+        designed."""
 
     @abstractmethod
     def inputs_of(self, phase: Array, speed: Any, q: Array, qd: Array) -> Array:
@@ -107,7 +108,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return self._varying_by(phase, speed, acceleration, matrices)
 
     def _varying_by(self, phase: Array, speed: Any, acceleration: float, matrices: Matrices) -> Matrices:
-        """Matrices of the closed loop at speeds (k,) that change, from those of the system."""
+        """Matrices of the closed loop while the speed (k,) changes, from the matrices of the system."""
 
         def observed() -> tuple[Matrices, Array]:
             matrices = varying_of(self.design)(phase, speed, acceleration)
@@ -189,7 +190,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return made
 
     def _of_system(self, motion: Motion) -> Motion:
-        """Motion of the coordinates of the system alone."""
+        """Motion of the coordinates of the system, without those that the feedback adds."""
         return motion if self.n == self.n_open else _Leading(motion, self.n_open)
 
 
@@ -202,7 +203,7 @@ class _NoDerivatives:
         self._loop = loop
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Array (b, 0)."""
+        """Derivatives (b, 0) of the breaks: an empty array."""
         return np.zeros((len(self._loop.breaks), 0))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:

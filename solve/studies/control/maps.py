@@ -69,8 +69,8 @@ class Maps(NamedTuple):
 
     @property
     def dual(self) -> "Maps":
-        """Maps of the filter equation. Its solution at the starts of these steps, in reverse order, is that
-        of the filter at the nodes."""
+        """Maps of the filter equation, which is a regulator equation in reversed time. Its solution at the
+        starts of these steps, in reverse order, is the solution of the filter at the nodes."""
         return Maps(transposed(self.A)[::-1], self.H[::-1], self.G[::-1])
 
     def closed(self, X: Array) -> Array:

@@ -84,7 +84,7 @@ def stability_margin(
                 f"{name} is 0, so that its relative change is undefined; name parameters that differ from 0"
             )
     if not names:
-        raise ValueOutOfBoundsError("by is empty; name parameters")
+        raise ValueOutOfBoundsError("'by' is empty; give names of parameters that differ from 0")
     return _Boundary(system, omega, names, rtol).nearest()
 
 

@@ -62,8 +62,8 @@ class OutputFeedback(FeedbackLoop):
 
     Notes
     -----
-    Gains have the names u_by_q1 and, for the harmonics, u_by_q1_cos1 and u_by_q1_sin1. They are zero at
-    first; `varied` and `solve.optimise` change them. A section of the delay is Padé's approximant
+    Gains have the names u_by_q1 and, for the harmonics, u_by_q1_cos1 and u_by_q1_sin1. They are initially
+    zero; `varied` and `solve.optimise` change them. A section of the delay is Padé's approximant
     1 − sτ/(1 + sτ/2 + s²τ²/12) of exp(−sτ), whose error at the frequency ω is (ωτ)⁵/720. A resonator
     z̈ + 2ζω ż + ω² z = ω² w at a harmonic ω with ζ = 0.01 has a gain of z, u_by_q1_res2, and one of ż/ω,
     u_by_q1_res2_dot.
@@ -98,11 +98,11 @@ class OutputFeedback(FeedbackLoop):
             require_integer("harmonic of a resonator", order)
         self.measured, self.resonators = unique_names(measured), tuple(dict.fromkeys(resonators))
         if not self.measured:
-            raise MissingValueError("measured is empty; name states or outputs, such as q1_dot")
+            raise MissingValueError("'measured' is empty; name states or outputs, such as q1_dot")
         Plant(system, 1.0).require_names(self.measured)
         self.delay = in_unit(delay, "s", "delay")
         if not 0 <= self.delay < np.inf:
-            raise ValueOutOfBoundsError(f"delay is {delay!r}; allowed: numbers of at least 0")
+            raise ValueOutOfBoundsError(f"delay is {delay!r}; allowed: 0 s or more, such as '0.5 ms'")
         self._sections = range(sections if self.delay else 0)
         late = [f"{name}_late{k + 1}" for k in self._sections for name in self.measured]
         added = [f"{name}_res{order}" for order in self.resonators for name in self.measured]
@@ -143,7 +143,8 @@ class OutputFeedback(FeedbackLoop):
 
     @property
     def derivatives(self) -> ParameterDerivatives:
-        """Derivatives with respect to the gains; there are none about a motion."""
+        """Derivatives with respect to the gains; none are available for equations linearised about a
+        motion."""
         return GainDerivatives(self) if self.open_loop is self.model else super().derivatives
 
     def waves(self, phase: Array) -> Array:
@@ -153,8 +154,8 @@ class OutputFeedback(FeedbackLoop):
         return np.concatenate((np.ones((len(phase), 1)), waves), axis=1)
 
     def signals(self, phase: Array, speed: Any) -> tuple[Array, Array, Array]:
-        """Rows (k, s, 2, n) of the signals that gains multiply, by velocities and coordinates; and C and K
-        (k, a, n) of the a equations of delays and resonators, whose M is the identity."""
+        """Rows (k, s, 2, n) of the signals that gains multiply: coefficients of velocities and coordinates;
+        and C and K (k, a, n) of the a equations of delays and resonators, whose M is the identity."""
         k, n, y = len(phase), self.model.n, len(self.measured)
         rows = np.zeros((k, y, 2, self.n))
         measured = Plant(self.design, speed).rows(self.measured, phase)
@@ -229,7 +230,7 @@ def _terms(
 
 
 def _unit(system: PeriodicSystem, u: str, y: str) -> str:
-    """Unit of a gain, such as N m s/rad; empty if that of the measured quantity is itself a quotient."""
+    """Unit of a gain, such as N m s/rad; empty if the unit of the measured quantity is itself a quotient."""
     state = y.removesuffix("_dot") if y not in system.labels.units else y
     of_input, of_state = system.labels.units.get(u, ""), system.labels.units.get(state, "")
     if not of_input or "/" in of_state:

@@ -65,7 +65,8 @@ class Plant:
         return rows
 
     def require_names(self, names: Sequence[str]) -> Sequence[str]:
-        """Outputs with rows. Raises UnknownNameError for names that are neither states nor outputs."""
+        """Names of the outputs for which `rows` is available. Raises UnknownNameError for names that are
+        neither states nor outputs."""
         system = self.system
         outputs = system.outputs if isinstance(system, FirstOrderSystem) else linear_outputs(system)
         for name in names:

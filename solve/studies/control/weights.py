@@ -23,7 +23,8 @@ def matrix_function(
 ) -> Callable[[Array], Array]:
     """Symmetric matrices (k, size, size) as a function of phases (k,), from an array or a function.
 
-    Raises ValueOutOfBoundsError unless they are symmetric and positive semidefinite, or definite."""
+    Raises ValueOutOfBoundsError unless they are symmetric and positive semidefinite; with `definite`, they
+    must be positive definite."""
     if callable(given):
 
         def function(phase: Array) -> Array:
