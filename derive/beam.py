@@ -87,8 +87,8 @@ class Element:
         """Integral ∫ N̂u N̂vᵀ dξ, to be multiplied by ρA L: the blocks −X and Xᵀ of P = ∫ ρA Nᵀ S N dx, S =
         [[0, −1], [1, 0]].
 
-        In axes that turn at ω the Coriolis matrix is ωP, the rest of the frame's acceleration
-        ω̇P − ω²M: thesis (4.22).
+        In axes that rotate at ω the Coriolis matrix is ωP, and the other terms of the acceleration of the
+        axes are ω̇P − ω²M: thesis (4.22).
         """
         return overlap(self.axial.shape, self.bending.shape)
 
@@ -115,8 +115,8 @@ ELEMENTS = (
 
 TITLE = "Beam elements of unit length"
 FACTORS = """\
-# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
-# Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
+# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order with respect to x at ξ.
+# Row i and column i of every table have the factor L to the power of freedom i's order. Factors of tables:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
 # loads[k] L, for a load per length that varies as ξᵏ; coupling[i][j] ρA L, axial freedom i by bending
 # freedom j; strains 1/L (elongation u′) or 1/L² (curvature v″), where row i of shapes and strains holds

@@ -17,7 +17,8 @@ _UNITS = {
     "K": ("N/m", "N/rad", "N m/rad"),
     "C": ("N s/m", "N s/rad", "N m s/rad"),
 }
-"""Units of an entry whose row and column have two, one and no lengths. Modes count as angles."""
+"""Units of a matrix entry by the displacements of its row and column: both are in m, one is, or neither.
+Modes count as angles."""
 
 _MEANINGS = {"M": "mass", "K": "stiffness", "C": "damping"}
 

@@ -43,12 +43,12 @@ def derive(
     every: Annotated[bool, Option("--all", help="All mechanisms of the package.")] = False,
     new: Annotated[
         str | None,
-        Option(metavar="FILE", help="Write a first mechanism, with its case file, that you edit."),
+        Option(metavar="FILE", help="Write an example mechanism and its case file, for you to edit."),
     ] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help="Folder of the generated modules.")] = None,
     check: Annotated[
         bool,
-        Option("--check", help="Compare hashes only, by default of all modules; exit 1 if one is stale."),
+        Option("--check", help="Compare hashes of the given modules (default: all); exit 1 if one is stale."),
     ] = False,
     full: Annotated[bool, Option("--full", help="With --check: regenerate and show the difference.")] = False,
     show: Annotated[
@@ -95,7 +95,8 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
 
 
 def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:
-    """Derived text of the generated module. SymPy is imported here only, because its import is slow.
+    """Derived text of the generated module. SymPy is imported only in this function, because its import is
+    slow.
 
     report: callback for each sentence on terms of the statement that the equations ignore.
     """
@@ -196,7 +197,7 @@ def mechanism():
         F=("N", "load against the table, largest at phase 0"),
     )
 
-    # mine.phase is the angle φ = Ωt of the drive; rate(…) is the derivative by time.
+    # mine.phase is the angle φ = Ωt of the drive; rate(…) is the time derivative.
     phi = mine.phase + twist
     x = r * cos(phi) + stretch
     mine.kinetic = (J * rate(phi) ** 2 + m * rate(x) ** 2) / 2
@@ -258,7 +259,8 @@ def new_mechanism(file: str) -> tuple[Path, Path]:
     Raises
     ------
     MechanismFileError
-        If the name is no name of a module, or if one of the files exists: nothing is replaced.
+        If the name of the file is not a valid module name, or if one of the two files exists; existing files
+        are not replaced.
     UnwritableError
         If the folder does not exist or cannot be written.
     """

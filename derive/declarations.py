@@ -23,7 +23,8 @@ RESERVED = (
 """Names that are reserved because generated code, or columns of result files, use them."""
 
 ARGUMENTS = ("q", "qd", "qdd", "p")
-"""Names of inputs of generated functions, which are reserved too."""
+"""Names of arguments of generated functions, which outputs, inputs, options and sketched lines must not
+have."""
 
 _CLAUSE = r"\s*(?:(integer)|([<>]=?)\s*(-?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?))\s*"
 
@@ -234,7 +235,8 @@ def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any])
     kind = BEAM if symbols & along_beam else CURVE if AROUND in symbols else POINTS
     if not pairs or not good or (kind == POINTS) == (len(pairs) == 1) or (kind == BEAM and AROUND in symbols):
         raise DeclarationError(
-            f"sketch {name}: give the points of a line, such as [(0, 0), (x, y)], two or more; or the one "
-            "point of a curve, such as [(r*cos(m.around), r*sin(m.around))] or beam.line(start, direction)"
+            f"sketch {name}: give two or more points of a line, such as [(0, 0), (x, y)]; or one "
+            "moving point of a closed curve, such as [(r*cos(m.around), r*sin(m.around))]; or "
+            "beam.line(start, direction) of an elastic link"
         )
     return Sketch(name, tuple(pairs), unit, kind)

@@ -3,9 +3,9 @@
 The fundamental motion may keep clear of a switch g(φ, q, q̇) of the residual (a clearance), pass it at some
 phases, or lie on it throughout (friction at rest, contact without clearance).
 
-The phases (`BREAKS` of a generated module) are zeros of switches of the phase. A switch takes the form
-A cos(aφ+b) + B sin(aφ+b) + c, or to an angle modulo a period, whose zeros are known. For nested switches the
-zeros of all branches are taken; a superfluous phase does no harm.
+The phases (`BREAKS` of a generated module) are zeros of switches of the phase. A switch is written as
+A cos(aφ+b) + B sin(aφ+b) + c, or as an angle modulo a period; the zeros of both forms are known. For nested
+switches the zeros of all branches are taken; a superfluous phase does no harm.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -53,7 +53,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
             parts, where = [*residual], f"it passes {switch_location(switch, [*residual])}"
         else:
             continue
-        if _apart(parts, at_rest, moving):
+        if _is_discontinuous(parts, at_rest, moving):
             coordinates = {
                 symbol for symbol in moving if symbol.rate in moving and symbol.rate.rate in moving
             }
@@ -92,8 +92,8 @@ def open_clearances(
 def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
     """Matrix with zero substituted for all moving symbols.
 
-    At switches that are zero there, both sides have the same value. Singular pieces are assumed inactive, see
-    `inactive`.
+    Where a switch is zero in the fundamental motion, the matrix has the same value on its two sides. Singular
+    pieces are assumed inactive, see `inactive`.
     """
     rest = resting(moving)
     at_switch = [
@@ -137,9 +137,9 @@ def vanishes(expression: Any) -> bool:
     return all(value is not None and abs(value[0]) < 1e-40 for value in values)
 
 
-def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
-    """Whether the parts have different values on both sides of the fundamental motion, at zeros of the
-    switch."""
+def _is_discontinuous(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
+    """Whether the expressions have different values on the two sides of the fundamental motion, at zeros of
+    the switch."""
     symbols = in_order(*parts, at_rest, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
     other = {symbol: -value for symbol, value in side.items()}
@@ -176,8 +176,8 @@ def _argument(node: Any) -> Any:
 
 PASSES = '''\
 def _passes(known):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
-    no numbers, as on a branch that is not taken."""
+    """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn; none
+    where one of these is not a number, as on a branch that is not taken."""
     found = []
     try:
         slope, offset, targets, turn = known()

@@ -21,7 +21,7 @@ LARGEST_EXPONENT = 709
 """Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
-"""Symbols with declared sign that replace the real symbols of the mechanism, by these."""
+"""Symbols with a declared sign, by the real symbols of the mechanism that they replace."""
 
 
 class Need(NamedTuple):
@@ -142,8 +142,8 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """Domain conditions of all functions in an expression, where their pieces are active; inner functions
-    first."""
+    """Functions in an expression with their domain conditions, which hold trivially where their pieces are
+    inactive; inner functions first."""
     collected: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
         condition = need(node)
@@ -286,7 +286,7 @@ class _Selection:
     def _split(self, part: Any) -> Any:
         """Selection for a sum or product that is regular on one side of a step or kink, as in (|x| + x)*y.
 
-        None if there is none.
+        None if the part has no such side.
         """
         terms = [argument for argument in sympy.Add.make_args(part) if self._is_singular(argument)]
         singular, others = (

@@ -66,7 +66,7 @@ TOOLS = {
 }
 
 MOST_TO_READ = 2000
-"""Maximum number of operations of M, C, K and d with which these are printed for reading: a few pages. A
+"""Maximum number of operations of M, C, K and d for which these are printed for reading: a few pages. A
 choice."""
 
 RIGID = "a mechanism without coordinates has no equations of motion"
@@ -85,10 +85,11 @@ class Equations:
 
     residual, outputs: at varying speed; residual is None if `functions` contain it or there are no
     coordinates. definitions: text of the symbols that are not inputs. tools, functions: texts before and
-    after the other functions. conditions: conditions on the parameters. passages: phases of the
-    switches of the matrices. nonlinear, idle: sentences on terms that the linear equations, or all
-    equations, ignore; switched: on steps and kinks that the vibration may pass. no_drive_torque: reason
-    why there is none. projection: of a deflection on its mode functions. inputs: B, if there are inputs.
+    after the other functions. conditions: conditions on the parameters. demands: domain conditions of
+    functions. passages: phases of the switches of the matrices. nonlinear, idle: sentences on terms that the
+    linear equations, or all equations, ignore. switched: sentences on steps and kinks that the vibration may
+    pass. no_drive_torque: reason why there is no drive torque. projection: Galerkin projection of a
+    deflection onto its mode functions. inputs: B, if there are inputs.
     """
 
     linearised: dict[str, Any]
@@ -123,7 +124,7 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
-            # The rows of the residual vanish on a motion only without modal damping, which they lack.
+            # The residual contains no modal damping, so that with it the rows do not vanish on a motion.
             rows = () if mechanism.damping_ratios else [*varying]
             outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
@@ -280,15 +281,15 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
     for name, results in equations.of_states.items():
         constant = {each: steady(part) for each, part in results.items()}
         functions.append(GeneratedFunction(name, DOCS[name], STATE, constant, names))
-        doc = f"What an acceleration of the drive adds to {name}."
+        doc = f"Terms of {name} due to an acceleration of the drive."
         added = {each: accelerated(part) for each, part in results.items()}
         functions.append(GeneratedFunction(f"{name}_accelerated", doc, ACCELERATED, added, names))
     if equations.projection is not None:
-        doc = "M, C, K, d where the speed varies."
+        doc = "M, C, K, d at varying speed."
         inputs, varying = ("phase", "speed", "acceleration", "p"), equations.projection.varying
         functions.append(GeneratedFunction("linearised_varying", doc, inputs, varying, names))
     if mechanism.damping_ratios:
-        doc = "ζ of the modes of M and K at speed 0 by rising frequency, the last for all others."
+        doc = "ζ of the modes of M and K at speed 0 by rising frequency; the last also of all higher modes."
         ratios = {"ratios": sympy.Matrix(mechanism.damping_ratios)}
         functions.append(GeneratedFunction("damping_ratios", doc, ("p",), ratios))
     functions += sketch_functions(mechanism)
@@ -300,7 +301,7 @@ def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
     """Generated function of the domain conditions; empty without conditions."""
     if not demanded:
         return []
-    doc = "One number for each of DOMAIN, which must satisfy its relation all over the period."
+    doc = "One number for each of DOMAIN, which must satisfy its relation throughout the period."
     margins = sympy.Matrix([demand.margin for demand in demanded])
     return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 
@@ -320,9 +321,7 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
         return steady(from_fundamental(mechanism, number.xreplace(still)))
 
     lines = {sketche.name: sketche.at(drawn) for sketche in mechanism.declared_sketches}
-    doc = (
-        "x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."
-    )
+    doc = "x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."
     return [GeneratedFunction("sketch", doc, ("phase", "speed", "q", "running", "p"), lines, texts)]
 
 
@@ -331,7 +330,7 @@ def condition_functions(conditions: Sequence[Condition]) -> list[GeneratedFuncti
     if not conditions:
         return []
     margins = sympy.Matrix([condition.margin for condition in conditions])
-    doc = "One number for each of CONDITIONS, positive where it holds."
+    doc = "One number for each of CONDITIONS, positive where the condition holds."
     return [GeneratedFunction("conditions", doc, ("phase", "p"), {"margins": margins})]
 
 
@@ -397,8 +396,8 @@ def constants(
 def _series(series: type[PeriodicFunction]) -> tuple:
     """Entry for a series in the constant SERIES.
 
-    It contains name, form, whether the coefficients are those of the derivative, mean, prefixes of both kinds
-    of coefficients, and number of harmonics.
+    The entry contains: name, form, whether the coefficients are those of the derivative, mean, prefixes of
+    the two kinds of coefficients, number of harmonics.
     """
     prefixes = (family[0].name.removesuffix("1") for family in (series.first, series.second))
     mean = series.mean.name if series.mean else ""

@@ -97,9 +97,10 @@ def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> symp
     """Torque of the drive in N m, from the row of the phase (chapter Eq. (51)) and the rows of the
     coordinates.
 
-    The row of a coordinate that adds to the phase, such as the twist of a shaft, is subtracted. It vanishes
-    on every motion, and the torque in that shaft remains. Without it, the inertia terms would have an error
-    on motions of the linear equations. residual: the rows of the coordinates; none if they are incomplete.
+    The row of a coordinate that is added to the phase, such as the twist of a shaft, is subtracted. The row
+    vanishes on every motion, so that the torque in the shaft remains. Without the subtraction, the inertia
+    terms would have an error on motions of the linear equations. residual: rows of the coordinates; empty if
+    they are incomplete.
     """
     torque = _row(mechanism, PHASE)
     accelerations = [coordinate.symbol.rate.rate for coordinate in mechanism.declared_coordinates]
@@ -208,7 +209,8 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
-    """Derivatives, next to switches, with respect to q̈, q̇ and q, and these symbols."""
+    """Derivatives of the residual with respect to q̈, q̇ and q, taken beside the switches, and the symbols
+    q̈, q̇ and q."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
     return known_real(residual).jacobian(moving).applyfunc(beside), moving

@@ -1,11 +1,12 @@
 """Deflection w(x, t) along an elastic link, and integrals of products of its mode functions.
 
 The author of a mechanism writes energies per length in w, its slope and curvature, their rates and the
-position x, as if these were coordinates at one place, and integrates them over the link.
+position x, as if these were coordinates at one position, and integrates the energies over the link.
 
-Mode functions are sums of powers of ξ = x/l times sines and cosines of π(ak + c)ξ, a whole. Their products
-are sums of waves ξ^p exp(iπtξ), which integrate by parts; at ξ = 1 only the parity (−1)^k of a mode number
-remains. Equal mode numbers, for which some t vanish, have an integral of their own.
+Mode functions are sums of powers of ξ = x/l times sines and cosines of π(ak + c)ξ with an integer a. Products
+of mode functions are sums of waves ξ^p exp(iπhξ), which are integrated by parts. At ξ = 1 only the parity
+(−1)^k of a mode number remains. For equal mode numbers some h vanish, so that these integrals have a separate
+formula.
 """
 
 from collections.abc import Callable
@@ -46,7 +47,7 @@ def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> Modal
     """Integral ∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1, with derivatives of orders a and b with respect to ξ,
     for mode numbers up to `most`.
 
-    Raises UnsupportedExpressionError where the mode functions are of another kind.
+    Raises UnsupportedExpressionError for mode functions that are not of the form stated in this module.
     """
     product = XI**power * shape(MODE_I, XI).diff(XI, a) * shape(MODE_J, XI).diff(XI, b)
     equal = product.xreplace({MODE_J: MODE_I})
@@ -92,7 +93,7 @@ def _factored(total: sympy.Expr) -> sympy.Expr:
 
 
 def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
-    """Coefficients of ξ^p exp(iπtξ) in a function, in a dictionary by p and t."""
+    """Coefficients of ξ^power exp(iπ half_waves ξ) in a function, in a dictionary by power and half_waves."""
     waves: dict[tuple[int, sympy.Expr], sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(function.rewrite(sympy.exp))):
         factor, varying = term.as_independent(XI)
@@ -111,7 +112,7 @@ def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
 
 
 def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
-    """Integral ∫ ξ^p exp(iπtξ) dξ over 0 … 1."""
+    """Integral ∫ ξ^power exp(iπ half_waves ξ) dξ over 0 … 1."""
     if half_waves == 0:
         return sympy.Rational(1, power + 1)
     end, slope = _end_value(half_waves), sympy.I * sympy.pi * half_waves
@@ -122,7 +123,7 @@ def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
 
 
 def _end_value(half_waves: Any) -> sympy.Expr:
-    """Value of exp(iπt) for t = ai + bj + c with integers a and b."""
+    """Value of exp(iπ half_waves) for half_waves = ai + bj + c with integers a and b."""
     a, b = half_waves.coeff(MODE_I), half_waves.coeff(MODE_J)
     rest = half_waves - a * MODE_I - b * MODE_J
     if not (a.is_Integer and b.is_Integer and rest.is_number):
@@ -281,7 +282,7 @@ class Field:
         Parameters
         ----------
         expression : expression
-            In x, w, w′, w″, their rates and the tension.
+            Expression in x, w, w′, w″, their rates and the tension.
         position : expression
             Position, m.
 

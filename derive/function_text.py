@@ -111,7 +111,7 @@ def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> s
 
 VARYING = '''\
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -130,7 +130,7 @@ def varying_text(name: str, given: str, options: Iterable[str]) -> str:
     passed = ", ".join(f"{option}={option}" for option in options)
     return f'''\
 def {name}_varying({given}):
-    """The same as `{name}` where the speed varies."""
+    """`{name}` at varying speed."""
     return _varying({name}({passed}), {name}_accelerated({passed}))'''
 
 

@@ -180,9 +180,9 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
     """Directions of coupler and follower in closed form. A is the crank pin, C the pivot of the follower, and
     B the joint.
 
-    links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground
-    line; those that move are arguments. side: +1 if B lies on the left of the line from A to C, −1 on its
-    right. B follows from the height of the triangle A, B, C and its foot.
+    links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground line;
+    the moving ones are arguments of the loop. side: +1 if B lies on the left of the line from A to C, −1 on
+    its right. B follows from the height of the triangle A, B, C and its foot.
     """
     moving = [name for name, value in links.items() if sympy.sympify(value).atoms(Moving)]
     given = {name: sympy.Dummy(name, real=True) for name in moving}

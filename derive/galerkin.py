@@ -1,6 +1,6 @@
 """Galerkin projection of a deflection onto its mode functions, and the text of the generated functions.
 
-At one place of the link, w, w′ and w″ obey Lagrange's equations of the energies per length as if they were
+At one position on the link, w, w′ and w″ obey Lagrange's equations of the energies per length as if they were
 coordinates. Their linearised rows are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where a and b count
 derivatives with respect to x. The equations of the amplitudes follow: ∫ Σ_a ψ_j^(a) r_a dx = 0. The
 coefficients are polynomials of x, so that constant integrals of mode functions remain.
@@ -241,16 +241,16 @@ def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
 K = sympy.Symbol("k", integer=True, positive=True)
 PAIRS = '''\
 def _pairs(integral, count):
-    """An integral of two modes for every row i and column j."""
+    """Matrix of an integral of two modes, of mode i in row i and mode j in column j."""
     numbers = range(1, count + 1)
     return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])'''
 COLUMN = '''\
 def _column(integral, count):
-    """An integral of one mode for every row j."""
+    """Column of an integral of one mode, of mode j in row j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])'''
 RESIDUAL = '''\
 def _residual(name, matrices):
-    """r of the equations with the matrices, which are a function of the drive and the parameters."""
+    """Residual r of linear equations, from their matrices as a function of drive and parameters."""
     *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
     q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
     M, C, K, d = matrices(*drive, p)
@@ -314,7 +314,7 @@ def residual{suffix}({given}):
     return _residual("residual{suffix}", linearised{suffix}({passed}))'''
         for suffix, doc in (
             ("", "r of the equation of motion r = 0; linear"),
-            ("_varying", "r where the speed varies; linear"),
+            ("_varying", "r at varying speed; linear"),
         )
     ]
     fields = f'''\
@@ -347,7 +347,7 @@ def _modes(deflection: Field) -> str:
     listed = "\n".join(f"            {row}," for row in rows)
     return f'''\
 def _{deflection.name}(xi, derivative, count):
-    """Mode functions psi_1 to psi_count of {deflection.name} at xi = x/length, differentiated by xi."""
+    """Derivatives in xi = x/length of the mode functions psi_1 to psi_count of {deflection.name}."""
     return casadi.vertcat(*(
         (
 {listed}

@@ -121,8 +121,8 @@ def require_own_name(path: Path) -> None:
 def load(source: Source) -> "MechanismStatement":
     """Run a mechanism file and return the checked statement of its `mechanism()`.
 
-    Raises MechanismFileError if the file does not run or returns something else, and the errors of the
-    statement (DeclarationError, UnitError, …), each with file and line.
+    Raises MechanismFileError if the file does not run or its `mechanism()` does not return a mechanism, and
+    the errors of the statement (DeclarationError, UnitError, …), each with file and line.
     """
     from derive.checks import check
     from derive.mechanism import MechanismStatement

@@ -72,7 +72,7 @@ class MechanismStatement(Quantities):
 
     @property
     def metre(self) -> sympy.Symbol:
-        """1 m, the unit of sizes that only a `sketch` has: `0.2 * metre`."""
+        """Length of 1 m, for sizes that occur only in a `sketch`: `0.2 * metre`."""
         return METRE
 
     def require(self, condition: Any, meaning: str) -> None:
@@ -118,8 +118,8 @@ class MechanismStatement(Quantities):
     ) -> tuple[Any, Any]:
         """Directions of coupler and follower of a planar four-bar linkage.
 
-        Lengths and angle may move. A crank that cannot turn fully raises an error when the parameters have
-        numbers.
+        Lengths and angle may move. A crank that cannot turn fully raises an error when the parameters are
+        given values.
 
         Parameters
         ----------
@@ -156,10 +156,10 @@ class MechanismStatement(Quantities):
         start: Callable[..., Sequence[Any]],
         iterations: int = 8,
     ) -> tuple[Any, ...]:
-        """Unknowns of a closed loop, by Newton's method from a guess that selects the assembly.
+        """Unknowns of a closed loop, by Newton's method from a guess that selects the assembly configuration.
 
         A loop that is not closed after `iterations` steps at some phase raises an error when the parameters
-        have numbers.
+        are given values.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class MechanismStatement(Quantities):
         Parameters
         ----------
         name, unit, meaning : str
-            Of the deflection.
+            Name, unit and meaning of the deflection.
         length : expression
             Length of the link, m.
         shape : callable
@@ -311,7 +311,8 @@ class MechanismStatement(Quantities):
         points : sequence of pairs
             Points (x, y) in the plane of motion: expressions of the phase, the speed, the coordinates and
             parameters. A size without a parameter is a number times `metre`. A single point that contains
-            `around` describes a closed curve, such as a cam's profile; that of `Field.line` a beam.
+            `around` describes a closed curve, such as a cam's profile. The point that `Field.line` returns
+            describes a beam.
         unit : str, default "m"
             Unit of the points.
 

@@ -220,7 +220,7 @@ def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
     unknowns, given = (", ".join(symbol.name for symbol in each) for each in (loop.unknowns, formal.values()))
     signature = ", ".join(symbol.name for symbol in (*formal.values(), *loop.parameters))
     body = [
-        f'"""{unknowns} of a closed loop and their derivatives by {given}."""',
+        f'"""{unknowns} of a closed loop and their derivatives with respect to {given}."""',
         *(line for lines, _ in blocks for line in lines),
         "return " + ", ".join(names[each].name for order in orders for each in loop.at(loop.given, order)),
     ]

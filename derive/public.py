@@ -38,8 +38,9 @@ class Mechanism(MechanismStatement):
     period : sympy.Expr, default 2π
         Period in the phase, rad.
     damping_ratio : sympy.Expr or sequence of these, default 0
-        ζ of all modes, or of the modes by rising frequency, where the last applies to all that follow. It
-        adds M Φ diag(2ζω) Φᵀ M q̇ with the modes of M and K at speed 0 at every position.
+        ζ of all modes, or of the modes in order of rising frequency, where the last value applies to all
+        higher modes. The damping force is M Φ diag(2ζω) Φᵀ M q̇ with the modes of M and K at speed 0 at every
+        position.
 
     Examples
     --------
@@ -61,7 +62,7 @@ class Mechanism(MechanismStatement):
         Returns
         -------
         str
-            Python source of the module; an identical statement reuses it.
+            Python source of the module. It is derived once for identical statements.
 
         Raises
         ------
@@ -81,8 +82,8 @@ class Structure(StructureStatement, Mechanism):
     """A plane structure of links that are beams, and of the joints between them.
 
     A joint is a pin unless `weld` or `clamp` declares otherwise: its links share its position and rotate
-    independently. `damping_ratio` is that of every mode. Energies and coordinates follow from the links
-    and from the element types that the user of the generated module chooses, link by link.
+    independently. `damping_ratio` is the damping ratio of every mode. Energies and coordinates follow from
+    the links and from the element types that the user of the generated module chooses, link by link.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class Quantities:
     declared_loops: list[Loop] = field(default_factory=list, init=False)
     declared_bodies: list[ReducedBody] = field(default_factory=list, init=False)
     lines: dict[Any, int] = field(init=False, repr=False, compare=False)
-    """Lines of the author's file, by the expression that each states."""
+    """Lines of the author's file, by the expressions that they state."""
 
     def __post_init__(self) -> None:
         # Lines are recorded from here on; the defaults of the fields have none.
@@ -91,7 +91,7 @@ class Quantities:
         **declared : tuple of str
             `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`. Numbers have this unit, which may be any of
             pint's; equations convert them to SI. A bound is text such as "> 0", ">= 0", "< 1" or
-            "integer, >= 1"; without one any finite number is allowed.
+            "integer, >= 1"; without a bound any finite number is allowed.
 
         Returns
         -------
@@ -127,7 +127,7 @@ class Quantities:
         harmonics : int
             Number of harmonics.
         meaning : str, optional
-            Of the coefficients.
+            Meaning of the coefficients.
         coefficients : tuple of two str, default ("a", "b")
             Prefixes of the cosine and sine coefficients: parameters a1, …, b1, ….
 
@@ -158,7 +158,7 @@ class Quantities:
         Parameters
         ----------
         name, unit, meaning : str
-            Of the series.
+            Name, unit and meaning of the series.
         harmonics : int
             Number of harmonics.
         bound : str, optional
@@ -198,13 +198,13 @@ class Quantities:
         Parameters
         ----------
         name, unit, meaning : str
-            Of the series.
+            Name, unit and meaning of the series.
         harmonics : int
             Number of harmonics.
         angles : str
             Prefix of the phase angles.
         mean : bool, default True
-            Whether the series has a mean k0, which is then `k.mean`.
+            Whether the series has a mean k0; `k.mean` is its symbol.
         bound : str, optional
             Bound of the mean.
 
@@ -237,7 +237,7 @@ class Quantities:
         values : tuple of str, or range
             Allowed values.
         default : str or int, optional
-            By default the first value.
+            Default value; the first of `values` if omitted.
 
         Returns
         -------
@@ -321,7 +321,7 @@ class Quantities:
         along : expression
             Displacement or angle along which the force does work.
         meaning : str, optional
-            Of the force.
+            Meaning of the force.
 
         Raises
         ------

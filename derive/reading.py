@@ -25,7 +25,7 @@ from derive.symbols import PHASE, SPEED
 from derive.units import Dimension, dimension_of, parse
 
 _SHORT = 3
-"""Smallest number of operations with which a subexpression is named. A choice."""
+"""Smallest number of operations for which a repeated subexpression is named. A choice."""
 
 _LONG = 300
 """Number of operations above which expressions are not expanded, to save time. A choice."""

@@ -85,22 +85,22 @@ def _of_joint(structure: StructureStatement, joint: str) -> Iterator[Observed]:
 MOST_ELEMENTS = 100
 
 DATA = """\
-# A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
+# A link: name, first joint, last joint, the rotational freedoms of its two ends ("" where clamped,
+# shared where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
 # dashpots to the ground: the freedoms on which they act."""
 MOTION = """\
-# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
-# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average."""
+# Whether Coriolis, normal and tangential accelerations of the displacements are included; whether axial
+# forces stiffen; whether ζ holds for every mode at every position, or on average for the lowest two."""
 MOTION_OPTIONS = (
     ("terms", ("instantaneous", "full"), "instantaneous"),
     ("stiffening", ("off", "on"), "off"),
     ("damping", ("modal", "rayleigh"), "modal"),
 )
 OBSERVED = """\
-# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1."""
+# Each of OUTPUTS: its kind, its link, and the position on the link, from 0 at the start to 1."""
 DOCUMENTATION = """\
 Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-springs and dashpots where there are any, and the damping ratio of every mode."""
+springs and dashpots if there are any, and the damping ratio of all modes."""
 
 
 def generated_text(

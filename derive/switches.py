@@ -38,7 +38,7 @@ _AWAY = mpmath.mpf("0.1")
 """Distance from a switch at which the magnitude of an expression is evaluated."""
 
 _JUMP = 1e-9
-"""Smallest relative difference between both sides that counts as a discontinuity. A choice.."""
+"""Smallest relative difference between both sides that counts as a discontinuity. A choice."""
 
 
 class Wrapped(sympy.Function):
@@ -147,7 +147,7 @@ def _switching(node: Any) -> Iterator[Any]:
 
 
 def _whole_turns(node: Wrapped) -> Any:
-    """Expression whose zeros are the steps of a wrapped angle."""
+    """Expression that is zero where a wrapped angle jumps."""
     angle, turn = node.args
     return sympy.sin(sympy.pi * angle / turn)
 
@@ -178,7 +178,7 @@ def slope(expression: Any, by: Any) -> Any:
 def known_real(expression: Any) -> Any:
     """Expression in which moduli and signs of possibly complex arguments are replaced by Max and Heaviside.
 
-    SymPy differentiates these.
+    SymPy can differentiate Max and Heaviside.
     """
     moduli, signs = (
         {part: part.args[0] for part in expression.atoms(kind) if part.args[0].is_extended_real is None}
@@ -256,7 +256,7 @@ class Numbers:
         self._function = sympy.lambdify(symbols, replaced, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
-        """Values of the expressions at a point, which gives values of all symbols."""
+        """Values of the expressions at a point: a mapping with the values of all symbols."""
         if self._undefined:
             return None
         with mpmath.workdps(_DIGITS):
@@ -267,8 +267,8 @@ class Numbers:
 
 
 def sides_differ(one: list[Any] | None, other: list[Any] | None, *further: list[Any] | None) -> bool:
-    """Whether values on the two sides of a switch sides_differ, relative to the largest of these and of
-    `further` values."""
+    """Whether values on the two sides of a switch differ by more than `_JUMP`, relative to the largest of
+    these and of `further` values."""
     if one is None or other is None:
         return False
     size = max(abs(x) for numbers in (one, other, *further) for x in numbers or [0])

@@ -48,7 +48,7 @@ def rate(expression: Any) -> Any:
     Parameters
     ----------
     expression : expression, or matrix of expressions
-        Function of phase, speed, coordinates, parameters and their rates.
+        Function of parameters, phase, speed, coordinates and their rates.
 
     Returns
     -------
@@ -67,8 +67,8 @@ def rate(expression: Any) -> Any:
     given = sympy.sympify(expression)
     if not isinstance(given, sympy.Expr):
         raise DeclarationError(
-            f"rate({short(given)}): give one number, expression or Matrix; coordinates(...) gives a tuple, "
-            "also of one: write coordinate(...), or (q,) = coordinates(...)"
+            f"rate({short(given)}): give one number, expression or Matrix; coordinates(...) returns a tuple "
+            "even for one: write coordinate(...), or (q,) = coordinates(...)"
         )
     argument = counted(given)
     moving = sorted(argument.atoms(Moving), key=lambda symbol: symbol.name)
@@ -86,7 +86,8 @@ def steady(expression: Any) -> Any:
 def counted(expression: Any) -> Any:
     """Expression with the phase modulo 2π in those steps, kinks and pieces that depend on the phase itself.
 
-    Periodic functions of the phase stay. Raises DeclarationError if coordinates shift the phase there.
+    Periodic functions of the phase stay unchanged. Raises DeclarationError if coordinates shift the phase in
+    such a step, kink or piece.
     """
     if isinstance(expression, STEPPING) and _whole_phase(expression):
         if any(_whole_phase(each) and each.atoms(Moving) != {PHASE} for each in _compared(expression)):

@@ -77,8 +77,8 @@ def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
 
 
 def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
-    """Descriptions and expressions that are evaluated along the fundamental motion, with a flag for each
-    expression that is a motion."""
+    """Descriptions and expressions that are evaluated along the fundamental motion, with a flag that is true
+    for motions."""
     for symbol, motion in mechanism.fundamental_motion.items():
         yield f"the fundamental motion of {symbol}", motion, True
     for name in ("kinetic", "potential"):
@@ -140,7 +140,7 @@ def _ignored(name: str) -> str:
 
 
 def _idle(name: str) -> str:
-    return f"{name} is in the energies but moves nothing: it is in no equation of motion and in no output"
+    return f"{name} is in the energies but has no effect: it is in no equation of motion and in no output"
 
 
 def _one_sided(function: Any) -> str:

@@ -5,12 +5,12 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "3ba7f53008a4943032b8ae8f0f05e1487d28676dc7bd5ba5a4c894d133d14ae7"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+MECHANISM_SHA256 = "e170720b2145fbdeab8763b8c3b6c9a6c6946e93689ec08409842411355efa38"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "69a1a420ad3957331c80daaaa1d379696c908925730cee60a87b3bf580361561"
-# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
-# Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
+FILE_SHA256 = "3ff6b4c5a84b46025fc365f4a63eca1da837bcb8a41f6da66823e56851fb35a3"
+# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order with respect to x at ξ.
+# Row i and column i of every table have the factor L to the power of freedom i's order. Factors of tables:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
 # loads[k] L, for a load per length that varies as ξᵏ; coupling[i][j] ρA L, axial freedom i by bending
 # freedom j; strains 1/L (elongation u′) or 1/L² (curvature v″), where row i of shapes and strains holds

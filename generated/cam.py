@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2bd7eb5d3bfc8714663a363c32519f2ec99d28a6620e97a73cf5859349bb7647"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4201a85aa5a6e6c577d4744e7f55ca0ccc8ae54b3379c47cbec85f749ca5b2bc"
+FILE_SHA256 = "44a64781b2bbef6e37f3dcdaebd7e8003e36e94292d55794dc603f8d50ea9f17"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -137,7 +137,7 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -296,7 +296,7 @@ def residual(*, contact="bilateral"):
 
 
 def residual_accelerated(*, contact="bilateral"):
-    """What an acceleration of the drive adds to residual."""
+    """Terms of residual due to an acceleration of the drive."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -388,7 +388,7 @@ def outputs(*, contact="bilateral"):
 
 
 def outputs_accelerated(*, contact="bilateral"):
-    """What an acceleration of the drive adds to outputs."""
+    """Terms of outputs due to an acceleration of the drive."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -424,7 +424,7 @@ def outputs_accelerated(*, contact="bilateral"):
 
 
 def sketch(*, contact="bilateral"):
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -495,7 +495,7 @@ def sketch(*, contact="bilateral"):
 
 
 def conditions(*, contact="bilateral"):
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each of CONDITIONS, positive where the condition holds."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 49)
@@ -516,12 +516,12 @@ def conditions(*, contact="bilateral"):
 
 
 def residual_varying(*, contact="bilateral"):
-    """The same as `residual` where the speed varies."""
+    """`residual` at varying speed."""
     return _varying(residual(contact=contact), residual_accelerated(contact=contact))
 
 
 def outputs_varying(*, contact="bilateral"):
-    """The same as `outputs` where the speed varies."""
+    """`outputs` at varying speed."""
     return _varying(outputs(contact=contact), outputs_accelerated(contact=contact))
 
 

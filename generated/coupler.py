@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e4acab8ea073812e022a00745c85e8b3f07e70181b1ffbe60d481942406301fb"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "bd74e89100387d60a08a693621ee56373cd72897385135d4b00baf5ca20c2dcc"
+FILE_SHA256 = "23e83b1f56277b27622ea1b7128af6e03546344c1f44de526d136bc7a5ce48a7"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -108,7 +108,7 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -120,7 +120,7 @@ def _varying(steady, added):
 
 
 def _w(xi, derivative, count):
-    """Mode functions psi_1 to psi_count of w at xi = x/length, differentiated by xi."""
+    """Derivatives in xi = x/length of the mode functions psi_1 to psi_count of w."""
     return casadi.vertcat(*(
         (
             casadi.sin(math.pi*k*xi),
@@ -132,18 +132,18 @@ def _w(xi, derivative, count):
 
 
 def _pairs(integral, count):
-    """An integral of two modes for every row i and column j."""
+    """Matrix of an integral of two modes, of mode i in row i and mode j in column j."""
     numbers = range(1, count + 1)
     return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])
 
 
 def _column(integral, count):
-    """An integral of one mode for every row j."""
+    """Column of an integral of one mode, of mode j in row j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])
 
 
 def _residual(name, matrices):
-    """r of the equations with the matrices, which are a function of the drive and the parameters."""
+    """Residual r of linear equations, from their matrices as a function of drive and parameters."""
     *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
     q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
     M, C, K, d = matrices(*drive, p)
@@ -198,7 +198,7 @@ def _w_0_1(j):
 
 
 def _phi3_phi4(angle, coupler, branch_crossed, branch_open, l1, l2, l4, theta):
-    """phi3, phi4 of a closed loop and their derivatives by angle, coupler."""
+    """phi3, phi4 of a closed loop and their derivatives with respect to angle, coupler."""
     x0 = casadi.sin(angle)
     x1 = l2*x0
     x2 = l1*casadi.sin(theta) - x1
@@ -387,7 +387,7 @@ def outputs(*, modes=3, branch="open"):
 
 
 def outputs_accelerated(*, modes=3, branch="open"):
-    """What an acceleration of the drive adds to outputs."""
+    """Terms of outputs due to an acceleration of the drive."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -452,7 +452,7 @@ def outputs_accelerated(*, modes=3, branch="open"):
 
 
 def linearised_varying(*, modes=3, branch="open"):
-    """M, C, K, d where the speed varies."""
+    """M, C, K, d at varying speed."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -521,7 +521,7 @@ def linearised_varying(*, modes=3, branch="open"):
 
 
 def sketch(*, modes=3, branch="open"):
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -570,7 +570,7 @@ def sketch(*, modes=3, branch="open"):
 
 
 def conditions(*, modes=3, branch="open"):
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each of CONDITIONS, positive where the condition holds."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -594,7 +594,7 @@ def conditions(*, modes=3, branch="open"):
 
 
 def outputs_varying(*, modes=3, branch="open"):
-    """The same as `outputs` where the speed varies."""
+    """`outputs` at varying speed."""
     return _varying(outputs(modes=modes, branch=branch), outputs_accelerated(modes=modes, branch=branch))
 
 
@@ -604,7 +604,7 @@ def residual(*, modes=3, branch="open"):
 
 
 def residual_varying(*, modes=3, branch="open"):
-    """r where the speed varies; linear, as the projected equations are."""
+    """r at varying speed; linear, as the projected equations are."""
     return _residual("residual_varying", linearised_varying(modes=modes, branch=branch))
 
 

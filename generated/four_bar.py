@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f90d0ebbb8c80b0d5bd5a283fe95d6abe47135dd8d6c9284ec08767fdd7e7414"
+FILE_SHA256 = "9e460a42cc1b034548bad2ee1e4963b4c89c105c83a5f754a747e456fcc63584"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -72,8 +72,8 @@ PERIOD = 2*math.pi
 OPERATIONS = {"properties": 50}
 
 
-# A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
+# A link: name, first joint, last joint, the rotational freedoms of its two ends ("" where clamped,
+# shared where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
 # dashpots to the ground: the freedoms on which they act.
 LINKS = (
     ("crank", "O", "A", "", "crank_A", False),
@@ -91,14 +91,14 @@ LINK_OPTIONS = (
     ("elements", range(1, 101), 1),
     ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic"),
 )
-# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
-# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average.
+# Whether Coriolis, normal and tangential accelerations of the displacements are included; whether axial
+# forces stiffen; whether ζ holds for every mode at every position, or on average for the lowest two.
 MOTION_OPTIONS = (
     ("terms", ("instantaneous", "full"), "instantaneous"),
     ("stiffening", ("off", "on"), "off"),
     ("damping", ("modal", "rayleigh"), "modal"),
 )
-# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1.
+# Each of OUTPUTS: its kind, its link, and the position on the link, from 0 at the start to 1.
 OBSERVED = (
     ("deflection", "crank", 1.0),
     ("stress_plus", "crank", 0.0),
@@ -134,7 +134,7 @@ def _choice(option, value):
 
 
 def _t2_t3(angle, L1, L2, L3, L4, branch_crossed, branch_open):
-    """t2, t3 of a closed loop and their derivatives by angle."""
+    """t2, t3 of a closed loop and their derivatives with respect to angle."""
     x0 = casadi.sin(angle)
     x1 = L1*x0
     x2 = L2**2
@@ -155,7 +155,7 @@ def _t2_t3(angle, L1, L2, L3, L4, branch_crossed, branch_open):
 
 def properties(*, branch="open"):
     """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-    springs and dashpots where there are any, and the damping ratio of every mode."""
+    springs and dashpots if there are any, and the damping ratio of all modes."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 18)
@@ -218,7 +218,7 @@ def properties(*, branch="open"):
 
 
 def conditions(*, branch="open"):
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each of CONDITIONS, positive where the condition holds."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 18)

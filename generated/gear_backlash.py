@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "42b123cc365018b2a899d73b102ef144cab91ae313f15744009fc291f11e761f"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4a8734da55848090f51142262424e03ab26feb7dc3475d1c2cd9b7d486dabd3e"
+FILE_SHA256 = "774966ac4d30ddb1c0f771f46a68e46db0531e89286308a4ee9e267788b4ea7a"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
@@ -69,8 +69,8 @@ def _choice(option, value):
 
 
 def _passes(known):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
-    no numbers, as on a branch that is not taken."""
+    """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn; none
+    where one of these is not a number, as on a branch that is not taken."""
     found = []
     try:
         slope, offset, targets, turn = known()
@@ -96,7 +96,7 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -182,7 +182,7 @@ def residual(*, mesh="harmonic"):
 
 
 def residual_accelerated(*, mesh="harmonic"):
-    """What an acceleration of the drive adds to residual."""
+    """Terms of residual due to an acceleration of the drive."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -256,7 +256,7 @@ def outputs(*, mesh="harmonic"):
 
 
 def outputs_accelerated(*, mesh="harmonic"):
-    """What an acceleration of the drive adds to outputs."""
+    """Terms of outputs due to an acceleration of the drive."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -287,7 +287,7 @@ def outputs_accelerated(*, mesh="harmonic"):
 
 
 def sketch(*, mesh="harmonic"):
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -322,7 +322,7 @@ def sketch(*, mesh="harmonic"):
 
 
 def conditions(*, mesh="harmonic"):
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each of CONDITIONS, positive where the condition holds."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 11)
@@ -345,12 +345,12 @@ def conditions(*, mesh="harmonic"):
 
 
 def residual_varying(*, mesh="harmonic"):
-    """The same as `residual` where the speed varies."""
+    """`residual` at varying speed."""
     return _varying(residual(mesh=mesh), residual_accelerated(mesh=mesh))
 
 
 def outputs_varying(*, mesh="harmonic"):
-    """The same as `outputs` where the speed varies."""
+    """`outputs` at varying speed."""
     return _varying(outputs(mesh=mesh), outputs_accelerated(mesh=mesh))
 
 

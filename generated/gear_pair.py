@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9a47dbc49f757695d920a68afff35fdf29385856fd023070cf706f153ac98163"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "426a2c40161984abaab98fd7308fdc7f9cae233b39e287da8a0312b61190af1a"
+FILE_SHA256 = "649f9a5eab531e55bf47645d78e2b89dee1b528f405627f5a917bcdcfcbc1fd5"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
@@ -119,7 +119,7 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -219,7 +219,7 @@ def residual(*, load="tracking"):
 
 
 def residual_accelerated(*, load="tracking"):
-    """What an acceleration of the drive adds to residual."""
+    """Terms of residual due to an acceleration of the drive."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -297,7 +297,7 @@ def outputs(*, load="tracking"):
 
 
 def outputs_accelerated(*, load="tracking"):
-    """What an acceleration of the drive adds to outputs."""
+    """Terms of outputs due to an acceleration of the drive."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -329,7 +329,7 @@ def outputs_accelerated(*, load="tracking"):
 
 
 def sketch(*, load="tracking"):
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -388,12 +388,12 @@ def sketch(*, load="tracking"):
 
 
 def residual_varying(*, load="tracking"):
-    """The same as `residual` where the speed varies."""
+    """`residual` at varying speed."""
     return _varying(residual(load=load), residual_accelerated(load=load))
 
 
 def outputs_varying(*, load="tracking"):
-    """The same as `outputs` where the speed varies."""
+    """`outputs` at varying speed."""
     return _varying(outputs(load=load), outputs_accelerated(load=load))
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "acf82af50cd08780e560fd7f77274d2a619b53cb45e28d8251a0f18a78d92245"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c9913daa403f2970d1a96ea5c85032ab5bcf845436834930bad8cc69f05dd531"
+FILE_SHA256 = "c2f334764c38fe36a01715d42f32c074a8ea008eca5d3ad00170077848fe808e"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -93,7 +93,7 @@ def _fourier(angle, mean, cosine, sine, orders):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -215,7 +215,7 @@ def residual():
 
 
 def residual_accelerated():
-    """What an acceleration of the drive adds to residual."""
+    """Terms of residual due to an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -286,7 +286,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """What an acceleration of the drive adds to outputs."""
+    """Terms of outputs due to an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -315,7 +315,7 @@ def outputs_accelerated():
 
 
 def sketch():
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 2)
@@ -381,12 +381,12 @@ def sketch():
 
 
 def residual_varying():
-    """The same as `residual` where the speed varies."""
+    """`residual` at varying speed."""
     return _varying(residual(), residual_accelerated())
 
 
 def outputs_varying():
-    """The same as `outputs` where the speed varies."""
+    """`outputs` at varying speed."""
     return _varying(outputs(), outputs_accelerated())
 
 

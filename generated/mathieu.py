@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "3227a143f8438f3f3210355cdf670276c9c26720537081187a4548b4aae20582"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2991585d4ffa111f5b71af4718ffa5efc44be23d8972a7faba26011090286e03"
+FILE_SHA256 = "ac56b2ec265f181ae2367157955bf987adc0fb9d0b9100d46b91fc6291144e24"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -38,7 +38,7 @@ NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -93,7 +93,7 @@ def residual():
 
 
 def residual_accelerated():
-    """What an acceleration of the drive adds to residual."""
+    """Terms of residual due to an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -139,7 +139,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """What an acceleration of the drive adds to outputs."""
+    """Terms of outputs due to an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -162,7 +162,7 @@ def outputs_accelerated():
 
 
 def sketch():
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -204,12 +204,12 @@ def sketch():
 
 
 def residual_varying():
-    """The same as `residual` where the speed varies."""
+    """`residual` at varying speed."""
     return _varying(residual(), residual_accelerated())
 
 
 def outputs_varying():
-    """The same as `outputs` where the speed varies."""
+    """`outputs` at varying speed."""
     return _varying(outputs(), outputs_accelerated())
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "3bb1ba3dfe904a5c5ec276f8e90e05bf5b5587e137a5c98c1a7ac27a6147ed71"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1f30bc05a2adf448a6322472dd8fbc736c0169c02dccae2bd29d1b699ae3dcb5"
+FILE_SHA256 = "5afe68441d4da44df8c81a21a7e0a2e4cdcb9a136d11297e69c545b745b41265"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -37,8 +37,8 @@ NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 
 def _passes(known):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
-    no numbers, as on a branch that is not taken."""
+    """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn; none
+    where one of these is not a number, as on a branch that is not taken."""
     found = []
     try:
         slope, offset, targets, turn = known()
@@ -64,7 +64,7 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -123,7 +123,7 @@ def residual():
 
 
 def residual_accelerated():
-    """What an acceleration of the drive adds to residual."""
+    """Terms of residual due to an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -169,7 +169,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """What an acceleration of the drive adds to outputs."""
+    """Terms of outputs due to an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -192,7 +192,7 @@ def outputs_accelerated():
 
 
 def sketch():
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -259,12 +259,12 @@ def sketch():
 
 
 def residual_varying():
-    """The same as `residual` where the speed varies."""
+    """`residual` at varying speed."""
     return _varying(residual(), residual_accelerated())
 
 
 def outputs_varying():
-    """The same as `outputs` where the speed varies."""
+    """`outputs` at varying speed."""
     return _varying(outputs(), outputs_accelerated())
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a2778468c8432bab3251e9b17399e4770e79f84adbcd46cecac3154e78a7db73"
+FILE_SHA256 = "23bf9361a92e653d14b2f27817a20b56098dab9bd93a7ea64d76d2fcc096913e"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -31,8 +31,8 @@ PERIOD = 2*math.pi
 OPERATIONS = {"properties": 4}
 
 
-# A link: name, first joint, last joint, the freedoms by which its two ends turn ("" where clamped,
-# shared where welded), whether it is inextensible. A joint: name, whether its place is held. Springs and
+# A link: name, first joint, last joint, the rotational freedoms of its two ends ("" where clamped,
+# shared where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
 # dashpots to the ground: the freedoms on which they act.
 LINKS = (
     ("left", "foot_left", "corner_left", "", "left_corner_left", True),
@@ -50,17 +50,17 @@ LINK_OPTIONS = (
     ("elements", range(1, 101), 1),
     ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic"),
 )
-# Whether Coriolis, normal and tangential accelerations of the displacements count; whether axial forces
-# stiffen; whether ζ is every mode's at every position, or that of the lowest two on average.
+# Whether Coriolis, normal and tangential accelerations of the displacements are included; whether axial
+# forces stiffen; whether ζ holds for every mode at every position, or on average for the lowest two.
 MOTION_OPTIONS = ()
-# What each of OUTPUTS is: its kind, and the link and place on it, from 0 at its start to 1.
+# Each of OUTPUTS: its kind, its link, and the position on the link, from 0 at the start to 1.
 OBSERVED = ()
 MOVES = False
 
 
 def properties():
     """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-    springs and dashpots where there are any, and the damping ratio of every mode."""
+    springs and dashpots if there are any, and the damping ratio of all modes."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 5)
     (E, I, rho, A, L) = casadi.vertsplit(parameters)

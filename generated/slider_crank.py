@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "be65000cf1335ea3208e09eed72e61c741965f099589b98b75406632b9ee8c04"
-DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
+DERIVE_SHA256 = "1450fcc0b307241e3af3f1a3dca94817695e989241bdfbd1c2b9c54b4a1648b9"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5281b895df6a355751d4b67d9bfdf7cca61e257101d4d76df33c8b8e559b0690"
+FILE_SHA256 = "c867c2feb64d49c81f06cc7b4447869c0ee55099555248e258031d7c84acc811"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
@@ -63,8 +63,8 @@ SWITCHED = (
 
 
 def _passes(known):
-    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
-    no numbers, as on a branch that is not taken."""
+    """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn; none
+    where one of these is not a number, as on a branch that is not taken."""
     found = []
     try:
         slope, offset, targets, turn = known()
@@ -90,7 +90,7 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """A function where the speed varies: at constant speed, and what its acceleration adds."""
+    """A function at varying speed: the function at constant speed plus terms of the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -161,7 +161,7 @@ def residual():
 
 
 def residual_accelerated():
-    """What an acceleration of the drive adds to residual."""
+    """Terms of residual due to an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -235,7 +235,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """What an acceleration of the drive adds to outputs."""
+    """Terms of outputs due to an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -269,7 +269,7 @@ def outputs_accelerated():
 
 
 def sketch():
-    """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    """x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -317,7 +317,7 @@ def sketch():
 
 
 def domain():
-    """One number for each of DOMAIN, which must satisfy its relation all over the period."""
+    """One number for each of DOMAIN, which must satisfy its relation throughout the period."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     parameters = casadi.SX.sym("p", 9)
@@ -338,7 +338,7 @@ def domain():
 
 
 def conditions():
-    """One number for each of CONDITIONS, positive where it holds."""
+    """One number for each of CONDITIONS, positive where the condition holds."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 9)
     (r, L, m, F, k, chi, c, g, R) = casadi.vertsplit(parameters)
@@ -359,12 +359,12 @@ def conditions():
 
 
 def residual_varying():
-    """The same as `residual` where the speed varies."""
+    """`residual` at varying speed."""
     return _varying(residual(), residual_accelerated())
 
 
 def outputs_varying():
-    """The same as `outputs` where the speed varies."""
+    """`outputs` at varying speed."""
     return _varying(outputs(), outputs_accelerated())
 
 

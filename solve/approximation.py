@@ -14,17 +14,19 @@ _FIRST_SAMPLES, _MAX_SAMPLES = 64, 1024
 choice."""
 
 _MIDPOINT_ERROR = 1e-8
-"""Relative error at the midpoints below which twice as many samples are exact up to round-off: the error for
-a smooth function decreases geometrically, so that doubling the samples squares it."""
+"""Relative error of an interpolant midway between its samples, below which an interpolant of twice as many
+samples is exact to round-off: the error for a smooth function decreases geometrically, so that doubling the
+samples squares it."""
 
 _ABOVE_ROUNDOFF = 4.0
-"""Harmonics above this multiple of the largest of the last eighth are retained. The last eighth is round-off:
-if half as many samples agree to 1e-8, geometric decay reduces these harmonics to 1e-14. Measured on the
-damping of the four-bar with 9 to 198 coordinates: 51 to 68 of 129 harmonics are retained."""
+"""Harmonics are retained up to the last one whose amplitude exceeds this multiple of the largest amplitude in
+the last eighth of the spectrum. The last eighth is round-off: if an interpolant of half as many samples
+agrees to 1e-8, geometric decay reduces these harmonics to 1e-14. Measured on the damping of the four-bar with
+9 to 198 coordinates: 51 to 68 of 129 harmonics are retained."""
 
 _RELATIVE_STEP = 1e-2
 """Largest difference step relative to the argument. Four levels of extrapolation leave an error of the order
-of its eighth power, 1e-16."""
+of the eighth power of the step, 1e-16."""
 
 _LEVELS = 4
 """Number of step sizes, each half of the previous one. A choice."""
@@ -33,7 +35,7 @@ _LEVELS = 4
 class Trigonometric:
     """Trigonometric interpolant of samples (k, …) on a uniform grid over a period, without the end point.
 
-    k samples resolve harmonics below k/2. With `chopped`, the harmonics behind the last one above round-off
+    k samples resolve harmonics below k/2. With `chopped`, harmonics higher than the last one above round-off
     are dropped.
     """
 
@@ -62,8 +64,8 @@ class Trigonometric:
         return (waves.view(float) @ self._amplitudes).reshape(len(waves), *self._shape)
 
     def at(self, phase: Any, cos: Callable[[Any], Any], sin: Callable[[Any], Any]) -> list[Any]:
-        """Values at a symbolic phase. Harmonics that are round-off in every entry are omitted; entries may
-        have different units."""
+        """Values at a symbolic phase. Harmonics that are round-off in every entry are omitted. Round-off is
+        relative to the largest harmonic of each entry, because entries may have different units."""
         cosines, sines = self._amplitudes[::2], self._amplitudes[1::2]
         sizes = np.maximum(np.abs(cosines), np.abs(sines))
         significant = (sizes > EPS * sizes.max(axis=0)).any(axis=1)
@@ -112,8 +114,8 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
     """Derivative of a smooth function of one variable, by central differences extrapolated to zero step (L.
     F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357).
 
-    It serves assembled matrices, for which there is no automatic differentiation. Without a largest step, x
-    must not be 0.
+    Use it for assembled matrices, for which there is no automatic differentiation. Without `largest_step` the
+    step is proportional to x, which must then not be 0.
     """
     return slopes(function, x, largest_step)[0]
 

@@ -84,9 +84,10 @@ def solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """Array-valued function of phases whose latest results are cached, up to a number of bytes.
+    """Array-valued function of phases whose latest values are cached, up to a number of bytes.
 
-    The next solution uses the phases of the same grid. Cached values must not be modified.
+    Successive solutions on one grid evaluate the function at the same phases. Cached values must not be
+    modified.
     """
 
     def __init__(self, function: Callable[[Array], Array], max_bytes: int):

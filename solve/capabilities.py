@@ -21,13 +21,13 @@ from solve.samples import Samples
 
 
 class Outputs(Protocol):
-    """Outputs of a system, quantities that follow from phase, speed and state."""
+    """Outputs of a system: quantities computed from phase, speed and state."""
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        """Outputs (k,) by name at phases (k,), a speed in rad/s, a number or (k,), and states q, q̇, q̈ (n,
-        k), derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
+        """Outputs (k,) by name at phases (k,). speed: Ω in rad/s, one number or (k,). q, qd, qdd (n, k):
+        coordinates and their derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
         ...
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
@@ -40,11 +40,11 @@ class Validity(Protocol):
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:
-        """Coordinates and outputs with bounds on a valid solution."""
+        """Coordinates and outputs that have limits of validity."""
         return ()
 
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
-        """Limits of these quantities. linear: whether the linearised equations are solved."""
+        """Limits of validity of the given quantities. linear: whether the linearised equations are solved."""
         return []
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -53,14 +53,16 @@ class Validity(Protocol):
 
 
 class Evaluation(Protocol):
-    """Evaluation of entries that is faster than by the matrices; None where it is unavailable."""
+    """Evaluation of the entries of M, C, K and d that is faster than by their functions. A method returns
+    None if its form of the entries is unavailable."""
 
     def entries(self, phase: Array, speed: float) -> Array | None:
         """Ω²M, ΩC, K by rows and d, (m, 3n² + n), for derivatives with respect to the phase."""
         return None
 
     def entries_over(self, phase: Array, speeds: Array) -> Array | None:
-        """Entries at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
+        """Entries (P, k, 3n² + n), in the order of `entries`, at phases (k,) and speeds (P,); NaN at speeds
+        without matrices."""
         return None
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
@@ -136,8 +138,8 @@ class Linearisation(Protocol):
         ...
 
     def roundoff(self, phase: Array, speed: float) -> Array:
-        """Bounds (k, n) on the round-off in the load d, whose terms may cancel, at phases (k,), in units of
-        the machine precision."""
+        """Bounds (k, n), as multiples of the machine precision, on the round-off in the load d at phases
+        (k,). Terms of d may cancel."""
         ...
 
 
@@ -156,8 +158,8 @@ class Capabilities(NamedTuple):
         Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
         exist at one of them.
     sketch : callable or None
-        Function of phases (k,), a speed, q (n, k) and a fraction of the usual points of curves that returns
-        the lines of the sketch by name, points x + iy (points, k).
+        Function of phases (k,), a speed, q (n, k) and a fraction of the usual number of points per curve that
+        returns the lines of the sketch by name: points x + iy (points, k).
     varying : callable or None
         Function of phases and speeds (m,), and an acceleration in rad/s², that returns the matrices for
         derivatives with respect to time.

@@ -36,8 +36,8 @@ class Statistics(NamedTuple):
 class Limit(NamedTuple):
     """Limit on the statistics of a quantity.
 
-    exceeded: whether statistics, of one solution or arrays of many, violate it. message: warning for the
-    statistics of one solution.
+    exceeded: function that returns whether the statistics of one solution, or arrays of the statistics of
+    many solutions, violate the limit. message: warning for the statistics of one solution.
     """
 
     quantity: str
@@ -54,8 +54,8 @@ class Limit(NamedTuple):
 class ModeShape(NamedTuple):
     """Mode shape with its frequency (rad/s), scaled so that its largest displacement is 1.
 
-    places and displacements: x, y along each link, (points, 2), in m and relative to the
-    largest displacement. transverse: displacements across each link, (points,). modal_mass: kg.
+    places: positions x, y (points, 2) along each link, in m. displacements: x, y components (points, 2) at
+    these positions. transverse: components (points,) across each link. modal_mass: in kg.
     """
 
     frequency: float
@@ -77,9 +77,9 @@ class Formulas(NamedTuple):
     """C function `void formulas(const lane *const *in, lane *out)` of a model, with the names and values of
     its parameters.
 
-    text: source. outputs: number of outputs. names, values (p,), or (P, p) at many points: the parameters,
-    its last input. The other inputs are phase, speed and, for the outputs of a model, q, q̇, q̈. `lane` is a
-    vector of doubles, one per point.
+    text: source code. outputs: number of outputs. names: names of the parameters. values: their values, (p,),
+    or (P, p) at P points. The inputs of the function are phase, speed, for the outputs of a model also q, q̇
+    and q̈, and last the parameters. `lane` is a vector of doubles, one per point.
     """
 
     text: str

@@ -1,4 +1,4 @@
-"""Functions of the equations of any system, by its capabilities where it has them."""
+"""Functions that evaluate the equations of any system, through its capabilities where it has them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -112,7 +112,7 @@ def warnings_of(system: PeriodicSystem, speed: float, linear: bool = True) -> li
 
 
 def judged_quantities(system: PeriodicSystem) -> tuple[str, ...]:
-    """Coordinates and outputs with bounds on a valid solution."""
+    """Coordinates and outputs that have limits of validity."""
     validity = system.capabilities.validity
     return () if validity is None else validity.judged_quantities
 
@@ -149,7 +149,7 @@ def sketched(
     system: PeriodicSystem, phase: Array, speed: float, q: Array, fineness: float = 1.0
 ) -> Mapping[str, Plane]:
     """Lines of the sketch by name, `Capabilities.sketch`, for q (n, k) at phases (k,). fineness: fraction of
-    the usual points of curves. Raises NoSketchError without a sketch."""
+    the usual number of points per curve. Raises NoSketchError without a sketch."""
     sketch = system.capabilities.sketch
     lines = {} if sketch is None else sketch(phase, speed, q, fineness)
     if not lines:
@@ -193,7 +193,7 @@ def events_of(system: PeriodicSystem) -> Events:
 
 
 def event_normals(system: PeriodicSystem, motion: Motion, speed: float) -> Array:
-    """Derivatives (k, 1 + 2n) of the switches, `Linearisation.event_normals`; none without events."""
+    """Derivatives (k, 1 + 2n) of the switches, `Linearisation.event_normals`; k = 0 without events."""
     linearisation = system.capabilities.linearisation
     if linearisation is None:
         return np.zeros((0, 1 + 2 * system.n))
@@ -239,7 +239,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
 
 
 def require_load(system: PeriodicSystem, speed: float) -> None:
-    """Raise NoLoadError if d is zero over the entire period, and hence the periodic vibration too."""
+    """Raise NoLoadError if d is zero over the entire period, so that the periodic vibration is zero too."""
     phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
     if not system.at(phase, speed)[3].any():
         raise NoLoadError(f"{system.labels.name} has no load: its periodic vibration is zero at every speed")

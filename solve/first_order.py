@@ -29,8 +29,8 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     ----------
     matrices : callable
         matrices(phase, speed) returns A of shape (m, N, N) and b of shape (m, N) at phases φ = Ωt of shape
-        (m,) and a speed Ω in rad/s, in SI units, for derivatives by time. If inputs or outputs are named, it
-        returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
+        (m,) and a speed Ω in rad/s, in SI units, for derivatives with respect to time. If inputs or outputs
+        are named, it returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
     states : sequence of str
         Names of the N states.
     period : float
@@ -127,7 +127,7 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
         """Matrices A (m, N, N) and b (m, N) at phases (m,). If inputs or outputs are named, also B (m, N, r),
         C (m, y, N) and D (m, y, r).
 
-        Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
+        Raises MatricesError unless the function returns arrays of finite real numbers.
         """
         return self._called(phase, speed, self._symbols, "A", "b")
 
@@ -193,7 +193,7 @@ class MixedSystem(PeriodicSystem, Evaluation):
 
     Examples
     --------
-    A mass on a spring, with a force x that follows its displacement with a lag:
+    A mass on a spring, with a force x that follows the displacement of the mass with a lag:
 
     >>> def lagged(phase, speed):
     ...     one = np.ones(len(phase))

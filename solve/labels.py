@@ -96,7 +96,7 @@ def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
 def bounds_in_own_unit(
     system: Labelled, name: str, ends: tuple[float | str, float | str]
 ) -> tuple[float, float]:
-    """Lower and upper bound of a parameter in its declared unit, which must contain its value. Raises
+    """Lower and upper bounds of a parameter in its declared unit; its value must lie between them. Raises
     UnknownNameError, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     require_name(f"parameter of {labels.name}", name, labels.parameters)
@@ -130,7 +130,7 @@ def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
 
 
 def speed_or_usual(system: Labelled, speed: float | str | None) -> float:
-    """Ω in rad/s from a speed (rad/s, or a text with unit), by default that of the case. Raises
+    """Ω in rad/s from a speed (rad/s, or a text with unit), or from the case if `speed` is None. Raises
     MissingValueError if neither is given, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     chosen = labels.case_speed if speed is None else speed

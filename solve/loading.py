@@ -71,7 +71,8 @@ def load(
     model : str, Mechanism or callable
         Name, path of a mechanism file, or, without files, a `derive.Mechanism` or a function that returns
         one. A mechanism in memory is derived once. Or a path or pattern of files of matrices, of an FMU, or
-        of Python code that defines a system by the name `system`; the code of both is executed.
+        of Python code that defines a system by the name `system`. Code in an FMU or in a Python file is
+        executed.
     case : str or int, optional
         Case of the case file; the first by default.
     options : mapping, optional
@@ -85,14 +86,14 @@ def load(
     Returns
     -------
     Model or PeriodicSystem
-        Model with its numbers, or the system of a file.
+        Model with the values of its parameters, or the system of a file.
 
     Raises
     ------
     FileError
         For files of matrices and FMUs that cannot be read.
     UnknownNameError, CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError
-        For invalid names, files or numbers.
+        For invalid names, case files or values.
     ModelFileError
         If the generated code is missing or out of date.
 

@@ -10,8 +10,8 @@ from solve.contracts import Matrices
 from solve.errors import MatricesError
 
 PERIODIC = 1e-9
-"""Relative difference of the matrices at both ends of the period below which they count as periodic. A
-choice."""
+"""Relative difference between the matrices at the two ends of the period, below which they count as periodic.
+A choice."""
 
 SAME_PHASE = 1e-12
 """Distance of phases, relative to the period, within which they coincide: their round-off. A choice."""
@@ -166,7 +166,7 @@ def require_inertia(M: Array, states: Sequence[str] = ()) -> None:
     diagonal[diagonal == 0.0] = 1.0
     scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
     singular = np.linalg.cond(scaled) > _SINGULAR
-    # The units of the equations may differ from those of an energy of the coordinates.
+    # Rows and columns may have different units: scale each of them before judging the rank.
     for axis in (2, 1, 2, 1) if singular.any() else ():
         largest = np.abs(scaled).max(axis=axis, keepdims=True)
         scaled = scaled / np.where(largest > 0, largest, 1.0)

@@ -1,10 +1,10 @@
 """Matrices in OUTPUT4 files of NASTRAN (.op4), text or binary.
 
-A matrix has a header and one record per column that is not zero: its number, the row of its first value, or
-0 for a sparse column, and the number of values or words. A sparse column consists of strings of consecutive
-rows. Their headers are a length in words and a row, in one integer, or in two for matrices with a negative
-number of rows (BIGMAT). A record of the column behind the last one ends the matrix. (MSC Nastran DMAP
-Programmer's Guide, OUTPUT4.)
+A matrix has a header and one record per nonzero column. A record begins with the number of the column, the
+row of its first value, or 0 for a sparse column, and the number of values or words. A sparse column consists
+of strings: values of consecutive rows. The header of a string states its length in words and its first row,
+in one integer, or in two for matrices with a negative number of rows (BIGMAT). A record of the column behind
+the last one ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
 """
 
 import re
@@ -63,7 +63,7 @@ class _Header(NamedTuple):
         return self
 
     def zeros(self) -> Array:
-        """Matrix of its size."""
+        """Zero matrix of the size in the header."""
         return np.zeros((abs(self.rows), self.columns), float if self.kind < 3 else complex)
 
     @property
@@ -114,8 +114,9 @@ def op4_matrices(file: Path) -> dict[str, Array]:
 
 
 def _put(matrix: Array, column: int, first: int, count: int, words: tuple[int, int], source: _Column) -> None:
-    """Values of a column. first: its first row, 0 for a sparse one. words: per number, and per header of a
-    string. Raises ValueError for rows outside the matrix."""
+    """Store the values of a column in the matrix. first: first row of the column, 0 for a sparse column.
+    words: number of words per value, and per header of a string. Raises ValueError for rows outside the
+    matrix."""
     if first > 0:
         _place(matrix, column, first, source.numbers(count))
         return
@@ -196,7 +197,8 @@ class _Record:
 
 
 def _records(content: bytes, order: str) -> Iterator[bytes]:
-    """Records of a file of FORTRAN, each between its length in bytes. Raises ValueError."""
+    """Records of a FORTRAN file; the length in bytes stands before and after each record. Raises
+    ValueError."""
     place = 0
     while place < len(content):
         length = int(np.frombuffer(content, f"{order}i4", 1, place)[0])
@@ -208,8 +210,8 @@ def _records(content: bytes, order: str) -> Iterator[bytes]:
 
 
 def _read_binary(content: bytes, order: str, size: int) -> dict[str, Array]:
-    """Matrices of a binary file. order: of the bytes. size: bytes of an integer, and of a number of single
-    precision."""
+    """Matrices of a binary file. order: "<" or ">", the order of the bytes. size: number of bytes of an
+    integer, and of a number of single precision."""
     integer, matrices = np.dtype(f"{order}i{size}"), {}
     records = _records(content, order)
     for record in records:

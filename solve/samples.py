@@ -17,7 +17,7 @@ _SAME_AZIMUTH = 1e-9
 """Distance of azimuths, as a fraction of the period, below which they coincide. A choice."""
 
 _MOST_PERIODS = 20
-"""Range of azimuths, in periods, from which they are assumed to be degrees: those of a revolution span 57
+"""Range of azimuths, in periods, above which the azimuths are assumed to be in degrees: 0 to 360 spans 57
 periods of 2π. A choice."""
 
 _MAX_CONDITION = 30.0
@@ -68,14 +68,14 @@ class Samples:
     ) -> "Samples":
         """Samples at uniform azimuths from 0, or at other `phases` (k,).
 
-        Raises MatricesError for different numbers of azimuths, and for azimuths that coincide, that are fewer
-        than three, or that leave half of the period without any.
+        Raises MatricesError for different numbers of samples, and if azimuths coincide, are fewer than three,
+        or leave half of the period without any azimuth.
         """
         counts = {len(array) if array.ndim else 0 for array in arrays}
         if len(counts) != 1 or 0 in counts:
             raise MatricesError(
-                f"samples of {', '.join(symbols)} have shapes {[array.shape for array in arrays]}; give the "
-                "same number of phases, 1 or more, first in each"
+                f"samples of {', '.join(symbols)} have shapes {[array.shape for array in arrays]}; give each "
+                "the same first dimension: the number of phases, 1 or more"
             )
         (count,) = counts
         if phases is None:
@@ -177,7 +177,7 @@ class Samples:
         return last == 0 or last + self.spacing <= self.resolved
 
     def thinned(self, stride: int) -> "Samples":
-        """Samples at every second or third of the uniform azimuths."""
+        """Samples at every `stride`-th of the uniform azimuths."""
         arrays = [array[::stride] for array in self.arrays]
         if self.azimuths % stride == 0:
             return Samples(tuple(arrays), self.period, self.azimuths // stride)

@@ -52,7 +52,7 @@ class PeriodicSystem:
 
     Notes
     -----
-    `capabilities` has what only some systems have.
+    `capabilities` contains functions and data that only some systems have.
 
     Examples
     --------
@@ -151,7 +151,7 @@ class PeriodicSystem:
 
     @property
     def capabilities(self) -> Capabilities:
-        """What only some systems have; None where absent."""
+        """Functions and data that only some systems have; None where absent."""
         samples = self._matrices if isinstance(self._matrices, Samples) else None
         return Capabilities(samples=samples, input_matrix=self._inputs_at if self.inputs else None)
 
@@ -163,7 +163,7 @@ class PeriodicSystem:
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives with respect to time.
 
-        Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
+        Raises MatricesError unless the function returns arrays of finite real numbers.
         """
         M, C, K, d, *_ = self._called(phase, speed, self._symbols, "M, C, K", "d")
         return M, C, K, d
@@ -201,7 +201,8 @@ class PeriodicSystem:
         return self._builder({**self.labels.parameters, **parameters})
 
     def _check(self, speed: float) -> None:
-        """Raise MatricesError unless the matrices have their shapes, are periodic, and M is regular."""
+        """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is
+        regular."""
         n, phase = self.n, checked_phases(self.period, self.breaks)
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
@@ -222,10 +223,14 @@ class PeriodicSystem:
 
 
 def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) -> None:
-    """Raise ValueOutOfBoundsError unless names are texts that differ from each other and from others."""
+    """Raise ValueOutOfBoundsError unless `names` is a sequence of texts that differ from each other and from
+    the names `others`."""
     texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
     if not texts or len({*others, *names}) != len(others) + len(names):
-        raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
+        known = f" and from {', '.join(others)}" if others else ""
+        raise ValueOutOfBoundsError(
+            f"{kind} are {names!r}; give a sequence of names that differ from each other{known}"
+        )
 
 
 def multiplier_count(system: PeriodicSystem) -> int:
@@ -282,8 +287,8 @@ def in_phase(system: PeriodicSystem, phase: Array, speed: float) -> Matrices:
 
 
 def check(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError unless the matrices have their shapes, are periodic, and M is regular; for models,
-    unless they satisfy the checks of generated matrices too."""
+    """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is regular.
+    Matrices of a model must also pass the checks of generated matrices."""
     system._check(speed)
 
 

@@ -144,7 +144,7 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
 
 
 def _in_si(speed: float | str, zero: bool) -> GivenSpeed:
-    """`speed_in_si`; of texts it is cached."""
+    """Speed as from `speed_in_si`, which caches its results for texts."""
     unit = getattr(speed, "unit", None)
     try:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
@@ -236,7 +236,7 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
         *numbers, unit = apart(speeds).split() or [""]
         if not numbers and all(map(is_number, unit.split(":"))):
             raise UnitError(
-                f"speeds are {speeds!r}, without a unit; write them with one, such as '{unit} rpm'"
+                f"speeds are {speeds!r}, without a unit; write them with a unit, such as '{unit} rpm'"
             )
         ends = numbers[0].split(":") if len(numbers) == 1 else []
         if not all(map(is_number, ends)):
@@ -350,8 +350,8 @@ def with_unit(text: str, unit: str) -> float:
 def conversion(given: str, unit: str) -> float:
     """Size of the unit `given`, expressed in `unit`. One hertz is one revolution per second.
 
-    Raises UnitError for units of different dimensions, with different zeros (degC), or ambiguous between
-    revolutions and radians (1/min).
+    Raises UnitError for units of different dimensions, with different zero points (degC), or ambiguous
+    between revolutions and radians (1/min).
     """
     decimal = _DECIMAL.fullmatch(given)
     if given == unit:

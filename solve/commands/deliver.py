@@ -42,10 +42,10 @@ def deliver_result(
 ) -> None:
     """Write and print the output requested by the flags. Standard output contains only tables or JSON.
 
-    record, report, figure: functions that return them; by default the methods of the result. beside:
-    functions that return further pictures and texts, by file. choices: texts of --set and --option. notes:
-    printed before the warnings. Raises ContradictionError at the end if the proof contradicts the result.
-    A file of data contains the proof, if there is one.
+    record, report, figure: functions that return the JSON object, the tables and the picture; by default
+    methods of the result. beside: functions that return further pictures and texts, by file. choices: texts
+    of --set and --option. notes: sentences that are printed before the warnings. Raises ContradictionError at
+    the end if the proof contradicts the result. A file of data contains the proof, if there is one.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}

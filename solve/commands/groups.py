@@ -131,8 +131,8 @@ class Numbers(CaseNumbers):
         return missing_parameters(name, self.case, self.cases, self.parameters)
 
     def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
-        """Setup of the named model. values: of parameters that neither the case nor --set specifies. Raises
-        SolveError subclasses for invalid input."""
+        """Setup of the named model. values: values of parameters that neither the case nor --set specifies.
+        Raises SolveError subclasses for invalid input."""
         options: dict[str, Any] = assignments("--option", self.option or [])
         if self.reduce is not None:
             if REDUCE in options:
@@ -198,7 +198,7 @@ class Speed:
     ] = None
 
     def omega(self, model: PeriodicSystem) -> float:
-        """Ω in rad/s from the flag, or from the case by default. Raises MissingValueError."""
+        """Ω in rad/s from the flag, or from the case if the flag is absent. Raises MissingValueError."""
         return speed_or_usual(model, self.speed)
 
 
@@ -272,7 +272,9 @@ class Proving:
     digits: Annotated[
         int | None, Flag("With --prove: decimal digits of multipliers; 20 by default.", "N")
     ] = None
-    rounded: Annotated[bool, Flag("With --prove: for all numbers that round to the given ones.")] = False
+    rounded: Annotated[bool, Flag("With --prove: prove for all values that round to the given numbers.")] = (
+        False
+    )
     workers: Annotated[
         int | None, Flag("With --prove: number of processes on this machine that compute steps.", "N")
     ] = None
@@ -311,7 +313,7 @@ class Moved:
 
     by: Annotated[
         list[str] | None,
-        Flag("Instead, derivatives of these speeds with respect to a parameter; repeatable.", "NAME"),
+        Flag("Print derivatives of the computed speeds with respect to a parameter; repeatable.", "NAME"),
     ] = None
 
     def require_known(self, model: "Model") -> None:

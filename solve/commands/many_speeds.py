@@ -43,7 +43,9 @@ def sweep(
     ] = None,
     turn: Annotated[
         str | None,
-        Flag("Instead, draw this coordinate or output over one period, a curve per point: up to 12.", "NAME"),
+        Flag(
+            "Draw this coordinate or output over one period instead: one curve per point, up to 12.", "NAME"
+        ),
     ] = None,
     nonlinear: Annotated[
         bool, Flag("Orbits of the nonlinear equations, each found from its neighbour.")
@@ -106,7 +108,7 @@ def _check_turn(
 
 def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None:
     """Raise SolveError subclasses, before the calculation, if the picture of --waterfall cannot be drawn.
-    counts: numbers of speeds and of values of each parameter."""
+    counts: number of speeds, and number of values of each parameter."""
     if sum(count > 1 for count in counts) > 1:
         raise ValueOutOfBoundsError(
             "--waterfall draws spectra over one varied quantity; give one speed, or one value of each "
@@ -144,7 +146,7 @@ def chart(
     y: Annotated[str | None, Flag("N values from A to B on the y axis.", _RANGE)] = None,
     cut: Annotated[
         list[str] | None,
-        Flag("Add the line on which x or y has this value; repeatable.", "NAME=NUMBER[unit]"),
+        Flag("Draw a line at this value of x or y; repeatable.", "NAME=NUMBER[unit]"),
     ] = None,
     of: Annotated[
         str | None, Flag("Draw this quantity: q3.max_abs, rho1.re, exponent1.re, …", "QUANTITY")
@@ -192,7 +194,7 @@ def _held(text: str, model: Model) -> tuple[str, float]:
 def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:
     """Unstable bands between the lowest and the highest speed, their edges refined.
 
-    Speeds are added as the model needs them; narrow bands are looked for between them.
+    Speeds are added where the model requires them. Narrow bands are searched for between the speeds.
     """
     omegas, model = speeds.omegas(), problem.loaded()
     moved.require_known(model)
@@ -208,10 +210,10 @@ def critical(
     moved: Moved,
     of: Annotated[str | None, Flag("Coordinate or output; the first coordinate by default.", "NAME")] = None,
     figure: Annotated[str, Flag("Statistic of |quantity| to maximise: max or rms.", "max|rms")] = "max",
-    orders: Annotated[int, Flag("Highest order of integer divisions.", "K")] = 20,
-    campbell: Annotated[bool, Flag("Draw the Campbell diagram alone.")] = False,
+    orders: Annotated[int, Flag("Highest k of the fractions ω̄/k of mean frequencies.", "K")] = 20,
+    campbell: Annotated[bool, Flag("Draw only the Campbell diagram.")] = False,
 ) -> None:
-    """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
+    """Critical speeds: maxima of response and multipliers, fractions ω̄/k of mean frequencies."""
     omegas, statistic, model = speeds.omegas(), figure_kept(figure), problem.loaded()
     moved.require_known(model)
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
@@ -242,7 +244,10 @@ def validity(
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,
-    at: Annotated[float, Flag("Largest error up to which the model is valid.", "5%", read=fraction)] = 0.05,
+    at: Annotated[
+        float,
+        Flag("Largest linearisation error for which the linear model counts as valid.", "5%", read=fraction),
+    ] = 0.05,
 ) -> None:
     """Linearisation error over speed, and the speed up to which the linear model is valid."""
     omegas, model = speeds.omegas(), problem.loaded()

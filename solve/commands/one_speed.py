@@ -39,7 +39,7 @@ def periodic(
     start: Annotated[
         str | None, Flag("With --nonlinear: a saved orbit or transient as the start.", "FILE")
     ] = None,
-    quasi_static: Annotated[bool, Flag("Add the kinetostatic solution for comparison.")] = False,
+    quasi_static: Annotated[bool, Flag("Add the quasi-static response for comparison.")] = False,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     data: Annotated[
         str | None, Flag("Measured vibration at this speed, drawn for comparison.", "FILE")
@@ -113,7 +113,7 @@ def _with_measured(
     from solve.views.fit import compared_figure, differences_table
 
     channels = beside(orbit, records)
-    title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
+    title = f"{titled(orbit.system, orbit.speed)}: computed and measured"
     return (
         lambda: {**record(), "measured": [channel.record for channel in channels]},
         lambda: stacked(report(), differences_table(channels, orbit.system.labels.speed_unit)),
@@ -137,7 +137,9 @@ def compare(
     method: Annotated[
         list[str] | None, Flag("Method to compare; repeatable; all by default.", "NAME")
     ] = None,
-    steps: Annotated[list[int] | None, Flag("Equal number of steps per period; repeatable.", "N")] = None,
+    steps: Annotated[
+        list[int] | None, Flag("Number of steps per period, the same for all methods; repeatable.", "N")
+    ] = None,
     rtol: Annotated[
         list[float] | None,
         Flag(
@@ -157,8 +159,8 @@ def compare(
 
 
 def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) -> list[Rule]:
-    """Methods, each with the settings that it supports. Raises UnknownNameError, and ValueOutOfBoundsError
-    for a setting that no method supports."""
+    """Methods, each with those of the settings that it supports. Raises UnknownNameError, and
+    ValueOutOfBoundsError for a setting that no method supports."""
     selected = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
     allowed = {name: settings_of(name) for name in selected if name in METHODS}
     for setting, value in settings.items():
@@ -179,13 +181,13 @@ def transient(
         str, Flag("Initial state; a saved .npz is continued from its end.", "FILE|rest|orbit")
     ] = "rest",
     nonlinear: Annotated[bool, Flag("Integrate the nonlinear equations of motion.")] = False,
-    rtol: Annotated[float, Flag("Tolerance to which the orbit is reached.", "R")] = 1e-3,
+    rtol: Annotated[float, Flag("Relative tolerance within which the orbit counts as reached.", "R")] = 1e-3,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     speeds: Annotated[
-        str | None, Flag("Run-up instead of one speed: linear in time; one end may be 0.", '"A:B unit"')
+        str | None, Flag("Run-up or run-down, linear in time; one of the speeds may be 0.", '"A:B unit"')
     ] = None,
 ) -> None:
-    """Start-up from any state until the periodic vibration is reached; run-up to a speed."""
+    """Transient from an initial state to the periodic orbit, or run-up or run-down."""
     model = problem.loaded()
     shown(model, show)
     if speeds is not None and speed.speed is not None:

@@ -98,7 +98,7 @@ def optimise(
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
     robust: Annotated[
         str | None,
-        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile, as 95%.", "K"),
+        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile such as 95%.", "K"),
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -127,7 +127,7 @@ def optimise(
         limits = model.bounds_of_gains(limits)
         names += model.gains
     elif gain_harmonics or delay is not None:
-        raise ValueOutOfBoundsError("--gain-harmonics and --delay are of a feedback; add --feedback NAME")
+        raise ValueOutOfBoundsError("--gain-harmonics and --delay require a feedback; add --feedback NAME")
     if missing := [name for name in names if name not in limits]:
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
     if not_free := [name for name in limits if name not in names]:
@@ -168,7 +168,7 @@ def tolerances(
     ] = None,
     samples: Annotated[int, Flag("Number of samples for the probabilities.", "N")] = 4096,
     index_samples: Annotated[
-        int, Flag("Samples for Sobol indices, times the number of parameters plus 2; 0 for none.", "N")
+        int, Flag("N × (number of parameters + 2) samples for Sobol indices; 0 for none.", "N")
     ] = 256,
     seed: Annotated[int, Flag("Seed of the random numbers.", "N")] = 0,
 ) -> None:
@@ -207,7 +207,9 @@ def frequencies(
     results: Results,
     position: Annotated[str | None, Flag("Position of the drive; 0 by default.", '"70 deg"')] = None,
     count: Annotated[int | None, Flag("Number of modes, from the lowest; 4 by default.", "N")] = None,
-    turn: Annotated[int | None, Flag("Add N positions of a revolution, with their mean.", "N")] = None,
+    turn: Annotated[
+        int | None, Flag("Add frequencies at N positions of a revolution, and their means.", "N")
+    ] = None,
     over: Annotated[
         list[str] | None,
         Flag(

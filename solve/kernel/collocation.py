@@ -47,10 +47,10 @@ class Samples(NamedTuple):
 class Periods(NamedTuple):
     """Result of the compiled collocation.
 
-    Phi (P, N, N): monodromy matrices. units (P, N): powers of 2 that balance them, for several coordinates.
-    curves (P, n, m, D): coefficients, lowest power first, if orbits are computed. condition (P,): condition
-    numbers of their linear systems, not finite if the curves are not. maps (1, m, N, N+1): of the steps, for
-    one point."""
+    Phi (P, N, N): monodromy matrices. units (P, N): powers of 2 that balance the matrices; None for one
+    coordinate. curves (P, n, m, D): coefficients of the orbits, lowest power first; None without orbits.
+    condition (P,): condition numbers of the linear systems of the orbits; not finite if the curves are not.
+    maps (1, m, N, N+1): matrices and loads of the affine maps of the steps, for a single point."""
 
     Phi: Array
     units: Array | None
@@ -60,8 +60,8 @@ class Periods(NamedTuple):
 
 
 def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
-    """Memory in bytes per step and point: its curve with this number of powers, and its share of the
-    workspace of a group of points."""
+    """Memory in bytes per step and point: the curve with this number of powers, and the share of one point in
+    the workspace of a group of points."""
     return 8 * n * (2 * powers + 12) if orbit else 8
 
 
@@ -78,8 +78,8 @@ def solved(
 
     Coefficients are sampled at the stages (m s phases, step by step). Orbits by a method whose steps do not
     end at a stage also need the starts of steps (m phases); with jumps at ends of steps, orbits by any method
-    need the starts and then the ends (2m). The lanes are points, or the segments of a point, one point after
-    another, if they are solved `alone`. Raises CompilerError, MemoryError."""
+    need the starts and then the ends (2m). The lanes are points. With `alone`, points are solved one after
+    another, and the lanes are segments of one period. Raises CompilerError, MemoryError."""
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
     if segments and points > 1:

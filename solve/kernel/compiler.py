@@ -34,8 +34,8 @@ _ZIG = ("-fno-sanitize=all",)
 
 _HEADERS = Path(__file__).parent
 _SECONDS = 300.0
-"""Seconds that a compilation may take. The first one by Zig builds its run-time library too: up to 40 s were
-measured on a busy machine."""
+"""Seconds that a compilation may take. The first compilation by Zig also builds the run-time library: up to
+40 s were measured on a busy machine."""
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -163,7 +163,7 @@ def zig() -> tuple[str, ...]:
 
 
 def _compile(command: list[str], library: Path, formulas: str) -> None:
-    """Write the library and its checksum, each as a whole."""
+    """Write the library and its checksum, each file atomically."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         part, checksum, text = (Path(folder) / name for name in (library.name, "checksum", "formulas.h"))
         if formulas:

@@ -77,7 +77,7 @@ def _banded(own: Array, following: Array, right: Array) -> Array | None:
             some = offset == distance
             columns[:, some, a, 2 * width + distance * b] += following[:, some]
     bands, permuted = columns.reshape(r * m * b, -1).T, right[:, order].reshape(-1, 1)
-    # The package alone takes longer to be read than many a command.
+    # Imported here, because importing SciPy takes longer than many commands.
     from scipy.linalg.lapack import zgbsv  # pyright: ignore[reportAttributeAccessIssue]
 
     _, _, solution, failed = zgbsv(width, width, bands, permuted, overwrite_ab=1)

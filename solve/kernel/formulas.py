@@ -1,7 +1,7 @@
 """Evaluation of the formulas of generated models by compiled code.
 
-Values at phases, statistics over one period of curves and of formulas of these, both for many points, and
-values of columns of numbers."""
+Values at phases for many points; statistics over one period, of curves and of formulas of the curves, for
+many points; values for columns of inputs."""
 
 import ctypes
 from collections.abc import Sequence
@@ -112,14 +112,16 @@ def figures(
     wanted: Array,
     formulas: Formulas | None = None,
 ) -> Array | None:
-    """Figures (P, k, 7), in the order of `solve.contracts.Statistics`, of the quantities with indices
-    `wanted` (k,): coordinates, followed by formulas. None without compiled code or memory.
+    """Statistics (P, k, 7), in the order of `solve.contracts.Statistics`, of the quantities with indices
+    `wanted` (k,): indices of coordinates, followed by those of formulas. None without compiled code or
+    memory.
 
-    curves (P, n, m, D): of equal steps, powers of θ, lowest first; speeds (P,) in rad/s; samples: of a step;
-    zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings, at
-    least 8 and rising, and of one that may be lower than another; tie: part of the largest value by which one
-    is beyond another.
-    formulas: with values (P, p) of their parameters.
+    curves (P, n, m, D): coefficients of powers of θ in equal steps, lowest first. speeds (P,): rad/s.
+    samples: number per step. parts: ascending fractions, 8 or more, from -1 to 1 of the interval around an
+    extremum at which it is sampled. zooms: numbers of times that the interval is narrowed to a sixteenth, for
+    the largest extremum and for others that may be as large. tie: difference, relative to the largest value,
+    by which an extremum must exceed another to count as larger. formulas: formulas with parameter values (P,
+    p).
     """
     points, n, m, D = curves.shape
     parameters = np.zeros((points, 0)) if formulas is None else formulas.values

@@ -26,8 +26,9 @@ class Conditioned(NamedTuple):
     """Eigenvalues and condition numbers of matrices.
 
     values (P, N): in order of decreasing modulus, + imaginary part first; NaN without convergence. sizes
-    (P,): Frobenius norms of the balanced matrices, for two rows the smallest in any units. norms (P,):
-    spectral norms of the balanced matrices. conditions (P, N): condition numbers of their eigenvalues."""
+    (P,): Frobenius norms of the balanced matrices; for matrices of two rows, the smallest norm in any units.
+    norms (P,): spectral norms of the balanced matrices. conditions (P, N): condition numbers of their
+    eigenvalues."""
 
     values: Array
     sizes: Array

@@ -44,7 +44,7 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
     H, reflections, tau = _hessenberg(A)
     N, _, m = H.shape
     if N == 1:
-        # mb03bz returns 1 for numbers.
+        # For factors of one row, mb03bz returns the factor 1.
         return A.astype(complex), np.ones(A.shape, dtype=complex)
     Q, failed = mb03vy(N, m, 1, N, reflections, tau)
     _check(failed, "mb03vy")
@@ -55,7 +55,7 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
             break
         _split(H, Q, failed - 2)
     _check(failed, "mb03bz")
-    # SLICOT's factors go backwards, and each of its bases stands at the end of a factor.
+    # SLICOT's factors are in reverse order, and its k-th basis belongs to the end of the k-th factor.
     return _factors(H)[::-1], np.roll(_factors(Q)[::-1], 1, axis=0)
 
 

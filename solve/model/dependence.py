@@ -28,7 +28,7 @@ choice."""
 class _Slopes:
     """Structurally nonzero derivatives of a generated function, with their rows and columns, row by row.
 
-    function: CasADi function of the inputs and the parameters (p,) that returns them in a column.
+    function: CasADi function of the inputs and the parameters (p,) that returns the derivatives in a column.
     """
 
     shape: tuple[int, int]
@@ -86,8 +86,8 @@ class GeneratedSlopes:
     """Derivatives of the generated functions by automatic differentiation in CasADi (J. A. E. Andersson et
     al., Math. Program. Comput. 11 (2019) 1-36), for any parameter values.
 
-    Functions are built at their first use. nonlinear: whether of the nonlinear equations, or of those
-    linearised about the fundamental motion.
+    Functions are built at their first use. nonlinear: whether the nonlinear equations are differentiated, or
+    those linearised about the fundamental motion.
     """
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):
@@ -198,7 +198,7 @@ class GeneratedDependence:
         return by_parameters.sum(axis=0), by_states
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        # Not compiled: formulas of outputs are short, and extrema are few phases.
+        # Not compiled: formulas of outputs are short, and outputs are needed at few phases.
         slopes = self._slopes.output(name)
         return self._partial(slopes, slopes.values(None, self._p, self._inputs(phase, speed, states)))
 

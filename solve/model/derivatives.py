@@ -34,7 +34,8 @@ class ModelDerivatives:
     """Derivatives of a model's linearised or nonlinear equations; see `ParameterDerivatives`.
 
     assembled: whether the matrices are assembled numerically, and hence differentiated by finite differences.
-    slopes: cache of the derivatives of generated functions, by names, and whether of the nonlinear equations.
+    slopes: cache of the derivatives of generated functions, by names of parameters and whether the equations
+    are nonlinear.
     """
 
     def __init__(self, system: PeriodicSystem, setup: Setup, assembled: bool, slopes: SlopesCache):

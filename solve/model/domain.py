@@ -28,15 +28,15 @@ errors of some 1e-16, and the value of a minimum that touches zero is accurate t
 its phase."""
 
 BISECTIONS = 40
-"""Bisections of the distance of two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44 times
-as many for the same reduction."""
+"""Bisections of the distance between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44
+times as many for the same reduction."""
 
 _JUMP_SIZE = 1e-6
 """Fraction of the largest margin: if the margin is larger on both sides of a change of sign, this is a jump,
 not a zero."""
 
 _BATCH_PHASES = 2**16
-"""Number of phases of points that are evaluated at once."""
+"""Number of phases, summed over all points, that are evaluated at once."""
 
 _CACHE_SIZE = 8
 """Number of cached results: a solution needs matrices of the same points on several grids."""
@@ -138,7 +138,8 @@ class Domain:
             return self._sampler(phase, speeds, values)
 
     def _violations(self, speeds: Array, values: Array) -> _Violations:
-        """Violations at points (P,), at the sampled phases; without any, at phases between the samples."""
+        """Violations at points (P,): at the sampled phases or, if there are none, at phases between the
+        samples."""
         phase, P = self._phases, len(speeds)
         k = len(phase)
         grid = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)

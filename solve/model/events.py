@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import casadi
 
 MAX_CACHED = 64
-"""Number of generated functions that are kept, so that other values of the parameters need no new code. A
+"""Number of generated functions that are cached, so that changed values of parameters need no new code. A
 choice: few models are used at a time."""
 
 _STATES = "q", "qd", "qdd"

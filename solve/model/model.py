@@ -165,8 +165,9 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def _check(self, speed: float) -> None:
-        """As for any system. Also checks that the fundamental motion exists, that generated matrices jump
-        only at the breaks, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
+        """Check the matrices as for any system. Check also that the fundamental motion exists, that generated
+        matrices jump only at the breaks, and that M is positive definite. Raises DesiredMotionError,
+        MatricesError."""
         require_desired_motion(shown_in(self, speed), np.array([speed]))
         if not self._valid_at_all_speeds:
             require_no_jump(self, speed)
@@ -254,8 +255,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return self.varying_about(phase, speed, acceleration, *np.zeros((2, len(phase), self.n)))
 
     def varying_about(self, phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
-        """Matrices of `varying`, linearised about states q and q̇ (m, n) without accelerations, at which they
-        are those of the nonlinear equations."""
+        """Matrices M, C, K and d at varying speed, of the nonlinear equations linearised about states q and
+        q̇ (m, n) with q̈ = 0. At these states the linearised equations are exact."""
         entries = self._varying(phase, speed, np.full(len(phase), acceleration), q, qd, np.zeros_like(q))
         return self.with_damping(phase, entries)
 
@@ -263,7 +264,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         """Matrices M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping added
         to C.
 
-        It cancels in d about a motion, where it occurs in C q̇ and in the residual.
+        Modal damping does not change d about a motion: it cancels, because it occurs in C q̇ and in the
+        residual.
         """
         M, C, K, d = split_entries(entries, self.n)
         if isinstance(self.sampler, DampedSampler):

@@ -124,7 +124,7 @@ class MatrixSampler:
     """Sampler of M, C, K (m, n, n) and d (m, n) of a generated `linearised` function with fixed parameters.
 
     If the entries are polynomials of the speed, as for most mechanisms, their coefficients are sampled once
-    per grid of phases and cached. The next solution on this grid, at any speed, is then a matrix product.
+    per grid of phases and cached. The entries on this grid at any other speed are then a matrix product.
     """
 
     @symbolic

@@ -48,7 +48,7 @@ class Spread(NamedTuple):
 
         if self.normal:
             return self.first + self.second * z
-        # Rounding must not leave the ends.
+        # Rounding must not move values beyond the ends.
         return np.clip(self.first + (self.second - self.first) * ndtr(z), self.first, self.second)
 
     def slopes(self, z: Array) -> Array:

@@ -44,8 +44,9 @@ class Series(NamedTuple):
 class Fit:
     """Series fitted to the rows of a table.
 
-    name: series, with ' for its derivative. angles (m,): rad. values (m,): in `unit`. coefficients
-    (1 + 2 harmonics,): mean, cosines, sines. parameters: the corresponding parameters of the model.
+    name: name of the series, followed by ' if its derivative is fitted. angles (m,): rad. values (m,): in
+    `unit`. coefficients (1 + 2 harmonics,): mean, cosines, sines. parameters: the corresponding parameters of
+    the model.
     """
 
     name: str
@@ -85,8 +86,9 @@ def fitted(
 ) -> Fit:
     """Fit a declared series to a table. Harmonics that are not fitted are 0.
 
-    name: series, with ' for its derivative. columns: headers of angle and value, with units in brackets.
-    harmonics: by default all declared ones. unit: unit of the parameters. Raises CaseFileError, UnitError.
+    name: name of the series, followed by ' if its derivative is fitted. columns: headers of angle and value,
+    with units in brackets. harmonics: number of fitted harmonics; None for all declared ones. unit: unit of
+    the parameters. Raises CaseFileError, UnitError.
     """
     most = series.harmonics
     if harmonics is not None and (type(harmonics) is not int or not 1 <= harmonics <= most):

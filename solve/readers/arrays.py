@@ -21,8 +21,8 @@ Read = SampledSystem | SampledStates | SampledMixed
 def system_of(arrays: Mapping[str, Any], file: str, speed: float | None = None) -> Read:
     """System from the arrays of a file, whose first index is the azimuth.
 
-    M and K, of second order, or A, of first order. speed: in rad/s, by default the file's. Raises FileError
-    and MatricesError.
+    The arrays contain M and K of a second-order system, or A of a first-order system. speed: in rad/s; the
+    speed in the file if None. Raises FileError and MatricesError.
     """
     phase = _phases(arrays, file)
     period = _number(arrays, "phase_period", file)

@@ -10,7 +10,7 @@ from solve.array_files import require_file
 from solve.errors import FileError
 
 ENDINGS = ".lin", ".mat", ".npz", ".nc", ".mtx", ".op4", ".fmu"
-"""Endings of files of matrices, and of units."""
+"""Endings of files of matrices and of functional mock-up units."""
 
 _MOST_FILES = 10_000
 """Maximum number of files of a pattern. A choice."""
@@ -48,7 +48,7 @@ def checked_path(path: object) -> str | Path:
 
 
 def is_system_file(text: str) -> bool:
-    """Whether a text is the path or pattern of files of matrices, of a unit, or of Python code that defines
+    """Whether a text is the path or pattern of files of matrices, of an FMU, or of Python code that defines
     `system` instead of a mechanism. The code is not executed.
 
     >>> is_system_file("run.*.lin"), is_system_file("cam"), is_system_file("cam.py")

@@ -20,14 +20,14 @@ from solve.samples import checked_period
 from solve.units import speed_in_si
 
 _FEWEST_AZIMUTHS, _MOST_AZIMUTHS = 64, 4096
-"""Azimuths of the first and of the last sampling. A choice."""
+"""Number of azimuths of the first sampling, and largest number. A choice."""
 
 _TAIL = 1e-9
 """Amplitude of the upper quarter of the harmonics, relative to the largest entry of their matrix, up to which
-the azimuths are not doubled: some times the error of the motion. A choice."""
+the number of azimuths is sufficient: several times the error of the motion. A choice."""
 
 _COUPLED = 1e-9
-"""Influence of the remaining states on an excluded one, relative to the largest derivative of the unit, that
+"""Influence of the remaining states on an excluded state, relative to the largest derivative of the FMU, that
 counts as round-off. A choice."""
 
 
@@ -42,7 +42,7 @@ def read_fmu(
 ) -> SampledStates | UnitSystem:
     """Linearise a functional mock-up unit, FMI 2 or 3 for model exchange, along a periodic motion.
 
-    A unit contains compiled code, which is executed. Read units from sources that you trust only.
+    An FMU contains compiled code, which is executed. Read only FMUs from sources that you trust.
 
     Parameters
     ----------
@@ -55,26 +55,26 @@ def read_fmu(
         States with a prescribed motion, which need not be periodic, such as the angle of the drive and its
         speed. They are left out with their rows and columns.
     values : mapping of str to float, optional
-        Parameters and start values of the unit, in its units.
+        Parameters and start values of the FMU, in the units that it declares.
     motion : mapping of str to (k,) array, optional
         Periodic motion of all states at k ≥ 3 uniform times from 0 without the end of the period. By default
-        it is found by shooting, from the start values of the unit.
+        it is found by shooting, from the start values of the FMU.
     period : float
         Period in phase.
     drive : str, optional
-        Variable of the unit that is set to the speed in rad/s, such as a parameter, or the start value of a
-        state with a prescribed motion.
+        Variable of the FMU that is set to the speed in rad/s: a parameter, or the start value of a state with
+        a prescribed motion.
 
     Returns
     -------
     FirstOrderSystem
-        System of small deviations from the motion, without load, with the inputs and outputs of the unit. The
-        motion is in `source.operating_points`; without `speed` it is that of `at_speed(speed)`.
+        System of small deviations from the motion, without load, with the inputs and outputs of the FMU. The
+        motion is in `source.operating_points`; without `speed`, in those of `at_speed(speed)`.
 
     Raises
     ------
     FileError
-        For a unit that cannot be read or run, has no directional derivatives, switches its equations within
+        For an FMU that cannot be read or run, has no directional derivatives, switches its equations within
         the period, or has no periodic motion near its start values.
     UnknownNameError, ValueOutOfBoundsError
         For unknown or unsuitable names and values.
@@ -83,8 +83,9 @@ def read_fmu(
 
     Notes
     -----
-    Azimuths are doubled from 64 to at most 4096, until the harmonics of the matrices end. Shooting is
-    Newton's method for x(T) = x(0), with the monodromy matrix from directional derivatives.
+    The number of azimuths is doubled from 64 to at most 4096, until the highest harmonics of the matrices are
+    negligible. Shooting is Newton's method for x(T) = x(0), with the monodromy matrix from directional
+    derivatives.
 
     Examples
     --------
@@ -105,7 +106,7 @@ def read_fmu(
     if speed is not None:
         return linearised(float(speed_in_si(speed)))[0]
     if motion is not None:
-        raise ValueOutOfBoundsError("motion is that of one speed; give the speed too")
+        raise ValueOutOfBoundsError("'motion' is the motion at one speed; give 'speed' too")
     with Unit(file, values or {}) as unit:
         kept = _kept(unit, exclude)
         states, inputs, outputs = _names(unit, kept)
@@ -144,7 +145,7 @@ def _kept(unit: Unit, exclude: Sequence[str]) -> Array:
         require_name(f"state of '{unit.path}'", name, unit.states)
     kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
     if not len(kept):
-        raise ValueOutOfBoundsError("exclude names all states; leave one or more")
+        raise ValueOutOfBoundsError("'exclude' contains all states; remove one or more of them")
     return kept
 
 
@@ -184,10 +185,10 @@ def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
     lengths = {np.shape(values) for values in motion.values()}
     if missing or len(lengths) != 1 or len(shape := min(lengths)) != 1 or shape[0] < 3:
         reason = f"{missing[0]} has none" if missing else f"shapes are {sorted(lengths)}"
-        raise ValueOutOfBoundsError(f"motion needs equally many values, 3 or more, of each state; {reason}")
+        raise ValueOutOfBoundsError(f"'motion' needs equally many values, 3 or more, of each state; {reason}")
     states = np.stack([np.asarray(motion[name], dtype=float) for name in unit.states], axis=1)
     if not np.isfinite(states).all():
-        raise ValueOutOfBoundsError("motion has NaN or infinite values; give finite values")
+        raise ValueOutOfBoundsError("'motion' has NaN or infinite values; give finite values")
     return states
 
 
@@ -208,7 +209,8 @@ def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
     if len(acting):
         first, second = unit.states[others[acting[0, 0]]], unit.states[kept[acting[0, 1]]]
         raise ValueOutOfBoundsError(
-            f"exclude lists {first}, whose rate depends on {second}; exclude states with a prescribed motion"
+            f"'exclude' contains {first}, whose rate depends on {second}; list only states with a "
+            "prescribed motion"
         )
 
 
@@ -232,7 +234,7 @@ def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> Sampled
 
 
 def _source(unit: Unit, file: Path, speed: float | None = None, states: Array | None = None) -> Source:
-    """Labels of the unit; states (k, N): its motion."""
+    """Labels of the FMU. states (k, N): motion about which it was linearised, if known."""
     units, meanings = ({name: pair[k] for name, pair in unit.labels.items()} for k in (0, 1))
     points = {} if states is None else dict(zip(unit.states, states.T, strict=True))
     return Source(file.name, unit.description.description or "", speed, units, meanings, (), points)

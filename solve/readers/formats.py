@@ -11,7 +11,7 @@ from solve.readers.files import checked_path
 from solve.units import speed_in_si
 
 _OVER_AZIMUTH = frozenset({"M", "C", "Cq", "K", "d", "A", "B", "D", "b"})
-"""Names of arrays whose last index in .mat files is the azimuth, as for pages of matrices in MATLAB."""
+"""Names of arrays whose last index in .mat files is the azimuth, as MATLAB stores pages of matrices."""
 
 
 def read_mat(path: str | Path, speed: float | str | None = None) -> Read:

@@ -69,11 +69,11 @@ def read_matrix_market(
         numbers = series.setdefault(found[1], {})
         number = -1 if found[2] is None else int(found[2])
         if number in numbers:
-            raise FileError(f"'{file}' and '{numbers[number]}' are the same matrix; give one of them")
+            raise FileError(f"'{file}' and '{numbers[number]}' contain the same matrix; give one of them")
         numbers[number] = file
     counts = {symbol: len(numbers) for symbol, numbers in series.items() if len(numbers) > 1}
     if len(set(counts.values())) > 1:
-        texts = ", ".join(f"{count} of {symbol}" for symbol, count in counts.items())
+        texts = ", ".join(f"{count} files of {symbol}" for symbol, count in counts.items())
         raise FileError(f"there are {texts}; give every matrix at the same azimuths, or one constant file")
     arrays: dict[str, Any] = {symbol: _stacked(numbers) for symbol, numbers in series.items()}
     for symbol in "db":

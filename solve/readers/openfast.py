@@ -116,7 +116,7 @@ def _require_same(files: Sequence[LinFile]) -> None:
         )
     if speeds.mean() <= 0:
         raise FileError(
-            f"the rotor speed is {speeds.mean():g} rad/s; give files linearised at a rotating rotor"
+            f"the rotor speed is {speeds.mean():g} rad/s; give files linearised with a rotating rotor"
         )
 
 
@@ -168,7 +168,7 @@ def _azimuth(file: LinFile) -> float:
             for signal in file.signals["states"]
             if text in signal.description and _RATE not in signal.description
         ]
-    # ElastoDyn counts the azimuth of blade 1 from the vertical, the generator's angle a quarter later.
+    # ElastoDyn measures the azimuth of blade 1 from the vertical, and the generator's angle from 90° later.
     exact = sum(angles) + math.pi / 2
     is_same = angles and abs(math.remainder(exact - file.azimuth, 2 * math.pi)) < _PRINTED
     return (exact if is_same else file.azimuth) % (2 * math.pi)

@@ -32,8 +32,8 @@ def read(
 ) -> PeriodicSystem:
     """System read from a path or pattern.
 
-    options: those of its kind. parameters: values of variables of a unit or of arguments of a Python
-    function, and further options. others: arguments of models, which must be None. Raises SolveError
+    options: options for files of this ending. parameters: values of variables of an FMU or of arguments of a
+    Python function, and further options. others: arguments for models, which must be None. Raises SolveError
     subclasses.
     """
     ending = Path(text).suffix.lower()
@@ -60,11 +60,11 @@ def read(
 
 
 _ABSENT = {".lin": "parameters or cases", ".fmu": "cases", ".py": "cases or options"}
-"""What files of an ending lack; those of matrices lack all of it."""
+"""Arguments that files of an ending do not accept. Files of matrices accept none."""
 
 
 def _numbers(text: str, parameters: Mapping[str, float | str]) -> dict[str, float]:
-    """Values of variables of a unit. Raises ValueOutOfBoundsError for texts."""
+    """Values of variables of an FMU. Raises ValueOutOfBoundsError for texts."""
     for name, value in parameters.items():
         if isinstance(value, str):
             raise ValueOutOfBoundsError(

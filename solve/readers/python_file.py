@@ -47,7 +47,7 @@ def _built(file: Path, function: Callable[..., Any], values: Mapping[str, float]
 
 
 def _labelled(system: PeriodicSystem, file: Path) -> PeriodicSystem:
-    """System with the name of its file, unless it has a name of its own."""
+    """System labelled with the name of the file; unchanged if it has a label already."""
     own = system.labels.name != PeriodicSystem.labels.name
     return system if own else relabelled(system, name=file.stem)
 

@@ -9,8 +9,8 @@ from solve.errors import FileError
 from solve.readers.fmi import Unit
 
 _CLOSED = 1e-10
-"""Difference of a state over a period, relative to its largest modulus, up to which a motion is periodic:
-some times the error of the integration."""
+"""Difference of a state over a period, relative to its largest modulus, up to which a motion counts as
+periodic: several times the error of the integration."""
 
 _INTEGRATION, _MONODROMY = 1e-12, 1e-8
 """Relative tolerances of LSODA for the motion and for the monodromy matrix, which only directs the
@@ -20,10 +20,11 @@ _MOST_CORRECTIONS = 20
 """Corrections of Newton's method. A choice: quadratic convergence takes five."""
 
 _SLOW = 0.1
-"""Ratio of two residuals from which the monodromy matrix is computed again. A choice."""
+"""Ratio of two successive residuals above which the monodromy matrix is computed again. A choice."""
 
 _SINGULAR = 1e-10
-"""Singular value of I - Φ, relative to the largest, from which the motion is not isolated. A choice."""
+"""Smallest singular value of I - Φ, relative to the largest, below which the motion is not isolated. A
+choice."""
 
 Motion = Callable[[Array], Array]
 """Function of times (k,) in s that returns all states (N, k)."""
@@ -32,7 +33,7 @@ Motion = Callable[[Array], Array]
 def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
     """Motion over a period. The states with indices `kept` (k,) are periodic.
 
-    The others start at their start values. Raises FileError if the motion cannot be integrated, is not
+    The other states begin at their start values. Raises FileError if the motion cannot be integrated, is not
     isolated, or is not found.
     """
     x, Phi, before = unit.start.copy(), None, np.inf
@@ -48,7 +49,7 @@ def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
         x[kept] += _solved(unit, Phi, residual, sizes[kept])
     raise FileError(
         f"'{unit.path}' has no periodic motion near its start values: its states change by {before:.1e} of "
-        "their size in a period; give values nearer to it, or the motion"
+        "their size in a period; give 'values' nearer to it, or 'motion'"
     )
 
 

@@ -8,11 +8,11 @@ from solve.first_order import FirstOrderSystem
 from solve.readers.sampled import OfSource, SampledStates, Source
 
 _MOST_SPEEDS = 256
-"""Maximum number of speeds whose matrices are kept. A choice: some hundred MB for ten states."""
+"""Maximum number of speeds whose matrices are cached. A choice: several hundred MB for ten states."""
 
 
 class UnitSystem(OfSource, FirstOrderSystem, Validity):
-    """Small deviations of a unit from its periodic motion at any speed.
+    """Small deviations of an FMU from its periodic motion at any speed.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class UnitSystem(OfSource, FirstOrderSystem, Validity):
     period : float
         Period in phase.
     source : Source
-        Labels of the unit.
+        Labels of the FMU.
     """
 
     def __init__(

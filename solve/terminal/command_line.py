@@ -1,7 +1,7 @@
 """Command lines: exit status, messages on standard error, and interruptions.
 
-Exit status 0: completed, or the reader of the output has closed it. 2: refused. 70: internal error.
-130: interrupted. Each failure prints one line on standard error.
+Exit status 0: completed, or the reader of the output has closed the pipe. 2: invalid input. 70: internal
+error. 130: interrupted. Each failure prints one line on standard error.
 """
 
 import io
@@ -139,7 +139,7 @@ def run_cli(
     """
     with redirect_stdout(_Stream(sys.stdout, False)), redirect_stderr(_Stream(sys.stderr, True)):
         for argument in filter(_CONTROL.search, arguments):
-            return _fail(name, f"'{_escaped(argument)}' contains a control character; write it without")
+            return _fail(name, f"'{_escaped(argument)}' contains a control character; remove the character")
         interruptions: list[object] = []
         try:
             with _repeat_sigint(interruptions):

@@ -38,7 +38,7 @@ class Task:
         self._report()
 
     def step(self, what: str) -> None:
-        """Begin the next part, under a name of its own, of a task with unequal parts."""
+        """Begin the next part, with the name `what`, of a task with unequal parts."""
         self.what = what
         self.add()
 

@@ -180,7 +180,7 @@ def test_duffings_cubic_spring_is_named():
     module_text(one, "", "one", reported.append)
     assert reported == [
         "k3 is in the energies but not in the linearised equations; linear results ignore it",
-        "W is in the energies but moves nothing: it is in no equation of motion and in no output",
+        "W is in the energies but has no effect: it is in no equation of motion and in no output",
     ]
 
 

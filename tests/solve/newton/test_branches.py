@@ -134,7 +134,7 @@ def test_truncated_branch_gives_a_warning():
         ({"speeds": "0:3 rad/s"}, "two different ones above 0"),
         ({"speeds": "3:3 rad/s"}, "two different ones, such as"),
         ({"speeds": "3:3.000000001 rad/s"}, "two different ones, such as"),
-        ({"speeds": "2:3"}, "without a unit; write them with one, such as '2:3 rpm'"),
+        ({"speeds": "2:3"}, "without a unit; write them with a unit, such as '2:3 rpm'"),
         ({"speeds": "2:3 rad/s", "points": 1}, "points is 1"),
         ({"speeds": "2:3 rad/s", "rtol": 2.0}, "rtol"),
         ({"speeds": "2:3 rad/s", "start": "rest"}, "start is 'rest'; allowed: an orbit"),

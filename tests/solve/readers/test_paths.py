@@ -71,7 +71,7 @@ def test_unit_without_a_speed_is_linearised_at_each(tmp_path):
     assert swept.equations_at(np.zeros(1), 1.0)[0][0, 1, 0] == pytest.approx(-1.0 - 0.5)
     with pytest.raises(MissingValueError, match="states no speed"):
         speed_or_usual(unit, None)
-    with pytest.raises(ValueOutOfBoundsError, match="motion is that of one speed"):
+    with pytest.raises(ValueOutOfBoundsError, match="'motion' is the motion at one speed"):
         solve.read_fmu(path, motion={})
     with pytest.raises(ValueOutOfBoundsError, match="allowed: numbers"):
         solve.load(path, c="1 N s/m")
