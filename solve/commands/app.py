@@ -72,7 +72,7 @@ COMMANDS = {
     "sweep": "Periodic vibration and stability over many speeds, and values of parameters.",
     "bands": "Unstable bands between the lowest and the highest speed, their edges refined.",
     "chart": "Stability over two quantities, with named boundaries.",
-    "critical": "Critical speeds: maxima of response and multipliers, fractions ω̄/k of mean frequencies.",
+    "critical": "Critical speeds: maxima of response and multipliers, divisions ω̄/k of mean frequencies.",
     "modes": "Floquet modes followed over the speed or a parameter: frequencies, damping, veerings.",
     "transient": "Transient from an initial state to the periodic orbit, or run-up or run-down.",
     "sensitivity": "Derivatives of quantities with respect to parameters and speed, at one or many speeds.",

@@ -210,10 +210,10 @@ def critical(
     moved: Moved,
     of: Annotated[str | None, Flag("Coordinate or output; the first coordinate by default.", "NAME")] = None,
     figure: Annotated[str, Flag("Statistic of |quantity| to maximise: max or rms.", "max|rms")] = "max",
-    orders: Annotated[int, Flag("Highest k of the fractions ω̄/k of mean frequencies.", "K")] = 20,
+    orders: Annotated[int, Flag("Highest k of the divisions ω̄/k of mean frequencies.", "K")] = 20,
     campbell: Annotated[bool, Flag("Draw only the Campbell diagram.")] = False,
 ) -> None:
-    """Critical speeds: maxima of response and multipliers, fractions ω̄/k of mean frequencies."""
+    """Critical speeds: maxima of response and multipliers, divisions ω̄/k of mean frequencies."""
     omegas, statistic, model = speeds.omegas(), figure_kept(figure), problem.loaded()
     moved.require_known(model)
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)

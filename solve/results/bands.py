@@ -60,7 +60,7 @@ class Bands(Sequence[Band], Result):
     speeds, spectral_radius : (P,) array
         Solved speeds in rad/s, ascending, and their spectral radii; NaN without a result.
     constant_matrices : bool
-        Whether M, C and K are constant over the period, so that eigenvalues decide.
+        Whether M, C and K are constant over the period, so that their eigenvalues decide stability.
     """
 
     found: Sequence[Band]
@@ -87,7 +87,7 @@ class Bands(Sequence[Band], Result):
         return warnings_of(self.system, self.range[1])
 
     def plot(self, sweep: Sweep | None = None) -> Figure:
-        """Figure of the spectral radius over the solved speeds, or over those of a sweep, with the bands
+        """Figure of the spectral radius over the solved speeds, or over the speeds of a sweep, with the bands
         shaded by kind. Raises ValueOutOfBoundsError if `sweep` is not a Sweep."""
         return super().plot(sweep)
 

@@ -79,8 +79,8 @@ class BranchPoints(ResultOver):
     curves : (P, n, k) array
         Coordinates at k uniform phases of the period of each orbit; see `curve`.
     energies : (P,) array
-        Energies of unforced orbits from that at rest, in J if the coordinates are in m or rad; empty for
-        forced orbits.
+        Energies of unforced orbits minus the energy at rest, in J if the coordinates are in m or rad; empty
+        for forced orbits.
     """
 
     system: PeriodicSystem

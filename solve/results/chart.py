@@ -216,13 +216,13 @@ class Chart(ChartPoints):
     at : callable
         Function of x and y that returns the `Stability` at any point.
     solve_cut : callable
-        Function of the axis (0 or 1) and a value that returns the `Cut` there.
+        Function of the axis (0 or 1) and a value that returns the `Cut` at this value.
     notes : sequence of str
         Notes on the selection of the engine.
     cuts : sequence of Cut
         Stability along lines.
     of, values : Named, (ny, nx) array
-        Requested quantity and its values; NaN where it has none.
+        Requested quantity and its values; NaN where the quantity has no value.
     beyond : sequence of str
         Sentences on points without an orbit, and on orbits beyond the bounds of the model.
     proved : ProvedBoxes

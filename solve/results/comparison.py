@@ -31,13 +31,14 @@ class Row:
     at : {"equal steps", "equal accuracy"}
         Kind of comparison.
     orbit_error, multiplier_error : float
-        Relative errors against the reference; NaN without a result, the first also without a load.
+        Errors relative to the reference; NaN without a result. The error of the orbit is NaN without a load
+        too.
     time : float
         Processor time in s, the shortest of several runs; NaN without a result.
     verdict : str or None
         Stability verdict.
     followed : bool
-        Whether the steps resolve the fastest mode or the method damps it; otherwise multipliers may be false.
+        Whether the steps resolve the fastest mode or the method damps it; otherwise multipliers may be wrong.
     target : float or None
         Error to reach, at equal accuracy.
     reason : str or None

@@ -137,8 +137,8 @@ def varied_column(
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:
-    """Columns of the largest moduli (P, n) of the coordinates. Tables show as many as fit `beside` other
-    columns."""
+    """Columns of the largest moduli (P, n) of the coordinates. Tables show as many as fit next to `beside`
+    other columns."""
     numbered = enumerate(zip(system.coordinates, peaks.T, strict=True), start=beside)
     return [
         (f"{name}_max_abs", peak_column(system, name, values, number < MOST_SHOWN))

@@ -43,7 +43,7 @@ class StabilityMargin(NamedTuple):
     Attributes
     ----------
     distance : float
-        Norm of the change; infinite if there is none up to 1.
+        Norm of the change; infinite if no change with a norm up to 1 makes the system unstable.
     changes : mapping
         Relative changes by name.
     verdicts : tuple of str
@@ -70,11 +70,11 @@ class Controller(Result):
     states : tuple of str
         Names of the N states.
     signals : tuple of str
-        Names of the r inputs; of the measured quantities for a filter alone.
+        Names of the r inputs; for a filter without regulator, of the measured quantities.
     solution, gains : Curve
         Curves of the upper triangle of the solution, and of the gain by rows.
     closed : PeriodicSystem
-        Closed loop; the equations of the error for a filter alone.
+        Closed loop; for a filter without regulator, the equations of the estimation error.
     stability : Stability
         Certified multipliers of the closed loop at the speed.
     error_estimate : float
@@ -139,7 +139,7 @@ class Controller(Result):
         Returns
         -------
         (k, r, N) array
-            K of u = −K x for a regulator; for a filter alone L (k, N, y).
+            K of u = −K x for a regulator; for a filter without regulator, its gain L (k, N, y).
         """
         values = self.gains(_phases(phase)).T
         N, r = len(self.states), len(self.signals)

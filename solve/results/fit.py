@@ -21,8 +21,9 @@ class Channel(NamedTuple):
     """Measured and computed values (k,) of a coordinate or output at phases or harmonics `at`, at a speed
     (rad/s).
 
-    Values of harmonics with phase angles are complex. position: phase of natural frequencies at rest; `at`
-    are then the numbers of the modes.
+    Values of harmonics with phase angles are complex. orders: whether `at` contains harmonics. position:
+    phase at which natural frequencies at rest were measured, in rad; `at` then contains the numbers of the
+    modes.
     """
 
     speed: float

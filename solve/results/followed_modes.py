@@ -42,7 +42,8 @@ class Meeting:
         At a crossing the frequencies are equal and each mode keeps its vector. At a veering the modes are
         coupled: their exponents stay apart and their vectors are exchanged gradually.
     gap : float
-        Distance of the exponents there in rad/s; at a crossing the difference of the growth rates.
+        Distance between the exponents at this value in rad/s; at a crossing, the difference of the growth
+        rates.
     """
 
     modes: tuple[str, str]
@@ -92,14 +93,13 @@ class ModesOver(ResultOver):
     harmonics : (H,) array
         Harmonics h of the modes: the harmonic h has the frequency |Im λ + 2πh/T|.
     participation : (P, M, n, H) array
-        Fraction of each harmonic of each coordinate in the mode, weighted by the mean inertia of the
-        coordinate.
+        Fractions of each mode by coordinate and harmonic, weighted by the mean inertia of the coordinates.
     meetings : sequence of Meeting
         Crossings and veerings.
     ambiguous : sequence of Ambiguity
         Pairs whose identity is undetermined.
     path, path_exponents : (S,), (S, M) arrays
-        All values solved, with those added by the refinement, and the exponents there.
+        All solved values, including those added by the refinement, and the exponents at these values.
     resolution : float
         Gap in rad/s up to which a veering is not distinguished from a crossing.
     rtol : float
@@ -107,7 +107,7 @@ class ModesOver(ResultOver):
     steps : int
         Number of steps per period.
     failures : mapping of int to str
-        Reasons of speeds without a result, by position.
+        Reasons why speeds or values of the parameter have no result, by index.
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
     notes : sequence of str

@@ -32,7 +32,7 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _MOST_LINKS = 3
-"""Maximum number of links alone in a table."""
+"""Maximum number of separate links in a table."""
 
 
 class Roots(Result):
@@ -187,7 +187,7 @@ class Variation(Roots):
     frequencies, growth_rates : (v, m, k) array
         Frequencies in rad/s and growth rates in 1/s; see `Frequencies`.
     pinned : dict of str to (v,) array
-        Lowest frequency in rad/s of each link alone, pinned at both ends.
+        Lowest frequency in rad/s of each separate link, pinned at both ends.
     errors : tuple of str or None
         Reasons why values of the parameter have no frequencies.
     """

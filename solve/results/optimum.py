@@ -69,7 +69,7 @@ class Optimum(Result):
     parameters : mapping of str to FreeParameter
         Free parameters by name.
     objective, before : float
-        Largest value over the speeds at the optimum and before.
+        Largest value over the speeds, for the optimum and for the initial design.
     constraints : sequence of Requirement
         Requirements with their worst values.
     speeds : (k,) array
@@ -77,9 +77,10 @@ class Optimum(Result):
     values, values_before : (k,) array
         Minimised quantity at these speeds.
     curves : Curves or None
-        Curves of the quantity's coordinate or output at the speed of its largest value, if it has one.
+        Curves of the coordinate or output to which the quantity belongs, at the speed of its largest value;
+        None for a quantity without curve.
     confirmed : mapping of str to object
-        Largest value and verdicts of the nonlinear orbits, and proofs; empty if there are none.
+        Largest value and verdicts of the nonlinear orbits, and proofs; empty without these.
     doubts : sequence of str
         Sentences on what is doubtful.
     """

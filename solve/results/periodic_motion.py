@@ -157,12 +157,12 @@ class PeriodicMotion:
         return figures(samples, self._outputs_at, self.system.period)
 
     def _coordinates_at(self, phase: Array) -> Array:
-        """Values of each coordinate at phases of its own (n, k)."""
+        """Values (n, k) of the coordinates, each at its own row of phases (n, k)."""
         values, rows = self.at(phase.ravel()).reshape(len(phase), *phase.shape), np.arange(len(phase))
         return values[rows, rows]
 
     def _outputs_at(self, phase: Array) -> Array:
-        """Values of each output at phases of its own (o, k)."""
+        """Values (o, k) of the outputs, each at its own row of phases (o, k)."""
         flat = phase.ravel()
         values = output_values(self.system, flat, self.speed, *self.state(flat))
         return np.stack(

@@ -20,7 +20,7 @@ _REAL = 1e-6
 round-off."""
 
 LEFT_OUT = "spectral radius and verdict exclude their multipliers +1"
-"""Texts for points whose verdict excludes rigid-body modes."""
+"""End of a sentence on points whose verdict excludes rigid-body modes."""
 
 FAILED = -1
 """Index in place of a verdict, if the point failed."""

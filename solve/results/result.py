@@ -31,8 +31,8 @@ def views() -> ModuleType:
 
 
 class Result(Serializable):
-    """Base class of all results. A subclass is a dataclass with the system it belongs to. It defines
-    `columns` and, if needed, `_recorded` or `summary_values`, and `header_rows`.
+    """Base class of all results. A subclass is a dataclass with the attribute `system`. It defines `columns`
+    and, if needed, `_recorded` or `summary_values`, and `header_rows`.
 
     Attributes
     ----------

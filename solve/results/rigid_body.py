@@ -50,9 +50,9 @@ def rigid_body_modes_of(
 
 
 def steady_part(apart: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
-    """Steady motion along rigid-body modes contained in differences (turns, n, k) from an orbit at phases
-    (k,), at a speed in rad/s: an offset and the drift; for an undamped mode, an offset and any constant
-    velocity."""
+    """Part of the differences (turns, n, k) from an orbit that is a steady motion along rigid-body modes: an
+    offset and the drift or, for an undamped mode, an offset and any constant velocity. nodes (k,): phases.
+    speed: in rad/s."""
     steady = np.zeros_like(apart)
     if not modes:
         return steady

@@ -53,7 +53,7 @@ def opened(path: str | Path) -> Any:
     Returns
     -------
     Result
-        Of the class that was saved. Methods that need the equations raise ReopenedError.
+        Result of the class that was saved. Methods that need the equations raise ReopenedError.
 
     Raises
     ------

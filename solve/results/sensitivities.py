@@ -38,9 +38,10 @@ class Sensitivity:
     Attributes
     ----------
     value, unit : float or complex, str
-        Value of the quantity.
+        Value of the quantity, and its unit.
     derivatives, errors : (r,) array
-        Derivatives by the parameters and their estimated absolute errors, in SI units; NaN with a reason.
+        Derivatives with respect to the parameters, and their estimated absolute errors, in SI units; NaN if
+        there is a `reason`.
     reason : str
         Reason why there are no derivatives.
     """

@@ -41,7 +41,7 @@ _LABELS = (
 """Labels of a system that files hold."""
 
 _DATA = "period", "coordinates", "breaks", "outputs", "states", "inputs"
-"""Attributes of a system that files hold; those of earlier versions lack the last ones."""
+"""Attributes of a system that files hold; files of earlier versions lack the last attributes."""
 
 Kind = TypeVar("Kind", bound=type)
 Value = TypeVar("Value")

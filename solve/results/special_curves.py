@@ -26,9 +26,9 @@ class SpecialCurves(Result):
     kind : str
         "fold" or "doubling".
     names : tuple of str
-        Names of both parameters, one of which may be "speed".
+        Names of the two parameters, one of which may be "speed".
     values : (P, 2) array
-        Values of both; speeds in rad/s.
+        Values of the two parameters; speeds in rad/s.
     peaks : (P, n) array
         Largest moduli of the coordinates.
     radius : (P,) array

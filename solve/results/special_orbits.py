@@ -45,7 +45,7 @@ class NonlinearOrbit(Orbit):
     found_by : str
         Strategy that succeeded: "start", "linear orbit", "load", "speed" or "transient".
     failed : tuple of str
-        Sentences on the strategies that failed before.
+        Sentences on the strategies that were tried before and failed.
     periods : int
         Number of periods of the model per period of the orbit.
     settled : bool
@@ -53,7 +53,7 @@ class NonlinearOrbit(Orbit):
     events : tuple of float
         Phases in rad at which the orbit passes stops, clearances or contacts, ascending.
     grazing : tuple of float
-        Phases in rad at which it touches one without passing clearly.
+        Phases in rad at which the orbit touches a stop, clearance or contact without clearly passing it.
     """
 
     iterations: int = 0

@@ -149,8 +149,8 @@ class Validity(Result):
 
     @property
     def trusted_to(self) -> float | None:
-        """Speed (rad/s) up to which all errors are within the allowed limit; None if those of the lowest
-        speed exceed it."""
+        """Speed (rad/s) up to which all errors are within the allowed limit; None if the errors at the lowest
+        speed exceed the limit."""
         within = [*(row.max() <= self.allowed for row in self.errors), False]
         count = within.index(False)
         return float(self.speeds[count - 1]) if count else None

@@ -31,7 +31,7 @@ class Probability(NamedTuple):
     """Probability of an event with the ends of its 95 % interval.
 
     events, undetermined, failed: numbers of samples with the event, with a result whose error leaves it open,
-    and without a result. The upper end of the interval includes all of them.
+    and without a result. At the upper end of the interval, undetermined and failed samples count as events.
     """
 
     value: float
@@ -76,7 +76,7 @@ class Tolerances(Result):
     spreads : mapping of str to ParameterSpread
         Parameters that vary, by name.
     samples, solves : int
-        Number of samples for the probabilities, and of all solutions at one speed.
+        Number of samples for the probabilities, and number of all solutions per speed.
     probability : mapping of str to Probability
         Probability of instability, under "unstable", and of leaving each limit.
     sobol : mapping of str to mapping of str to SobolIndices
@@ -88,7 +88,7 @@ class Tolerances(Result):
     points : (P, r) array
         Parameters of the samples, in the model's units.
     values : (P, q) array
-        Quantities of the samples, over the speeds the worst.
+        Quantities of the samples: for each the worst value over the speeds.
     weights : (P,) array
         Weights of the samples in means over the distribution.
     doubts : sequence of str

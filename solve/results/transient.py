@@ -50,7 +50,8 @@ class TransientMotion(Result):
     ends : (turns + 1,) array
         Speeds in rad/s at the ends of the periods.
     nodes : (k,) array
-        Values of s, time times mean speed of the period, both ends included; the phase at constant speed.
+        Values of s, including both ends of a period: time multiplied by the mean speed of the period, which
+        is the phase at constant speed.
     motions : (turns, 3, n, k) array
         q, dq/ds, d²q/ds² at the nodes.
     between : float

@@ -186,7 +186,7 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
         return np.sign(values) * np.abs(values) ** power
 
     maxima = found.maxima("multiplier")
-    # With resonances of higher orders only, the multiplier rotates faster than the speeds resolve.
+    # If all resonances have higher orders, the multiplier rotates faster than the speeds resolve.
     seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
     speeds, real_part = _curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
     shown = found.system.labels.speed_unit.of

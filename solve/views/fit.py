@@ -156,7 +156,7 @@ def sensitivities_figure(result: Sensitivities) -> Figure:
             axes.invert_yaxis()
             axes.axvline(0.0, color="black", linewidth=0.7)
             axes.set_title(quantity, loc="left")
-        panels[-1].set_xlabel("elasticity: relative change by relative change of the parameter")
+        panels[-1].set_xlabel("elasticity: relative change per relative change of the parameter")
     return figure
 
 

@@ -55,7 +55,7 @@ def frequencies_figure(found: Frequencies) -> Figure:
         return positions_figure(system, found.positions, found.signed)
     if not system.labels.links:
         raise ValueOutOfBoundsError(
-            f"{system.labels.name} at one position has nothing to draw; draw the whole turn: --turn 36"
+            f"{system.labels.name} has no links to draw at one position; add the revolution: --turn 36"
         )
     return shapes_figure(system, float(found.positions[0]), found.shapes())
 

@@ -122,8 +122,8 @@ def panels_over(
     """Figure of `count` panels, one below the other, over speeds (k,) in rad/s or over the values of a
     parameter.
 
-    title: follows the model's name. height: of the figure in inches. ratios: of the panels' heights. The
-    horizontal axis is labelled, and the vertical labels are aligned, at the end of the block.
+    title: text after the model's name. height: height of the figure in inches. ratios: relative heights of
+    the panels. The horizontal axis is labelled, and the vertical labels are aligned, at the end of the block.
     """
     with page(height, f"{title_of(system)}: {title}") as figure:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]

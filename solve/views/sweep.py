@@ -224,7 +224,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
     """Figure of the spectral radius over speed, with the unstable bands shaded by kind; see `Bands.plot`."""
     if not isinstance(sweep, Sweep | None):
         raise ValueOutOfBoundsError(
-            f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or nothing; "
+            f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or leave it out; "
             'plot().savefig("FILE") writes a picture'
         )
     system, edges = bands.system, [(band.low, band.high, band.kind) for band in bands]
@@ -315,7 +315,7 @@ def validity_figure(validity: Validity) -> Figure:
         limit = {"color": GREY, "linewidth": 0.8}
         axes.axhline(100 * validity.allowed, linestyle="--", label=f"{100 * validity.allowed:g} %", **limit)
         if validity.trusted_to is not None:
-            axes.axvline(unit.of(validity.trusted_to), linestyle=":", label="trusted to here", **limit)
+            axes.axvline(unit.of(validity.trusted_to), linestyle=":", label="valid up to here", **limit)
         axes.set_yscale("log")
         axes.set_ylabel("max|difference| / max|q| (%)")
         axes.legend()

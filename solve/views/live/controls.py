@@ -46,8 +46,8 @@ class Range:
 class Control:
     """Slider of a parameter or of the speed.
 
-    value: in `unit`. bound: as the model states it. further: whether it belongs among the parameters that
-    rarely matter, because its value is 0.
+    value: value in `unit`. bound: bound as the model states it. further: whether the slider is listed among
+    the parameters that rarely matter, because the value is 0.
     """
 
     name: str
@@ -94,8 +94,8 @@ def _family(name: str) -> str:
 
 
 def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
-    """Initial speed in rad/s with its unit: the given one, otherwise that of the case, otherwise one well
-    below the lowest natural frequency. Raises SolveError subclasses for invalid input, and
+    """Initial speed in rad/s with its unit: the given speed, otherwise the speed of the case, otherwise a
+    speed well below the lowest natural frequency. Raises SolveError subclasses for invalid input, and
     MissingValueError if no speed can be determined."""
     try:
         return speed_in_si(speed_or_usual(model, speed))
@@ -138,7 +138,7 @@ def parameter_range(value: float, bound: str, scale: float) -> Range:
     width = 2 * abs(value) or scale
     low = value - width if lower == -math.inf else lower
     high = value + width if upper == math.inf else upper
-    # An open end is not a value.
+    # A bound such as "> 0" excludes its end.
     margin = 1e-3 * (high - low)
     low += margin * any(text.startswith("> ") for text in conditions)
     high -= margin * any(text.startswith("< ") for text in conditions)

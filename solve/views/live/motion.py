@@ -18,8 +18,8 @@ FRAMES = 36
 point then deviates from its circle by at most 0.4 %."""
 
 COARSE = 0.25
-"""Number of points of curves while sliders move, as a fraction of that in animations; this takes a quarter of
-the time."""
+"""Number of points of curves while sliders move, as a fraction of the number in animations; computing them
+takes a quarter of the time."""
 
 
 def motion(

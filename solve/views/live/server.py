@@ -28,7 +28,7 @@ _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".
 _FILES = {file.name: file for file in sorted(_PAGE.iterdir()) if file.suffix in _KINDS}
 
 _MOST_BYTES = 100_000
-"""Largest message of a page: some thousand values of parameters."""
+"""Largest message of a page in bytes: several thousand values of parameters."""
 
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -67,7 +67,7 @@ class LiveServer:
         self.port: int = self._sockets[0].getsockname()[1]
         self.token = secrets.token_urlsafe(16)
         self.model, self._origin, self._speed = model, origin, speed
-        # Memory of CasADi serves one thread: all windows are solved in this one, by a copy of the model.
+        # CasADi's memory belongs to one thread: a copy of the model solves for all windows in this thread.
         self.numerics = ThreadPoolExecutor(1, thread_name_prefix="numerics")
         self._base: Model | None = None
         self.last: Session | None = None

@@ -85,7 +85,8 @@ class Axis:
 class Survey:
     """Request for a sweep (if y is None) or a chart of a model.
 
-    speed: in rad/s, of the axes that do not vary it. unit: of the slider of the speed. of: quantity by name.
+    speed: speed in rad/s, unless an axis varies the speed. unit: unit of the slider of the speed. of: name of
+    the quantity.
     """
 
     model: Model

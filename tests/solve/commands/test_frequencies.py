@@ -169,7 +169,7 @@ BAD = {
     ),
     "over no range": (("four_bar", "--over", "L2=1:2"), ("L2=1:2", "L2=A:B:N")),
     "modes of no structure": (("cam", "--modes"), ("cam has no links",)),
-    "a picture of nothing": (("cam", "--plot", "cam.png"), ("nothing to draw", "--turn 36")),
+    "a picture of nothing": (("cam", "--plot", "cam.png"), ("no links to draw", "--turn 36")),
 }
 
 
