@@ -213,7 +213,8 @@ class Sketch:
         return [number for point in self.points for number in point]
 
     def at(self, replace: Callable[[Any], Any]) -> sympy.Matrix:
-        """Coordinates of all points in the coherent unit, as a column. `replace` is applied to each."""
+        """Coordinates of all points in the coherent unit, as a column. `replace` is applied to each
+        coordinate."""
         return sympy.Matrix([replace(number).xreplace({METRE: sympy.S.One}) for number in self.numbers])
 
 

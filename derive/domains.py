@@ -319,7 +319,7 @@ class _Selection:
         return value
 
     def _pieces(self, pieces: Sequence[tuple[Any, Any]], stated: Any) -> Any:
-        """Selections for the pieces of a piecewise function, or of the product of one with a factor."""
+        """Selections for the pieces of a piecewise function, or of its product with a factor."""
         if not any(self._is_singular(value) for value, _ in pieces):
             return stated
         values = [self._finite(self.of(value), condition) for value, condition in branches(pieces)]

@@ -254,7 +254,8 @@ def equations_text(equations: Sequence[Equation], projection: Projection | None 
 def functions_text(
     mechanism: MechanismStatement, functions: list[GeneratedFunction]
 ) -> tuple[list[str], dict[str, int]]:
-    """Texts of the functions, preceded by those of their loops, and the number of operations of each."""
+    """Texts of the functions, preceded by the texts of their loops, and the number of operations of each
+    function."""
     orders = loop_orders([matrix for function in functions for matrix in function.matrices])
     loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
     printed = {function.name: function_text(mechanism, function, orders) for function in functions}
@@ -320,7 +321,7 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
     def drawn(number: Any) -> Any:
         return steady(from_fundamental(mechanism, number.xreplace(still)))
 
-    lines = {sketche.name: sketche.at(drawn) for sketche in mechanism.declared_sketches}
+    lines = {sketch.name: sketch.at(drawn) for sketch in mechanism.declared_sketches}
     doc = "x and y of the points of each line of SKETCH, one after another; running: 0 to 1 along a curve."
     return [GeneratedFunction("sketch", doc, ("phase", "speed", "q", "running", "p"), lines, texts)]
 
@@ -379,9 +380,7 @@ def constants(
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
     if mechanism.declared_sketches:
-        rows["SKETCH"] = [
-            (sketche.name, sketche.unit, sketche.kind) for sketche in mechanism.declared_sketches
-        ]
+        rows["SKETCH"] = [(sketch.name, sketch.unit, sketch.kind) for sketch in mechanism.declared_sketches]
     lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
     for name, tuples in rows.items():
         lines += tuple_lines(name, [*map(literal, tuples)])

@@ -153,7 +153,7 @@ class Linearised(NamedTuple):
 
 def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearised:
     """Jacobians of the residual with respect to q̈, q̇ and q at the fundamental motion, and d, which is minus
-    the residual there.
+    the residual at the fundamental motion.
 
     Raises ExpansionError if an entry is not finite, SingularMassError if M is singular for all parameters.
     """

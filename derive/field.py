@@ -132,8 +132,8 @@ def _end_value(half_waves: Any) -> sympy.Expr:
 
 
 def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
-    """Raise an error if the frequency of a wave vanishes for some mode numbers only; its formula would be 0/0
-    there."""
+    """Raise an error if the frequency of a wave vanishes for some mode numbers only; for these its formula
+    would be 0/0."""
     if half_waves == 0:
         return
     for number in numbers:

@@ -86,7 +86,7 @@ def _exponent(times: int) -> str:
 class Loop:
     """Closed loop of rigid links.
 
-    unknowns: z, with their units. given: formal arguments, with the actual ones in `arguments`. closure: one
+    unknowns: z, with their units. given: formal arguments. arguments: actual arguments. closure: one
     expression of z, given and parameters per unknown, which vanishes. start: z as expressions of given and
     parameters, exact if `iterations` is 0, otherwise the first guess of Newton's method.
     """
@@ -238,7 +238,7 @@ class PeriodicFunction(sympy.Function):
     dimension: ClassVar[Dimension]
     mean: ClassVar[sympy.Symbol | None] = None
     first: ClassVar[tuple[sympy.Symbol, ...]]
-    """First family of coefficients: those of the cosines, or amplitudes."""
+    """First family of coefficients: of the cosines, or the amplitudes."""
     second: ClassVar[tuple[sympy.Symbol, ...]]
     """Sine coefficients, or phase angles of the cosines in rad."""
     form: ClassVar[str]

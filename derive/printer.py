@@ -147,7 +147,7 @@ def series_calls(
 ) -> tuple[list[str], dict[PeriodicFunction, sympy.Symbol]]:
     """Lines that evaluate the series in the matrices, and the symbol of each value.
 
-    taken: names in use, to which those of the symbols are added.
+    taken: names in use; the names of the new symbols are added.
     """
     direct: set[Any] = set().union(*(matrix.atoms(PeriodicFunction) for matrix in matrices))
     inner = {inside for each in direct for inside in each.args[0].atoms(PeriodicFunction)}
@@ -233,7 +233,7 @@ def loop_calls(
 ) -> tuple[list[str], dict[Any, sympy.Symbol]]:
     """Lines that solve the loops in the matrices, and the symbol of each value.
 
-    taken: names in use, to which those of the symbols are added. A loop follows the loops and series that
+    taken: names in use; the names of the new symbols are added. A loop follows the loops and series that
     drive it.
     """
     printer, lines = CasadiPrinter(), []

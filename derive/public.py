@@ -67,7 +67,7 @@ class Mechanism(MechanismStatement):
         Raises
         ------
         DeriveError
-            One subclass per fault of the statement, with the line of the statement where it is known.
+            Subclass for the fault of the statement. The message contains the line of the fault, if known.
         """
         statement = "\n".join(_statement(self))
         if statement not in _cache:

@@ -299,7 +299,7 @@ class Quantities:
         Returns
         -------
         ReducedBody
-            `kinetic`, `potential` and `dissipation`, to be added to those of the mechanism.
+            Its `kinetic`, `potential` and `dissipation` are to be added to the energies of the mechanism.
 
         Raises
         ------

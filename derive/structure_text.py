@@ -37,8 +37,8 @@ def observed(structure: StructureStatement) -> list[Observed]:
     """Outputs of a moving structure; empty for a structure at rest.
 
     Each link has the stresses and the deflection at its midpoint; a link clamped at one end has the
-    deflection of its tip instead, and the stresses at its root too. Further outputs are the
-    joint forces and the strain energy of all links.
+    deflection of its tip instead, and also the stresses at its root. Further outputs are the joint forces and
+    the strain energy of all links.
     """
     if not structure.moves:
         return []

@@ -123,8 +123,9 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
 def slopes(
     function: Callable[[float], Array], x: float, largest_step: float | None = None
 ) -> tuple[Array, Array]:
-    """Derivative as from `slope`, and a second value extrapolated without the smallest step, which has a
-    larger truncation error and less round-off. The difference of the two values is an error estimate."""
+    """Derivative as from `slope`, and a second value, extrapolated without the smallest step. The second
+    value has a larger truncation error and less round-off; the difference between the two is an error
+    estimate."""
     largest = _RELATIVE_STEP * abs(x) if largest_step is None else largest_step
     steps = [largest / 2**level for level in range(_LEVELS)]
     estimates = [(function(x + step) - function(x - step)) / (2 * step) for step in steps]

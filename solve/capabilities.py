@@ -57,7 +57,7 @@ class Evaluation(Protocol):
     None if its form of the entries is unavailable."""
 
     def entries(self, phase: Array, speed: float) -> Array | None:
-        """Ω²M, ΩC, K by rows and d, (m, 3n² + n), for derivatives with respect to the phase."""
+        """Entries (m, 3n² + n): Ω²M, ΩC and K by rows, and d, for derivatives with respect to the phase."""
         return None
 
     def entries_over(self, phase: Array, speeds: Array) -> Array | None:
@@ -67,7 +67,7 @@ class Evaluation(Protocol):
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         """Decomposition of the entries into products: terms (k, R) of the phase, their coefficients (P, R) at
-        speeds (P,), and the entry of each term (R,), ascending."""
+        speeds (P,), and the index (R,) of the entry to which each term belongs, ascending."""
         return None
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array] | None:
@@ -94,8 +94,8 @@ class Variation(Protocol):
         ...
 
     def many_points(self, names: Sequence[str]) -> Any:
-        """Vectorised evaluation, `ModelPoints`, at points where parameters of these names vary; None if each
-        point requires a system of its own."""
+        """Vectorised evaluation, `ModelPoints`, at points where parameters of these names vary; None if a
+        separate system is required for each point."""
         ...
 
 
@@ -156,7 +156,7 @@ class Capabilities(NamedTuple):
         Function of phases (m,) and a speed in rad/s that returns the arrays of B (m, n, r).
     domain : callable or None
         Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
-        exist at one of them.
+        exist at one of these speeds.
     sketch : callable or None
         Function of phases (k,), a speed, q (n, k) and a fraction of the usual number of points per curve that
         returns the lines of the sketch by name: points x + iy (points, k).

@@ -89,8 +89,9 @@ class Formulas(NamedTuple):
 
 
 Columns = Callable[..., Array | None]
-"""Compiled evaluation of formulas at inputs (width, k), one column each: (outputs, k), or weighted sums
-(outputs, c); None where it is unavailable. See `solve.kernel.formulas.columns`."""
+"""Type of functions that evaluate formulas by compiled code at inputs (width, k), one point per column. They
+return values (outputs, k) or weighted sums (outputs, c); None if compiled code is unavailable. See
+`solve.kernel.formulas.columns`."""
 
 
 class Integrator(Protocol):

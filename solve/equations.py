@@ -34,7 +34,7 @@ _LOAD_PHASES = 128
 
 
 def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """Ω²M, ΩC, K by rows and d, concatenated (m, 3n² + n), for derivatives with respect to the phase."""
+    """Entries (m, 3n² + n): Ω²M, ΩC and K by rows, and d, for derivatives with respect to the phase."""
     evaluation, n = system.capabilities.evaluation, system.n
     entries = None if evaluation is None else evaluation.entries(phase, speed)
     if entries is None:
@@ -59,7 +59,8 @@ def terms_of(system: PeriodicSystem, phase: Array, speeds: Array) -> tuple[Array
 
 
 def entries_over(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
-    """Entries at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
+    """Entries (P, k, 3n² + n), as from `entries_of`, at phases (k,) and speeds (P,); NaN at speeds without
+    matrices."""
     evaluation = system.capabilities.evaluation
     entries = None if evaluation is None else evaluation.entries_over(phase, speeds)
     return entries_one_by_one(system, phase, speeds) if entries is None else entries

@@ -38,7 +38,7 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     breaks : sequence of float
         Phases at which the matrices jump; see `PeriodicSystem`.
     inputs, outputs : sequence of str
-        Names of the r inputs u and the y outputs. Results are for u = 0; exports state B, C and D.
+        Names of the r inputs u and the y outputs. Results are for u = 0; exports contain B, C and D.
 
     Raises
     ------
@@ -180,9 +180,9 @@ class MixedSystem(PeriodicSystem, Evaluation):
         As for `PeriodicSystem`, with n the number of coordinates and states. The columns of M of the states
         are zero.
     coordinates : sequence of str
-        Names of the coordinates with second derivatives, the first ones.
+        Names of the coordinates with second derivatives, which come first.
     states : sequence of str
-        Names of the states, the last ones. Results list them behind the coordinates.
+        Names of the states, which come last. Results list the states after the coordinates.
     period, breaks, inputs : optional
         As for `PeriodicSystem`.
 

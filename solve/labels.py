@@ -32,7 +32,7 @@ class Labels:
     model_hash: str | None = None
     """Hash of the generated code of the equations."""
     solvable: bool = True
-    """Whether the system has equations; one read from a file of results has labels only."""
+    """Whether the system has equations; a system read from a result file has only labels."""
     options: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Parameters that can be varied, in the units declared by the model."""
@@ -96,8 +96,8 @@ def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
 def bounds_in_own_unit(
     system: Labelled, name: str, ends: tuple[float | str, float | str]
 ) -> tuple[float, float]:
-    """Lower and upper bounds of a parameter in its declared unit; its value must lie between them. Raises
-    UnknownNameError, UnitError, ValueOutOfBoundsError."""
+    """Lower and upper bounds of a parameter in its declared unit; the parameter's value must lie between
+    them. Raises UnknownNameError, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     require_name(f"parameter of {labels.name}", name, labels.parameters)
     low, high = (in_own_unit(system, name, end) for end in ends)

@@ -122,7 +122,8 @@ def with_neighbours(phase: Array, later: Array, period: float) -> Array:
 
 
 def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
-    """Symbols of those matrices that differ between phases and phases one period later, with the differences.
+    """Symbols of the matrices that differ between given phases and the phases one period later, with the
+    differences.
 
     matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences count beyond 1e-9 of the size
     of a matrix, beyond the round-off of the whole equation (a load that cancels is zero up to that), and

@@ -40,7 +40,7 @@ _STIFFNESS = re.compile(r"K([A-Z]{0,2})")
 
 class _Header(NamedTuple):
     """Header of a matrix. kind: 1 and 2 for real numbers of single and double precision, 3 and 4 for complex
-    ones."""
+    numbers of single and double precision."""
 
     columns: int
     rows: int
@@ -96,7 +96,7 @@ def op4_arrays(file: Path) -> dict[str, Array]:
 
 def op4_matrices(file: Path) -> dict[str, Array]:
     """Matrices M, K and, if present, C of one set of coordinates, such as MAA, KAA and BAA, or all matrices
-    by name if there is no such pair.
+    by name if the file has no pair of M and K.
 
     Raises FileError for pairs of several sets, and other exceptions for a damaged file.
     """

@@ -35,7 +35,7 @@ choice."""
 
 _SIGNIFICANT = 64 * EPS
 """Amplitude of a harmonic relative to the largest entry of its matrix, above which it is not round-off. A
-choice: some ten operations above the unit round-off."""
+choice: about ten operations above the unit round-off."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Samples:
     amplification : float
         Factor by which the fit amplifies errors of the samples: 1 for uniform azimuths.
     given : tuple of arrays, optional
-        Ascending azimuths (k,) that are not uniform, and the arrays sampled there.
+        Ascending azimuths (k,) that are not uniform, and the arrays sampled at these azimuths.
     """
 
     arrays: tuple[Array, ...]
@@ -186,8 +186,8 @@ class Samples:
 
     def truncated(self, harmonics: int) -> "Samples":
         """Samples of the interpolants without higher harmonics. If azimuths are not uniform, interpolants
-        through fewer azimuths are used; their errors are of the same kind, because higher harmonics alias
-        to all lower ones."""
+        through fewer azimuths are used. These have errors of the same kind, because higher harmonics alias to
+        all lower harmonics."""
         if self.given is not None:
             azimuths, arrays = self.given
             if not harmonics:

@@ -169,7 +169,7 @@ class PeriodicSystem:
         return M, C, K, d
 
     def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
-        """B (m, n, r) at phases (m,), the only array."""
+        """List whose only array is B (m, n, r) at phases (m,)."""
         return self._called(phase, speed, self._symbols, "M, C, K", "d")[4:]
 
     def _called(self, phase: Array, speed: float, symbols: str, square: str, vector: str) -> list[Array]:

@@ -25,7 +25,7 @@ def one_thread(coordinates: int) -> Iterator[None]:
     """Context manager in which BLAS uses one thread if a system with this number of coordinates is small.
 
     For small matrices, threads of BLAS wait longer than they work. The previous number of threads is restored
-    at the end of the last of overlapping calls from any thread."""
+    when the last of several overlapping calls ends."""
     if coordinates > SMALL:
         yield
         return
@@ -51,8 +51,8 @@ def one_thread(coordinates: int) -> Iterator[None]:
 
 @cache
 def _libraries(loaded: tuple[bool, ...]) -> Any:
-    """BLAS libraries loaded by this process: NumPy's, and those of SciPy and ctrlsys if these are
-    imported."""
+    """BLAS libraries loaded by this process: the library of NumPy, and the libraries of SciPy and ctrlsys if
+    these packages are imported."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")

@@ -226,7 +226,8 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     """First and last speed in rad/s of a ramp, from "A:B unit", or from two numbers in rad/s or texts with
     unit.
 
-    One of them may be 0, and their relative difference exceeds 1e-9. Raises UnitError, ValueOutOfBoundsError.
+    One of the speeds may be 0; the relative difference between the speeds exceeds 1e-9. Raises UnitError,
+    ValueOutOfBoundsError.
 
     >>> ramp_in_si("0:60 rad/s"), ramp_in_si((0, "60 rad/s"))
     ((0.0, 60.0), (0.0, 60.0))

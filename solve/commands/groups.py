@@ -106,8 +106,8 @@ class Numbers(CaseNumbers):
     ] = None
 
     def of(self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
-        """Model with that name. Raises NoMotionError for a model without equations of motion and
-        NoVibrationError for one without coordinates, unless the study permits them."""
+        """Model with this name. still, rigid: whether the study permits models without motion, and models
+        without coordinates. Raises NoMotionError or NoVibrationError for other models."""
         model = self._first_model(name, varied)
         if not still and (model.labels.vibrates or not rigid):
             require_motion(model)
@@ -227,7 +227,7 @@ class Settings:
 
     @property
     def settings(self) -> dict[str, float | None]:
-        """Settings by name; None for those that are not given."""
+        """Settings by name; None for settings that are not given."""
         return {field.name: getattr(self, field.name) for field in fields(Settings)}
 
 
@@ -308,7 +308,7 @@ class Proving:
 
 
 @dataclass(frozen=True)
-class Moved:
+class SpeedDerivatives:
     """Parameters with respect to which derivatives of computed speeds are requested."""
 
     by: Annotated[
@@ -333,7 +333,7 @@ class Moved:
 
 
 @dataclass(frozen=True)
-class Places:
+class Execution:
     """Flags for many points: the processes that solve them, and the folder of finished points."""
 
     store: Annotated[

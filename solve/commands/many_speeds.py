@@ -7,8 +7,18 @@ from typing import Annotated, Any
 
 import solve
 from solve.commands.deliver import ContradictionError, deliver_result
-from solve.commands.groups import Accuracy, Flag, Moved, Places, Problem, Results, Speed, Speeds, Steps
-from solve.commands.parse import assignments, figure_kept, fraction, harmonic_count, points, quantities
+from solve.commands.groups import (
+    Accuracy,
+    Execution,
+    Flag,
+    Problem,
+    Results,
+    Speed,
+    SpeedDerivatives,
+    Speeds,
+    Steps,
+)
+from solve.commands.parse import assignments, fraction, harmonic_count, points, quantities, statistic_name
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.labels import in_own_unit
 from solve.model.model import Model
@@ -29,7 +39,7 @@ def sweep(
     speeds: Speeds,
     speed: Speed,
     accuracy: Steps,
-    places: Places,
+    execution: Execution,
     results: Results,
     show: Annotated[
         list[str] | None, Flag("Coordinate or output to show; repeatable; coordinates by default.", "NAME")
@@ -65,7 +75,7 @@ def sweep(
         raise ValueOutOfBoundsError("--turn draws linear orbits; leave out --turn or --nonlinear")
     output: dict[str, Any] = {"spectra": spectra, "harmonics": harmonic, "over": varied or None}
     output["nonlinear"] = nonlinear
-    with places.given() as resources:
+    with execution.given() as resources:
         result = solve.sweep(model, omegas, *rule, **output, **resources)
     result.results.require_any()
     report = partial(printout, result, problem.choices, names=names)
@@ -138,7 +148,7 @@ def chart(
     problem: Problem,
     speed: Speed,
     accuracy: Accuracy,
-    places: Places,
+    execution: Execution,
     results: Results,
     x: Annotated[
         str | None, Flag("N values from A to B on the x axis; a speed requires its unit.", _RANGE)
@@ -163,7 +173,7 @@ def chart(
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
     options = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of}
     options["prove"] = prove
-    with places.given() as resources:
+    with execution.given() as resources:
         result = solve.chart(model, across, upwards, omega, **options, **resources).with_cuts(lines)
     deliver_result(results, result, problem.choices, result.notes)
     if result.contradicted:
@@ -191,15 +201,17 @@ def _held(text: str, model: Model) -> tuple[str, float]:
     return name, in_own_unit(model, name, quantities("--cut", [text])[name])
 
 
-def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:
+def bands(
+    problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, derivatives: SpeedDerivatives
+) -> None:
     """Unstable bands between the lowest and the highest speed, their edges refined.
 
     Speeds are added where the model requires them. Narrow bands are searched for between the speeds.
     """
     omegas, model = speeds.omegas(), problem.loaded()
-    moved.require_known(model)
+    derivatives.require_known(model)
     result = solve.bands(model, omegas, accuracy.rule, accuracy.rtol)
-    deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes)
+    deliver_result(results, derivatives.of(result, accuracy), problem.choices, result.notes)
 
 
 def critical(
@@ -207,18 +219,18 @@ def critical(
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,
-    moved: Moved,
+    derivatives: SpeedDerivatives,
     of: Annotated[str | None, Flag("Coordinate or output; the first coordinate by default.", "NAME")] = None,
     figure: Annotated[str, Flag("Statistic of |quantity| to maximise: max or rms.", "max|rms")] = "max",
     orders: Annotated[int, Flag("Highest k of the divisions ω̄/k of mean frequencies.", "K")] = 20,
     campbell: Annotated[bool, Flag("Draw only the Campbell diagram.")] = False,
 ) -> None:
     """Critical speeds: maxima of response and multipliers, divisions ω̄/k of mean frequencies."""
-    omegas, statistic, model = speeds.omegas(), figure_kept(figure), problem.loaded()
-    moved.require_known(model)
+    omegas, statistic, model = speeds.omegas(), statistic_name(figure), problem.loaded()
+    derivatives.require_known(model)
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
-    drawn = None if moved.by else partial(result.plot, campbell=campbell)
-    deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes, figure=drawn)
+    drawn = None if derivatives.by else partial(result.plot, campbell=campbell)
+    deliver_result(results, derivatives.of(result, accuracy), problem.choices, result.notes, figure=drawn)
 
 
 def modes(

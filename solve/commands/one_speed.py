@@ -159,7 +159,7 @@ def compare(
 
 
 def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) -> list[Rule]:
-    """Methods, each with those of the settings that it supports. Raises UnknownNameError, and
+    """Methods with the settings that each of them supports. Raises UnknownNameError, and
     ValueOutOfBoundsError for a setting that no method supports."""
     selected = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
     allowed = {name: settings_of(name) for name in selected if name in METHODS}

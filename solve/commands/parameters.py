@@ -7,7 +7,7 @@ import numpy as np
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Flag, Places, Problem, Results, Speed, Speeds, Steps
+from solve.commands.groups import Accuracy, Execution, Flag, Problem, Results, Speed, Speeds, Steps
 from solve.commands.parse import assignments, listed, points
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.results.files import checked
@@ -151,7 +151,7 @@ def tolerances(
     speed: Speed,
     speeds: Speeds,
     accuracy: Accuracy,
-    places: Places,
+    execution: Execution,
     results: Results,
     vary: Annotated[
         list[str] | None,
@@ -179,7 +179,7 @@ def tolerances(
     model = problem.loaded()
     given = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     sizes = samples, index_samples, accuracy.rule, accuracy.rtol
-    with places.given() as resources:
+    with execution.given() as resources:
         result = solve.tolerances(
             model, given, spreads, subject or (), of or (), *sizes, seed=seed, **resources
         )

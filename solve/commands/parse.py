@@ -61,7 +61,7 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
 
 
 def listed(flag: str, text: str) -> list[str]:
-    """Names from a text that separates them by commas. Raises ValueOutOfBoundsError for a repeated one.
+    """Names from a text that separates them by commas. Raises ValueOutOfBoundsError for a repeated name.
 
     >>> listed("--free", "a1, a3")
     ['a1', 'a3']
@@ -127,7 +127,7 @@ def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) 
     return checked(path, endings, kind)
 
 
-def figure_kept(text: str) -> str:
+def statistic_name(text: str) -> str:
     """Name of the statistic of a modulus over a period, max or rms. Raises UnknownNameError."""
     figures = {"max": "max_abs", "rms": "rms"}
     require_name("figure", text, figures)

@@ -16,8 +16,8 @@ _POINT_TABLES, _SEGMENTS = 1, 2
 class Samples(NamedTuple):
     """Terms of the entries at the phases that a method samples, with their coefficients.
 
-    table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): number of the entry
-    of each term, in ascending order."""
+    table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): index of the entry to
+    which each term belongs, in ascending order."""
 
     table: Array
     coefficients: Array
@@ -121,7 +121,7 @@ def solved(
 
 
 def _joined(parts: Sequence[Array | None]) -> Array | None:
-    """Arrays of single points as one; None if a point has none."""
+    """Arrays of single points, joined to one array; None if a point has no array."""
     present = [part for part in parts if part is not None]
     return np.concatenate(present) if len(present) == len(parts) else None
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 _NATIVE = ("-march=native",), ("-mcpu=native",), ()
-"""Flags for the instruction set of the processor; the first ones that the compiler accepts are used. Clang
-needs the second ones for ARM."""
+"""Alternative flags for the instruction set of the processor; the first alternative that the compiler accepts
+is used. Clang needs the second for ARM."""
 
 MACHINE: tuple[str, ...] = ()
 """Further flags, which select another processor."""
@@ -78,7 +78,7 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
     text = "\0".join((*texts, formulas, compiler.macros, *flags, *macros))
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
-        if not _sound(library):
+        if not _is_valid(library):
             of = f" of {sizes['N']} coordinates" if "N" in sizes else ""
             _LOGGER.warning("compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), of)
             command = [*compiler.command, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
@@ -88,7 +88,7 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
         raise CompilerError(f"compiled code cannot be stored: {error}") from None
 
 
-def _sound(library: Path) -> bool:
+def _is_valid(library: Path) -> bool:
     """Whether a library with a valid checksum exists that belongs to this user and that no other user may
     change.
 
@@ -121,8 +121,8 @@ def _hash(content: bytes) -> str:
 class Compiler(NamedTuple):
     """C compiler.
 
-    command: program with its first arguments. machine: flags for the processor. macros: those that the
-    compiler defines with these flags, which identify both."""
+    command: program with its first arguments. machine: flags for the processor. macros: macros that the
+    compiler defines with these flags; they identify compiler and processor."""
 
     command: tuple[str, ...]
     machine: tuple[str, ...]

@@ -5,11 +5,11 @@ import numpy as np
 from solve.arrays import EPS, Array
 
 _FEW = 32
-"""Unknowns up to which dense solution of a cyclic system is faster than banded."""
+"""Number of unknowns up to which a dense solution of a cyclic system is faster than a banded one."""
 
 _PERTURBATIONS = 1, 4, 16, 64
 """Perturbations of the first block of a numerically singular system, in units of round-off, which are tried
-in turn. As backward errors they are of the size of those of elimination."""
+in turn. They are backward errors of the same size as the round-off of elimination."""
 
 _START = np.array([1.0, 0.3 + 0.7j])
 """First vector of inverse iteration: neither an eigenvector (1, ±i) of a rotation nor orthogonal to one."""
@@ -19,14 +19,14 @@ _INVERSE_ITERATIONS = 3
 second step leaves only round-off."""
 
 _TRIANGULAR = 1e-12
-"""Entry below the diagonal, relative to its block, above which it is not round-off; that of 1000 blocks is
-1e-13."""
+"""Entry below the diagonal, relative to its block, above which it is not round-off: the round-off of 1000
+blocks is 1e-13."""
 
 
 def cyclic(own: Array, following: Array, right: Array) -> Array:
     """Solution x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
 
-    Blocks own are (r, m, b, b), numbers following (r, m) and right-hand sides (r, m, b). x is 0 for systems
+    own (r, m, b, b): blocks. following (r, m): numbers. right (r, m, b): right-hand sides. x is 0 for systems
     that remain singular under a perturbation by round-off.
 
     Elimination with pivots is stable whether x grows or decays along the chain.

@@ -41,8 +41,8 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
     """Parameters of a body from the entry of a case file, and their source, which contains the hash of the
     file.
 
-    The file has M, K and, if declared, C of all coordinates, or reduced ones; `interface` lists the rows of
-    the interface, from 1, by default the first ones. Raises CaseFileError.
+    The file contains M, K and, if declared, C, for all coordinates or already reduced. `interface` lists the
+    rows of the interface, from 1; by default the first rows. Raises CaseFileError.
     """
     file, where = path.parent / str(entry["file"]), f"{body.name} in {path.name}"
     try:

@@ -110,12 +110,13 @@ def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
 
 
 REDUCE = "reduce"
-"""Option of every beam structure: number of modes retained per link. Absent from the options unless given."""
+"""Option of every beam structure: number of modes retained per link. The options contain it only if the user
+sets it."""
 
 
 def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of all options, with the defaults of those not in `values`. Raises UnknownNameError and
-    ValueOutOfBoundsError."""
+    """Values of all options; options that are not in `values` have their defaults. Raises UnknownNameError
+    and ValueOutOfBoundsError."""
     link_options, motion_options = getattr(module, "LINK_OPTIONS", ()), getattr(module, "MOTION_OPTIONS", ())
     declared = (*module.OPTIONS, *link_options, *motion_options)
     allowed = {name: choices for name, choices, _ in declared}

@@ -114,9 +114,9 @@ def _steep_intervals(
 ) -> tuple[Array, Array]:
     """Intervals between phases (k,) in which values (k+1, m) change so much that they may jump.
 
-    values: at the phases and one period after the first; intervals with a break are excluded. roundoff (m,):
-    largest negligible variation. Returns the indices (j,) of the intervals, and of the entry with the largest
-    relative change in each.
+    values: values at the phases and at one period after the first phase. Intervals with a break are excluded.
+    roundoff (m,): largest negligible variation. Returns the indices (j,) of the intervals, and of the entry
+    with the largest relative change in each.
     """
     change, variation = np.abs(np.diff(values, axis=0)), np.ptp(values, axis=0)
     neighbours = np.maximum(np.roll(change, 1, axis=0), np.roll(change, -1, axis=0))

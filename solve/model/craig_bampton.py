@@ -6,7 +6,7 @@ Coordinates q of a body split into interface coordinates b, which are retained, 
 
     q = T p,   q_b = p_b,   q_i = Ψ p_b + Φ η,   Ψ = −K_ii⁻¹ K_ib
 
-Φ are the lowest modes of K_ii, M_ii, that is, with the interface fixed. With all of them T is invertible.
+Φ are the lowest modes of K_ii, M_ii, that is, with the interface fixed. With all modes, T is invertible.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,8 @@ from solve.errors import MatricesError, ValueOutOfBoundsError
 
 _DEPENDENT = 1e-10
 """Relative singular value, in the energy norm, below which static responses are linearly dependent. Measured
-on links of 3 to 30 elements with 1 to 15 modes: dependent ones up to 1e-13, independent ones from 3e-7."""
+on links of 3 to 30 elements with 1 to 15 modes: up to 1e-13 for dependent responses, 3e-7 or more for
+independent responses."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, load
     basis : (n, r) array
         T of `craig_bampton`, for the same interface.
     loads : (n, c) array
-        Forces on the coordinates; those on the interface have no effect, because it is fixed.
+        Forces on the coordinates. Forces on the interface have no effect, because the interface is fixed.
 
     Returns
     -------

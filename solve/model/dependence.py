@@ -296,7 +296,7 @@ class AssembledDependence:
 
     @property
     def less_accurate(self) -> "AssembledDependence":
-        """The same derivatives, computed without the smallest step of the finite differences."""
+        """Derivatives computed without the smallest step of the finite differences."""
         made = AssembledDependence(self._system, self._names)
         made._less, made._interpolants = 1, self._interpolants
         return made

@@ -28,8 +28,8 @@ errors of some 1e-16, and the value of a minimum that touches zero is accurate t
 its phase."""
 
 BISECTIONS = 40
-"""Bisections of the distance between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44
-times as many for the same reduction."""
+"""Bisections of the distance between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. The golden-section search
+needs 1.44 times as many steps for the same reduction."""
 
 _JUMP_SIZE = 1e-6
 """Fraction of the largest margin: if the margin is larger on both sides of a change of sign, this is a jump,
@@ -184,8 +184,8 @@ class Domain:
     def _minima(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Violations:
-        """Violations at minima between samples. They are searched for where the differences between
-        neighbouring samples permit one."""
+        """Violations at minima between samples. Minima are computed only where the differences between
+        neighbouring samples permit a violation."""
         size = np.where(self._zero, np.abs(margins), margins)
         before, behind = np.roll(size, 1, axis=1), np.roll(size, -1, axis=1)
         reach = np.maximum(before - size, behind - size)

@@ -24,8 +24,8 @@ _NAMES_OF_KIND = {
     STRUCTURE: ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties"),
     EQUATIONS: ("linearised", "outputs"),
 }
-"""Names that modules of each kind contain in addition: links, from which matrices are assembled, or functions
-of the matrices."""
+"""Further names in modules of each kind: links, from which matrices are assembled, or functions that return
+the matrices."""
 
 
 class Files(NamedTuple):

@@ -107,7 +107,7 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
     d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r, concatenated.
 
     It is a function of the inputs of the residual, the last of which are q, qd and qdd, and of the free
-    parameters, if any; the others are substituted.
+    parameters, if any; the other parameters are substituted.
     """
     import casadi
 

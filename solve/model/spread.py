@@ -24,7 +24,7 @@ class Spread(NamedTuple):
     """Spread of a parameter in the model's unit.
 
     normal: whether the numbers are mean and standard deviation of a normal distribution; otherwise they are
-    the ends of a uniform one.
+    the ends of a uniform distribution.
     """
 
     text: str

@@ -69,7 +69,7 @@ def read_fmu(
     -------
     FirstOrderSystem
         System of small deviations from the motion, without load, with the inputs and outputs of the FMU. The
-        motion is in `source.operating_points`; without `speed`, in those of `at_speed(speed)`.
+        motion is in `source.operating_points`; without `speed`, in the source of `at_speed(speed)`.
 
     Raises
     ------

@@ -31,8 +31,8 @@ def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
     Returns
     -------
     PeriodicSystem
-        A FirstOrderSystem for A. M and K take precedence if a file has both, as those written by
-        `solve.export`.
+        FirstOrderSystem if the file contains A. If it also contains M and K, as files written by
+        `solve.export` do, M and K are read instead.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     Returns
     -------
     PeriodicSystem
-        As of `read_mat`.
+        As for `read_mat`.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
     Returns
     -------
     PeriodicSystem
-        As of `read_mat`.
+        As for `read_mat`.
 
     Raises
     ------

@@ -42,7 +42,7 @@ def read_matrix_market(
     Returns
     -------
     PeriodicSystem
-        A FirstOrderSystem for A.
+        FirstOrderSystem if the files contain A.
 
     Raises
     ------

@@ -46,7 +46,7 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
     FirstOrderSystem
         States, inputs and outputs have names made of the descriptions, which are in `meanings`; `units` has
         the units of the file. `source` has the rotor speed, the states in the rotating frame and the
-        operating points. The system is that of small deviations from the periodic motion, without load.
+        operating points. The system describes small deviations from the periodic motion and has no load.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
 
 
 def _whole_turbine(paths: Sequence[Path]) -> list[Path]:
-    """Paths without the files of individual modules, unless there are no others."""
+    """Paths without the files of individual modules; all paths if there are no other files."""
     whole = [path for path in paths if not re.search(r"\.\d+\.[A-Za-z]\w*\.lin$", path.name)]
     return whole or list(paths)
 

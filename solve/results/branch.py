@@ -28,7 +28,8 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _NARROW = 1e-3
-"""Relative range of the values below which tables show ten digits, because seven do not distinguish them."""
+"""Relative range of values below which tables show ten digits, because seven do not distinguish the
+values."""
 
 _SHOWN = "max", "min", "max_abs", "mean", "rms"
 _MAX_ABS = FIGURES.index("max_abs")
@@ -271,7 +272,8 @@ class Branch(BranchPoints):
 
     @property
     def energy_unit(self) -> str:
-        """Unit of the energies; empty where those of the coordinates are not SI units of length and angle."""
+        """Unit of the energies; empty if the units of the coordinates are not SI units of length and
+        angle."""
         units = {self.system.labels.units.get(name) for name in self.system.coordinates}
         return "J" if units <= {"m", "rad"} else ""
 

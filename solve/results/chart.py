@@ -96,7 +96,7 @@ class ProvedBoxes:
     seconds: float
 
     def fraction(self, *verdicts: int) -> float:
-        """Fraction of the area whose verdict is one of the given ones."""
+        """Fraction of the area that has one of the given verdicts."""
         areas = (self.ends[:, 1] - self.ends[:, 0]) * (self.ends[:, 3] - self.ends[:, 2])
         return float(areas[np.isin(self.verdicts, verdicts)].sum() / areas.sum())
 

@@ -80,7 +80,7 @@ class Controller(Result):
     error_estimate : float
         Largest error of the solution X over the period, relative to √(max X_ii max X_jj).
     residual : float
-        Largest residual of the Riccati equation, relative to its largest term, in the same units.
+        Largest residual of the Riccati equation, relative to its largest term, both in units of √(X_ii X_jj).
     rtol : float
         Requested tolerance.
     observer : Controller or None

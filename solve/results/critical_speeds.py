@@ -49,7 +49,7 @@ class Maximum:
 @serializable
 @dataclass(frozen=True)
 class Critical:
-    """Critical speed by three criteria; None for a criterion without a maximum there.
+    """Critical speed by three criteria; None for a criterion that has no maximum near this speed.
 
     Attributes
     ----------

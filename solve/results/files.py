@@ -17,10 +17,10 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
-    """Path of an output file after a check. Raises FileError if the file cannot be written.
+    """Path of an output file, checked before the calculation.
 
-    Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, and a folder or
-    device of that name.
+    Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, and if a folder
+    or device has this name.
     """
     file, allowed = Path(path), tuple(endings)
     if file.suffix.lower() not in allowed:

@@ -149,9 +149,9 @@ class Orbit(Stability, SolvedMotion):
         """Estimated maximum difference between the linear and the nonlinear orbit for each coordinate,
         relative to the coordinate's scale.
 
-        The scale (see `solve.certify.correction`) is max|q| unless the forces on the coordinate cancel. The
-        estimate is the size of one correction of Newton's method on the same grid, and accurate while it is
-        small. NaN if this correction has no solution, None for linear systems.
+        The scale (see `solve.certify.correction`) is max|q| or, if the forces on the coordinate cancel, the
+        load scale. The estimate is the size of one correction of Newton's method on the same grid, and
+        accurate while it is small. NaN if this correction has no solution, None for linear systems.
         """
         if not is_nonlinear(self.system):
             return None

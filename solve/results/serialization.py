@@ -89,7 +89,8 @@ class Serializable:
 
 
 def _field_names(kind: type, stored: bool) -> list[str]:
-    """Names of the fields of a dataclass that are written to files, or with `stored` false, of the others."""
+    """Names of the fields of a dataclass that are written to files or, if `stored` is false, of all other
+    fields."""
     fields = dataclasses.fields(kind)
     return [field.name for field in fields if field.metadata.get("stored", True) is stored]
 
@@ -173,7 +174,7 @@ class StoredSystem(PeriodicSystem, Outputs):
 
 
 class _Encoder:
-    """Encoder of values as plain data, in which arrays and systems are replaced by numbers."""
+    """Encoder of values as plain data, in which arrays and systems are replaced by their indices."""
 
     def __init__(self) -> None:
         self._flat: dict[np.dtype[Any], list[Array]] = {}

@@ -23,8 +23,8 @@ from solve.system import PeriodicSystem
 
 _NO_DRIFT = 1e-12
 """Displacement per period by a steady velocity, relative to the vibration, that counts as zero. It bounds the
-round-off of the mean load: some thousand terms, each with a relative error of 1e-16, times a condition number
-of up to 10."""
+round-off of the mean load: several thousand terms, each with a relative error of 1e-16, times a condition
+number of up to 10."""
 
 _CONSEQUENCES = (
     "disturbances decay by a factor {radius:.3g} per period",

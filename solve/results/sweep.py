@@ -206,7 +206,7 @@ class Sweep(Result):
     def unstable(self) -> list[tuple[float, float, str]]:
         """Ranges of neighbouring unstable speeds: edges in rad/s, and the kind of the largest multiplier.
 
-        Edges lie half way to stable neighbours, and at the last solved speed beside failed ones;
+        Edges lie half way to stable neighbours, and at the last solved speed beside failed points;
         `solve.bands` refines them. Empty if parameters vary too.
         """
         if self.parameters:

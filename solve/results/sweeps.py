@@ -23,7 +23,8 @@ PEAK, QUIET = "peak", "quiet"
 
 
 class Extreme(NamedTuple):
-    """Peak or quiet speed (rad/s) of the first system, with the responses of all systems at this speed."""
+    """Peak or quiet speed (rad/s) of the first system, a local maximum or minimum of its response, with the
+    responses of all systems at this speed."""
 
     speed: float
     kind: str

@@ -235,8 +235,8 @@ class Transient(TransientMotion):
 
     @cached_property
     def distances(self) -> Array:
-        """Largest difference between each period (turns, n) and the orbit at the nodes, relative to max|q|,
-        without steady motion along rigid-body modes; NaN without an orbit."""
+        """Distances (turns, n) of the periods from the orbit: largest difference at the nodes, relative to
+        max|q|, without steady motion along rigid-body modes; NaN without an orbit."""
         if self.orbit is None:
             return np.full_like(self.peaks, np.nan)
         q = self.orbit.at(self.nodes)

@@ -168,7 +168,8 @@ def run_cli(
 def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[Exception]) -> NoReturn:
     """Run `sys.argv` as a program and exit with its status; the parameters are those of `run_cli`.
 
-    Warnings of libraries are hidden unless Python was started with -W: doubtful results carry their own.
+    Warnings of libraries are shown only if Python was started with -W, because doubtful results carry
+    warnings of this program.
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")

@@ -64,7 +64,7 @@ class Animation:
     about : str
         Kind of vibration.
     doubt : str
-        Reason why the vibration would not be observed; empty without such a reason.
+        Reason why the vibration would not be observed, or an empty text.
     warnings : sequence of str
         Sentences on what is doubtful.
     """
@@ -163,7 +163,7 @@ def animate(
     system : PeriodicSystem or Orbit
         System, or an orbit of one.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; by default that of the case.
+        Speed in rad/s, or a text with unit; by default the speed of the case.
     scale : float, optional
         Magnification; by default the vibration is visible.
     frames : int, optional

@@ -24,8 +24,8 @@ _MOST_GROWTH = 4.0
 """Growth exponent per period above which colours do not change: a choice that resolves the boundaries."""
 
 _FEW = 40_000
-"""Maximum number of grid points for which colours follow the boundaries; a denser grid resolves them
-itself."""
+"""Maximum number of grid points for which colours follow the boundaries; a denser grid resolves the
+boundaries."""
 
 _LETTER = 0.007, 0.035
 """Half width and half height of a letter including its margin, as fractions of the figure."""

@@ -1,4 +1,4 @@
-"""Fits, with measured values beside computed ones, and sensitivities to parameters."""
+"""Figures and tables of fits, with measured and computed values, and of sensitivities to parameters."""
 
 import math
 from collections.abc import Sequence

@@ -198,8 +198,8 @@ def frame_of(places: Plane) -> tuple[complex, complex]:
 
 
 def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:
-    """Label the vertical axis for values of a quantity, and write its meaning above. Returns the factor from
-    SI units to the displayed ones."""
+    """Label the vertical axis for values of a quantity, and write its meaning above. Returns the factor that
+    converts SI units to the displayed unit."""
     factor, unit = prefixed(system.labels.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
     axes.set_ylabel(labelled(named(figure, name) if figure else name, unit))
     axes.set_title(system.labels.meanings.get(name, ""), loc="left", color=GREY)

@@ -60,7 +60,7 @@ def report(
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". A structure without motion
         needs none.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; by default that of the case.
+        Speed in rad/s, or a text with unit; by default the speed of the case.
     method : str or Method
         Method, as in `periodic`.
     rtol : float

@@ -9,7 +9,7 @@ from models.four_bar.dynamic_correction import Corrected
 from models.four_bar.studies.shared import EachTolerance, FourBar
 from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Places, Results, Speeds
+from solve.commands.groups import Flag, Execution, Results, Speeds
 from solve.commands.parse import assignments, figure_kept, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.labels import parts_of, unit_of
@@ -24,7 +24,7 @@ _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.6
 def study(
     four_bar: FourBar,
     speeds: Speeds,
-    places: Places,
+    execution: Execution,
     results: Results,
     over: Annotated[
         str | None,
@@ -47,7 +47,7 @@ def study(
     title, systems = _systems(model, over, corrected)
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
     shown(model, [parts_of(model, name)[0] for name in names])
-    with places.given() as resources:
+    with execution.given() as resources:
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **resources)
     if all(sweep.results.failed.all() for sweep in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()

@@ -27,8 +27,9 @@ MOST_SHOWN = 6
 _FIRST_SHOWN = 3
 
 _MOTION_DELAY, _DETAILS_DELAY = 0.04, 0.25
-"""Delays in seconds after a solution, before the motion of the mechanism and before the linearisation error
-and the notes are computed, unless the sliders have moved: both take as long as the solution. Choices."""
+"""Delays in seconds from a solution to the computation of the motion of the mechanism, and to that of the
+linearisation error and the notes. Each takes as long as the solution and is cancelled if a slider moves.
+Choices."""
 
 _DELAY, _INTERVAL = 0.4, 0.25
 """Seconds until the progress of a solution is shown, and between two progress reports. Choices."""

@@ -105,7 +105,8 @@ def explore(
         Model, or its name or the path of a mechanism file. Its parameters are the first values of the
         sliders.
     speed : float or str, optional
-        First speed in rad/s, or a text with unit; by default that of the case, or one well below resonance.
+        First speed in rad/s, or a text with unit; by default the speed of the case, or a speed well below
+        resonance.
     port : int
         Port on this machine, 0 for a free one.
 
