@@ -113,8 +113,8 @@ def require_own_name(path: Path) -> None:
     taken = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
     if path.stem in taken or keyword.iskeyword(path.stem) or path.stem.startswith("_"):
         raise MechanismFileError(
-            f'a mechanism cannot be called "{path.stem}": Python has a module or word of that name, or '
-            f"reserves names that start with _; rename {path.name} and its mechanism"
+            f'a mechanism cannot be called "{path.stem}": Python has a module or word of this name, or '
+            f"the name begins with _; rename {path.name} and its mechanism"
         )
 
 

@@ -379,7 +379,7 @@ class Quantities:
         require_plain(name)
         if name in self.names():
             raise DeclarationError(
-                f'"{name}" is declared twice (q, qd and qdd are a coordinate and its derivatives)'
+                f'"{name}" is declared twice; a coordinate q also uses the names qd and qdd'
             )
 
     def _require_coordinate(self, name: str, what: str) -> None:

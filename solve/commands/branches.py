@@ -80,4 +80,4 @@ def _require_one_range(speed: Speed, speeds: str | None, over: list[str]) -> Non
             "--speed is a constant speed, and nothing varies; add --over NAME=A:B, or give --speeds instead"
         )
     if over and speeds is not None:
-        raise ValueOutOfBoundsError("--over and --speeds are both given; give --speed with --over")
+        raise ValueOutOfBoundsError("--over and --speeds are both given; give one speed with --speed")

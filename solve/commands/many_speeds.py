@@ -121,7 +121,7 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
     counts: number of speeds, and number of values of each parameter."""
     if sum(count > 1 for count in counts) > 1:
         raise ValueOutOfBoundsError(
-            "--waterfall draws spectra over one varied quantity; give one speed, or one value of each "
+            "--waterfall draws spectra over one quantity, but several vary; give one value of each "
             "other quantity"
         )
     if not (results.plot or results.save or results.json):

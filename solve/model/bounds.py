@@ -138,7 +138,7 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
     assembled."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
-            f"{module.NAME} is not a beam structure, and reduce requires one; omit reduce"
+            f"{module.NAME} is not a beam structure, which 'reduce' requires; omit 'reduce'"
         )
     modes = _as_integer(value)
     if type(modes) is not int or modes < 1:

@@ -173,7 +173,7 @@ def _jacobians(unit: Unit, states: Array, duration: float) -> Array:
     times = np.arange(len(states)) * (duration / len(states))
     found = np.array([unit.jacobian(t, x) for t, x in zip(times, states, strict=True)])
     if not np.isfinite(found).all():
-        raise FileError(f"'{unit.path}' has NaN or infinite derivatives along its motion")
+        raise FileError(f"'{unit.path}' has NaN or infinite derivatives along its motion; check its values")
     return found
 
 

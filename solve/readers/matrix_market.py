@@ -93,6 +93,6 @@ def _stacked(numbers: dict[int, Path]) -> Array:
     first = next(iter(numbers.values()))
     if len({matrix.shape for matrix in matrices}) > 1:
         raise FileError(
-            f"'{first}' and the files of other azimuths have different numbers of rows or columns"
+            f"'{first}' and the files of other azimuths have matrices of different sizes; give one size"
         )
     return np.array(matrices)

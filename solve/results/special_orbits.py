@@ -78,7 +78,7 @@ class NonlinearOrbit(Orbit):
     def quasi_static(self) -> QuasiStatic:
         """Not available for a nonlinear orbit. Raises ValueOutOfBoundsError."""
         raise ValueOutOfBoundsError(
-            "the quasi-static solution is one of the linear model; leave out --quasi-static or --nonlinear"
+            "the quasi-static solution is of the linear model; leave out --quasi-static or --nonlinear"
         )
 
     @stored_property

@@ -198,7 +198,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
             "of each other quantity"
         )
     if amplitudes.shape[1] < 2:
-        raise ValueOutOfBoundsError("no harmonics above the mean are stored; give the sweep harmonics=60")
+        raise ValueOutOfBoundsError("no harmonics above the mean are stored; compute them with harmonics=60")
     order = np.argsort(varied[along])
     x, label = unit_of(system, along).of(varied[along][order]), axis_label(system, along)
     heights = amplitudes[order, 1:].T
