@@ -1,7 +1,7 @@
 """Beam elements: matrices from shape functions, and the text of their generated module.
 
-A family is a polynomial in ξ = x/L with as many coefficients as freedoms. A freedom is the derivative of the
-polynomial of some order at some ξ. Exact integration gives mass, stiffness, geometric stiffness, load and
+A family is a polynomial in ξ = x/L with as many coefficients as freedoms. A freedom is the derivative of some
+order of the polynomial at some ξ. Exact integration gives mass, stiffness, geometric stiffness, load and
 strain, and the coupling of axial with transverse displacement by rotation (thesis 4.2, Appendix A).
 """
 
@@ -30,7 +30,7 @@ class Family:
     """Shape functions that interpolate `freedoms`: pairs (order of the derivative, ξ).
 
     `strain` is AXIAL or BENDING. As x = Lξ, row i of every table has the factor L to the power of the order
-    of its freedom.
+    of freedom i.
     """
 
     name: str

@@ -199,8 +199,8 @@ def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
 
 
 def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
-    """Text of the function that returns derivatives of these orders of the unknowns, and its number of
-    operations."""
+    """Text of the function that returns the derivatives of the given orders of the unknowns, and its number
+    of operations."""
     taken = {symbol.name for symbol in (*loop.parameters, *loop.unknowns)}
     formal = {symbol: unused_symbol(symbol.name, taken) for symbol in loop.given}
     lower = lower_orders(orders)

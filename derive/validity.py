@@ -34,7 +34,7 @@ class Demand(NamedTuple):
 def demands(mechanism: MechanismStatement) -> list[Demand]:
     """Domain conditions that the signs of the parameters do not imply.
 
-    Raises DeclarationError if one can never hold.
+    Raises DeclarationError if a condition can never hold.
     """
     signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
     collected: dict[tuple[Any, str], Demand] = {}

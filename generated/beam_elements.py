@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "e170720b2145fbdeab8763b8c3b6c9a6c6946e93689ec08409842411355efa38"
+MECHANISM_SHA256 = "fc299d3b7fb46d7eba2bac0e9d33205d6617a2c86e307cdbc2c1862668895731"
 DERIVE_SHA256 = "8796e70ad5f0e346b533127b1de55ca3f26b91fee94f646b12d7ac43b739df91"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "17ba4e8fd51cd728afb94a4a5e612a4ab9dfdfe4ec17c968624341418afdfa9c"
+FILE_SHA256 = "94b90148822b00292cb59c9d2734d1a92902326f6db1321cdc012f29fbb45a27"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order with respect to x at ξ.
 # Row i and column i of every table have the factor L to the power of freedom i's order. Factors of tables:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -18,7 +18,7 @@ _LARGEST = 5000
 def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
     """Arrays of a file by name, in the form in which they are stored.
 
-    ending: the only allowed one; by default any of `ENDINGS`. Raises FileError.
+    ending: the only allowed ending; if empty, any of `ENDINGS`. Raises FileError.
     """
     allowed = [ending] if ending else [*ENDINGS]
     if file.suffix.lower() not in allowed:

@@ -54,7 +54,7 @@ class Validity(Protocol):
 
 class Evaluation(Protocol):
     """Evaluation of the entries of M, C, K and d that is faster than by their functions. A method returns
-    None if its form of the entries is unavailable."""
+    None if it is unavailable for the system."""
 
     def entries(self, phase: Array, speed: float) -> Array | None:
         """Entries (m, 3n² + n): Ω²M, ΩC and K by rows, and d, for derivatives with respect to the phase."""

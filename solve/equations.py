@@ -94,7 +94,7 @@ def output_values(
     system: PeriodicSystem, phase: Array, speed: Array | float, *state: Any
 ) -> Mapping[str, Array]:
     """Outputs (k,) by name at phases (k,) for a state q, q̇, q̈ (n, k), and an optional acceleration, as for
-    `Outputs.output_values`; none without outputs."""
+    `Outputs.output_values`; empty for a system without outputs."""
     outputs = system.capabilities.outputs
     return {} if outputs is None else outputs.output_values(phase, speed, *state)
 
@@ -177,8 +177,8 @@ def nonlinear_of(system: PeriodicSystem) -> Nonlinear:
 
 
 def varying_of(system: PeriodicSystem) -> Callable[[Array, Array, float], Matrices]:
-    """Function of phases, speeds and an acceleration, `Capabilities.varying`. Raises TransientError without
-    it."""
+    """Function of phases, speeds and an acceleration, `Capabilities.varying`. Raises TransientError for
+    systems without this function."""
     if system.capabilities.varying is None:
         raise TransientError(
             f"{system.labels.name} is stated for constant speeds only; for varying speeds, state it as a "

@@ -14,7 +14,7 @@ PERIODIC = 1e-9
 A choice."""
 
 SAME_PHASE = 1e-12
-"""Distance of phases, relative to the period, within which they coincide: their round-off. A choice."""
+"""Distance between phases, relative to the period, within which they coincide: their round-off. A choice."""
 
 _ROUNDOFF = 64 * EPS
 """Round-off of an entry relative to the largest term of the equations. A choice."""
@@ -126,8 +126,8 @@ def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
     differences.
 
     matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences count beyond 1e-9 of the size
-    of a matrix, beyond the round-off of the whole equation (a load that cancels is zero up to that), and
-    beyond the effect of a rounded phase (within a narrow pulse).
+    of a matrix, beyond the round-off of the whole equation (a load that cancels is zero up to this
+    round-off), and beyond the effect of a rounded phase (within a narrow pulse).
     """
     rates = speed**2, speed, 1.0, 1.0
     now, later, beside = zip(*(np.split(array, 3) for array in matrices), strict=True)

@@ -3,8 +3,8 @@
 A matrix has a header and one record per nonzero column. A record begins with the number of the column, the
 row of its first value, or 0 for a sparse column, and the number of values or words. A sparse column consists
 of strings: values of consecutive rows. The header of a string states its length in words and its first row,
-in one integer, or in two for matrices with a negative number of rows (BIGMAT). A record of the column behind
-the last one ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
+in one integer, or in two for matrices with a negative number of rows (BIGMAT). A record with a number above
+that of the last column ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
 """
 
 import re

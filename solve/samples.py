@@ -14,7 +14,7 @@ from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.matrices import real_arrays
 
 _SAME_AZIMUTH = 1e-9
-"""Distance of azimuths, as a fraction of the period, below which they coincide. A choice."""
+"""Distance between azimuths, as a fraction of the period, below which they coincide. A choice."""
 
 _MOST_PERIODS = 20
 """Range of azimuths, in periods, above which the azimuths are assumed to be in degrees: 0 to 360 spans 57

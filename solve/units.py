@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 _NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 LARGEST = 1e60
-"""Largest modulus of a number, and inverse of the smallest: products of five remain within the range of
-float64, 1e±308."""
+"""Largest modulus of a number, and inverse of the smallest: products of five such numbers remain within the
+range of float64, 1e±308."""
 
 _POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2}(\.\d{1,2})?)?"
 _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"

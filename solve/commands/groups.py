@@ -171,7 +171,7 @@ class Problem(Numbers):
         return load(self.model, self.case, options, self.reduce, **self.parameters)
 
     def numbers_set(self) -> str:
-        """Text with the values of --set in the model's units, and in the case's units where these differ;
+        """Text with the values of --set in the model's units, and in the case's units where the two differ;
         empty if the model needs further values."""
         if is_system_file(self.model):
             return ""

@@ -86,8 +86,8 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s from --speeds or --speed; None if only parameters vary, which stands for the speed of
-    the case. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
+    """Speeds in rad/s from --speeds or --speed; None, which stands for the speed of the case, if only
+    parameters vary. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if speed.speed is not None:
@@ -131,7 +131,8 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
 
 
 def _turns(model: Model, sweep: Sweep, turn: str, rule: tuple[Any, ...]) -> Figure:
-    """Figure with one curve per point that has a result. Raises ValueOutOfBoundsError if no point has one."""
+    """Figure with one curve per point that has a result. Raises ValueOutOfBoundsError if no point has a
+    result."""
     orbits, varying = {}, moving(sweep.varied)
     labels = labelled_by(model, {name: sweep.varied[name] for name in varying})
     for label, point in zip(labels, sweep.points, strict=True):
@@ -204,7 +205,7 @@ def _held(text: str, model: Model) -> tuple[str, float]:
 def bands(
     problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, derivatives: SpeedDerivatives
 ) -> None:
-    """Unstable bands between the lowest and the highest speed, their edges refined.
+    """Unstable bands between the lowest and the highest speed, with refined edges.
 
     Speeds are added where the model requires them. Narrow bands are searched for between the speeds.
     """

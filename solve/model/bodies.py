@@ -14,8 +14,8 @@ from solve.model.craig_bampton import CraigBampton, craig_bampton
 from solve.units import conversion
 
 _ASYMMETRY = 1e-6
-"""Difference of a matrix and its transpose, relative to its largest entry, that counts as round-off of the
-digits in a file. A choice."""
+"""Difference between a matrix and its transpose, relative to its largest entry, that counts as round-off of
+the digits in a file. A choice."""
 
 EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
 

@@ -20,8 +20,8 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _CHUNK = 1024
-"""Number of phases whose derivatives are summed together, so that these fit in the processor's cache. A
-choice."""
+"""Number of phases whose derivatives are summed together, so that the derivatives fit in the processor's
+cache. A choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class _Slopes:
         return dense.reshape(*self.shape, -1)
 
     def weighted(self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array) -> Array:
-        """Sums (columns, c) over k and the rows with weights (k, rows, c)."""
+        """Sums (columns, c) of the derivatives over k and the rows, with weights (k, rows, c)."""
         sums = np.zeros((self.shape[1], weights.shape[2]))
         compiled_sums = self._compiled(compiled, p, inputs, weights) if len(self.rows) else None
         if compiled_sums is not None:
@@ -257,8 +257,8 @@ class DampedDependence(GeneratedDependence):
 def _damping_slopes(
     damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
 ) -> Array:
-    """Derivatives (k, n, n, r) of the damping matrix C with respect to parameters. In the column of the
-    speed, C itself."""
+    """Derivatives (k, n, n, r) of the damping matrix C with respect to parameters. The column of the speed
+    contains C itself."""
     phase = np.frombuffer(phases)
     columns = [
         damping({}, phase)
@@ -338,7 +338,7 @@ class AssembledDependence:
         return self._cache[key]
 
     def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
-        """Derivatives of Ω²M, ΩC, K by rows and of d, and less accurate ones for error estimates, as
+        """Derivatives of Ω²M, ΩC, K by rows and of d, and less accurate derivatives for error estimates, as
         functions of phases (k,). Interpolants are used for all grids, because assembling a varied system
         takes longer than sampling it."""
         if (name, speed) not in self._interpolants:

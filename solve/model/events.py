@@ -41,8 +41,8 @@ _REST = 1e-13
 @lru_cache(MAX_CACHED)
 @symbolic
 def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function | None":
-    """Function of the inputs of a generated residual that returns its switching functions (s,); None if there
-    are none."""
+    """Function of the inputs of a generated residual that returns its switching functions (s,); None without
+    switches."""
     import casadi
 
     residual, names = module.residual(**dict(options)), operation_names()

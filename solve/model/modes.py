@@ -109,7 +109,8 @@ def _shifts(M: Array, K: Array) -> Array:
 def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
     """Damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) for damping ratios ζ of the modes of M and K (m, n, n).
 
-    ratio: one for all modes, or (…, k) by ascending frequency; the last holds for all higher modes.
+    ratio: one ratio for all modes, or ratios (…, k) by ascending frequency, of which the last applies to all
+    higher modes.
     """
     frequencies, vectors = modes(M, K)
     ratios = np.atleast_1d(ratio)

@@ -20,7 +20,7 @@ _NUMBERS_A_BYTE = 8
 """Memory per byte of a table while it is read, in numbers. An upper estimate, for the memory limit."""
 _REVOLUTION = 2 * math.pi
 _SAME_ANGLE = 1e-9
-"""Distance of angles, in revolutions, below which they coincide. A choice."""
+"""Distance between angles, in revolutions, below which they coincide. A choice."""
 
 
 class Series(NamedTuple):

@@ -202,7 +202,7 @@ def _require_one_set_of_equations(unit: Unit, states: Array, duration: float) ->
 
 
 def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
-    """Raise ValueOutOfBoundsError if an excluded state depends on the remaining ones."""
+    """Raise ValueOutOfBoundsError if an excluded state depends on the remaining states."""
     others = np.setdiff1d(np.arange(len(unit.states)), kept)
     influence = np.abs(jacobians[:, others][:, :, kept]).max(axis=0)
     acting = np.argwhere(influence > _COUPLED * np.abs(jacobians).max())

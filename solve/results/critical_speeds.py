@@ -33,7 +33,7 @@ class Combination:
         return self.modes[0] == self.modes[1] and self.order % 2 == 0
 
     def same(self, other: "Combination | None") -> bool:
-        """Whether both objects describe the same resonance, at any speed."""
+        """Whether both objects describe the same resonance, even at different speeds."""
         return other is not None and self == replace(other, speed=self.speed)
 
 
@@ -137,8 +137,8 @@ class SolvedSpeeds(Result):
 
     @property
     def decimals(self) -> str:
-        """Number format of speeds: three decimals, but not more than the seven digits to which speeds are
-        accurate."""
+        """Number format of speeds: three decimals, or fewer if these exceed the seven digits to which speeds
+        are accurate."""
         before = math.floor(math.log10(self.system.labels.speed_unit.of(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 

@@ -55,7 +55,7 @@ class Channel(NamedTuple):
 
     @property
     def relative(self) -> float:
-        """Root mean square of the difference, divided by that of the measured values."""
+        """Root mean square of the difference, divided by the root mean square of the measured values."""
         size = math.sqrt(float(np.mean(np.abs(self.measured) ** 2)))
         difference = math.sqrt(float(np.mean(np.abs(self.computed - self.measured) ** 2)))
         return difference / size if size else math.nan

@@ -153,7 +153,7 @@ class ModesOver(ResultOver):
 class FollowedModes(ModesOver):
     """Floquet modes followed over the speed or a parameter, from `solve.follow_modes`.
 
-    Has the attributes of `ModesOver`.
+    It has the attributes of `ModesOver`.
     """
 
     _recorded: ClassVar[str] = "labels ambiguous meetings resolution rtol steps notes"

@@ -44,7 +44,7 @@ error the cursor movements of the progress line."""
 
 class UniqueOptions:
     """Mixin for Typer commands that refuses a second value for a single-value option, and equal values for a
-    repeatable one."""
+    repeatable option."""
 
     def parse_args(self: Any, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments; raise Typer's usage error for a repeated option or value."""

@@ -34,7 +34,7 @@ _LEGEND = {
 _MARKERS = "osD^vPXph*<>"
 _DOTS: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4, "markersize": 5.5}
 _LINES = ("-", "--", ":")
-"""Line styles; each is used with all colours before the next one."""
+"""Line styles; each style is used with all colours before the next style."""
 
 _WORST = 3.0
 """Largest relative error that is drawn: a result with a larger error is not accurate to even one digit."""
@@ -60,7 +60,7 @@ def work_precision_figure(
     Points are in order of increasing steps; targets are dashed.
 
     known_to: error of the reference by kind; below it, in the shaded area, errors cannot be measured. Errors
-    above 3 and below a tenth of the reference's are not drawn.
+    above 3, and below a tenth of the error of the reference, are not drawn.
     """
     from cycler import cycler
     from matplotlib.ticker import LogLocator

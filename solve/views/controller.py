@@ -20,7 +20,7 @@ _MOST_ROWS, _MOST_CURVES = 3, 8
 """Largest number of panels, and of curves in a panel: as many as can be read."""
 
 _MOST_GAINS, _SHOWN = 16, 4
-"""Largest number of rows of the table of gains, and harmonics shown in it."""
+"""Maximum number of rows of the table of gains, and number of harmonics in the table."""
 
 
 @figure.register(Controller)

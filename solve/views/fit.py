@@ -30,7 +30,7 @@ _CLOSE = 0.9
 """Correlation above which a pair of parameters is listed."""
 
 _LEAST = 1e-6
-"""Smallest amplitude that is drawn, relative to the largest measured one."""
+"""Smallest amplitude that is drawn, relative to the largest measured amplitude."""
 
 
 @figure.register(Fitted)

@@ -181,8 +181,8 @@ def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **s
 
 
 def shades(count: int) -> list[dict[str, Any]]:
-    """Colours and dashes for several curves, the first darkest. Dashes distinguish the curves in black and
-    white."""
+    """Colours and dashes for several curves; the first colour is the darkest. Dashes distinguish the curves
+    in black and white."""
     import matplotlib
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))

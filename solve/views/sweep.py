@@ -48,7 +48,8 @@ _FLOOR = -80.0
 """Lowest amplitude of a spectrum in dB that is drawn."""
 
 _WIDTH = 48
-"""Number of characters for columns of quantities, out of 80 with speed, radius and stability."""
+"""Number of characters for columns of quantities in a table of 80 characters, which also has columns of
+speed, spectral radius and stability."""
 
 _MOST_ROWS = 60
 """Maximum number of rows; if there are more speeds, every k-th is shown."""

@@ -41,8 +41,8 @@ class Background:
 
     Notes
     -----
-    The process is a new interpreter, not one of `multiprocessing`, which would run the script that opened the
-    window a second time.
+    The process is a new interpreter, not a process of `multiprocessing`, which would run the script that
+    opened the window a second time.
     """
 
     def __init__(self) -> None:
@@ -114,7 +114,7 @@ class Background:
 
 
 def _started() -> "subprocess.Popen[bytes]":
-    """New interpreter that imports from the same places and calls `serve`."""
+    """New interpreter that imports from the same paths and calls `serve`."""
     command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)

@@ -29,7 +29,8 @@ _NUMBERED = re.compile(r"(.*?)([0-9]+)")
 class Origin:
     """Paths of the files of a model.
 
-    argument: name or path by which commands find it; None for a model in memory. cases: another case file.
+    argument: name or path by which commands find the model; None for a model in memory. cases: path of
+    another case file.
     """
 
     argument: str | None = None
