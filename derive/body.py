@@ -40,7 +40,7 @@ class ReducedBody:
     modes : tuple of symbols
         Coordinates of the modes, without unit.
     kinetic, potential, dissipation : sympy.Expr
-        Energies, to be added to those of the mechanism.
+        Energies, to be added to the energies of the mechanism.
     entries : tuple
         (parameter, matrix, row, column) of each entry, rows and columns from 1.
     units : tuple of str

@@ -29,7 +29,7 @@ class _Statement:
     """Required unit; None if any consistent unit is allowed."""
     forbidden: Set[Any] = frozenset()
     own: Mapping[Any, Dimension] = field(default_factory=dict)
-    """Dimensions of the symbols that no other expression may contain."""
+    """Dimensions of symbols that only this expression may contain."""
 
 
 def check(mechanism: MechanismStatement) -> None:

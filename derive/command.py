@@ -48,7 +48,7 @@ def derive(
     out: Annotated[Path | None, Option(metavar="DIR", help="Folder of the generated modules.")] = None,
     check: Annotated[
         bool,
-        Option("--check", help="Compare hashes only, by default of all modules; exit 1 if one is stale."),
+        Option("--check", help="Compare hashes of the given modules (default: all); exit 1 if one is stale."),
     ] = False,
     full: Annotated[bool, Option("--full", help="With --check: regenerate and show the difference.")] = False,
     show: Annotated[
@@ -95,7 +95,8 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
 
 
 def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:
-    """Derived text of the generated module. SymPy is imported here only, because its import is slow.
+    """Derived text of the generated module. SymPy is imported only in this function, because its import is
+    slow.
 
     report: callback for each sentence on terms of the statement that the equations ignore.
     """

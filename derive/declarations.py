@@ -23,7 +23,8 @@ RESERVED = (
 """Names that are reserved because generated code, or columns of result files, use them."""
 
 ARGUMENTS = ("q", "qd", "qdd", "p")
-"""Names of inputs of generated functions, which are reserved too."""
+"""Names of arguments of generated functions, which outputs, inputs, options and sketched lines must not
+have."""
 
 _CLAUSE = r"\s*(?:(integer)|([<>]=?)\s*(-?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?))\s*"
 

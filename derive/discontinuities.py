@@ -53,7 +53,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
             parts, where = [*residual], f"it passes {switch_location(switch, [*residual])}"
         else:
             continue
-        if _apart(parts, at_rest, moving):
+        if _is_discontinuous(parts, at_rest, moving):
             coordinates = {
                 symbol for symbol in moving if symbol.rate in moving and symbol.rate.rate in moving
             }
@@ -137,9 +137,9 @@ def vanishes(expression: Any) -> bool:
     return all(value is not None and abs(value[0]) < 1e-40 for value in values)
 
 
-def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
-    """Whether the parts have different values on both sides of the fundamental motion, at zeros of the
-    switch."""
+def _is_discontinuous(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
+    """Whether the expressions have different values on the two sides of the fundamental motion, at zeros of
+    the switch."""
     symbols = in_order(*parts, at_rest, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
     other = {symbol: -value for symbol, value in side.items()}

@@ -142,8 +142,8 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """Domain conditions of all functions in an expression, where their pieces are active; inner functions
-    first."""
+    """Functions in an expression with their domain conditions, which hold trivially where their pieces are
+    inactive; inner functions first."""
     collected: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
         condition = need(node)
@@ -286,7 +286,7 @@ class _Selection:
     def _split(self, part: Any) -> Any:
         """Selection for a sum or product that is regular on one side of a step or kink, as in (|x| + x)*y.
 
-        None if there is none.
+        None if the part has no such side.
         """
         terms = [argument for argument in sympy.Add.make_args(part) if self._is_singular(argument)]
         singular, others = (
@@ -319,7 +319,7 @@ class _Selection:
         return value
 
     def _pieces(self, pieces: Sequence[tuple[Any, Any]], stated: Any) -> Any:
-        """Selections for the pieces of a piecewise function, or of the product of one with a factor."""
+        """Selections for the pieces of a piecewise function, or of its product with a factor."""
         if not any(self._is_singular(value) for value, _ in pieces):
             return stated
         values = [self._finite(self.of(value), condition) for value, condition in branches(pieces)]

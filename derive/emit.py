@@ -254,7 +254,8 @@ def equations_text(equations: Sequence[Equation], projection: Projection | None 
 def functions_text(
     mechanism: MechanismStatement, functions: list[GeneratedFunction]
 ) -> tuple[list[str], dict[str, int]]:
-    """Texts of the functions, preceded by those of their loops, and the number of operations of each."""
+    """Texts of the functions, preceded by the texts of their loops, and the number of operations of each
+    function."""
     orders = loop_orders([matrix for function in functions for matrix in function.matrices])
     loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
     printed = {function.name: function_text(mechanism, function, orders) for function in functions}
@@ -382,9 +383,7 @@ def constants(
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
     if mechanism.declared_sketches:
-        rows["SKETCH"] = [
-            (sketch.name, sketch.unit, sketch.kind) for sketch in mechanism.declared_sketches
-        ]
+        rows["SKETCH"] = [(sketch.name, sketch.unit, sketch.kind) for sketch in mechanism.declared_sketches]
     lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
     for name, tuples in rows.items():
         lines += tuple_lines(name, [*map(literal, tuples)])
@@ -399,8 +398,8 @@ def constants(
 def _series(series: type[PeriodicFunction]) -> tuple:
     """Entry for a series in the constant SERIES.
 
-    It contains name, form, whether the coefficients are those of the derivative, mean, prefixes of both kinds
-    of coefficients, and number of harmonics.
+    The entry contains: name, form, whether the coefficients are those of the derivative, mean, prefixes of
+    the two kinds of coefficients, number of harmonics.
     """
     prefixes = (family[0].name.removesuffix("1") for family in (series.first, series.second))
     mean = series.mean.name if series.mean else ""

@@ -153,7 +153,7 @@ class Linearised(NamedTuple):
 
 def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearised:
     """Jacobians of the residual with respect to q̈, q̇ and q at the fundamental motion, and d, which is minus
-    the residual there.
+    the residual at the fundamental motion.
 
     Raises ExpansionError if an entry is not finite, SingularMassError if M is singular for all parameters.
     """
@@ -209,7 +209,8 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
-    """Derivatives, next to switches, with respect to q̈, q̇ and q, and these symbols."""
+    """Derivatives of the residual with respect to q̈, q̇ and q, taken beside the switches, and the symbols
+    q̈, q̇ and q."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
     return known_real(residual).jacobian(moving).applyfunc(beside), moving

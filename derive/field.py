@@ -91,7 +91,7 @@ def _factored(total: sympy.Expr) -> sympy.Expr:
 
 
 def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
-    """Coefficients of ξ^p exp(iπtξ) in a function, in a dictionary by p and t."""
+    """Coefficients of ξ^power exp(iπ half_waves ξ) in a function, in a dictionary by power and half_waves."""
     waves: dict[tuple[int, sympy.Expr], sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(function.rewrite(sympy.exp))):
         factor, varying = term.as_independent(XI)
@@ -121,7 +121,7 @@ def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
 
 
 def _end_value(half_waves: Any) -> sympy.Expr:
-    """Value of exp(iπt) for t = ai + bj + c with integers a and b."""
+    """Value of exp(iπ half_waves) for half_waves = ai + bj + c with integers a and b."""
     a, b = half_waves.coeff(MODE_I), half_waves.coeff(MODE_J)
     rest = half_waves - a * MODE_I - b * MODE_J
     if not (a.is_Integer and b.is_Integer and rest.is_number):

@@ -113,16 +113,16 @@ def require_own_name(path: Path) -> None:
     taken = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
     if path.stem in taken or keyword.iskeyword(path.stem) or path.stem.startswith("_"):
         raise MechanismFileError(
-            f'a mechanism cannot be called "{path.stem}": Python has a module or word of that name, or '
-            f"reserves names that start with _; rename {path.name} and its mechanism"
+            f'a mechanism cannot be called "{path.stem}": Python has a module or word of this name, or '
+            f"the name begins with _; rename {path.name} and its mechanism"
         )
 
 
 def load(source: Source) -> "MechanismStatement":
     """Run a mechanism file and return the checked statement of its `mechanism()`.
 
-    Raises MechanismFileError if the file does not run or returns something else, and the errors of the
-    statement (DeclarationError, UnitError, …), each with file and line.
+    Raises MechanismFileError if the file does not run or its `mechanism()` does not return a mechanism, and
+    the errors of the statement (DeclarationError, UnitError, …), each with file and line.
     """
     from derive.checks import check
     from derive.mechanism import MechanismStatement

@@ -154,7 +154,7 @@ class MechanismStatement(Quantities):
         start: Callable[..., Sequence[Any]],
         iterations: int = 8,
     ) -> tuple[Any, ...]:
-        """Unknowns of a closed loop, by Newton's method from a guess that selects the assembly.
+        """Unknowns of a closed loop, by Newton's method from a guess that selects the assembly configuration.
 
         A loop that is not closed after `iterations` steps at some phase raises an error when the parameters
         have values.

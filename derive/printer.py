@@ -146,7 +146,7 @@ def series_calls(
 ) -> tuple[list[str], dict[PeriodicFunction, sympy.Symbol]]:
     """Lines that evaluate the series in the matrices, and the symbol of each value.
 
-    taken: names in use, to which those of the symbols are added.
+    taken: names in use; the names of the new symbols are added.
     """
     direct: set[Any] = set().union(*(matrix.atoms(PeriodicFunction) for matrix in matrices))
     inner = {inside for each in direct for inside in each.args[0].atoms(PeriodicFunction)}
@@ -198,8 +198,8 @@ def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
 
 
 def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
-    """Text of the function that returns derivatives of these orders of the unknowns, and its number of
-    operations."""
+    """Text of the function that returns the derivatives of the given orders of the unknowns, and its number
+    of operations."""
     taken = {symbol.name for symbol in (*loop.parameters, *loop.unknowns)}
     formal = {symbol: unused_symbol(symbol.name, taken) for symbol in loop.given}
     lower = lower_orders(orders)
@@ -219,7 +219,7 @@ def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
     unknowns, given = (", ".join(symbol.name for symbol in each) for each in (loop.unknowns, formal.values()))
     signature = ", ".join(symbol.name for symbol in (*formal.values(), *loop.parameters))
     body = [
-        f'"""{unknowns} of a closed loop and their derivatives by {given}."""',
+        f'"""{unknowns} of a closed loop and their derivatives with respect to {given}."""',
         *(line for lines, _ in blocks for line in lines),
         "return " + ", ".join(names[each].name for order in orders for each in loop.at(loop.given, order)),
     ]
@@ -232,7 +232,7 @@ def loop_calls(
 ) -> tuple[list[str], dict[Any, sympy.Symbol]]:
     """Lines that solve the loops in the matrices, and the symbol of each value.
 
-    taken: names in use, to which those of the symbols are added. A loop follows the loops and series that
+    taken: names in use; the names of the new symbols are added. A loop follows the loops and series that
     drive it.
     """
     printer, lines = CasadiPrinter(), []

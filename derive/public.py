@@ -62,7 +62,7 @@ class Mechanism(MechanismStatement):
         Returns
         -------
         str
-            Python source of the module; an identical statement reuses it.
+            Python source of the module. It is derived once for identical statements.
 
         Raises
         ------

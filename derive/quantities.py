@@ -158,7 +158,7 @@ class Quantities:
         Parameters
         ----------
         name, unit, meaning : str
-            Of the series.
+            Name, unit and meaning of the series.
         harmonics : int
             Number of harmonics.
         bound : str, optional
@@ -198,13 +198,13 @@ class Quantities:
         Parameters
         ----------
         name, unit, meaning : str
-            Of the series.
+            Name, unit and meaning of the series.
         harmonics : int
             Number of harmonics.
         angles : str
             Prefix of the phase angles.
         mean : bool, default True
-            Whether the series has a mean k0, which is then `k.mean`.
+            Whether the series has a mean k0; `k.mean` is its symbol.
         bound : str, optional
             Bound of the mean.
 
@@ -299,7 +299,7 @@ class Quantities:
         Returns
         -------
         ReducedBody
-            `kinetic`, `potential` and `dissipation`, to be added to those of the mechanism.
+            Its `kinetic`, `potential` and `dissipation` are to be added to the energies of the mechanism.
 
         Raises
         ------
@@ -379,7 +379,7 @@ class Quantities:
         require_plain(name)
         if name in self.names():
             raise DeclarationError(
-                f'"{name}" is declared twice (q, qd and qdd are a coordinate and its derivatives)'
+                f'"{name}" is declared twice; a coordinate q also uses the names qd and qdd'
             )
 
     def _require_coordinate(self, name: str, what: str) -> None:

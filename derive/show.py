@@ -208,7 +208,7 @@ def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[s
     """Parameters of a case in coherent SI.
 
     Parameters from a table of measured values, and frequencies for a declared angular velocity, are omitted.
-    Raises CaseError if the file cannot be read or has no such case, UnitError.
+    Raises CaseError if the file cannot be read or does not contain the case, and UnitError.
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))

@@ -121,7 +121,7 @@ class StructureStatement(MechanismStatement):
         section : Section
             Cross section and material.
         inextensible : bool, default False
-            Whether the link bends only.
+            Whether the link only bends and keeps its length.
 
         Raises
         ------
@@ -187,8 +187,8 @@ class StructureStatement(MechanismStatement):
         self.declared_dashpots.append(self._elastic(joint, links, x, y, turn))
 
     def to_ground(self, declared: list[Elastic]) -> dict[str, sympy.Expr]:
-        """Springs or dashpots by degree of freedom. Raises DeclarationError for a degree of freedom with a
-        rigid support."""
+        """Coefficients of springs or dashpots to the ground, by degree of freedom. Raises DeclarationError
+        for a degree of freedom with a rigid support."""
         by_freedom: dict[str, Any] = {}
         for elastic in declared:
             links = {name: self.rotation(self.links[name], elastic.joint) for name in elastic.links}

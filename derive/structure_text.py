@@ -100,7 +100,7 @@ OBSERVED = """\
 # end."""
 DOCUMENTATION = """\
 Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-springs and dashpots where there are any, and the damping ratio of every mode."""
+springs and dashpots if there are any, and the damping ratio of all modes."""
 
 
 def generated_text(

@@ -178,7 +178,7 @@ def slope(expression: Any, by: Any) -> Any:
 def known_real(expression: Any) -> Any:
     """Expression in which moduli and signs of possibly complex arguments are replaced by Max and Heaviside.
 
-    SymPy differentiates these.
+    SymPy can differentiate Max and Heaviside.
     """
     moduli, signs = (
         {part: part.args[0] for part in expression.atoms(kind) if part.args[0].is_extended_real is None}
@@ -256,7 +256,7 @@ class Numbers:
         self._function = sympy.lambdify(symbols, replaced, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
-        """Values of the expressions at a point, which gives values of all symbols."""
+        """Values of the expressions at a point: a mapping with the values of all symbols."""
         if self._undefined:
             return None
         with mpmath.workdps(_DIGITS):

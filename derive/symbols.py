@@ -48,7 +48,7 @@ def rate(expression: Any) -> Any:
     Parameters
     ----------
     expression : expression, or matrix of expressions
-        Function of phase, speed, coordinates, parameters and their rates.
+        Function of parameters, phase, speed, coordinates and their rates.
 
     Returns
     -------

@@ -34,7 +34,7 @@ class Demand(NamedTuple):
 def demands(mechanism: MechanismStatement) -> list[Demand]:
     """Domain conditions that the signs of the parameters do not imply.
 
-    Raises DeclarationError if one can never hold.
+    Raises DeclarationError if a condition can never hold.
     """
     signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
     collected: dict[tuple[Any, str], Demand] = {}
@@ -77,8 +77,8 @@ def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
 
 
 def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
-    """Descriptions and expressions that are evaluated along the fundamental motion, with a flag for each
-    expression that is a motion."""
+    """Descriptions and expressions that are evaluated along the fundamental motion, with a flag that is true
+    for motions."""
     for symbol, motion in mechanism.fundamental_motion.items():
         yield f"the fundamental motion of {symbol}", motion, True
     for name in ("kinetic", "potential"):

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "9af0f1973df8476eb0f41bce9f7ac84e8a0cebba3b17322e78c89f2c33d43f18"
-DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
+DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d3f9cc489dcda50ac43437c935f5bc58b6aec4a5b1e79b93283f33bd7da33c12"
+FILE_SHA256 = "32ee4d602ebcd58fd3006f33ffdd5164b7b11588901d4c3bb7217143806c603e"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "ff03099634a6a9572b840c88c8b8e5e2f3d33625801ebb53eee9698de88c9403"
-DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
+DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1f2ff8b6773bbc5018478ff96506927d771d2294d69dfebc787a3692fae0632a"
+FILE_SHA256 = "b0345186aec26a29cb3b2384c5f835fb7697bb7f0e5610565e4622baca89b5df"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -200,7 +200,7 @@ def _w_0_1(j):
 
 
 def _phi3_phi4(angle, coupler, branch_crossed, branch_open, l1, l2, l4, theta):
-    """phi3, phi4 of a closed loop and their derivatives by angle, coupler."""
+    """phi3, phi4 of a closed loop and their derivatives with respect to angle, coupler."""
     x0 = casadi.sin(angle)
     x1 = l2*x0
     x2 = l1*casadi.sin(theta) - x1

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
+DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "264ae878f703841c42c63d88ea5ad5ccc280a1fd7a0d393e37bbc21876610441"
+FILE_SHA256 = "2b54c3b9dbaa365e210b6dc54a30fc2328ddfe2bb732ee87ee4dd8d77b0db3e4"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -136,7 +136,7 @@ def _choice(option, value):
 
 
 def _t2_t3(angle, L1, L2, L3, L4, branch_crossed, branch_open):
-    """t2, t3 of a closed loop and their derivatives by angle."""
+    """t2, t3 of a closed loop and their derivatives with respect to angle."""
     x0 = casadi.sin(angle)
     x1 = L1*x0
     x2 = L2**2
@@ -157,7 +157,7 @@ def _t2_t3(angle, L1, L2, L3, L4, branch_crossed, branch_open):
 
 def properties(*, branch="open"):
     """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-    springs and dashpots where there are any, and the damping ratio of every mode."""
+    springs and dashpots if there are any, and the damping ratio of all modes."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 18)

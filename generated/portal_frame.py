@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "9346b5d8177d26812c9bb32371c59a0fb9a48d8ea632c45e7192aa84981a11c7"
+DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "016e916236c9300f5e8fd9f1d253c94015b55d22b4940d87de0b1dbdd6a95bff"
+FILE_SHA256 = "8ba5925ca08c61a88d67ae3722fb5e81a3c451fbe9974104fa15e83c414a53da"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -62,7 +62,7 @@ MOVES = False
 
 def properties():
     """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-    springs and dashpots where there are any, and the damping ratio of every mode."""
+    springs and dashpots if there are any, and the damping ratio of all modes."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 5)
     (E, I, rho, A, L) = casadi.vertsplit(parameters)

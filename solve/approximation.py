@@ -63,8 +63,8 @@ class Trigonometric:
         return (waves.view(float) @ self._amplitudes).reshape(len(waves), *self._shape)
 
     def at(self, phase: Any, cos: Callable[[Any], Any], sin: Callable[[Any], Any]) -> list[Any]:
-        """Values at a symbolic phase. Harmonics that are round-off in every entry are omitted; entries may
-        have different units."""
+        """Values at a symbolic phase. Harmonics that are round-off in every entry are omitted. Round-off is
+        relative to the largest harmonic of each entry, because entries may have different units."""
         cosines, sines = self._amplitudes[::2], self._amplitudes[1::2]
         sizes = np.maximum(np.abs(cosines), np.abs(sines))
         significant = (sizes > EPS * sizes.max(axis=0)).any(axis=1)
@@ -122,8 +122,9 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
 def slopes(
     function: Callable[[float], Array], x: float, largest_step: float | None = None
 ) -> tuple[Array, Array]:
-    """Derivative as from `slope`, and a second value extrapolated without the smallest step, which has a
-    larger truncation error and less round-off. The difference of the two values is an error estimate."""
+    """Derivative as from `slope`, and a second value, extrapolated without the smallest step. The second
+    value has a larger truncation error and less round-off; the difference between the two is an error
+    estimate."""
     largest = _RELATIVE_STEP * abs(x) if largest_step is None else largest_step
     steps = [largest / 2**level for level in range(_LEVELS)]
     estimates = [(function(x + step) - function(x - step)) / (2 * step) for step in steps]

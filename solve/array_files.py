@@ -31,7 +31,7 @@ def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
         message = str(error)
         raise FileError(message if str(file) in message else f"'{file}': {message}") from None
     except PermissionError:
-        raise FileError(f"'{file}' cannot be read; its permissions do not allow it") from None
+        raise FileError(f"'{file}' cannot be read; change its permissions") from None
     except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
         raise FileError(f"'{file}' cannot be read: it is damaged, or is not a {kind} file") from None
 

@@ -84,7 +84,7 @@ def solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """Array-valued function of phases whose latest results are cached, up to a number of bytes.
+    """Array-valued function of phases whose latest values are cached, up to a number of bytes.
 
     Caching pays because the next solution uses the phases of the same grid. Cached values must not be
     modified.

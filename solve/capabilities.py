@@ -26,8 +26,8 @@ class Outputs(Protocol):
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        """Outputs (k,) by name at phases (k,), a speed in rad/s, a number or (k,), and states q, q̇, q̈ (n,
-        k), derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
+        """Outputs (k,) by name at phases (k,). speed: Ω in rad/s, one number or (k,). q, qd, qdd (n, k):
+        coordinates and their derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
         ...
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
@@ -40,11 +40,11 @@ class Validity(Protocol):
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:
-        """Coordinates and outputs with bounds on a valid solution."""
+        """Coordinates and outputs that have limits of validity."""
         return ()
 
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
-        """Limits of these quantities. linear: whether the linearised equations are solved."""
+        """Limits of validity of the given quantities. linear: whether the linearised equations are solved."""
         return []
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -56,16 +56,17 @@ class Evaluation(Protocol):
     """Evaluation of entries that is faster than evaluation of the matrices; None where it is unavailable."""
 
     def entries(self, phase: Array, speed: float) -> Array | None:
-        """Ω²M, ΩC, K by rows and d, (m, 3n² + n), for derivatives with respect to the phase."""
+        """Entries (m, 3n² + n): Ω²M, ΩC and K by rows, and d, for derivatives with respect to the phase."""
         return None
 
     def entries_over(self, phase: Array, speeds: Array) -> Array | None:
-        """Entries at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
+        """Entries (P, k, 3n² + n), in the order of `entries`, at phases (k,) and speeds (P,); NaN at speeds
+        without matrices."""
         return None
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         """Decomposition of the entries into products: terms (k, R) of the phase, their coefficients (P, R) at
-        speeds (P,), and the entry of each term (R,), ascending."""
+        speeds (P,), and the index (R,) of the entry to which each term belongs, ascending."""
         return None
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array] | None:
@@ -136,8 +137,8 @@ class Linearisation(Protocol):
         ...
 
     def roundoff(self, phase: Array, speed: float) -> Array:
-        """Bounds (k, n) on the round-off in the load d, whose terms may cancel, at phases (k,), in units of
-        the machine precision."""
+        """Bounds (k, n), as multiples of the machine precision, on the round-off in the load d at phases
+        (k,). Terms of d may cancel."""
         ...
 
 
@@ -154,7 +155,7 @@ class Capabilities(NamedTuple):
         Function of phases (m,) and a speed in rad/s that returns the arrays of B (m, n, r).
     domain : callable or None
         Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
-        exist at one of them.
+        exist at one of these speeds.
     sketch : callable or None
         Function that returns the lines of the sketch by name, as points x + iy (points, k), for phases (k,),
         a speed, q (n, k) and a fraction of the default number of points of curves.

@@ -36,8 +36,8 @@ class Statistics(NamedTuple):
 class Limit(NamedTuple):
     """Limit on the statistics of a quantity.
 
-    exceeded: whether statistics, of one solution or arrays of many, violate it. message: warning for the
-    statistics of one solution.
+    exceeded: function that returns whether the statistics of one solution, or arrays of the statistics of
+    many solutions, violate the limit. message: warning for the statistics of one solution.
     """
 
     quantity: str

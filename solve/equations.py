@@ -34,7 +34,7 @@ _LOAD_PHASES = 128
 
 
 def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """Ω²M, ΩC, K by rows and d, concatenated (m, 3n² + n), for derivatives with respect to the phase."""
+    """Entries (m, 3n² + n): Ω²M, ΩC and K by rows, and d, for derivatives with respect to the phase."""
     evaluation, n = system.capabilities.evaluation, system.n
     entries = None if evaluation is None else evaluation.entries(phase, speed)
     if entries is None:
@@ -59,7 +59,8 @@ def terms_of(system: PeriodicSystem, phase: Array, speeds: Array) -> tuple[Array
 
 
 def entries_over(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
-    """Entries at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
+    """Entries (P, k, 3n² + n), as from `entries_of`, at phases (k,) and speeds (P,); NaN at speeds without
+    matrices."""
     evaluation = system.capabilities.evaluation
     entries = None if evaluation is None else evaluation.entries_over(phase, speeds)
     return entries_one_by_one(system, phase, speeds) if entries is None else entries
@@ -93,7 +94,7 @@ def output_values(
     system: PeriodicSystem, phase: Array, speed: Array | float, *state: Any
 ) -> Mapping[str, Array]:
     """Outputs (k,) by name at phases (k,) for a state q, q̇, q̈ (n, k), and an optional acceleration, as for
-    `Outputs.output_values`; none without outputs."""
+    `Outputs.output_values`; empty for a system without outputs."""
     outputs = system.capabilities.outputs
     return {} if outputs is None else outputs.output_values(phase, speed, *state)
 
@@ -112,7 +113,7 @@ def warnings_of(system: PeriodicSystem, speed: float, linear: bool = True) -> li
 
 
 def judged_quantities(system: PeriodicSystem) -> tuple[str, ...]:
-    """Coordinates and outputs with bounds on a valid solution."""
+    """Coordinates and outputs that have limits of validity."""
     validity = system.capabilities.validity
     return () if validity is None else validity.judged_quantities
 
@@ -176,8 +177,8 @@ def nonlinear_of(system: PeriodicSystem) -> Nonlinear:
 
 
 def varying_of(system: PeriodicSystem) -> Callable[[Array, Array, float], Matrices]:
-    """Function of phases, speeds and an acceleration, `Capabilities.varying`. Raises TransientError without
-    it."""
+    """Function of phases, speeds and an acceleration, `Capabilities.varying`. Raises TransientError for
+    systems without this function."""
     if system.capabilities.varying is None:
         raise TransientError(
             f"{system.labels.name} is stated for constant speeds only; for varying speeds, state it as a "
@@ -193,7 +194,7 @@ def events_of(system: PeriodicSystem) -> Events:
 
 
 def event_normals(system: PeriodicSystem, motion: Motion, speed: float) -> Array:
-    """Derivatives (k, 1 + 2n) of the switches, `Linearisation.event_normals`; none without events."""
+    """Derivatives (k, 1 + 2n) of the switches, `Linearisation.event_normals`; k = 0 without events."""
     linearisation = system.capabilities.linearisation
     if linearisation is None:
         return np.zeros((0, 1 + 2 * system.n))

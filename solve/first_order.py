@@ -194,7 +194,7 @@ class MixedSystem(PeriodicSystem, Evaluation):
 
     Examples
     --------
-    A mass on a spring, with a force x that follows its displacement with a lag:
+    A mass on a spring, with a force x that follows the displacement of the mass with a lag:
 
     >>> def lagged(phase, speed):
     ...     one = np.ones(len(phase))

@@ -10,8 +10,8 @@ from solve.contracts import Matrices
 from solve.errors import MatricesError
 
 PERIODIC = 1e-9
-"""Relative difference of the matrices at both ends of the period below which they count as periodic. A
-choice."""
+"""Relative difference between the matrices at the two ends of the period, below which they count as periodic.
+A choice."""
 
 SAME_PHASE = 1e-12
 """Distance between phases, relative to the period, within which the phases coincide up to round-off. A
@@ -123,7 +123,8 @@ def with_neighbours(phase: Array, later: Array, period: float) -> Array:
 
 
 def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
-    """Symbols of those matrices that differ between phases and phases one period later, with the differences.
+    """Symbols of the matrices that differ between given phases and the phases one period later, with the
+    differences.
 
     matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences are significant if they exceed
     1e-9 of the size of a matrix, the round-off of the whole equation (a load whose terms cancel is zero up to

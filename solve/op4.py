@@ -97,7 +97,7 @@ def op4_arrays(file: Path) -> dict[str, Array]:
 
 def op4_matrices(file: Path) -> dict[str, Array]:
     """Matrices M, K and, if present, C of one set of coordinates, such as MAA, KAA and BAA, or all matrices
-    by name if there is no such pair.
+    by name if the file has no pair of M and K.
 
     Raises FileError for pairs of several sets, and other exceptions for a damaged file.
     """

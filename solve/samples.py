@@ -35,7 +35,7 @@ choice."""
 
 _SIGNIFICANT = 64 * EPS
 """Amplitude of a harmonic relative to the largest entry of its matrix, above which it is not round-off. A
-choice: some ten operations above the unit round-off."""
+choice: about ten operations above the unit round-off."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Samples:
     amplification : float
         Factor by which the fit amplifies errors of the samples: 1 for uniform azimuths.
     given : tuple of arrays, optional
-        Ascending azimuths (k,) that are not uniform, and the arrays sampled there.
+        Ascending azimuths (k,) that are not uniform, and the arrays sampled at these azimuths.
     """
 
     arrays: tuple[Array, ...]
@@ -74,8 +74,8 @@ class Samples:
         counts = {len(array) if array.ndim else 0 for array in arrays}
         if len(counts) != 1 or 0 in counts:
             raise MatricesError(
-                f"samples of {', '.join(symbols)} have shapes {[array.shape for array in arrays]}; give the "
-                "same number of phases, 1 or more, first in each"
+                f"samples of {', '.join(symbols)} have shapes {[array.shape for array in arrays]}; give each "
+                "the same first dimension: the number of phases, 1 or more"
             )
         (count,) = counts
         if phases is None:
@@ -179,7 +179,7 @@ class Samples:
         return last == 0 or last + self.spacing <= self.resolved
 
     def thinned(self, stride: int) -> "Samples":
-        """Samples at every second or third of the uniform azimuths."""
+        """Samples at every `stride`-th of the uniform azimuths."""
         arrays = [array[::stride] for array in self.arrays]
         if self.azimuths % stride == 0:
             return Samples(tuple(arrays), self.period, self.azimuths // stride)

@@ -1,4 +1,4 @@
-"""Periodic solution of a system at one speed, or its stability alone."""
+"""Periodic solution of a system at one speed, and its stability without the solution."""
 
 from solve.certify.all_multipliers import (
     Spectrum,
@@ -112,7 +112,7 @@ def floquet(
     method, steps : optional
         As in `periodic`.
     rtol : float
-        Relative tolerance of the multipliers, |error| over the spectral radius.
+        Relative tolerance of the multipliers: |error| divided by the spectral radius.
     engine, all_multipliers : optional
         As in `periodic`.
 
@@ -148,8 +148,8 @@ def floquet(
 
 
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
-    """Request for the solution of points by engine COMPILED or NUMPY, and the methods that check the results
-    of other methods. Raises ValueOutOfBoundsError."""
+    """Settings for the solution of points: steps, tolerance, engine COMPILED or NUMPY, and the methods that
+    check the results of other methods. Raises ValueOutOfBoundsError."""
     return SolveRequest(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
 
 

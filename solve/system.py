@@ -203,7 +203,8 @@ class PeriodicSystem:
         return self._builder({**self.labels.parameters, **parameters})
 
     def _check(self, speed: float) -> None:
-        """Raise MatricesError unless the matrices have their shapes, are periodic, and M is regular."""
+        """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is
+        regular."""
         n, phase = self.n, checked_phases(self.period, self.breaks)
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
@@ -224,7 +225,8 @@ class PeriodicSystem:
 
 
 def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) -> None:
-    """Raise ValueOutOfBoundsError unless names are texts that differ from each other and from others."""
+    """Raise ValueOutOfBoundsError unless `names` is a sequence of texts that differ from each other and from
+    the names `others`."""
     texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
     if not texts or len({*others, *names}) != len(others) + len(names):
         raise ValueOutOfBoundsError(
@@ -287,8 +289,8 @@ def in_phase(system: PeriodicSystem, phase: Array, speed: float) -> Matrices:
 
 
 def check(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError unless the matrices have their shapes, are periodic, and M is regular; for models,
-    unless they satisfy the checks of generated matrices too."""
+    """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is regular.
+    Matrices of a model must also pass the checks of generated matrices."""
     system._check(speed)
 
 

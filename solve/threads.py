@@ -25,7 +25,7 @@ def one_thread(coordinates: int) -> Iterator[None]:
     """Context manager in which BLAS uses one thread if a system with this number of coordinates is small.
 
     For small matrices, threads of BLAS wait longer than they work. The previous number of threads is restored
-    at the end of the last of overlapping calls from any thread."""
+    when the last of several overlapping calls ends."""
     if coordinates > SMALL:
         yield
         return
@@ -59,8 +59,8 @@ def _libraries(loaded: tuple[bool, ...]) -> Any:
 
 
 def interruptible(work: Callable[[], Value]) -> Value:
-    """Result of `work`, which runs in a separate thread while the current one waits, so that an interruption
-    takes effect before a long LAPACK call returns.
+    """Result of `work`, which runs in a separate thread while the current thread waits, so that an
+    interruption takes effect before a long LAPACK call returns.
 
     After an interruption the call continues in the background. A regular exit of the process waits for it,
     because the libraries in use must not be unloaded earlier."""
@@ -86,7 +86,7 @@ _building = threading.RLock()
 
 
 def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]:
-    """Decorator of functions that build CasADi expressions, which one thread at a time may do.
+    """Decorator of functions that build CasADi expressions: only one thread at a time runs them.
 
     CasADi releases Python's global lock, but its symbolic operations are not thread-safe: in two threads they
     ended the process within 20 s (versions 3.7.0 and 3.8.2). Evaluation of its functions is thread-safe."""

@@ -228,7 +228,8 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     """First and last speed in rad/s of a ramp, from "A:B unit", or from two numbers in rad/s or texts with
     unit.
 
-    One of them may be 0, and their relative difference exceeds 1e-9. Raises UnitError, ValueOutOfBoundsError.
+    One of the speeds may be 0; the relative difference between the speeds exceeds 1e-9. Raises UnitError,
+    ValueOutOfBoundsError.
 
     >>> ramp_in_si("0:60 rad/s"), ramp_in_si((0, "60 rad/s"))
     ((0.0, 60.0), (0.0, 60.0))
@@ -350,8 +351,8 @@ def with_unit(text: str, unit: str) -> float:
 def conversion(given: str, unit: str) -> float:
     """Size of the unit `given`, expressed in `unit`. One hertz is one revolution per second.
 
-    Raises UnitError for units of different dimensions, with different zeros (degC), or ambiguous between
-    revolutions and radians (1/min).
+    Raises UnitError for units of different dimensions, with different zero points (degC), or ambiguous
+    between revolutions and radians (1/min).
     """
     decimal = _DECIMAL.fullmatch(given)
     if given == unit:

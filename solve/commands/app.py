@@ -47,7 +47,8 @@ class Program(NamedTuple):
         command_line.main(self.name, self._run_command, SolveError)
 
     def commands(self, called: str | None = None) -> "typer.Typer":
-        """Commands as a Typer application. Of several commands, only the called one is loaded."""
+        """Commands as a Typer application. If there are several commands, only the called command is
+        loaded."""
         # Imported here, so that an interruption during the import is handled.
         from solve.commands.reading import application
 
@@ -70,9 +71,9 @@ COMMANDS = {
     "floquet": "Floquet multipliers, exponents and the stability verdict.",
     "compare": "Comparison of methods: error, steps and time.",
     "sweep": "Periodic vibration and stability over many speeds, and values of parameters.",
-    "bands": "Unstable bands between the lowest and the highest speed, their edges refined.",
+    "bands": "Unstable bands between the lowest and the highest speed, with refined edges.",
     "chart": "Stability over two quantities, with named boundaries.",
-    "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
+    "critical": "Critical speeds: maxima of response and multipliers, divisions ω̄/k of mean frequencies.",
     "modes": "Floquet modes followed over the speed or a parameter: frequencies, damping, veerings.",
     "transient": "Transient at constant speed from given initial conditions to the periodic orbit; "
     "run-up, run-down.",

@@ -34,7 +34,9 @@ def branch(
     points: Annotated[int, Flag("Maximum number of points.", "N")] = 200,
     rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
     periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
-    start: Annotated[str | None, Flag("Saved orbit or transient as the start.", "FILE")] = None,
+    start: Annotated[
+        str | None, Flag("Saved orbit or transient from which the branch starts.", "FILE")
+    ] = None,
 ) -> None:
     """Branch of nonlinear orbits over the speed or a parameter, through its turning points."""
     over, model = over or [], problem.loaded()

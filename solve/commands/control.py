@@ -17,7 +17,7 @@ def control(
         str | None, Flag("Weights of states, outputs and inputs of a regulator.", '"q3=1e6, u=1"')
     ] = None,
     kalman: Annotated[
-        str | None, Flag("Noise along inputs, and of measured states and outputs.", '"u=1, q1=1e-9"')
+        str | None, Flag("Noise intensities of inputs, and of measured states and outputs.", '"u=1, q1=1e-9"')
     ] = None,
     feedforward: Annotated[bool, Flag("Add the periodic input that is optimal under the load.")] = False,
     vibration: Annotated[bool, Flag("Add the periodic vibration without and with feedback.")] = False,

@@ -171,7 +171,7 @@ class Problem(Numbers):
         return load(self.model, self.case, options, self.reduce, **self.parameters)
 
     def numbers_set(self) -> str:
-        """Text with the values of --set in the model's units, and in the case's units where these differ;
+        """Text with the values of --set in the model's units, and in the case's units where the two differ;
         empty if the model needs further values."""
         if is_system_file(self.model):
             return ""
@@ -198,7 +198,7 @@ class Speed:
     ] = None
 
     def omega(self, model: PeriodicSystem) -> float:
-        """Ω in rad/s from the flag, or from the case by default. Raises MissingValueError."""
+        """Ω in rad/s from the flag, or from the case if the flag is absent. Raises MissingValueError."""
         return speed_or_usual(model, self.speed)
 
 
@@ -227,7 +227,7 @@ class Settings:
 
     @property
     def settings(self) -> dict[str, float | None]:
-        """Settings by name; None for those that are not given."""
+        """Settings by name; None for settings that are not given."""
         return {field.name: getattr(self, field.name) for field in fields(Settings)}
 
 
@@ -308,7 +308,7 @@ class Proving:
 
 
 @dataclass(frozen=True)
-class Moved:
+class SpeedDerivatives:
     """Parameters with respect to which derivatives of computed speeds are requested."""
 
     by: Annotated[
@@ -335,7 +335,7 @@ class Moved:
 
 
 @dataclass(frozen=True)
-class Places:
+class Execution:
     """Flags for many points: the processes that solve them, and the folder of finished points."""
 
     store: Annotated[

@@ -7,8 +7,18 @@ from typing import Annotated, Any
 
 import solve
 from solve.commands.deliver import ContradictionError, deliver_result
-from solve.commands.groups import Accuracy, Flag, Moved, Places, Problem, Results, Speed, Speeds, Steps
-from solve.commands.parse import assignments, figure_kept, fraction, harmonic_count, points, quantities
+from solve.commands.groups import (
+    Accuracy,
+    Execution,
+    Flag,
+    Problem,
+    Results,
+    Speed,
+    SpeedDerivatives,
+    Speeds,
+    Steps,
+)
+from solve.commands.parse import assignments, fraction, harmonic_count, points, quantities, statistic_name
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.labels import in_own_unit
 from solve.model.model import Model
@@ -29,7 +39,7 @@ def sweep(
     speeds: Speeds,
     speed: Speed,
     accuracy: Steps,
-    places: Places,
+    execution: Execution,
     results: Results,
     show: Annotated[
         list[str] | None, Flag("Coordinate or output to show; repeatable; coordinates by default.", "NAME")
@@ -65,7 +75,7 @@ def sweep(
         raise ValueOutOfBoundsError("--turn draws linear orbits; leave out --turn or --nonlinear")
     output: dict[str, Any] = {"spectra": spectra, "harmonics": harmonic, "over": varied or None}
     output["nonlinear"] = nonlinear
-    with places.given() as resources:
+    with execution.given() as resources:
         result = solve.sweep(model, omegas, *rule, **output, **resources)
     result.results.require_any()
     report = partial(printout, result, problem.choices, names=names)
@@ -108,10 +118,10 @@ def _check_turn(
 
 def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None:
     """Raise SolveError subclasses, before the calculation, if the picture of --waterfall cannot be drawn.
-    counts: numbers of speeds and of values of each parameter."""
+    counts: number of speeds, and number of values of each parameter."""
     if sum(count > 1 for count in counts) > 1:
         raise ValueOutOfBoundsError(
-            "--waterfall draws spectra over one varied quantity; give one speed, or one value of each "
+            "--waterfall draws spectra over one quantity, but several vary; give one value of each "
             "other quantity"
         )
     if not (results.plot or results.save or results.json):
@@ -121,7 +131,8 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
 
 
 def _turns(model: Model, sweep: Sweep, turn: str, rule: tuple[Any, ...]) -> Figure:
-    """Figure with one curve per point that has a result. Raises ValueOutOfBoundsError if no point has one."""
+    """Figure with one curve per point that has a result. Raises ValueOutOfBoundsError if no point has a
+    result."""
     orbits, varying = {}, moving(sweep.varied)
     labels = labelled_by(model, {name: sweep.varied[name] for name in varying})
     for label, point in zip(labels, sweep.points, strict=True):
@@ -138,7 +149,7 @@ def chart(
     problem: Problem,
     speed: Speed,
     accuracy: Accuracy,
-    places: Places,
+    execution: Execution,
     results: Results,
     x: Annotated[
         str | None, Flag("N values from A to B on the x axis; a speed requires its unit.", _RANGE)
@@ -146,7 +157,7 @@ def chart(
     y: Annotated[str | None, Flag("N values from A to B on the y axis.", _RANGE)] = None,
     cut: Annotated[
         list[str] | None,
-        Flag("Add the line on which x or y has this value; repeatable.", "NAME=NUMBER[unit]"),
+        Flag("Draw a line at this value of x or y; repeatable.", "NAME=NUMBER[unit]"),
     ] = None,
     of: Annotated[
         str | None, Flag("Draw this quantity, such as q3.max_abs, rho1.re, exponent1.re.", "QUANTITY")
@@ -163,7 +174,7 @@ def chart(
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
     options = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of}
     options["prove"] = prove
-    with places.given() as resources:
+    with execution.given() as resources:
         result = solve.chart(model, across, upwards, omega, **options, **resources).with_cuts(lines)
     deliver_result(results, result, problem.choices, result.notes)
     if result.contradicted:
@@ -191,15 +202,17 @@ def _held(text: str, model: Model) -> tuple[str, float]:
     return name, in_own_unit(model, name, quantities("--cut", [text])[name])
 
 
-def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:
-    """Unstable bands between the lowest and the highest speed, their edges refined.
+def bands(
+    problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, derivatives: SpeedDerivatives
+) -> None:
+    """Unstable bands between the lowest and the highest speed, with refined edges.
 
     Speeds are added where the model requires more; narrow bands are searched for between the speeds.
     """
     omegas, model = speeds.omegas(), problem.loaded()
-    moved.require_known(model)
+    derivatives.require_known(model)
     result = solve.bands(model, omegas, accuracy.rule, accuracy.rtol)
-    deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes)
+    deliver_result(results, derivatives.of(result, accuracy), problem.choices, result.notes)
 
 
 def critical(
@@ -207,7 +220,7 @@ def critical(
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,
-    moved: Moved,
+    derivatives: SpeedDerivatives,
     of: Annotated[str | None, Flag("Coordinate or output; the first coordinate by default.", "NAME")] = None,
     figure: Annotated[
         str, Flag("Statistic of |quantity| whose maxima are sought: max or rms.", "max|rms")
@@ -215,12 +228,12 @@ def critical(
     orders: Annotated[int, Flag("Highest order of integer divisions.", "K")] = 20,
     campbell: Annotated[bool, Flag("Draw the Campbell diagram alone.")] = False,
 ) -> None:
-    """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
-    omegas, statistic, model = speeds.omegas(), figure_kept(figure), problem.loaded()
-    moved.require_known(model)
+    """Critical speeds: maxima of response and multipliers, divisions ω̄/k of mean frequencies."""
+    omegas, statistic, model = speeds.omegas(), statistic_name(figure), problem.loaded()
+    derivatives.require_known(model)
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
-    drawn = None if moved.by else partial(result.plot, campbell=campbell)
-    deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes, figure=drawn)
+    drawn = None if derivatives.by else partial(result.plot, campbell=campbell)
+    deliver_result(results, derivatives.of(result, accuracy), problem.choices, result.notes, figure=drawn)
 
 
 def modes(
@@ -246,7 +259,10 @@ def validity(
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,
-    at: Annotated[float, Flag("Largest error up to which the model is valid.", "5%", read=fraction)] = 0.05,
+    at: Annotated[
+        float,
+        Flag("Largest linearisation error for which the linear model counts as valid.", "5%", read=fraction),
+    ] = 0.05,
 ) -> None:
     """Linearisation error over speed, and the speed up to which the linear model is valid."""
     omegas, model = speeds.omegas(), problem.loaded()

@@ -39,7 +39,7 @@ def periodic(
     start: Annotated[
         str | None, Flag("With --nonlinear: a saved orbit or transient as the start.", "FILE")
     ] = None,
-    quasi_static: Annotated[bool, Flag("Add the kinetostatic solution for comparison.")] = False,
+    quasi_static: Annotated[bool, Flag("Add the quasi-static response for comparison.")] = False,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     data: Annotated[
         str | None, Flag("Measured vibration at this speed, drawn for comparison.", "FILE")
@@ -139,7 +139,9 @@ def compare(
     method: Annotated[
         list[str] | None, Flag("Method to compare; repeatable; all by default.", "NAME")
     ] = None,
-    steps: Annotated[list[int] | None, Flag("Equal number of steps per period; repeatable.", "N")] = None,
+    steps: Annotated[
+        list[int] | None, Flag("Number of steps per period, the same for all methods; repeatable.", "N")
+    ] = None,
     rtol: Annotated[
         list[float] | None,
         Flag(
@@ -159,8 +161,8 @@ def compare(
 
 
 def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) -> list[Rule]:
-    """Methods, each with the settings that it supports. Raises UnknownNameError, and ValueOutOfBoundsError
-    for a setting that no method supports."""
+    """Methods with the settings that each of them supports. Raises UnknownNameError, and
+    ValueOutOfBoundsError for a setting that no method supports."""
     selected = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
     allowed = {name: settings_of(name) for name in selected if name in METHODS}
     for setting, value in settings.items():

@@ -7,7 +7,7 @@ import numpy as np
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Flag, Places, Problem, Results, Speed, Speeds, Steps
+from solve.commands.groups import Accuracy, Execution, Flag, Problem, Results, Speed, Speeds, Steps
 from solve.commands.parse import assignments, listed, points
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.results.files import checked
@@ -98,7 +98,7 @@ def optimise(
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
     robust: Annotated[
         str | None,
-        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile, as 95%.", "K"),
+        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile such as 95%.", "K"),
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -156,7 +156,7 @@ def tolerances(
     speed: Speed,
     speeds: Speeds,
     accuracy: Accuracy,
-    places: Places,
+    execution: Execution,
     results: Results,
     vary: Annotated[
         list[str] | None,
@@ -185,7 +185,7 @@ def tolerances(
     model = problem.loaded()
     given = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     sizes = samples, index_samples, accuracy.rule, accuracy.rtol
-    with places.given() as resources:
+    with execution.given() as resources:
         result = solve.tolerances(
             model, given, spreads, subject or (), of or (), *sizes, seed=seed, **resources
         )
@@ -213,7 +213,9 @@ def frequencies(
     results: Results,
     position: Annotated[str | None, Flag("Position of the drive; 0 by default.", '"70 deg"')] = None,
     count: Annotated[int | None, Flag("Number of modes, from the lowest; 4 by default.", "N")] = None,
-    turn: Annotated[int | None, Flag("Add N positions of a revolution, with their mean.", "N")] = None,
+    turn: Annotated[
+        int | None, Flag("Add frequencies at N positions of a revolution, and their means.", "N")
+    ] = None,
     over: Annotated[
         list[str] | None,
         Flag(

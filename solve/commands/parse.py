@@ -128,7 +128,7 @@ def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) 
     return checked(path, endings, kind)
 
 
-def figure_kept(text: str) -> str:
+def statistic_name(text: str) -> str:
     """Name of the statistic of a modulus over a period, max or rms. Raises UnknownNameError."""
     figures = {"max": "max_abs", "rms": "rms"}
     require_name("figure", text, figures)

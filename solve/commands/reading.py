@@ -26,8 +26,8 @@ def application(
     example: str,
     called: str | None,
 ) -> typer.Typer:
-    """Typer application of a program. Of several commands, only the called one receives its flags. A single
-    command needs no name on the command line."""
+    """Typer application of a program. If there are several commands, only the called command is loaded with
+    its flags. A single command needs no name on the command line."""
     epilog, single = f"For example: {program} {example}", len(listed) == 1
     app = typer.Typer(
         name=program,

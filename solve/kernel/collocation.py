@@ -60,8 +60,8 @@ class Periods(NamedTuple):
 
 
 def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
-    """Memory in bytes per step and point: its curve with this number of powers, and its share of the
-    workspace of a group of points."""
+    """Memory in bytes per step and point: the curve with this number of powers, and the share of one point in
+    the workspace of a group of points."""
     return 8 * n * (2 * powers + 12) if orbit else 8
 
 
@@ -121,7 +121,7 @@ def solved(
 
 
 def _joined(parts: Sequence[Array | None]) -> Array | None:
-    """Arrays of single points as one; None if a point has none."""
+    """Arrays of single points, joined to one array; None if a point has no array."""
     present = [part for part in parts if part is not None]
     return np.concatenate(present) if len(present) == len(parts) else None
 

@@ -79,7 +79,7 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
     text = "\0".join((*texts, formulas, compiler.macros, *flags, *macros))
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
-        if not _sound(library):
+        if not _is_valid(library):
             of = f" of {sizes['N']} coordinates" if "N" in sizes else ""
             _LOGGER.warning("compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), of)
             command = [*compiler.command, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
@@ -89,7 +89,7 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
         raise CompilerError(f"compiled code cannot be stored: {error}") from None
 
 
-def _sound(library: Path) -> bool:
+def _is_valid(library: Path) -> bool:
     """Whether a library with a valid checksum exists that belongs to this user and that no other user may
     change.
 
@@ -164,7 +164,7 @@ def zig() -> tuple[str, ...]:
 
 
 def _compile(command: list[str], library: Path, formulas: str) -> None:
-    """Write the library and its checksum, each as a whole."""
+    """Write the library and its checksum, each file atomically."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         part, checksum, text = (Path(folder) / name for name in (library.name, "checksum", "formulas.h"))
         if formulas:

@@ -112,8 +112,9 @@ def figures(
     wanted: Array,
     formulas: Formulas | None = None,
 ) -> Array | None:
-    """Figures (P, k, 7), in the order of `solve.contracts.Statistics`, of the quantities with indices
-    `wanted` (k,): coordinates, followed by formulas. None without compiled code or memory.
+    """Statistics (P, k, 7), in the order of `solve.contracts.Statistics`, of the quantities with indices
+    `wanted` (k,): indices of coordinates, followed by those of formulas. None without compiled code or
+    memory.
 
     curves (P, n, m, D): coefficients on equal steps, lowest power of θ first; speeds (P,): in rad/s; samples:
     number of samples per step; parts: ascending fractions, at least 8, of the interval around an extremum at

@@ -40,7 +40,7 @@ def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
     """Eigenvalues of finite matrices (P, N, N), and their condition numbers.
 
     units (P, N): powers of 2 that balance matrices of more than two rows. None without compiled code, for
-    large N and without units."""
+    large N, and without units if N > 2."""
     P, N, _ = matrices.shape
     if N > 2 * SMALL or (N > 2 and units is None):
         return None

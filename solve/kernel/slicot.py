@@ -44,7 +44,7 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
     H, reflections, tau = _hessenberg(A)
     N, _, m = H.shape
     if N == 1:
-        # mb03bz returns 1 for numbers.
+        # For factors of one row, mb03bz returns the factor 1.
         return A.astype(complex), np.ones(A.shape, dtype=complex)
     Q, failed = mb03vy(N, m, 1, N, reflections, tau)
     _check(failed, "mb03vy")

@@ -14,8 +14,8 @@ from solve.model.craig_bampton import CraigBampton, craig_bampton
 from solve.units import conversion
 
 _ASYMMETRY = 1e-6
-"""Difference of a matrix and its transpose, relative to its largest entry, that counts as round-off of the
-digits in a file. A choice."""
+"""Difference between a matrix and its transpose, relative to its largest entry, that counts as round-off of
+the digits in a file. A choice."""
 
 EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
 
@@ -91,8 +91,8 @@ def _symmetric(values: Any, symbol: str, n: tuple[int, ...], file: Path) -> Arra
     matrix = values.toarray() if hasattr(values, "toarray") else np.asarray(values)
     if matrix.dtype.kind not in "fiu" or matrix.shape != n * 2 or not np.isfinite(matrix).all():
         raise FileError(
-            f"'{file}': {symbol} has shape {matrix.shape} and type {matrix.dtype}; expected finite real "
-            "numbers, with as many rows as columns and equally many in all matrices"
+            f"'{file}': {symbol} has shape {matrix.shape} and type {matrix.dtype}; expected a square "
+            "matrix of finite real numbers, of the same size for every matrix"
         )
     if np.abs(matrix - matrix.T).max(initial=0.0) > _ASYMMETRY * np.abs(matrix).max(initial=0.0):
         raise FileError(f"'{file}': {symbol} is not symmetric; give symmetric matrices")

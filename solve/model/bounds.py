@@ -73,8 +73,8 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
 def stated_limits(
     rows: Sequence[tuple[str, str, str]], validity: Mapping[str, float], units: Mapping[str, str]
 ) -> list[Limit]:
-    """Limits of validity by coordinate, and limits from the rows (quantity, bound, meaning) of a generated
-    module."""
+    """Limits of validity of coordinates, and limits of quantities from the rows (quantity, bound, meaning) of
+    a generated module."""
     return [
         *(_validity_limit(name, bound, units[name]) for name, bound in validity.items()),
         *(

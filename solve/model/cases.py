@@ -145,7 +145,8 @@ def functions_of(module: ModuleType) -> dict[str, Series | Body]:
 def read_cases(
     path: Path, units: Mapping[str, str], series: Mapping[str, Series | Body] = MappingProxyType({})
 ) -> dict[str, Case]:
-    """Cases of a file in the order of the file. units, series: declared by the model, bodies included.
+    """Cases of a file in the order of the file. units: units of the declared parameters. series: declared
+    series and elastic bodies.
 
     An entry is { value, unit, source }. { values = […] } defines NAME1, NAME2, …; { value, count } assigns
     the same value to NAME1 … NAMEcount; `tolerance` or `distribution` states the spread of each number;

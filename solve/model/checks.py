@@ -50,8 +50,8 @@ def require_valid(system: PeriodicSystem, speed: float) -> None:
 
 
 def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
-    """Whether the matrices pass `require_valid` at every speed: they are polynomials in the speed with
-    periodic coefficients, and M is positive definite and independent of the speed."""
+    """Whether the matrices certainly pass `require_valid` at every speed, because they are polynomials in the
+    speed with periodic coefficients, and M is positive definite and independent of the speed."""
     phase = _check_phases(system)
     terms = sampler.terms(with_neighbours(phase, phase + system.period, system.period))
     if terms is None:

@@ -30,7 +30,8 @@ class CraigBampton:
     Parameters
     ----------
     basis : (n, r) array
-        T. Its columns are those of the interface in the order given, then the modes, ΦᵀM Φ = I.
+        T. Its columns belong to the interface coordinates in the order given, and then to the modes, with ΦᵀM
+        Φ = I.
     mass, stiffness : (r, r) arrays
         TᵀM T and TᵀK T.
     frequencies : (k,) array
@@ -101,10 +102,11 @@ def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, load
     Parameters
     ----------
     K : (n, n) array
+        Symmetric stiffness matrix.
     basis : (n, r) array
         T of `craig_bampton`, for the same interface.
     loads : (n, c) array
-        Forces on the coordinates; those on the interface have no effect, because it is fixed.
+        Forces on the coordinates. Forces on the interface have no effect, because the interface is fixed.
 
     Returns
     -------

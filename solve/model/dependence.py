@@ -28,7 +28,7 @@ cache."""
 class _Slopes:
     """Structurally nonzero derivatives of a generated function, with their rows and columns, row by row.
 
-    function: CasADi function of the inputs and the parameters (p,) that returns them in a column.
+    function: CasADi function of the inputs and the parameters (p,) that returns the derivatives in a column.
     """
 
     shape: tuple[int, int]
@@ -67,7 +67,7 @@ class _Slopes:
         return dense.reshape(*self.shape, -1)
 
     def weighted(self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array) -> Array:
-        """Sums (columns, c) over k and the rows with weights (k, rows, c)."""
+        """Sums (columns, c) of the derivatives over k and the rows, with weights (k, rows, c)."""
         sums = np.zeros((self.shape[1], weights.shape[2]))
         compiled_sums = self._compiled(compiled, p, inputs, weights) if len(self.rows) else None
         if compiled_sums is not None:
@@ -296,7 +296,7 @@ class AssembledDependence:
 
     @property
     def less_accurate(self) -> "AssembledDependence":
-        """The same derivatives, computed without the smallest step of the finite differences."""
+        """Derivatives computed without the smallest step of the finite differences."""
         made = AssembledDependence(self._system, self._names)
         made._less, made._interpolants = 1, self._interpolants
         return made

@@ -83,7 +83,7 @@ class ModelDerivatives:
         return DampedDependence(*arguments, self._damping) if damped else GeneratedDependence(*arguments)
 
     def _require(self, names: Sequence[str]) -> None:
-        """Raise UnknownNameError for unknown parameters, and NoDerivativeError for those without
+        """Raise UnknownNameError for unknown parameters, and NoDerivativeError for parameters without
         derivatives."""
         parameters, smooth = self._setup.case.parameters, {SPEED, *self.names}
         for name in names:

@@ -19,12 +19,12 @@ margin, and bisection locates a change of sign. A prime number has no common fac
 margins: 128 phases would sample harmonic 64 at the same two values only."""
 
 _SHIFT = 0.31
-"""Shift of these phases, as a fraction of their spacing: away from fractions of the revolution with small
-denominators, at which symmetric motions have extrema."""
+"""Shift of the sampled phases, as a fraction of their spacing: away from fractions of the revolution with
+small denominators, at which symmetric motions have extrema."""
 
 _ROUNDING = 1e-12
 """Round-off of a margin relative to its largest value over the period: sums of a few terms have relative
-errors of some 1e-16, and the value of a minimum that touches zero is accurate to the square of the error of
+errors of about 1e-16, and the value of a minimum that touches zero is accurate to the square of the error of
 its phase."""
 
 BISECTIONS = 40
@@ -99,7 +99,7 @@ class Domain:
 
     def require(self, speed: float | None = None, at: str = "") -> None:
         """Raise DesiredMotionError if a condition fails at a speed (rad/s). Without a speed, only the
-        conditions that do not depend on it are tested. at: text of the speed for the message."""
+        conditions that do not depend on the speed are tested. at: text of the speed for the message."""
         violations = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
             independent = ~self._by_speed[violations.row]
@@ -138,7 +138,8 @@ class Domain:
             return self._sampler(phase, speeds, values)
 
     def _violations(self, speeds: Array, values: Array) -> _Violations:
-        """Violations at points (P,), at the sampled phases; without any, at phases between the samples."""
+        """Violations at points (P,): at the sampled phases or, if there are none, at phases between the
+        samples."""
         phase, P = self._phases, len(speeds)
         k = len(phase)
         grid = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import casadi
 
 MAX_CACHED = 64
-"""Number of generated functions that are kept, so that other values of the parameters need no new code. A
+"""Number of generated functions that are cached, so that changed values of parameters need no new code. A
 choice: few models are used at a time."""
 
 _STATES = "q", "qd", "qdd"
@@ -42,8 +42,8 @@ constant: round-off."""
 @lru_cache(MAX_CACHED)
 @symbolic
 def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function | None":
-    """Function of the inputs of a generated residual that returns its switching functions (s,); None if there
-    are none."""
+    """Function of the inputs of a generated residual that returns its switching functions (s,); None without
+    switches."""
     import casadi
 
     residual, names = module.residual(**dict(options)), operation_names()

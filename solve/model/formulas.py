@@ -50,7 +50,7 @@ def c_text(function: "casadi.Function") -> str | None:
     """C code `void formulas(const lane *const *in, lane *out)` for a function with one output; `lane` is a
     vector of doubles.
 
-    Returns None for functions with unsupported operations, or with too many.
+    Returns None for functions with unsupported operations, or with too many operations.
     """
     count = function.n_instructions()
     if count > _MAX_INSTRUCTIONS:

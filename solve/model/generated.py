@@ -112,7 +112,7 @@ def beam_elements() -> ModuleType:
 
 def _verified(text: str, path: str) -> str:
     """Text of generated code after a check of its hash, which covers all other lines. Raises ModelFileError
-    without a hash, or with a wrong one."""
+    without a hash, or with a wrong hash."""
     text = text.replace("\r\n", "\n")
     hashes = re.findall(_HASH_LINE, text, flags=re.MULTILINE)
     if len(hashes) != 1:
@@ -123,7 +123,7 @@ def _verified(text: str, path: str) -> str:
 
 
 def module_of(code: str) -> ModuleType:
-    """Module from generated code in memory, which its attribute CODE contains. Raises ModelFileError."""
+    """Module from generated code in memory; its attribute CODE contains this code. Raises ModelFileError."""
     module = _execute(_verified(code, "<derived>"), "<derived>")
     module.__dict__["CODE"] = code
     return module

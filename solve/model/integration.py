@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import casadi
 
 _MAX_STEPS, _MIN_STEPS = 2**22, 2**12
-"""Maximum number of integrator steps per period, and its smallest value between two states. Choices."""
+"""Maximum number of integrator steps per period, and lower bound of the maximum between two states.
+Choices."""
 
 _NO_WARNINGS = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
@@ -72,7 +73,7 @@ class ModelIntegrator:
         try:
             later = self._integrator(x0=state / self._sizes, p=drive)["xf"].full()
         except RuntimeError as error:
-            why = "; check the start and the speed"
+            why = "; check the initial state and the speed"
             if "TOO_MUCH_WORK" in str(error):
                 why = f" with {_MAX_STEPS} steps per period: its vibrations are too fast; give a higher speed"
             raise TransientError(

@@ -96,7 +96,7 @@ def _frequencies(values: Array, shift: Array, rest: Array) -> Array:
 
 
 def _shifts(M: Array, K: Array) -> Array:
-    """Shift of ω² (m,); 0 unless a K is singular within round-off."""
+    """Shift of ω² (m,): zero if no K is singular within round-off, otherwise positive for all."""
     try:
         pivots = np.einsum("mii->mi", np.linalg.cholesky(K)) ** 2
         singular = (pivots < _PIVOT * np.einsum("mii->mi", K)).any()

@@ -108,7 +108,7 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
     d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r, concatenated.
 
     It is a function of the inputs of the residual, the last of which are q, qd and qdd, and of the free
-    parameters, if any; the others are substituted.
+    parameters, if any; the other parameters are substituted.
     """
     import casadi
 
@@ -125,7 +125,7 @@ class MatrixSampler:
     """Sampler of M, C, K (m, n, n) and d (m, n) of a generated `linearised` function with fixed parameters.
 
     If the entries are polynomials of the speed, as for most mechanisms, their coefficients are sampled once
-    per grid of phases and cached. The next solution on this grid, at any speed, is then a matrix product.
+    per grid of phases and cached. The entries on this grid at any other speed are then a matrix product.
     """
 
     @symbolic

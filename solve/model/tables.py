@@ -45,8 +45,9 @@ class Series(NamedTuple):
 class Fit:
     """Series fitted to the rows of a table.
 
-    name: series, with ' for its derivative. angles (m,): rad. values (m,): in `unit`. coefficients
-    (1 + 2 harmonics,): mean, cosines, sines. parameters: the corresponding parameters of the model.
+    name: name of the series, followed by ' if its derivative is fitted. angles (m,): rad. values (m,): in
+    `unit`. coefficients (1 + 2 harmonics,): mean, cosines, sines. parameters: the corresponding parameters of
+    the model.
     """
 
     name: str
@@ -183,8 +184,8 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise CaseFileError(
-            f"{name}: table '{path}' cannot be read ({cause(error)}); give a CSV file; paths in a "
-            "case file are relative to it"
+            f"{name}: table '{path}' cannot be read ({cause(error)}); give a CSV file; paths are "
+            "relative to the case file"
         ) from None
     if not lines:
         raise CaseFileError(f"{name}: table '{path}' is empty; give a header and rows")

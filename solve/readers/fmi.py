@@ -17,7 +17,7 @@ _MOST_UPDATES = 100
 
 
 class Unit:
-    """Instance of a unit in continuous-time mode; a context manager that removes it at the end.
+    """Instance of an FMU in continuous-time mode; a context manager that removes the instance at the end.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Unit:
             raise
 
     def _declare(self, description: Any) -> None:
-        """Read names, value references and labels. Raises FileError for units of other kinds."""
+        """Read names, value references and labels. Raises FileError for unsupported kinds of FMU."""
         exchange = description.modelExchange
         if exchange is None or description.fmiVersion not in ("2.0", "3.0"):
             raise FileError(

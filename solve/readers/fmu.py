@@ -27,7 +27,7 @@ _TAIL = 1e-9
 the number of azimuths is doubled. A choice: several times the error of the motion."""
 
 _COUPLED = 1e-9
-"""Influence of the remaining states on an excluded one, relative to the largest derivative of the unit, that
+"""Influence of the remaining states on an excluded state, relative to the largest derivative of the FMU, that
 counts as round-off. A choice."""
 
 
@@ -55,15 +55,15 @@ def read_fmu(
         States with a prescribed motion, which need not be periodic, such as the angle of the drive and its
         speed. Their rows and columns are omitted.
     values : mapping of str to float, optional
-        Parameters and start values of the unit, in its units.
+        Parameters and start values of the FMU, in the units that it declares.
     motion : mapping of str to (k,) array, optional
         Periodic motion of all states at k ≥ 3 uniform times from 0 without the end of the period. By default
-        it is found by shooting, from the start values of the unit.
+        it is found by shooting, from the start values of the FMU.
     period : float
         Period in phase.
     drive : str, optional
-        Variable of the unit that is set to the speed in rad/s, such as a parameter, or the start value of a
-        state with a prescribed motion.
+        Variable of the FMU that is set to the speed in rad/s: a parameter, or the start value of a state with
+        a prescribed motion.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def read_fmu(
     Raises
     ------
     FileError
-        For a unit that cannot be read or run, has no directional derivatives, switches its equations within
+        For an FMU that cannot be read or run, has no directional derivatives, switches its equations within
         the period, or has no periodic motion near its start values.
     UnknownNameError, ValueOutOfBoundsError
         For unknown or unsuitable names and values.
@@ -84,8 +84,9 @@ def read_fmu(
 
     Notes
     -----
-    Azimuths are doubled from 64 to at most 4096, until the harmonics of the matrices end. Shooting is
-    Newton's method for x(T) = x(0), with the monodromy matrix from directional derivatives.
+    The number of azimuths is doubled from 64 to at most 4096, until the highest harmonics of the matrices are
+    negligible. Shooting is Newton's method for x(T) = x(0), with the monodromy matrix from directional
+    derivatives.
 
     Examples
     --------
@@ -173,7 +174,7 @@ def _jacobians(unit: Unit, states: Array, duration: float) -> Array:
     times = np.arange(len(states)) * (duration / len(states))
     found = np.array([unit.jacobian(t, x) for t, x in zip(times, states, strict=True)])
     if not np.isfinite(found).all():
-        raise FileError(f"'{unit.path}' has NaN or infinite derivatives along its motion")
+        raise FileError(f"'{unit.path}' has NaN or infinite derivatives along its motion; check its values")
     return found
 
 
@@ -190,7 +191,7 @@ def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
         )
     states = np.stack([np.asarray(motion[name], dtype=float) for name in unit.states], axis=1)
     if not np.isfinite(states).all():
-        raise ValueOutOfBoundsError("motion has NaN or infinite values; give finite values")
+        raise ValueOutOfBoundsError("'motion' has NaN or infinite values; give finite values")
     return states
 
 
@@ -204,7 +205,7 @@ def _require_one_set_of_equations(unit: Unit, states: Array, duration: float) ->
 
 
 def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
-    """Raise ValueOutOfBoundsError if an excluded state depends on the remaining ones."""
+    """Raise ValueOutOfBoundsError if an excluded state depends on the remaining states."""
     others = np.setdiff1d(np.arange(len(unit.states)), kept)
     influence = np.abs(jacobians[:, others][:, :, kept]).max(axis=0)
     acting = np.argwhere(influence > _COUPLED * np.abs(jacobians).max())
@@ -236,7 +237,7 @@ def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> Sampled
 
 
 def _source(unit: Unit, file: Path, speed: float | None = None, states: Array | None = None) -> Source:
-    """Labels of the unit; states (k, N): its motion."""
+    """Labels of the FMU. states (k, N): motion about which it was linearised, if known."""
     units, meanings = ({name: pair[k] for name, pair in unit.labels.items()} for k in (0, 1))
     points = {} if states is None else dict(zip(unit.states, states.T, strict=True))
     return Source(file.name, unit.description.description or "", speed, units, meanings, (), points)

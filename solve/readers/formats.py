@@ -11,7 +11,7 @@ from solve.readers.files import checked_path
 from solve.units import speed_in_si
 
 _OVER_AZIMUTH = frozenset({"M", "C", "Cq", "K", "d", "A", "B", "D", "b"})
-"""Names of arrays whose last index in .mat files is the azimuth, as for pages of matrices in MATLAB."""
+"""Names of arrays whose last index in .mat files is the azimuth, as MATLAB stores pages of matrices."""
 
 
 def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
@@ -64,7 +64,7 @@ def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     Returns
     -------
     PeriodicSystem
-        As of `read_mat`.
+        As for `read_mat`.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
     Returns
     -------
     PeriodicSystem
-        As of `read_mat`.
+        As for `read_mat`.
 
     Raises
     ------

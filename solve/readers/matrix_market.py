@@ -75,7 +75,7 @@ def read_matrix_market(
         numbers[number] = file
     counts = {symbol: len(numbers) for symbol, numbers in series.items() if len(numbers) > 1}
     if len(set(counts.values())) > 1:
-        texts = ", ".join(f"{count} of {symbol}" for symbol, count in counts.items())
+        texts = ", ".join(f"{count} files of {symbol}" for symbol, count in counts.items())
         raise FileError(f"there are {texts}; give every matrix at the same azimuths, or one constant file")
     arrays: dict[str, Any] = {symbol: _stacked(numbers) for symbol, numbers in series.items()}
     for symbol in "db":
@@ -95,6 +95,6 @@ def _stacked(numbers: dict[int, Path]) -> Array:
     first = next(iter(numbers.values()))
     if len({matrix.shape for matrix in matrices}) > 1:
         raise FileError(
-            f"'{first}' and the files of other azimuths have different numbers of rows or columns"
+            f"'{first}' and the files of other azimuths have matrices of different sizes; give one size"
         )
     return np.array(matrices)

@@ -47,7 +47,7 @@ class Source:
 
 
 class OfSource:
-    """Mixin that adds the labels of a source, and a warning at other speeds."""
+    """Mixin that adds the labels of a source, and a warning at speeds other than the speed of the source."""
 
     source: Source
     labels: Labels

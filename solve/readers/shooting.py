@@ -33,7 +33,7 @@ Motion = Callable[[Array], Array]
 def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
     """Motion over a period. The states with indices `kept` (k,) are periodic.
 
-    The others start at their start values. Raises FileError if the motion cannot be integrated, is not
+    The other states begin at their start values. Raises FileError if the motion cannot be integrated, is not
     isolated, or is not found.
     """
     x, Phi, before = unit.start.copy(), None, np.inf

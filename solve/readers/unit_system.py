@@ -12,7 +12,7 @@ _MOST_SPEEDS = 256
 
 
 class UnitSystem(OfSource, FirstOrderSystem, Validity):
-    """Small deviations of a unit from its periodic motion at any speed.
+    """Small deviations of an FMU from its periodic motion at any speed.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class UnitSystem(OfSource, FirstOrderSystem, Validity):
     period : float
         Period in phase.
     source : Source
-        Labels of the unit.
+        Labels of the FMU.
     """
 
     def __init__(

@@ -60,7 +60,7 @@ class Bands(Sequence[Band], Result):
     speeds, spectral_radius : (P,) array
         Solved speeds in rad/s, ascending, and their spectral radii; NaN without a result.
     constant_matrices : bool
-        Whether M, C and K are constant over the period, so that eigenvalues decide.
+        Whether M, C and K are constant over the period, so that their eigenvalues decide stability.
     """
 
     found: Sequence[Band]

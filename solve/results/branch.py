@@ -126,7 +126,7 @@ class BranchPoints(ResultOver):
 class Branch(BranchPoints):
     """Branch of P nonlinear orbits, from `solve.branch`.
 
-    Has the attributes of `BranchPoints`.
+    It has the attributes of `BranchPoints`.
 
     Attributes
     ----------

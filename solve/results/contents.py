@@ -98,8 +98,8 @@ def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
 def sized(
     values: Any, unit: str, meaning: str, heading: str, places: int, largest: float | None = None
 ) -> Column:
-    """Column of values in SI units. Tables show them with the unit prefix that suits the largest modulus,
-    which has `places` significant digits."""
+    """Column of values in SI units. Tables show the values with the unit prefix and the decimals that give
+    the largest modulus `places` significant digits."""
     if largest is None:
         numbers = np.array([math.nan if value is None else value for value in values], dtype=float)
         largest = float(np.nanmax(np.abs(numbers), initial=0.0))
@@ -119,8 +119,8 @@ def speeds_of(
     form: str = ".6g",
     axes: tuple[str, ...] = ("row",),
 ) -> Column:
-    """Column of speeds in rad/s. Tables show them in the system's unit of speed, whose name replaces "{}" in
-    the heading."""
+    """Column of speeds in rad/s. Tables show the speeds in the system's unit of speed, whose name replaces
+    "{}" in the heading."""
     unit = system.labels.speed_unit
     return Column(
         speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes

@@ -70,7 +70,7 @@ class Controller(Result):
     states : tuple of str
         Names of the N states.
     signals : tuple of str
-        Names of the r inputs; of the measured quantities for a filter alone.
+        Names of the r inputs; for a filter without regulator, of the measured quantities.
     solution, gains : Curve
         Curves of the upper triangle of the solution, and of the gain by rows.
     closed : PeriodicSystem
@@ -80,7 +80,7 @@ class Controller(Result):
     error_estimate : float
         Largest error of the solution X over the period, relative to √(max X_ii max X_jj).
     residual : float
-        Largest residual of the Riccati equation, relative to its largest term, in the same units.
+        Largest residual of the Riccati equation, relative to its largest term, both in units of √(X_ii X_jj).
     rtol : float
         Requested tolerance.
     observer : Controller or None
@@ -139,7 +139,7 @@ class Controller(Result):
         Returns
         -------
         (k, r, N) array
-            K of u = −K x for a regulator; for a filter alone L (k, N, y).
+            K of u = −K x for a regulator; for a filter without regulator, its gain L (k, N, y).
         """
         values = self.gains(_phases(phase)).T
         N, r = len(self.states), len(self.signals)

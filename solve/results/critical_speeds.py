@@ -29,11 +29,11 @@ class Combination:
 
     @property
     def is_division(self) -> bool:
-        """Whether this is an integer division of one frequency; the divisor is half the order."""
+        """Whether the speed is a division ω̄/k of one mean frequency, with k = order/2."""
         return self.modes[0] == self.modes[1] and self.order % 2 == 0
 
     def same(self, other: "Combination | None") -> bool:
-        """Whether both objects describe the same resonance, at any speed."""
+        """Whether both objects describe the same resonance, even at different speeds."""
         return other is not None and self == replace(other, speed=self.speed)
 
 
@@ -56,13 +56,13 @@ class Critical:
     response, multiplier, radius : Maximum or None
         Maxima of the response, of the dominant multiplier's real part, and of the spectral radius.
     division, mode, order : float, int, int or None
-        Speed in rad/s, mode (from 1) and order of the integer division of a mean frequency at this speed.
+        Division ω̄/k of a mean frequency near this critical speed, in rad/s; its mode (from 1) and order k.
     at_rest : float or None
-        Speed of the same division with frequencies at rest.
+        Division ω̄/k in rad/s of the same mode, with the mean frequency at rest.
     ratios : sequence of float
         Ratios of the mean frequencies to the speed of the row, from the lowest mode on.
     combination : Combination or None
-        Combination resonance that explains the maximum if no division does.
+        Combination resonance that explains the maximum if no division explains it.
     candidates : sequence of Combination
         Combinations that explain the maximum equally well.
     """
@@ -164,7 +164,7 @@ class CriticalSpeeds(SolvedSpeeds):
     combinations : sequence of Combination
         Combination resonances (ω̄i ± ω̄j)/k.
     orders : int
-        Highest order of divisions and combinations.
+        Highest order k of divisions and combinations.
     notes : sequence of str
         Notes on the search.
     constant_matrices : bool
@@ -241,7 +241,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def divided(self) -> list[tuple[float, int, int]]:
-        """Speeds, modes and orders of the integer divisions of frequencies."""
+        """Divisions ω̄/k of mean frequencies (rad/s), with their modes and orders k."""
         return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
 
     def plot(self, *, campbell: bool = False) -> Figure:

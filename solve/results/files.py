@@ -17,7 +17,7 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
-    """Path of an output file after a check. Raises FileError if the file cannot be written.
+    """Path of an output file, checked before the calculation.
 
     This includes an unknown ending, a missing or read-only folder, a read-only file, and a folder or device
     of this name.

@@ -108,7 +108,7 @@ class ModesOver(ResultOver):
     steps : int
         Number of steps per period.
     failures : mapping of int to str
-        Reasons of speeds without a result, by position.
+        Reasons why speeds or values of the parameter have no result, by index.
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
     notes : sequence of str
@@ -154,7 +154,7 @@ class ModesOver(ResultOver):
 class FollowedModes(ModesOver):
     """Floquet modes followed over the speed or a parameter, from `solve.follow_modes`.
 
-    Has the attributes of `ModesOver`.
+    It has the attributes of `ModesOver`.
     """
 
     _recorded: ClassVar[str] = "labels ambiguous meetings resolution rtol steps notes"

@@ -80,7 +80,7 @@ class Optimum(Result):
         Curves of the coordinate or output of the quantity, at the speed of its largest value; None for other
         quantities.
     confirmed : mapping of str to object
-        Largest value and verdicts of the nonlinear orbits, and proofs; empty if there are none.
+        Largest value and verdicts of the nonlinear orbits, and proofs; empty without these.
     doubts : sequence of str
         Reasons why the optimum is doubtful, one sentence each.
     """

@@ -35,7 +35,8 @@ counts as zero. A choice."""
 class Orbit(Stability, SolvedMotion):
     """T-periodic solution of M q̈ + C q̇ + K q = d at one speed, from `solve.periodic`.
 
-    Has the attributes of `Stability`, and `signal`, `statistics` and `harmonics` of `PeriodicMotion`.
+    It has the attributes of `Stability`, and the methods `signal`, `statistics` and `harmonics` of
+    `PeriodicMotion`.
 
     Attributes
     ----------
@@ -274,7 +275,7 @@ class Orbit(Stability, SolvedMotion):
         names : sequence of str, optional
             Coordinates and outputs; by default the first coordinates.
         quasi_static : bool
-            Whether to draw the kinetostatic solution for comparison.
+            Whether to draw the quasi-static response for comparison.
         scale : {"linear", "dB"}
             Scale of the spectra; 0 dB is the largest amplitude.
         harmonics : int, optional

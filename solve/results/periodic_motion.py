@@ -110,7 +110,8 @@ class PeriodicMotion:
         return spectrum(self._coordinate_samples[self.system.coordinates.index(name)], count)
 
     def _is_evaluated_alone(self, cache: str) -> bool:
-        """Whether an output is evaluated separately, because the values of all outputs are not cached yet."""
+        """Whether an output is evaluated separately, because the values of the outputs have not been computed
+        together yet."""
         return self.system.labels.outputs_apart and cache not in self.__dict__
 
     def evaluate_outputs(self) -> None:

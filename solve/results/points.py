@@ -102,7 +102,7 @@ class PointResults:
     @classmethod
     def blank(cls, count: int, multipliers: int, kept: Kept) -> "PointResults":
         """Results of points that are not solved yet, with `multipliers` multipliers per point. Raises
-        ValueOutOfBoundsError if they exceed the memory limit."""
+        ValueOutOfBoundsError if the results exceed the memory limit."""
         numbers = len(FIGURES) * len(kept.names) + 2 * multipliers
         spectra = len(kept.spectra) * (kept.harmonics + 1) * _NUMBERS_AN_AMPLITUDE
         require_size("points", count, max(numbers + spectra, NUMBERS_A_POINT))

@@ -49,15 +49,15 @@ def rigid_body_modes_of(
     return rigid_modes
 
 
-def steady_part(apart: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
+def steady_part(differences: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
     """Part of the differences (turns, n, k) from an orbit that is a steady motion along rigid-body modes: an
     offset and the drift or, for an undamped mode, an offset and any constant velocity. nodes (k,): phases.
     speed: in rad/s."""
-    steady = np.zeros_like(apart)
+    steady = np.zeros_like(differences)
     if not modes:
         return steady
     vectors = np.array([mode.vector for mode in modes]).T
-    shares = np.linalg.pinv(vectors) @ apart
+    shares = np.linalg.pinv(vectors) @ differences
     for at, mode in enumerate(modes):
         share = shares[:, at]
         velocity = np.full(len(share), (mode.drift or 0.0) / speed)

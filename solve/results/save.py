@@ -75,7 +75,7 @@ def open(path: str | Path) -> Any:
     except FileError as error:
         raise FileError(f"'{path}' cannot be opened: {error}") from None
     except PermissionError:
-        raise FileError(f"'{path}' cannot be read; its permissions do not allow it") from None
+        raise FileError(f"'{path}' cannot be read; change its permissions") from None
     except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
         raise FileError(
             f"'{path}' is not a result of this program, or is damaged; save the result again"

@@ -35,7 +35,7 @@ class Scatter(Result):
     """
 
     _rows: ClassVar[str] = "orbits_found"
-    _title: ClassVar[str] = "Where scattered starts lead"
+    _title: ClassVar[str] = "Orbits reached from the initial states"
 
     system: PeriodicSystem
     speed: float

@@ -38,7 +38,7 @@ class Sensitivity:
     Attributes
     ----------
     value, unit : float or complex, str
-        Value of the quantity.
+        Value of the quantity, and its unit.
     derivatives, errors : (r,) array
         Derivatives with respect to the parameters, and their estimated absolute errors, in SI units; NaN with
         a reason.
@@ -203,7 +203,7 @@ class SensitivitiesOver(Result):
     derivatives, errors : (P, q, r) array
         Derivatives and their estimated absolute errors in SI units; NaN with a reason.
     reasons : mapping of int to sequence of str
-        Reasons why a speed, or a quantity there, has no derivatives, by index of the speed.
+        Reasons why a speed, or a quantity at this speed, has no derivatives, by index of the speed.
     """
 
     system: PeriodicSystem

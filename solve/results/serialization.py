@@ -174,7 +174,7 @@ class StoredSystem(PeriodicSystem, Outputs):
 
 
 class _Encoder:
-    """Encoder of values as plain data, in which arrays and systems are replaced by numbers."""
+    """Encoder of values as plain data, in which arrays and systems are replaced by their indices."""
 
     def __init__(self) -> None:
         self._flat: dict[np.dtype[Any], list[Array]] = {}

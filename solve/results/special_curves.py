@@ -26,7 +26,7 @@ class SpecialCurves(Result):
     kind : str
         "fold" or "doubling".
     names : tuple of str
-        Names of both parameters, one of which may be "speed".
+        Names of the two parameters, one of which may be "speed".
     values : (P, 2) array
         Values of both parameters; speeds in rad/s.
     peaks : (P, n) array

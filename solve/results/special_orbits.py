@@ -46,7 +46,7 @@ class NonlinearOrbit(Orbit):
     found_by : str
         Strategy that succeeded: "start", "linear orbit", "load", "speed" or "transient".
     failed : tuple of str
-        Sentences on the strategies that failed before.
+        Sentences on the strategies that were tried before and failed.
     periods : int
         Number of periods of the model per period of the orbit.
     settled : bool

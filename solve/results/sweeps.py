@@ -23,7 +23,8 @@ PEAK, QUIET = "peak", "quiet"
 
 
 class Extreme(NamedTuple):
-    """Peak or quiet speed (rad/s) of the first system, with the responses of all systems at this speed."""
+    """Peak or quiet speed (rad/s) of the first system, a local maximum or minimum of its response, with the
+    responses of all systems at this speed."""
 
     speed: float
     kind: str
@@ -149,8 +150,8 @@ class Validity(Result):
 
     @property
     def trusted_to(self) -> float | None:
-        """Speed (rad/s) up to which all errors are within the allowed limit; None if those of the lowest
-        speed exceed it."""
+        """Speed (rad/s) up to which all errors are within the allowed limit; None if the errors at the lowest
+        speed exceed the limit."""
         within = [*(row.max() <= self.allowed for row in self.errors), False]
         count = within.index(False)
         return float(self.speeds[count - 1]) if count else None

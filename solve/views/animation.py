@@ -64,7 +64,7 @@ class Animation:
     about : str
         Kind of vibration.
     doubt : str
-        Reason why the vibration would not be observed; empty if there is none.
+        Reason why the vibration would not be observed, or an empty text.
     warnings : sequence of str
         Sentences on what is doubtful.
     """

@@ -96,7 +96,7 @@ def _verdicts_between(branch: Branch, own: Array) -> list[str]:
 
 @figure.register(SpecialCurves)
 def special_curves_figure(curves: SpecialCurves) -> Figure:
-    """Figure of the curves in the plane of both parameters, with their cusps."""
+    """Figure of the curves in the plane of the two parameters, with their cusps."""
     first, second = curves.names
     with page(4.2, f"{title_of(curves.system)}: {curves.kind}s in two parameters") as sheet:
         axes, count = sheet.subplots(), int(curves.numbers.max(initial=-1)) + 1

@@ -119,8 +119,7 @@ def values_figure(
 def _draw_boundaries(
     figure: Figure, axes: Axes, field: Field, labels: tuple[str, str], keys: Sequence[Any]
 ) -> None:
-    """Draw boundaries with dashes by kind, the legend beginning with the given keys, and the labels of the
-    axes."""
+    """Draw the boundaries, dashed by kind, the axis labels, and a legend that begins with the given keys."""
     from matplotlib.lines import Line2D
 
     kinds = {kind for kind, _ in field.boundaries}

@@ -60,7 +60,7 @@ def work_precision_figure(
     Points are in order of increasing steps; targets are dashed.
 
     known_to: error of the reference by kind; below it, in the shaded area, errors cannot be measured. Errors
-    above 3 and below a tenth of the reference's are not drawn.
+    above 3, and below a tenth of the error of the reference, are not drawn.
     """
     from cycler import cycler
     from matplotlib.ticker import LogLocator

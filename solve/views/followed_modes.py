@@ -22,7 +22,7 @@ _LEAST_NAMED = 0.01
 """Participation above which tables list a harmonic. A choice."""
 
 _MOST_HARMONICS, _WIDTH = 3, 48
-"""Maximum number of harmonics that tables name, and of characters for them in 80 columns."""
+"""Maximum number of harmonics that tables name, and of characters for these harmonics in 80 columns."""
 
 _MOST_RAYS = 12
 """Maximum number of rays of the harmonics of the speed, so that curves remain visible. A choice."""

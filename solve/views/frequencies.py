@@ -48,7 +48,7 @@ _MARKERS: dict[str, dict[str, Any]] = {
 
 @figure.register(Frequencies)
 def frequencies_figure(found: Frequencies) -> Figure:
-    """Figure of the mode shapes at one position, or of the frequencies over several. Raises
+    """Figure of the mode shapes at one position, or of the frequencies over several positions. Raises
     ValueOutOfBoundsError for a system without links to draw."""
     system = found.system
     if len(found.positions) > 1:

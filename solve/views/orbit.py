@@ -87,8 +87,8 @@ def orbit_figure(
 
 
 def _motion(orbit: Orbit, name: str, quasi_static: bool, harmonics: int | None) -> Motion:
-    """Quantity of the orbit, with the quasi-static solution, or for a nonlinear orbit the linear one, for
-    comparison."""
+    """Quantity of the orbit and, for comparison, of the quasi-static solution or, for a nonlinear orbit, of
+    the linear orbit."""
     phase, beside = np.linspace(0.0, orbit.system.period, orbit.samples + 1), None
     if quasi_static:
         beside = orbit.quasi_static.signal(name)(phase)

@@ -179,7 +179,7 @@ def contributions_figure(
 
 def fits_figure(model: Model) -> Figure:
     """Figure of the series fitted to the tables of the model's case, one panel per table. Raises
-    NoResultError if there is none."""
+    NoResultError for a case without tables."""
     if not model.fits:
         raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")
     offsets = np.linspace(0.0, 2 * np.pi, SAMPLES)

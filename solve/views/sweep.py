@@ -48,7 +48,8 @@ _FLOOR = -80.0
 """Lowest amplitude of a spectrum in dB that is drawn."""
 
 _WIDTH = 48
-"""Number of characters for columns of quantities, out of 80 with speed, radius and stability."""
+"""Number of characters for columns of quantities in a table of 80 characters, which also has columns of
+speed, spectral radius and stability."""
 
 _MOST_ROWS = 60
 """Maximum number of rows; if there are more speeds, every k-th speed is shown. A choice."""
@@ -227,7 +228,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
     """Figure of the spectral radius over speed, with the unstable bands shaded by kind; see `Bands.plot`."""
     if not isinstance(sweep, Sweep | None):
         raise ValueOutOfBoundsError(
-            f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or nothing; "
+            f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or leave it out; "
             'plot().savefig("FILE") writes a picture'
         )
     system, edges = bands.system, [(band.low, band.high, band.kind) for band in bands]
@@ -318,7 +319,7 @@ def validity_figure(validity: Validity) -> Figure:
         limit = {"color": GREY, "linewidth": 0.8}
         axes.axhline(100 * validity.allowed, linestyle="--", label=f"{100 * validity.allowed:g} %", **limit)
         if validity.trusted_to is not None:
-            axes.axvline(unit.of(validity.trusted_to), linestyle=":", label="trusted to here", **limit)
+            axes.axvline(unit.of(validity.trusted_to), linestyle=":", label="valid up to here", **limit)
         axes.set_yscale("log")
         axes.set_ylabel("max|difference| / max|q| (%)")
         axes.legend()

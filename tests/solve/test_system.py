@@ -90,7 +90,7 @@ def test_orbit_from_samples_matches_the_function():
 )
 def test_samples_of_different_counts_are_refused(shapes):
     with pytest.raises(
-        MatricesError, match=r"samples of M, C, K, d have shapes .* give the same number of phases"
+        MatricesError, match=r"samples of M, C, K, d have shapes .* give each the same first dimension"
     ):
         PeriodicSystem.from_samples(*(np.ones(shape) for shape in shapes), ["q"])
 

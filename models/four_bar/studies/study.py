@@ -9,8 +9,8 @@ from models.four_bar.dynamic_correction import Corrected
 from models.four_bar.studies.shared import EachTolerance, FourBar
 from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Places, Results, Speeds
-from solve.commands.parse import assignments, figure_kept, points
+from solve.commands.groups import Execution, Flag, Results, Speeds
+from solve.commands.parse import assignments, points, statistic_name
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.labels import parts_of, unit_of
 from solve.results.formatting import headed
@@ -24,7 +24,7 @@ _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.6
 def study(
     four_bar: FourBar,
     speeds: Speeds,
-    places: Places,
+    execution: Execution,
     results: Results,
     over: Annotated[
         str | None,
@@ -43,11 +43,11 @@ def study(
     rtol: EachTolerance = 1e-6,
 ) -> None:
     """Stress, deflection or energy over speed for several values of a parameter or option."""
-    omegas, statistic, model = speeds.omegas(), figure_kept(figure), four_bar.loaded()
+    omegas, statistic, model = speeds.omegas(), statistic_name(figure), four_bar.loaded()
     title, systems = _systems(model, over, corrected)
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
     shown(model, [parts_of(model, name)[0] for name in names])
-    with places.given() as resources:
+    with execution.given() as resources:
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **resources)
     if all(sweep.results.failed.all() for sweep in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()

@@ -102,7 +102,7 @@ class Background:
                 with self._lock:
                     cancelled = process is not self._process or not self._running
                     self._running = self._running and process is not self._process
-                message = "the process of this work has ended; it may have been short of memory"
+                message = "the process of this calculation has ended, perhaps for lack of memory"
                 report("cancelled" if cancelled else "failed", {"message": message})
                 return
             if kind != "progress":

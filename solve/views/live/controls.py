@@ -22,8 +22,8 @@ _SPEEDS = 0.2, 3.0
 """Ends of the slider of the speed, relative to the first speed. A choice."""
 
 _BELOW_RESONANCE = 0.1
-"""First speed, relative to the lowest natural frequency, if the case states none: the tenth harmonic of the
-motion is then in resonance. A choice."""
+"""First speed, relative to the lowest natural frequency, if the case states no speed: the tenth harmonic of
+the motion is then in resonance. A choice."""
 
 _DIGITS = 4
 """Number of significant digits of slider values."""
@@ -33,7 +33,8 @@ _DIGITS = 4
 class Range:
     """Range of a slider in the unit of its quantity.
 
-    logarithmic: scale of the slider. integer: whether only whole numbers are allowed.
+    logarithmic: whether the scale of the slider is logarithmic. integer: whether only whole numbers are
+    allowed.
     """
 
     low: float
@@ -138,7 +139,7 @@ def parameter_range(value: float, bound: str, scale: float) -> Range:
     width = 2 * abs(value) or scale
     low = value - width if lower == -math.inf else lower
     high = value + width if upper == math.inf else upper
-    # An open end is not a value.
+    # A bound such as "> 0" excludes its end.
     margin = 1e-3 * (high - low)
     low += margin * any(text.startswith("> ") for text in conditions)
     high -= margin * any(text.startswith("< ") for text in conditions)
@@ -230,8 +231,8 @@ def with_speed_unit(text: str, unit: ShownUnit) -> str:
 
 
 def changed_parameters(model: Model, texts: Mapping[str, str]) -> dict[str, Any]:
-    """Values of parameters from the texts of the page, which are numbers in the units of the model or texts
-    with a unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
+    """Values of parameters from the texts of the page: numbers in the units of the model, or texts with a
+    unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
     for name in texts:
         require_name(f"parameter of {model.labels.name}", name, model.parameters)
     return {name: in_own_unit(model, name, text) for name, text in texts.items()}

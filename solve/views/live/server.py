@@ -28,7 +28,7 @@ _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".
 _FILES = {file.name: file for file in sorted(_PAGE.iterdir()) if file.suffix in _KINDS}
 
 _MOST_BYTES = 100_000
-"""Largest message of a page: some thousand values of parameters."""
+"""Largest message of a page in bytes: several thousand values of parameters."""
 
 _HEADERS = {
     "Cache-Control": "no-store",
