@@ -151,7 +151,7 @@ def _is_discontinuous(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any])
 
 
 def _beside(moving: Sequence[Any]) -> dict[Any, Any]:
-    """Values of the moving symbols close to the fundamental motion."""
+    """Arbitrary small values of the symbols that are zero on the fundamental motion."""
     (point, *_) = arbitrary_points(moving)
     return {symbol: value * BESIDE for symbol, value in point.items()}
 
@@ -228,7 +228,8 @@ class Passage:
 
 
 def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:
-    """Phases at which switches of the matrices change, and switches of outputs that depend only on the phase.
+    """Phases at which a switch changes: all switches of the matrices, and the switches of outputs that depend
+    only on the phase.
 
     Raises UnsupportedExpressionError if the phase of a switch has no closed form.
     """

@@ -308,7 +308,7 @@ def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
 
 
 def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
-    """Generated function of the lines of the sketch; empty without a sketch."""
+    """List with the generated function that computes the lines of the sketch; empty if there is no sketch."""
     if not mechanism.declared_sketches:
         return []
     deflection, still = mechanism.declared_field, {AROUND: 2 * sympy.pi * RUNNING}

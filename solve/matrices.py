@@ -58,7 +58,7 @@ def require_shapes(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, 
 
 
 def split_entries(entries: Array, n: int) -> Matrices:
-    """M, C, K (…, n, n) and d (…, n) from entries (…, 3n² + n), concatenated by rows."""
+    """M, C, K (…, n, n) and d (…, n) from entries (…, 3n² + n): M, C and K, each row by row, then d."""
     M, C, K = (entries[..., k * n**2 : (k + 1) * n**2].reshape(*entries.shape[:-1], n, n) for k in range(3))
     return M, C, K, entries[..., 3 * n**2 :]
 

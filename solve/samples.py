@@ -213,11 +213,12 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
         raise MatricesError(
             f"phases are not real numbers: {error}; give one azimuth in rad per sample"
         ) from None
-    if azimuths.shape != (count,) or not np.isfinite(azimuths).all():
+    if azimuths.shape != (count,):
         raise MatricesError(
-            f"phases have shape {azimuths.shape} for {count} samples; give one finite azimuth in rad "
-            "per sample"
+            f"phases have shape {azimuths.shape} for {count} samples; give one azimuth in rad per sample"
         )
+    if not np.isfinite(azimuths).all():
+        raise MatricesError("phases contain values that are not finite; give azimuths in rad")
     if count < 3:
         raise MatricesError(f"{count} azimuths do not determine any harmonic; give 3 or more azimuths")
     if np.ptp(azimuths) > _MOST_PERIODS * period:

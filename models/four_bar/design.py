@@ -220,8 +220,8 @@ def default_target(design: Design) -> float:
 
 
 def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
-    """Smallest attainable ratio of a plan up to the last speed of a map, with L4 changing by at most `rate`
-    (m per rad/s)."""
+    """Smallest value that the largest stress ratio can have on a plan up to the last speed of a map, if L4
+    changes by at most `rate` (m per rad/s)."""
     return least_cap(until.speeds, until.L4, until.ratio, until.own, rate, returns)
 
 

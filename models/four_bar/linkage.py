@@ -140,8 +140,8 @@ class Linkage:
         stops = [end for end, stops in zip(self.crank_range, self._stops, strict=True) if stops]
         angles = " and ".join(f"±{math.degrees(end):.4g}°".replace("±0°", "0°") for end in stops)
         raise LinkageError(
-            f"the crank cannot turn fully: with L1, L2, L3, L4 = {lengths} m coupler and follower fall in "
-            f"line at t1 = {angles}; a full turn requires |L1 - L4| > |L2 - L3| and L1 + L4 < L2 + L3"
+            f"the crank cannot turn fully: with L1, L2, L3, L4 = {lengths} m, coupler and follower are "
+            f"collinear at t1 = {angles}; a full turn requires |L1 - L4| > |L2 - L3| and L1 + L4 < L2 + L3"
         )
 
     def transmission_angle(self, t1: ArrayLike) -> Array:

@@ -299,8 +299,9 @@ class MemberMatrices:
 
     @cached_property
     def rotary(self) -> tuple[Array, Array]:
-        """Matrices of the terms due to the rotation of the link in its equations of motion: M J + P and M J²
-        + 2 P J − M, with R′ = J R and the skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
+        """Matrices T and Z of the terms 2ω T q̇ + (ω̇ T + ω² Z) q that the rotation of the link adds to its
+        equations of motion: T = M J + P and Z = M J² + 2 P J − M, with R′ = J R, shape functions N and the
+        skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
         return M @ J + P, M @ J @ J + 2 * P @ J - M

@@ -238,9 +238,10 @@ class Certified:
         distance = float(rho.distance_from_one[at])
         if distance < NEAR_ONE:
             # A distance below its error is round-off, which depends on the engine.
-            lies = "within its error" if distance <= self.absolute[at] else f"only {distance:.1e}"
+            is_round_off = distance <= self.absolute[at]
+            lies = "equals +1 within its error" if is_round_off else f"is only {distance:.1e} from +1"
             warnings.append(
-                f"a multiplier is {lies} from +1 (resonance or a stability boundary): "
+                f"a multiplier {lies} (resonance or a stability boundary): "
                 "the amplitude of the response is unreliable here"
             )
         if self._is_on_circle[at]:

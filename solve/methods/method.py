@@ -322,7 +322,7 @@ class OneStep(Method):
 
 
 def singular_inertia_error(where: str, first_order: int) -> MatricesError:
-    """Exception for a point at which the equations do not determine the highest derivatives at a phase."""
+    """Exception for equations that do not determine the highest derivatives at some phase."""
     if first_order:
         return MatricesError(
             "the columns of M of coordinates and of C of first-order states are linearly dependent "

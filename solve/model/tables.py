@@ -166,8 +166,9 @@ def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Arr
     places = []
     for column in columns:
         if header.count(column) != 1:
+            given = "several columns" if column in header else "no column"
             raise CaseFileError(
-                f"{name}: {path.name} has {header.count(column) or 'no'} column '{column}'; its header has: "
+                f"{name}: {path.name} has {given} '{column}'; one is required, and its header has: "
                 + ", ".join(header)
             )
         places.append(header.index(column))

@@ -199,8 +199,9 @@ def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
 def corrected(
     motion: TrigonometricMotion, nodes: Array, at: Callable[[Ball], list[Array]]
 ) -> TrigonometricMotion:
-    """Apply one Newton correction to the motion. The defect is evaluated with balls, so that cancelling
-    forces cause no round-off. `at` returns M, C, K and the defect at the phase of a node."""
+    """Apply one Newton correction to the motion. The defect is evaluated in ball arithmetic of high
+    precision, so that no digits are lost where forces cancel. `at` returns M, C, K and the defect at the
+    phase of a node."""
     phases = [motion.period * k / (len(nodes) - 1) for k in range(len(nodes) - 1)]
     matrices = [np.array(part) for part in zip(*map(at, phases), strict=True)]
     names = [f"q{i}" for i in range(motion.cosines.shape[0])]

@@ -157,7 +157,7 @@ class _Parser:
         if not file.counts.get("states") or "states" not in file.signals:
             raise FileError(f"'{file.path}' {missing} continuous states")
         if "A" not in file.matrices:
-            raise FileError(f"'{file.path}' {missing} matrix A; set LinOutputs and output full matrices")
+            raise FileError(f"'{file.path}' {missing} matrix A")
 
     def _error(self, expected: str) -> FileError:
         return FileError(f"'{self.file.path}', line {self.number}: expected {expected}")

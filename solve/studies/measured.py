@@ -296,10 +296,11 @@ def _frequencies(
             "least one row"
         )
     most = most_frequencies(system)
-    if not ((modes == np.round(modes)) & (modes >= 1) & (modes <= most)).all():
+    invalid = modes[(modes != np.round(modes)) | (modes < 1) | (modes > most)]
+    if len(invalid):
         raise ValueOutOfBoundsError(
-            f"data: {read.path.name} has modes from {modes.min():g} to {modes.max():g}; {system.labels.name} "
-            f"has the modes 1 to {most}, counted from the lowest frequency"
+            f"data: {read.path.name} contains the mode {invalid[0]:g}; {system.labels.name} has the modes "
+            f"1 to {most}, counted from the lowest frequency"
         )
     if not (columns[FREQUENCY] > 0).all():
         raise ValueOutOfBoundsError(

@@ -121,8 +121,8 @@ def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Iden
 
 
 def _main_harmonic(path: _Path, given: Array, track: int) -> int:
-    """Harmonic with the largest participation over all given values, numbered as in the track. Of several
-    with equal participation, the one with the highest frequency."""
+    """Harmonic with the largest sum of participations over all given values, numbered as in the track. Of
+    several with equal sums, the one with the highest frequency."""
     totals: dict[int, float] = {}
     frequencies: dict[int, float] = {}
     for at in given.tolist():

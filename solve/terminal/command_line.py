@@ -103,7 +103,7 @@ class _Stream(io.TextIOBase):
         self._attempt(self._stream.flush)
 
     def close(self) -> None:
-        """Do nothing. The wrapped stream stays open, and a flush could fail again at interpreter exit."""
+        """Do nothing: the wrapped stream must stay open, and closing would flush it again."""
 
     def _attempt(self, action: Callable[..., object], *text: str) -> None:
         try:

@@ -196,7 +196,7 @@ def test_results_of_samples_are_stored(tmp_path):
         ([0, 0, 2, 4], "give each azimuth once"),
         ([0, 2, 4, 2 * np.pi], "give each azimuth once"),
         (["a", "b", "c"], "not real numbers"),
-        ([0, 2, np.nan], "finite azimuth"),
+        ([0, 2, np.nan], "not finite"),
         ([0, 2], "3 or more"),
         (range(0, 360, 15), "not in degrees"),
     ],

@@ -194,8 +194,8 @@ def _residual(equation: Riccati, curve: Curve) -> float:
 
 
 def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve:
-    """Hermite interpolant of values (m+1, T) and of the slopes (m, T) at both ends of the steps. It uses the
-    nearest nodes that are not separated by a jump."""
+    """Hermite interpolant of functions from their values (m+1, count) at the nodes and their slopes
+    (m, count) at both ends of each step. It uses the nearest nodes that are not separated by a jump."""
     m, D = grid.steps, 2 * _STENCIL
     coefficients = np.zeros((values.shape[1], m, D))
     bounds = [*np.flatnonzero(grid.at_break).tolist(), m]

@@ -48,14 +48,17 @@ def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -
     """Raise ValueOutOfBoundsError unless the matrices are finite and symmetric with this shape, and positive
     (semi)definite."""
     kind = "positive definite" if definite else "positive semidefinite"
-    allowed = f"allowed: symmetric {kind} matrices {shape[1:]}, a function of phases, or numbers by name"
+    allowed = (
+        f"give a symmetric {kind} matrix of shape {shape[1:]}, a function of phases that returns such "
+        "matrices, or a mapping of names to numbers"
+    )
     if values.shape != shape:
         raise ValueOutOfBoundsError(f"{name} has shape {values.shape[-2:]}; {allowed}")
     if not np.isfinite(values).all() or not np.allclose(values, np.swapaxes(values, 1, 2), rtol=1e-9):
         raise ValueOutOfBoundsError(f"{name} is not finite and symmetric; {allowed}")
     lowest, largest = np.linalg.eigvalsh(values).min(), np.abs(values).max()
     if lowest < -_NEGATIVE * largest or (definite and lowest <= 0):
-        raise ValueOutOfBoundsError(f"{name} has the eigenvalue {lowest:.3g}; {allowed}")
+        raise ValueOutOfBoundsError(f"{name} has the eigenvalue {lowest:.3g} and is not {kind}; {allowed}")
 
 
 def named_numbers(

@@ -42,8 +42,8 @@ Later = Callable[[float, Callable[[], None]], object]
 
 
 class Replaced(BaseException):
-    """Raised when a newer request replaces the current one. It is not an Exception, because numerical code
-    may convert exceptions."""
+    """Raised when a newer request replaces the current one. Derived from BaseException, because numerical
+    code may catch every Exception and raise another one."""
 
 
 class Session:

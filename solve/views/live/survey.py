@@ -45,7 +45,8 @@ class Axis:
             )
         except (KeyError, TypeError, ValueError):
             raise ValueOutOfBoundsError(
-                "give the name of a quantity, its lower and upper limits, and a number of points"
+                "give the name of a parameter, or speed, with its lower and upper limits and the number of "
+                "points"
             ) from None
         if not (np.isfinite([axis.low, axis.high]).all() and axis.low < axis.high):
             raise ValueOutOfBoundsError(

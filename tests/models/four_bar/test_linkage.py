@@ -248,7 +248,7 @@ def test_a_full_turn_that_is_impossible_is_refused(lengths, spans):
 
 
 def test_a_change_point_is_not_a_full_turn():
-    with pytest.raises(LinkageError, match="fall in line at t1 = 0° and ±180°"):
+    with pytest.raises(LinkageError, match="collinear at t1 = 0° and ±180°"):
         Linkage(1, 2, 1, 2).require_full_turn()
 
 

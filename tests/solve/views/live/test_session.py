@@ -156,7 +156,7 @@ def test_chart_has_verdicts_and_boundaries(window):
         ({"x": {"name": "k1", "low": 1, "high": 2, "count": 1}}, "1 points; allowed: 2 … 2000"),
         (
             {"x": {"name": "k1", "low": None, "high": 2, "count": 3}},
-            "give the name of a quantity, its lower and upper limits",
+            "give the name of a parameter, or speed, with its lower and upper limits",
         ),
         ({"x": {"name": "k1", "low": 1, "high": 2, "count": 3}, "of": "q9.max"}, "unknown quantity of cam"),
     ],
