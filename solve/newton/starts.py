@@ -37,7 +37,8 @@ class _NotRealError(TypeError):
 
 def motion_of(start: Start, task: Task) -> Motion:
     """Convert a `start` of `solve.nonlinear` to a motion. Raises ValueOutOfBoundsError for an invalid start,
-    FileError, and TransientError for states from which the motion cannot be integrated."""
+    FileError for a file without a suitable result, and TransientError for a state from which the motion
+    cannot be integrated."""
     given = _opened(start, task) if isinstance(start, str | Path) else start
     if isinstance(given, Orbit | Transient):
         _require_coordinates(given.system.coordinates, task)

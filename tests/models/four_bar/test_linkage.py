@@ -240,7 +240,7 @@ def test_a_full_turn_that_is_impossible_is_refused(lengths, spans):
     linkage = Linkage(*lengths)
     L1, _, _, L4 = lengths
     ends = [math.degrees(math.acos((L1**2 + L4**2 - d**2) / (2 * L1 * L4))) for d in spans]
-    message = "in line at t1 = " + " and ".join(f"±{end:.4g}°" for end in ends) + ";"
+    message = "collinear at t1 = " + " and ".join(f"±{end:.4g}°" for end in ends) + ";"
     for refused in (linkage.require_full_turn, linkage.transmission_extremes, lambda: linkage.dead_points):
         with pytest.raises(LinkageError, match="the crank cannot turn fully") as caught:
             refused()
