@@ -24,6 +24,9 @@ _ON_CIRCLE = 1e-7
 """Distance of a multiplier of the Hamiltonian system from the unit circle that counts as none. A choice:
 double multipliers lose half their digits."""
 
+_MAP_RTOL = 1e-8
+"""Tolerance for which the steps of the map of the Hamiltonian system are chosen, which has twice as many."""
+
 _GROWTH, _MOST = 1.3, 80
 """Factor by which the search for an upper bound grows, and most tests. Choices."""
 
@@ -100,8 +103,8 @@ def h2_norm(
     0.625
     """
     transfer = _Transfer.of(system, speed, outputs, inputs, checked_rtol(rtol))
-    equation = transfer.riccati(lambda B, C: (B @ np.swapaxes(B, 1, 2), 0 * np.swapaxes(C, 1, 2) @ C), True)
-    solved, rule = solve_riccati(equation, rtol), Gauss(8).collocation
+    equation = transfer.riccati(lambda B, C: (B, 0 * np.swapaxes(C, 1, 2) @ C), 1.0, True, rtol)
+    solved, rule = solve_riccati(equation), Gauss(8).collocation
     phase = solved.grid.stages(np.array(rule.c))
     rows = transfer.rows(phase.ravel())
     P = symmetric_of(solved.curve(phase.ravel()))
@@ -226,25 +229,25 @@ class _Transfer(NamedTuple):
         """C (k, y, N)."""
         return self.plant.rows(self.outputs, phase)
 
-    def riccati(self, terms: Callable[[Array, Array], tuple[Array, Array]], filters: bool) -> Riccati:
-        """Equation whose matrices G and Q are functions of B and C."""
+    def riccati(
+        self, terms: Callable[[Array, Array], tuple[Array, Array]], sign: float, filters: bool, rtol: float
+    ) -> Riccati:
+        """Equation whose matrices E and Q, with G = sign E Eᵀ, are functions of B and C."""
 
         def coefficients(phase: Array) -> tuple[Array, Array, Array]:
             A, B, _ = self.plant.dynamics(phase)
             return A, *terms(B[..., self.inputs], self.rows(phase))
 
         system = self.plant.system
-        return Riccati(coefficients, self.plant.speed, system.period, system.breaks, filters)
+        return Riccati(coefficients, self.plant.speed, system.period, system.breaks, filters, sign, rtol)
 
     def angle(self, gain: float) -> float | None:
         """Frequency at which a gain is a singular value; None if there is none."""
         from scipy.linalg import eigvals
 
-        equation = self.riccati(
-            lambda B, C: (-B @ np.swapaxes(B, 1, 2) / gain**2, np.swapaxes(C, 1, 2) @ C), False
-        )
+        equation = self.riccati(lambda B, C: (B / gain, np.swapaxes(C, 1, 2) @ C), -1.0, False, _MAP_RTOL)
         system = self.plant.system
-        grid = Grid.uniform(2 * equation.first_steps(1e-8), system.period, system.breaks)
+        grid = Grid.uniform(2 * equation.first_steps(), system.period, system.breaks)
         A, G, H = (part[0] for part in equation.maps(grid).period)
         zero, one = np.zeros_like(A), np.eye(len(A))
         multipliers: Any = eigvals(np.block([[A, zero], [-H, one]]), np.block([[one, G], [zero, A.T]]))

@@ -28,6 +28,10 @@ from solve.studies.control.integration import FeedbackIntegrator
 from solve.studies.control.plant import state_names
 from solve.system import PeriodicSystem
 
+_KEPT, _BYTES = 8, 2**21
+"""Numbers of grids whose entries are kept, and their largest size in bytes: the solutions and the error
+estimates of one grid evaluate the same phases up to four times. Choices."""
+
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     """System with feedback. Its inputs NAME_disturbance are added to those of the feedback, which are
@@ -58,6 +62,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def _take(self, system: PeriodicSystem) -> None:
         """Use a system with other parameters, and its labels."""
         self.open_loop, self.model, self.breaks, self.events = system, system, system.breaks, Events()
+        self._kept: dict[tuple[bytes, float], tuple[Array, Array]] = {}
         names, units = state_names(system), dict(system.labels.units)
         rates = {name: f"{units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
         estimates = {f"{name}_hat": unit for name, unit in {**units, **rates}.items() if name in names}
@@ -88,6 +93,17 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         system = self.open_loop
         matrices, inputs = system.at(phase, speed), input_matrix(system, phase, speed)
         return self.closed(phase, speed, matrices, inputs, observed)
+
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
+        key = phase.tobytes(), speed
+        used = self._kept.get(key)
+        if used is None:
+            used = super().used_entries(phase, speed)
+            if len(self._kept) >= _KEPT:
+                self._kept.clear()
+            if used[0].nbytes <= _BYTES:
+                self._kept[key] = used
+        return used
 
     @property
     def capabilities(self) -> Capabilities:
@@ -184,7 +200,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def _about(self, linearised: PeriodicSystem) -> "FeedbackLoop":
         """Closed loop with the equations linearised about a motion; the feedback is linear already."""
         made = copy(self)
-        made.open_loop, made.events = linearised, events_of(linearised)
+        made.open_loop, made.events, made._kept = linearised, events_of(linearised), {}
         made.breaks, made.period = linearised.breaks, linearised.period
         return made
 
