@@ -4,7 +4,6 @@ from solve.derivatives.point import sensitivities
 from solve.errors import SolveError
 from solve.exports.export import export
 from solve.exports.harmonic_transfer import HarmonicTransfer, harmonic_transfer
-from solve.exports.norms import h2_norm, hinf_norm
 from solve.exports.state_space import StateSpace, state_space
 from solve.first_order import FirstOrderSystem, MixedSystem
 from solve.loading import case_numbers, load
@@ -51,8 +50,10 @@ from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.chart import chart
 from solve.studies.compare import compare
+from solve.studies.control.closed_loop import closed_loop
 from solve.studies.control.design import control, kalman, lqg, lqr
 from solve.studies.control.margin import stability_margin
+from solve.studies.control.norms import h2_norm, hinf_norm
 from solve.studies.control.output_feedback import OutputFeedback
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
@@ -116,6 +117,7 @@ __all__ = [
     "branch",
     "case_numbers",
     "chart",
+    "closed_loop",
     "compare",
     "control",
     "critical_speeds",

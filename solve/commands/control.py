@@ -24,6 +24,9 @@ def control(
     margin: Annotated[
         str | None, Flag("Parameters whose smallest change that destabilises is computed.", '"k1, c1"')
     ] = None,
+    norms: Annotated[
+        str | None, Flag("States and outputs whose H2 and H∞ norms are computed.", '"q2, q3"')
+    ] = None,
     out: Annotated[str | None, Flag("Write the controller: .c with .h, or .mat.", "FILE")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
 ) -> None:
@@ -31,8 +34,8 @@ def control(
     weights = None if lqr is None else _numbers("--lqr", lqr)
     noise = None if kalman is None else _numbers("--kalman", kalman)
     model = problem.loaded()
-    names = listed("--margin", margin or "")
-    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration, names)
+    names = listed("--margin", margin or ""), listed("--norms", norms or "")
+    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration, *names)
     if out is not None:
         solve.export(result, out)
     deliver_result(results, result, problem.choices)

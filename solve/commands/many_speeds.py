@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import solve
 from solve.commands.deliver import ContradictionError, deliver_result
-from solve.commands.groups import Accuracy, Flag, Moved, Places, Problem, Results, Speed, Speeds, Steps
+from solve.commands.groups import Accuracy, Flag, Loop, Moved, Places, Problem, Results, Speed, Speeds, Steps
 from solve.commands.parse import assignments, figure_kept, fraction, harmonic_count, points, quantities
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.labels import in_own_unit
@@ -25,7 +25,7 @@ _RANGE = '"NAME=A:B:N unit"'
 
 
 def sweep(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     speed: Speed,
     accuracy: Steps,
@@ -133,7 +133,7 @@ def _turns(model: Model, sweep: Sweep, turn: str, rule: tuple[Any, ...]) -> Figu
 
 
 def chart(
-    problem: Problem,
+    problem: Loop,
     speed: Speed,
     accuracy: Accuracy,
     places: Places,
@@ -189,7 +189,7 @@ def _held(text: str, model: Model) -> tuple[str, float]:
     return name, in_own_unit(model, name, quantities("--cut", [text])[name])
 
 
-def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:
+def bands(problem: Loop, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:
     """Unstable bands between the lowest and the highest speed, their edges refined.
 
     Speeds are added as the model needs them; narrow bands are looked for between them.
@@ -201,7 +201,7 @@ def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results
 
 
 def critical(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,

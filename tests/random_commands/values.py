@@ -279,6 +279,8 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--position": ("70 deg", "1e300 rad", "1 m"),
     "--lqr": ("q1=1, u=1", "q1=1e6, q2=2, u=1e-2", "q1=-1, u=1", "u=1", "q9=1, u=1", "q1=1 u=1"),
     "--kalman": ("u=1, q1=1e-9", "u=1", "q1=1", "u=0, q1=0", "u=1, q9=1"),
+    "--norms": ("q1", "q1, q2_dot", "q9", ""),
+    "--controller": ("none.npz", "a.npz", "file.txt", "folder.csv", ""),
     "--margin": ("k1", "k1, c1", "q9", ""),
     "--feedback": ("q1", "q1, q1_dot", "q9", ""),
     "--gain-harmonics": ("0", "1", "-1", "x"),

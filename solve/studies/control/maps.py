@@ -43,13 +43,19 @@ class Maps(NamedTuple):
     H: Array
 
     @property
-    def pairs(self) -> "Maps":
-        """Maps of pairs of steps; the last step of an odd number is paired with the identity."""
+    def halves(self) -> "tuple[Maps, Maps]":
+        """First and second steps of pairs; the last step of an odd number is paired with the identity."""
         m, N, _ = self.A.shape
         if m % 2:
             zero = np.zeros((1, N, N))
             self = Maps(*map(np.concatenate, zip(self, (zero + np.eye(N), zero, zero), strict=True)))
-        return Maps(*(part[::2] for part in self)).then(Maps(*(part[1::2] for part in self)))
+        return Maps(*(part[::2] for part in self)), Maps(*(part[1::2] for part in self))
+
+    @property
+    def pairs(self) -> "Maps":
+        """Maps of pairs of steps."""
+        first, second = self.halves
+        return first.then(second)
 
     def then(self, next_: "Maps") -> "Maps":
         """Maps of these steps followed by the steps in `next_`."""
@@ -119,7 +125,8 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 
 
 def _condensed(states: Array, Q: Array, b: Array, sign: float) -> Maps:
     """Maps of m steps, from the states at the stages and at the end (m, s + 1, N, N + s r) by those at the
-    start and the inputs, and Q (m, s, N, N) multiplied by the lengths of the steps."""
+    start and the inputs, and Q (m, s, N, N) multiplied by the lengths of the steps. NaN where a cost that is
+    to be maximised, with a negative sign, is not bounded."""
     m, s, N, _ = Q.shape
     of_cost = (b[:, None, None] * Q) @ states[:, :-1]
     cost = transposed(states[:, :-1].reshape(m, s * N, -1)) @ of_cost.reshape(m, s * N, -1)
@@ -128,6 +135,8 @@ def _condensed(states: Array, Q: Array, b: Array, sign: float) -> Maps:
     forward, along = states[:, -1, :, :N], states[:, -1, :, N:]
     right = np.concatenate((cost[:, N:, :N], transposed(along)), axis=-1)
     optimal = np.linalg.solve(cost[:, N:, N:], right)
+    if sign < 0:
+        optimal[np.linalg.eigvalsh(cost[:, N:, N:])[:, -1] >= 0] = np.nan
     return Maps(
         forward - along @ optimal[..., :N],
         symmetric(along @ optimal[..., N:]),
@@ -226,6 +235,35 @@ def periodic_solution(maps: Maps, tolerance: float = _CONVERGED) -> Array | None
                 break
             X = corrected
     return X
+
+
+def bounded(maps: Maps) -> bool:
+    """Whether max ∫ xᵀQx − wᵀw over the inputs w is finite over any number of periods, for maps of the sign
+    −1 and a stable system.
+
+    The maximum over two intervals exists if it does over each of them and 1 + G H of the first G and the
+    second H has positive eigenvalues."""
+    with np.errstate(all="ignore"):
+        while len(maps.A) > 1:
+            first, second = maps.halves
+            if not _joined(first, second):
+                return False
+            maps = first.then(second)
+        for _ in range(_MOST_DOUBLINGS):
+            if not _joined(maps, maps):
+                return False
+            doubled = maps.then(maps)
+            change = np.abs(doubled.H - maps.H).max()
+            maps = doubled
+            if change <= _CONVERGED * np.abs(maps.H).max() and np.abs(maps.A).max() < 1:
+                return True
+    return False
+
+
+def _joined(first: Maps, second: Maps) -> bool:
+    """Whether the maxima over first and second intervals have a common maximum."""
+    joint = np.eye(first.A.shape[-1]) + first.G @ second.H
+    return bool(np.isfinite(joint).all() and (np.linalg.eigvals(joint).real > 0).all())
 
 
 def _doubled(maps: Maps) -> Array | None:
