@@ -55,6 +55,7 @@ from solve.studies.control.design import control, kalman, lqg, lqr
 from solve.studies.control.margin import stability_margin
 from solve.studies.control.norms import h2_norm, hinf_norm
 from solve.studies.control.output_feedback import OutputFeedback
+from solve.studies.control.sampled import sampled
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
@@ -148,6 +149,7 @@ __all__ = [
     "read_op4",
     "read_openfast",
     "report",
+    "sampled",
     "scatter",
     "sensitivities",
     "sensitivities_over",

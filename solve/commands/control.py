@@ -27,6 +27,9 @@ def control(
     norms: Annotated[
         str | None, Flag("States and outputs whose H2 and H∞ norms are computed.", '"q2, q3"')
     ] = None,
+    samples: Annotated[
+        int | None, Flag("Samples per period of a drive that holds the inputs; one sample of delay.", "N")
+    ] = None,
     out: Annotated[str | None, Flag("Write the controller: .c with .h, or .mat.", "FILE")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
 ) -> None:
@@ -35,7 +38,8 @@ def control(
     noise = None if kalman is None else _numbers("--kalman", kalman)
     model = problem.loaded()
     names = listed("--margin", margin or ""), listed("--norms", norms or "")
-    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration, *names)
+    omega = speed.omega(model)
+    result = solve.control(model, omega, weights, noise, rtol, feedforward, vibration, *names, samples)
     if out is not None:
         solve.export(result, out)
     deliver_result(results, result, problem.choices)

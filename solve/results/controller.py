@@ -82,6 +82,30 @@ class Norms(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
+@serializable
+class SampledLoop(NamedTuple):
+    """Closed loop whose feedback is sampled and held.
+
+    Attributes
+    ----------
+    samples, delay : int
+        Number of samples per period, and samples after which inputs act.
+    spectral_radius, error : float
+        Largest modulus of the multipliers, and its absolute error.
+    verdict : str
+        "asymptotically stable", "unstable" or "undetermined".
+    largest : mapping of str to float
+        Largest moduli of coordinates and inputs on the periodic orbit, at the nodes of the grid, in SI units.
+    """
+
+    samples: int
+    delay: int
+    spectral_radius: float
+    error: float
+    verdict: str
+    largest: Mapping[str, float]
+
+
 @dataclass(frozen=True)
 class Controller(Result):
     """Periodic feedback, from `solve.lqr`, `solve.kalman`, `solve.lqg` or `solve.control`.
@@ -120,6 +144,8 @@ class Controller(Result):
         Smallest relative change of parameters that makes the closed loop unstable, if it was requested.
     norms : mapping of str to Norms
         Norms from disturbances at the inputs to states and outputs, if they were requested.
+    sampled : SampledLoop or None
+        Closed loop with inputs that are sampled and held, if it was requested.
     compensator : FirstOrderSystem or None
         Regulator with its observer, from measured quantities to inputs, of `solve.lqg`.
     """
@@ -141,6 +167,7 @@ class Controller(Result):
     ahead: Curve | None = None
     margin: StabilityMargin | None = None
     norms: Mapping[str, Norms] = field(default_factory=dict)
+    sampled: SampledLoop | None = None
     compensator: FirstOrderSystem | None = None
 
     def riccati(self, phase: Array | float) -> Array:
@@ -232,6 +259,10 @@ class Controller(Result):
             )
         if self.stable is not True:
             missed.append(f"the closed loop is {self.verdict}")
+        if self.sampled is not None and self.sampled.verdict != "asymptotically stable":
+            missed.append(
+                f"the closed loop with {self.sampled.samples} samples per period is {self.sampled.verdict}"
+            )
         doubts = [f"norms to {name}: {text}" for name, each in self.norms.items() for text in each.warnings]
         return list(dict.fromkeys([*missed, *observer, *self.stability.warnings, *doubts]))
 
@@ -272,6 +303,7 @@ class Controller(Result):
             "observer": observer,
             "vibration": self.vibration,
             "margin": None if self.margin is None else self.margin._asdict(),
+            "sampled": None if self.sampled is None else self.sampled._asdict(),
             "norms": {name: each._asdict() for name, each in self.norms.items()},
         }
 

@@ -63,6 +63,9 @@ def controller_tables(result: Controller) -> Sequence[RenderableType]:
         shown.append(_vibration_table(result))
     if result.norms:
         shown.append(_norm_table(result))
+    if (sampled := result.sampled) is not None:
+        drive = f"With {sampled.samples} samples per period and one sample of delay it is {sampled.verdict}"
+        shown.append(text(f"\n{drive}: spectral radius {sampled.spectral_radius:.6g}."))
     if result.margin is not None:
         shown.append(text(f"\n{_margin_sentence(result.margin)}"))
     return [*shown, _gain_table(result), *stability_tables(result.stability)]

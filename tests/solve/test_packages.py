@@ -100,6 +100,7 @@ called = {
         "50 rpm",
         rtol=1e-4,
     ),
+    "sampled": solve.sampled(solve.OutputFeedback(manipulator, ["q1_dot"]), "50 rpm", 10),
     "stability_margin": solve.stability_margin(mathieu.varied({"zeta": 0.01}), 1.0, ["delta"]),
     "h2_norm": solve.h2_norm(manipulator, "50 rpm", ["q2"], rtol=1e-3),
     "hinf_norm": solve.hinf_norm(manipulator, "50 rpm", ["q2"], rtol=1e-2),

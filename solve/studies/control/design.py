@@ -17,6 +17,7 @@ from solve.studies.control.margin import stability_margin
 from solve.studies.control.norms import h2_norm, hinf_norm
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Solved
+from solve.studies.control.sampled import sampled
 from solve.studies.control.weights import Weight
 from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.units import checked_rtol, speed_in_si
@@ -214,6 +215,7 @@ def control(
     vibration: bool = False,
     margin: Sequence[str] = (),
     norms: Sequence[str] = (),
+    samples: int | None = None,
 ) -> Controller:
     """Compute a regulator, a filter, or both, from weights and noise intensities given by name.
 
@@ -240,6 +242,9 @@ def control(
     norms : sequence of str
         Names of states and outputs whose norms from disturbances at the inputs are computed, see `h2_norm`
         and `hinf_norm`.
+    samples : int, optional
+        Number of samples per period of a drive that holds the inputs, with a delay of one sample, for which
+        the stability is computed, see `sampled`.
 
     Returns
     -------
@@ -264,8 +269,8 @@ def control(
             raise MissingValueError(
                 'a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman'
             )
-        if margin or norms or vibration:
-            raise ValueOutOfBoundsError("vibration, margin and norms are of a closed loop; give lqr")
+        if margin or norms or vibration or samples is not None:
+            raise ValueOutOfBoundsError("vibration, margin, norms and samples are of a closed loop; give lqr")
         return _OF["kalman"](system, speed, *noise, rtol)
     if noise is None:
         made = _OF["lqr"](system, speed, *weights, rtol, feedforward)
@@ -273,6 +278,8 @@ def control(
         made = _OF["lqg"](system, speed, *weights, *noise, rtol, feedforward)
     if margin:
         made = replace(made, margin=stability_margin(made.closed, speed, margin))
+    if samples is not None:
+        made = replace(made, sampled=sampled(made.closed, speed, samples))
     if norms:
         made = replace(made, norms={name: _norms(made, name) for name in unique_names(norms)})
     return replace(made, vibration=_vibration(made)) if vibration else made
