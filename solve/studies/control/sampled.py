@@ -83,7 +83,7 @@ def sampled(
     if delay not in (0, 1):
         raise ValueOutOfBoundsError(f"delay is {delay!r}; allowed: 0 and 1, in samples")
     plain = isinstance(system, OutputFeedback) and system.n == system.model.n
-    if not plain and not isinstance(system, ClosedLoop):
+    if not isinstance(system, FeedbackLoop) or not (plain or isinstance(system, ClosedLoop)):
         raise ControlError(
             f"{system!r} has no feedback to be sampled; allowed: `closed` of a controller, or an "
             "OutputFeedback without delay and resonators"
