@@ -284,6 +284,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--margin": ("k1", "k1, c1", "q9", ""),
     "--feedback": ("q1", "q1, q1_dot", "q9", ""),
     "--gain-harmonics": ("0", "1", "-1", "x"),
+    "--notch": ("18 Hz", "30 rad/s", "0 Hz", "1 m", ""),
     "--delay": ("1 ms", "0", "-1 s", "1 m"),
     "--minimise": ("spectral_radius", "q1.max_abs", "q9.max", "rho1", ""),
     "--positions": _COUNT,

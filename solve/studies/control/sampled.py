@@ -39,7 +39,7 @@ def sampled(
     Parameters
     ----------
     system : PeriodicSystem
-        Closed loop: `closed` of a controller, or an `OutputFeedback` without delay and resonators.
+        Closed loop: `closed` of a controller, or an `OutputFeedback` without delay and filters.
     speed : float or str
         Ω in rad/s, or a text with unit.
     samples : int
@@ -86,7 +86,7 @@ def sampled(
     if not isinstance(system, FeedbackLoop) or not (plain or isinstance(system, ClosedLoop)):
         raise ControlError(
             f"{system!r} has no feedback to be sampled; allowed: `closed` of a controller, or an "
-            "OutputFeedback without delay and resonators"
+            "OutputFeedback without delay and filters"
         )
     check(system, omega)
     return _Drive(system, omega, samples, delay).certified(rtol)
