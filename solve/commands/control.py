@@ -30,7 +30,7 @@ def control(
     samples: Annotated[
         int | None, Flag("Samples per period of a drive that holds the inputs; one sample of delay.", "N")
     ] = None,
-    out: Annotated[str | None, Flag("Write the controller: .c with .h, or .mat.", "FILE")] = None,
+    out: Annotated[str | None, Flag("Write the controller: .c with .h, .mat or .fmu.", "FILE")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
 ) -> None:
     """Periodic feedback: optimal regulator and Kalman filter, and the closed loop."""
