@@ -12,6 +12,7 @@ from solve.arrays import Array, Plane
 from solve.capabilities import Capabilities, Linearisation, Nonlinear, Outputs, Variation
 from solve.contracts import Columns, Dependence, Events, Integrator, Matrices, Motion, ParameterDerivatives
 from solve.equations import (
+    event_normals,
     events_of,
     input_matrix,
     nonlinear_of,
@@ -190,7 +191,11 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return self._about(nonlinear_of(self.model).along_events(self._of_system(motion), speed, compiled))
 
     def event_normals(self, motion: Motion, speed: float) -> Array:
-        return np.zeros((0, 1 + 2 * self.n))
+        n = self.n_open
+        own = event_normals(self.open_loop, self._of_system(motion), speed)
+        normals = np.zeros((len(own), 1 + 2 * self.n))
+        normals[:, : n + 1], normals[:, self.n + 1 : self.n + 1 + n] = own[:, : n + 1], own[:, n + 1 :]
+        return normals
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         bounds = np.zeros((len(phase), self.n))
