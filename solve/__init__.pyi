@@ -1,14 +1,8 @@
 from .derivatives.point import sensitivities as sensitivities
 from .errors import SolveError as SolveError
 from .exports.export import export as export
-from .exports.harmonic_transfer import (
-    HarmonicTransfer as HarmonicTransfer,
-)
-from .exports.harmonic_transfer import (
-    harmonic_transfer as harmonic_transfer,
-)
-from .exports.norms import h2_norm as h2_norm
-from .exports.norms import hinf_norm as hinf_norm
+from .exports.harmonic_transfer import HarmonicTransfer as HarmonicTransfer
+from .exports.harmonic_transfer import harmonic_transfer as harmonic_transfer
 from .exports.state_space import StateSpace as StateSpace
 from .exports.state_space import state_space as state_space
 from .first_order import FirstOrderSystem as FirstOrderSystem
@@ -31,18 +25,10 @@ from .period.quantities import signal_statistics as signal_statistics
 from .proof.prove import prove as prove
 from .proof.result import Proof as Proof
 from .readers.fmu import read_fmu as read_fmu
-from .readers.formats import (
-    read_mat as read_mat,
-)
-from .readers.formats import (
-    read_netcdf as read_netcdf,
-)
-from .readers.formats import (
-    read_npz as read_npz,
-)
-from .readers.formats import (
-    read_op4 as read_op4,
-)
+from .readers.formats import read_mat as read_mat
+from .readers.formats import read_netcdf as read_netcdf
+from .readers.formats import read_npz as read_npz
+from .readers.formats import read_op4 as read_op4
 from .readers.matrix_market import read_matrix_market as read_matrix_market
 from .readers.openfast import read_openfast as read_openfast
 from .results.bands import Band as Band
@@ -73,12 +59,16 @@ from .single import periodic as periodic
 from .studies.bands import bands as bands
 from .studies.chart import chart as chart
 from .studies.compare import compare as compare
+from .studies.control.closed_loop import closed_loop as closed_loop
 from .studies.control.design import control as control
 from .studies.control.design import kalman as kalman
 from .studies.control.design import lqg as lqg
 from .studies.control.design import lqr as lqr
 from .studies.control.margin import stability_margin as stability_margin
+from .studies.control.norms import h2_norm as h2_norm
+from .studies.control.norms import hinf_norm as hinf_norm
 from .studies.control.output_feedback import OutputFeedback as OutputFeedback
+from .studies.control.sampled import sampled as sampled
 from .studies.critical_speeds import critical_speeds as critical_speeds
 from .studies.curves import PeriodicCurves as PeriodicCurves
 from .studies.fit import fit as fit
@@ -86,12 +76,8 @@ from .studies.follow_modes import follow_modes as follow_modes
 from .studies.frequencies import frequencies as frequencies
 from .studies.frequencies import frequencies_over as frequencies_over
 from .studies.optimise import optimise as optimise
-from .studies.sensitivities import (
-    sensitivities_over as sensitivities_over,
-)
-from .studies.sensitivities import (
-    speed_sensitivities as speed_sensitivities,
-)
+from .studies.sensitivities import sensitivities_over as sensitivities_over
+from .studies.sensitivities import speed_sensitivities as speed_sensitivities
 from .studies.sweep import sweep as sweep
 from .studies.sweep import sweeps as sweeps
 from .studies.sweep import validity as validity
@@ -152,6 +138,7 @@ __all__ = [
     "branch",
     "case_numbers",
     "chart",
+    "closed_loop",
     "compare",
     "control",
     "critical_speeds",
@@ -182,6 +169,7 @@ __all__ = [
     "read_op4",
     "read_openfast",
     "report",
+    "sampled",
     "scatter",
     "sensitivities",
     "sensitivities_over",

@@ -65,6 +65,9 @@ _MANY_ROWS = 256
 """Number of rows above which `across` reduces column by column: NumPy's reduction over a short last axis is
 slow for many rows."""
 
+_SMALLEST = 4
+"""Number of rows up to which elimination of all matrices at once is faster than LAPACK's of each."""
+
 
 def across(operation: np.ufunc, values: Array, axis: int = -1) -> Array:
     """Result of `operation.reduce` over a short axis, fast for many rows too."""
@@ -81,6 +84,25 @@ def solved(A: Array, b: Array) -> Array:
         regular = np.linalg.slogdet(A)[0] != 0
         x = np.linalg.solve(np.where(regular[..., None, None], A, np.eye(A.shape[-1])), b)
         return np.where(regular[..., None, None], x, np.nan)
+
+
+def definite_solved(A: Array, b: Array) -> Array:
+    """As `solved`, faster for many small matrices (k, n, n) that are symmetric and positive definite, for
+    which elimination requires no exchange of rows."""
+    k, n, _ = A.shape
+    if k < _MANY_ROWS or n > _SMALLEST or not (np.swapaxes(A, 1, 2) == A).all():
+        return solved(A, b)
+    rows = np.concatenate((A, b), axis=-1).transpose(1, 2, 0).copy()
+    for at in range(n):
+        if not (rows[at, at] > 0).all():
+            return solved(A, b)
+        rows[at, at + 1 :] /= rows[at, at]
+        for other in range(at + 1, n):
+            rows[other, at + 1 :] -= rows[other, at] * rows[at, at + 1 :]
+    for at in range(n - 1, 0, -1):
+        for other in range(at):
+            rows[other, n:] -= rows[other, at] * rows[at, n:]
+    return np.ascontiguousarray(rows[:, n:].transpose(2, 0, 1))
 
 
 class Recent:

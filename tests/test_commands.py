@@ -106,6 +106,9 @@ def test_a_command_that_a_page_prints_runs(page, command, folder, monkeypatch, c
         Path(name).write_text(text, encoding="utf-8")
     for own in re.findall(r"\w+\.py\b", command) if "--new" not in command else ():
         assert status(["derive", own], monkeypatch) == 0
+    for file in re.findall(r"--controller (\S+)", command):
+        (saving,) = (each for each in commands(page) if f"--save {file}" in each)
+        assert status(shlex.split(saving.removeprefix("python -m ")), monkeypatch) == 0
     words = shlex.split(fewer(command).removeprefix("python -m "))
     assert status(words, monkeypatch) == 0, capsys.readouterr().err
     for file in re.findall(r"--(?:plot|save|out|toml) (\S+)", command):

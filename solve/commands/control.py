@@ -24,15 +24,22 @@ def control(
     margin: Annotated[
         str | None, Flag("Parameters whose smallest destabilising change is computed.", '"k1, c1"')
     ] = None,
-    out: Annotated[str | None, Flag("Write the controller: .c with .h, or .mat.", "FILE")] = None,
+    norms: Annotated[
+        str | None, Flag("States and outputs whose H2 and H∞ norms are computed.", '"q2, q3"')
+    ] = None,
+    samples: Annotated[
+        int | None, Flag("Samples per period of a drive that holds the inputs; one sample of delay.", "N")
+    ] = None,
+    out: Annotated[str | None, Flag("Write the controller: .c with .h, .mat or .fmu.", "FILE")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
 ) -> None:
     """Periodic feedback: optimal regulator and Kalman filter, and the closed loop."""
     weights = None if lqr is None else _numbers("--lqr", lqr)
     noise = None if kalman is None else _numbers("--kalman", kalman)
     model = problem.loaded()
-    names = listed("--margin", margin or "")
-    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration, names)
+    names = listed("--margin", margin or ""), listed("--norms", norms or "")
+    omega = speed.omega(model)
+    result = solve.control(model, omega, weights, noise, rtol, feedforward, vibration, *names, samples)
     if out is not None:
         solve.export(result, out)
     deliver_result(results, result, problem.choices)

@@ -189,6 +189,23 @@ class Problem(Numbers):
         return "; ".join(texts)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Loop(Problem):
+    """Arguments that select a model, and a feedback that was designed before."""
+
+    controller: Annotated[
+        str | None, Flag("Close the loop with a controller that solve control saved: .npz or .nc.", "FILE")
+    ] = None
+
+    def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
+        model = super().loaded(still, rigid, varied)
+        if self.controller is None:
+            return model
+        from solve.studies.control.closed_loop import closed_loop
+
+        return closed_loop(model, self.controller)
+
+
 @dataclass(frozen=True)
 class Speed:
     """Flag for one speed of rotation."""

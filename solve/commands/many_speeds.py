@@ -11,6 +11,7 @@ from solve.commands.groups import (
     Accuracy,
     Execution,
     Flag,
+    Loop,
     Problem,
     Results,
     Speed,
@@ -35,7 +36,7 @@ _RANGE = '"NAME=A:B:N unit"'
 
 
 def sweep(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     speed: Speed,
     accuracy: Steps,
@@ -146,7 +147,7 @@ def _turns(model: Model, sweep: Sweep, turn: str, rule: tuple[Any, ...]) -> Figu
 
 
 def chart(
-    problem: Problem,
+    problem: Loop,
     speed: Speed,
     accuracy: Accuracy,
     execution: Execution,
@@ -203,7 +204,7 @@ def _held(text: str, model: Model) -> tuple[str, float]:
 
 
 def bands(
-    problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, derivatives: SpeedDerivatives
+    problem: Loop, speeds: Speeds, accuracy: Accuracy, results: Results, derivatives: SpeedDerivatives
 ) -> None:
     """Unstable bands between the lowest and the highest speed, with refined edges.
 
@@ -216,7 +217,7 @@ def bands(
 
 
 def critical(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, OnePoint, Problem, Proving, Results, Settings, Speed
+from solve.commands.groups import Flag, Loop, OnePoint, Problem, Proving, Results, Settings, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import NoResultError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import METHODS, Rule, chosen, settings_of
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def periodic(
-    problem: Problem,
+    problem: Loop,
     speed: Speed,
     accuracy: OnePoint,
     proving: Proving,
@@ -123,7 +123,7 @@ def _with_measured(
     )
 
 
-def floquet(problem: Problem, speed: Speed, accuracy: OnePoint, proving: Proving, results: Results) -> None:
+def floquet(problem: Loop, speed: Speed, accuracy: OnePoint, proving: Proving, results: Results) -> None:
     """Floquet multipliers, exponents and the stability verdict."""
     model = problem.loaded()
     proving.require_provable(model)
@@ -175,7 +175,7 @@ def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) 
 
 
 def transient(
-    problem: Problem,
+    problem: Loop,
     speed: Speed,
     results: Results,
     turns: Annotated[int, Flag("Number of periods.", "N")] = 40,

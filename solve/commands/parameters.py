@@ -113,6 +113,9 @@ def optimise(
     ] = None,
     gain_harmonics: Annotated[int, Flag("Highest harmonic of the gains.", "K")] = 0,
     delay: Annotated[str | None, Flag("Delay of the feedback.", '"0.5 ms"')] = None,
+    notch: Annotated[
+        list[str] | None, Flag("Frequency removed from the measured quantities; repeatable.", '"18 Hz"')
+    ] = None,
 ) -> None:
     """Optimum of parameters: least vibration over speeds, stable, within bounds."""
     if speed.speed is not None and speeds.speeds is not None:
@@ -125,14 +128,15 @@ def optimise(
     model = problem.loaded()
     if feedback is not None:
         if toml is not None or robust is not None:
-            raise ValueOutOfBoundsError(
-                "--feedback allows neither --toml nor --robust; leave out --toml and --robust"
-            )
-        model = solve.OutputFeedback(model, listed("--feedback", feedback), gain_harmonics, delay or 0.0)
+            raise ValueOutOfBoundsError("--feedback allows neither --toml nor --robust; leave them out")
+        measured = listed("--feedback", feedback)
+        model = solve.OutputFeedback(model, measured, gain_harmonics, delay or 0.0, notches=notch or ())
         limits = model.bounds_of_gains(limits)
         names += model.gains
-    elif gain_harmonics or delay is not None:
-        raise ValueOutOfBoundsError("--gain-harmonics and --delay require --feedback; add --feedback NAME")
+    elif gain_harmonics or delay is not None or notch:
+        raise ValueOutOfBoundsError(
+            "--gain-harmonics, --delay and --notch are of a feedback; add --feedback NAME"
+        )
     if missing := [name for name in names if name not in limits]:
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
     if not_free := [name for name in limits if name not in names]:

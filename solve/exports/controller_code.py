@@ -15,7 +15,7 @@ _STABLE = 2.7
 with a margin."""
 
 
-class _Tables(NamedTuple):
+class Tables(NamedTuple):
     """Matrices at uniform phases (m, …) of u = −K x + f and, with an observer, of x̂′ = A x̂ + b + L y."""
 
     phase: Array
@@ -26,7 +26,7 @@ class _Tables(NamedTuple):
     L: Array
 
     @classmethod
-    def of(cls, result: Controller, phase: Array) -> "_Tables":
+    def of(cls, result: Controller, phase: Array) -> "Tables":
         count, N = len(phase), len(result.states)
         A, b, L = np.zeros((count, N, N)), np.zeros((count, N)), np.zeros((count, N, 0))
         if result.compensator is not None:
@@ -34,12 +34,18 @@ class _Tables(NamedTuple):
         return cls(phase, result.gain(phase), result.feedforward(phase), A, b, L)
 
 
+def controller_name(result: Controller) -> str:
+    """Name of a controller as a C identifier."""
+    name = re.sub(r"\W", "_", f"{result.system.labels.name}_controller", flags=re.ASCII)
+    return name if name[:1].isalpha() else f"c_{name}"
+
+
 def controller_mat(result: Controller, samples: int) -> bytes:
     """Content of a .mat file with K, f and, with an observer, A, b and L at `samples` phases; the phase is
     the last index."""
     from scipy.io import savemat
 
-    tables = _Tables.of(result, np.arange(samples) * (result.system.period / samples))
+    tables = Tables.of(result, np.arange(samples) * (result.system.period / samples))
     content = {name: np.moveaxis(array, 0, -1) for name, array in tables._asdict().items()}
     if result.compensator is None:
         content = {name: content[name] for name in ("phase", "K", "f")}
@@ -64,10 +70,9 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
     and Kutta of order 4 with constant measured quantities."""
     period = result.system.period
     phase = np.arange(samples) * (period / samples)
-    tables, between = _Tables.of(result, phase), _Tables.of(result, phase + period / (2 * samples))
-    error = max(_interpolation_error(a, b) for a, b in zip(tables[1:], between[1:], strict=True))
-    name = re.sub(r"\W", "_", f"{result.system.labels.name}_controller", flags=re.ASCII)
-    name = name if name[:1].isalpha() else f"c_{name}"
+    tables, between = Tables.of(result, phase), Tables.of(result, phase + period / (2 * samples))
+    error = max(interpolation_error(a, b) for a, b in zip(tables[1:], between[1:], strict=True))
+    name = controller_name(result)
     observer = result.compensator is not None
     numbers = versions()["parametric-vibration"]
     signals = "x_hat" if observer else "x"
@@ -98,21 +103,17 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
     if observer:
         y, advance = tables.L.shape[2], repr(result.speed)
         body.append(_OBSERVE.format(prototype=prototypes[1], N=N, y=y, speed=advance))
+    return "".join(body), header, [*result.warnings, *table_warnings(result, samples, error)]
+
+
+def table_warnings(result: Controller, samples: int, error: float) -> list[str]:
+    """Warnings about tables of `samples` phases that are interpolated with a relative error."""
     jumps = result.system.breaks and error > result.rtol
-    doubts = (
-        [f"tables of {samples} phases have a relative error of {error:.1e}; more samples reduce it"]
-        if error > 1e-2
-        else []
-    )
-    doubts += (
-        ["where the matrices jump, the gains may jump too; the tables smooth a jump over one sample"]
-        if jumps
-        else []
-    )
-    return "".join(body), header, [*result.warnings, *doubts]
+    doubts = [f"tables of {samples} phases are accurate to {error:.1e}, relative"] if error > 1e-2 else []
+    return doubts + (["the gains may jump, which a table smooths over one sample"] if jumps else [])
 
 
-def _interpolation_error(at: Array, between: Array) -> float:
+def interpolation_error(at: Array, between: Array) -> float:
     """Largest error of linear interpolation, relative to the largest entry."""
     largest = np.abs(at).max(initial=0.0)
     middle = (at + np.roll(at, -1, axis=0)) / 2

@@ -14,6 +14,7 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.exports.c_code import c_code
 from solve.exports.controller_code import controller_code, controller_mat
+from solve.exports.controller_fmu import controller_fmu
 from solve.exports.fmu import fmu
 from solve.exports.state_space import SAMPLES, StateSpace, state_space
 from solve.labels import require_motion, require_vibration, speed_or_usual
@@ -54,9 +55,9 @@ def export(
     Parameters
     ----------
     system : PeriodicSystem or Controller
-        System to export, or controller. A controller is exported to ".c" with a ".h" file, as tables over the
-        phase with functions that compute the inputs and advance the observer, or to ".mat", as gains at
-        `samples` phases.
+        System to export, or feedback: ".c" with a ".h" file, a table over the phase with a function of the
+        inputs and one of the observer; ".mat" with the gains at phases; ".fmu" from the phase and the
+        measured quantities, or states, to the inputs.
     path : str or Path
         File whose ending selects the format. ".mat": state space over `samples` phases with its multipliers,
         for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions of phase, speed,
@@ -65,7 +66,7 @@ def export(
     speed : float or str, optional
         Ω in rad/s, or a text with unit; by default that of the case. The C functions take any speed.
     samples : int
-        Number of phases per period in a .mat file and in the tables of a controller.
+        Number of phases per period in a .mat file, and of the tables of feedback.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def export(
     'cam.c'
     """
     is_controller = isinstance(system, Controller)
-    file = checked(path, [".mat", ".c"] if is_controller else ENDINGS, "export")
+    file = checked(path, ENDINGS, "export")
     require_integer("samples", samples)
     if is_controller:
         contents, warnings = _controller(system, file, speed, samples)
@@ -196,6 +197,9 @@ def _controller(
         )
     if file.suffix.lower() == ".mat":
         return {file: controller_mat(result, samples)}, result.warnings
+    if file.suffix.lower() == ".fmu":
+        content, warnings = controller_fmu(result, samples)
+        return {file: content}, warnings
     source, header, warnings = controller_code(result, file.stem, samples)
     return {file: source.encode(), file.with_suffix(".h"): header.encode()}, warnings
 

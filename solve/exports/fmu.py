@@ -43,7 +43,7 @@ _ASSIGNED = "__assign__"
 """Prefix of the internal variables of CasADi."""
 
 
-class _Variable(NamedTuple):
+class Variable(NamedTuple):
     """Scalar variable of the FMU with unit, meaning, start value (None for outputs) and nominal size."""
 
     name: str
@@ -57,15 +57,15 @@ class _Variables(NamedTuple):
     """Variables of a model. drive: phase and speed; inputs: acceleration of the drive, followed by the
     forces."""
 
-    drive: list[_Variable]
-    coordinates: list[_Variable]
-    rates: list[_Variable]
-    inputs: list[_Variable]
-    parameters: list[_Variable]
-    outputs: list[_Variable]
+    drive: list[Variable]
+    coordinates: list[Variable]
+    rates: list[Variable]
+    inputs: list[Variable]
+    parameters: list[Variable]
+    outputs: list[Variable]
 
     @property
-    def states(self) -> list[_Variable]:
+    def states(self) -> list[Variable]:
         return [*self.drive, *self.coordinates, *self.rates]
 
 
@@ -82,16 +82,43 @@ def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
     is no orbit.
     """
     model = require_formulas(system, _WHAT)
-    headers = _headers()
-    compiler = _compiler()
+    tools = Tools.found()
     variables, warnings = _variables(model, speed)
-    _require_different_names(variables)
-    # CasADi writes into the current folder.
-    with TemporaryDirectory() as folder, chdir(folder):
-        files = _exported(model, variables, headers, compiler)
-        description = Path("modelDescription.xml")
-        description.write_bytes(_described(description.read_bytes(), model, variables, speed))
-        return _packed(files), warnings
+    scalars = [variable for group in variables for variable in group]
+    require_different_names(scalars)
+    unit = Unit(identifier(model), model.labels.title, model.period / speed, scalars, variables.states)
+    return unit.packed(_built(model, variables), tools), warnings
+
+
+class Tools(NamedTuple):
+    """Folder with the FMI headers, and the command of a C compiler."""
+
+    headers: Path
+    compiler: str
+
+    @classmethod
+    def found(cls) -> "Tools":
+        """Raises MissingLibraryError."""
+        return cls(_headers(), _compiler())
+
+
+class Unit(NamedTuple):
+    """Name, description, period in s, variables, and those of them that are states, of an FMU."""
+
+    name: str
+    title: str
+    period: float
+    scalars: Sequence[Variable]
+    states: Sequence[Variable]
+
+    def packed(self, builder: Any, tools: Tools) -> bytes:
+        """Archive of the equations of a `casadi.DaeBuilder`."""
+        # CasADi writes into the current folder.
+        with TemporaryDirectory() as folder, chdir(folder):
+            files = _compiled(builder, self, tools)
+            description = Path("modelDescription.xml")
+            description.write_bytes(_described(description.read_bytes(), self))
+            return _packed(files)
 
 
 def _headers() -> Path:
@@ -122,20 +149,20 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
     rate_meanings = [f"rate of {name}" for name in model.coordinates]
     force_meanings = [f"force along {name}" for name in model.coordinates]
     columns = names.states, names.state_units, [*meanings, *rate_meanings], state.tolist(), sizes.tolist()
-    states = [_Variable(*fields) for fields in zip(*columns, strict=True)]
+    states = [Variable(*fields) for fields in zip(*columns, strict=True)]
     inputs = zip(names.inputs, names.input_units, force_meanings, strict=True)
-    forces = [_Variable(*fields, 0.0) for fields in inputs]
+    forces = [Variable(*fields, 0.0) for fields in inputs]
     drive = [
-        _Variable("phase", "rad", "phase of the drive", 0.0, model.period),
-        _Variable("speed", "rad/s", "speed of the drive", float(speed), float(speed)),
+        Variable("phase", "rad", "phase of the drive", 0.0, model.period),
+        Variable("speed", "rad/s", "speed of the drive", float(speed), float(speed)),
     ]
-    acceleration = _Variable("acceleration", "rad/s^2", "acceleration of the drive", 0.0)
+    acceleration = Variable("acceleration", "rad/s^2", "acceleration of the drive", 0.0)
     parameters = [
-        _Variable(name, *model.labels.parameter_labels[name], value)
+        Variable(name, *model.labels.parameter_labels[name], value)
         for name, value in model.parameters.items()
     ]
     outputs = [
-        _Variable(name, model.labels.units[name], model.labels.meanings[name], None) for name in model.outputs
+        Variable(name, model.labels.units[name], model.labels.meanings[name], None) for name in model.outputs
     ]
     variables = _Variables(drive, states[:n], states[n:], [acceleration, *forces], parameters, outputs)
     return variables, warnings
@@ -155,8 +182,9 @@ def _start(model: Model, speed: float) -> tuple[Array, Array, list[str]]:
     return states[:, 0], np.where(sizes > 0, sizes, 1.0), list(orbit.warnings)
 
 
-def _require_different_names(variables: _Variables) -> None:
-    names = ["time", *(variable.name for group in variables for variable in group)]
+def require_different_names(variables: Sequence[Variable]) -> None:
+    """Raise ValueOutOfBoundsError if two variables have the same name."""
+    names = ["time", *(variable.name for variable in variables)]
     duplicates = sorted({name for name in names if names.count(name) > 1})
     if duplicates:
         raise ValueOutOfBoundsError(
@@ -165,22 +193,34 @@ def _require_different_names(variables: _Variables) -> None:
         )
 
 
-def _exported(model: Model, variables: _Variables, headers: Path, compiler: str) -> Mapping[str, str]:
-    """Write the files of the FMU to the current folder. Returns them with their paths in the archive."""
+def begun(name: str) -> Any:
+    """Builder of an FMU with the time as its only variable."""
     import casadi
 
-    builder = casadi.DaeBuilder(identifier(model))
+    builder = casadi.DaeBuilder(name)
     builder.add("time", "independent", "continuous", {"unit": "s"})
+    return builder
+
+
+def add(builder: Any, variable: Variable, causality: str, variability: str = "continuous") -> Any:
+    """Add a variable to a builder; returns its symbol."""
+    start = {} if variable.start is None else {"start": variable.start}
+    attributes = {"unit": _unit(variable.unit), "description": variable.meaning, **start}
+    return builder.add(variable.name, causality, variability, attributes)
+
+
+def _built(model: Model, variables: _Variables) -> Any:
+    """Builder with the equations of a model."""
+    import casadi
+
+    builder = begun(identifier(model))
     coordinates = {variable.name for variable in variables.coordinates}
 
-    def added(variable: _Variable) -> Any:
+    def added(variable: Variable) -> Any:
         causality = "output" if variable.name in coordinates or variable.start is None else "local"
         causality = "input" if variable in variables.inputs else causality
-        kind = (causality, "continuous")
-        kind = ("parameter", "tunable") if variable in variables.parameters else kind
-        start = {} if variable.start is None else {"start": variable.start}
-        attributes = {"unit": _unit(variable.unit), "description": variable.meaning, **start}
-        return builder.add(variable.name, *kind, attributes)
+        kind = ("parameter", "tunable") if variable in variables.parameters else (causality,)
+        return add(builder, variable, *kind)
 
     drive, q, qd, inputs, p, outputs = (list(map(added, group)) for group in variables)
     rates, values = _explicit(model)(*drive, *(casadi.vertcat(*group) for group in (q, qd, inputs, p)))
@@ -192,20 +232,30 @@ def _exported(model: Model, variables: _Variables, headers: Path, compiler: str)
     for jump in model.breaks:
         # The event indicator falls through zero at the jump, once per period, so that an integrator restarts.
         builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - jump)) < 0, [])
+    return builder
+
+
+def _compiled(builder: Any, unit: Unit, tools: Tools) -> Mapping[str, str]:
+    """Write the files of the FMU to the current folder. Returns them with their paths in the archive."""
     files = builder.export_fmu({"no_warning": True, "with_serialization": False})
-    # The importing tool may not have loaded the mathematical library.
-    tools = {"compiler": compiler, "linker": compiler, "flags": ["-O2"], "linker_flags": ["-lm"]}
-    options = {"compiler_options": tools, "include_dirs": [str(headers)]}
-    _with_nominals(Path(f"{identifier(model)}_wrap.c"), variables.states)
+    # The mathematical library may not be loaded by the importing tool.
+    options = {
+        "compiler": tools.compiler,
+        "linker": tools.compiler,
+        "flags": ["-O2", "-w"],
+        "linker_flags": ["-lm"],
+    }
+    if unit.states:
+        _with_nominals(Path(f"{unit.name}_wrap.c"), unit.states)
     try:
-        return builder.compile_fmu(files, options)
+        return builder.compile_fmu(files, {"compiler_options": options, "include_dirs": [str(tools.headers)]})
     except RuntimeError as error:
         raise MissingLibraryError(
-            f"{_WHAT} needs a C compiler, and '{compiler}' failed; see its messages above"
+            f"{_WHAT} needs a C compiler, and '{tools.compiler}' failed; see its messages above"
         ) from error
 
 
-def _with_nominals(wrapper: Path, states: Sequence[_Variable]) -> None:
+def _with_nominals(wrapper: Path, states: Sequence[Variable]) -> None:
     sizes = ", ".join(repr(state.nominal) for state in states)
     nominals = f"{{ static const double sizes[] = {{{sizes}}}; nominals[i] = sizes[i]; }}"
     wrapper.write_text(wrapper.read_text("utf-8").replace(_NOMINALS, nominals), "utf-8")
@@ -234,23 +284,22 @@ def _explicit(model: Model) -> "casadi.Function":
     return casadi.Function("explicit", list(symbols.values()), [casadi.cse(rates), casadi.cse(values)])
 
 
-def _described(content: bytes, model: Model, variables: _Variables, speed: float) -> bytes:
+def _described(content: bytes, unit: Unit) -> bytes:
     """Model description from CasADi, with units, start values of the states and the period added."""
     root = ET.fromstring(content)
-    root.set("description", model.labels.title)
+    root.set("description", unit.title)
     root.set("generationTool", "parametric-vibration, CasADi")
-    scalars = [variable for group in variables for variable in group]
-    units = ET.Element("UnitDefinitions")
+    scalars, units = unit.scalars, ET.Element("UnitDefinitions")
     for name in sorted({"s", *(_unit(scalar.unit) for scalar in scalars if scalar.unit)}):
         ET.SubElement(units, "Unit", name=name)
     root.insert(1, units)
-    period = repr(model.period / speed)
-    root.insert(2, ET.Element("DefaultExperiment", startTime="0", stopTime=period, tolerance="1e-8"))
+    stop = repr(unit.period)
+    root.insert(2, ET.Element("DefaultExperiment", startTime="0", stopTime=stop, tolerance="1e-8"))
     listed, structure = root.find("ModelVariables"), root.find("ModelStructure")
     assert listed is not None
     assert structure is not None
     starts = {scalar.name: scalar.start for scalar in scalars if scalar.start is not None}
-    states = {state.name: state for state in variables.states}
+    states = {state.name: state for state in unit.states}
     initialised = set()
     for variable in list(listed):
         name = variable.get("name", "")

@@ -34,9 +34,10 @@ def steps_with_saltation(
     normals = event_normals(along, curve, speed)
     steps = method.discretise(OnePoint(along, speed), grid).steps
     A, b = steps.A.copy(), steps.b.copy()
-    for node, S in zip(nodes, _matrices(curve, nodes, normals), strict=True):
+    inertial = along.n - len(along.states)
+    for node, S in zip(nodes, _matrices(curve, nodes, normals, inertial), strict=True):
         phase = curve.nodes[node : node + 1]
-        state = np.concatenate((curve(phase)[:, 0], curve(phase, 1)[:, 0]))
+        state = np.concatenate((curve(phase)[:, 0], curve(phase, 1)[:inertial, 0]))
         A[0, node - 1], b[0, node - 1] = S @ A[0, node - 1], S @ b[0, node - 1] + state - S @ state
     return Steps(A, b)
 
@@ -61,13 +62,14 @@ def _beside(curve: Curve, nodes: Array) -> tuple[Array, Array]:
     return ends[:, (nodes - 1) % steps, 1], ends[:, nodes % steps, 0]
 
 
-def _matrices(curve: Curve, nodes: Array, normals: Array) -> list[Array]:
-    """Saltation matrices (2n, 2n) at nodes. normals (k, 1 + 2n): derivatives of the switching functions."""
+def _matrices(curve: Curve, nodes: Array, normals: Array, inertial: int) -> list[Array]:
+    """Saltation matrices (N, N) of the states (q, q') at nodes, with q' of the `inertial` first coordinates.
+    normals (k, 1 + 2n): derivatives of the switching functions, 0 for other q'."""
     found, n = [], curve.n
     before, after = _beside(curve, nodes)
     rates = curve(curve.nodes[nodes], 1)
     for k, normal in enumerate(normals):
         rate = normal[0] + normal[1 : n + 1] @ rates[:, k] + normal[n + 1 :] @ before[:, k]
-        jump = np.concatenate((np.zeros(n), after[:, k] - before[:, k]))
-        found.append(np.eye(2 * n) + np.outer(jump, normal[1:]) / rate)
+        jump = np.concatenate((np.zeros(n), (after - before)[:inertial, k]))
+        found.append(np.eye(n + inertial) + np.outer(jump, normal[1 : n + inertial + 1]) / rate)
     return found

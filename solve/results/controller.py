@@ -55,6 +55,57 @@ class StabilityMargin(NamedTuple):
     verdicts: tuple[str, ...]
 
 
+@serializable
+class Norms(NamedTuple):
+    """Norms of the transfer from disturbances at the inputs to a state or output, in SI units.
+
+    Attributes
+    ----------
+    h2, hinf : float
+        H2 and H∞ norm of the closed loop.
+    h2_without, hinf_without : float or None
+        Norms without feedback; None for a system that is not asymptotically stable.
+    frequency : float or None
+        Frequency in rad/s of the largest gain of the closed loop, up to half that of the period.
+    error : float
+        Largest relative error of these norms.
+    warnings : tuple of str
+        Reasons to doubt them.
+    """
+
+    h2: float
+    hinf: float
+    h2_without: float | None
+    hinf_without: float | None
+    frequency: float | None
+    error: float
+    warnings: tuple[str, ...] = ()
+
+
+@serializable
+class SampledLoop(NamedTuple):
+    """Closed loop whose feedback is sampled and held.
+
+    Attributes
+    ----------
+    samples, delay : int
+        Number of samples per period, and samples after which inputs act.
+    spectral_radius, error : float
+        Largest modulus of the multipliers, and its absolute error.
+    verdict : str
+        "asymptotically stable", "unstable" or "undetermined".
+    largest : mapping of str to float
+        Largest moduli of coordinates and inputs on the periodic orbit, at the nodes of the grid, in SI units.
+    """
+
+    samples: int
+    delay: int
+    spectral_radius: float
+    error: float
+    verdict: str
+    largest: Mapping[str, float]
+
+
 @dataclass(frozen=True)
 class Controller(Result):
     """Periodic feedback, from `solve.lqr`, `solve.kalman`, `solve.lqg` or `solve.control`.
@@ -91,6 +142,10 @@ class Controller(Result):
         Curve of the feedforward.
     margin : StabilityMargin or None
         Smallest relative change of parameters that makes the closed loop unstable, if it was requested.
+    norms : mapping of str to Norms
+        Norms from disturbances at the inputs to states and outputs, if they were requested.
+    sampled : SampledLoop or None
+        Closed loop with inputs that are sampled and held, if it was requested.
     compensator : FirstOrderSystem or None
         System from measured quantities to inputs: the regulator with its observer, of `solve.lqg`.
     """
@@ -111,6 +166,8 @@ class Controller(Result):
     vibration: Mapping[str, Vibration] = field(default_factory=dict)
     ahead: Curve | None = None
     margin: StabilityMargin | None = None
+    norms: Mapping[str, Norms] = field(default_factory=dict)
+    sampled: SampledLoop | None = None
     compensator: FirstOrderSystem | None = None
 
     def riccati(self, phase: Array | float) -> Array:
@@ -202,7 +259,12 @@ class Controller(Result):
             )
         if self.stable is not True:
             missed.append(f"the closed loop is {self.verdict}")
-        return list(dict.fromkeys([*missed, *observer, *self.stability.warnings]))
+        if self.sampled is not None and self.sampled.verdict != "asymptotically stable":
+            missed.append(
+                f"the closed loop with {self.sampled.samples} samples per period is {self.sampled.verdict}"
+            )
+        doubts = [f"norms to {name}: {text}" for name, each in self.norms.items() for text in each.warnings]
+        return list(dict.fromkeys([*missed, *observer, *self.stability.warnings, *doubts]))
 
     @property
     def summary(self) -> str:
@@ -241,6 +303,8 @@ class Controller(Result):
             "observer": observer,
             "vibration": self.vibration,
             "margin": None if self.margin is None else self.margin._asdict(),
+            "sampled": None if self.sampled is None else self.sampled._asdict(),
+            "norms": {name: each._asdict() for name, each in self.norms.items()},
         }
 
     @property

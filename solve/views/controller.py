@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solve.results.controller import Controller
+from solve.results.controller import Controller, StabilityMargin
 from solve.results.formatting import prefixed
 from solve.views.panels import SAMPLES, label_phases, titled
 from solve.views.show import brief, figure, heading_of, tables
@@ -61,6 +61,13 @@ def controller_tables(result: Controller) -> Sequence[RenderableType]:
     shown = [text(f"\n{result.summary}", "bold")]
     if result.vibration:
         shown.append(_vibration_table(result))
+    if result.norms:
+        shown.append(_norm_table(result))
+    if (sampled := result.sampled) is not None:
+        drive = f"With {sampled.samples} samples per period and one sample of delay it is {sampled.verdict}"
+        shown.append(text(f"\n{drive}: spectral radius {sampled.spectral_radius:.6g}."))
+    if result.margin is not None:
+        shown.append(text(f"\n{_margin_sentence(result.margin)}"))
     return [*shown, _gain_table(result), *stability_tables(result.stability)]
 
 
@@ -78,6 +85,24 @@ def _vibration_table(result: Controller) -> RenderableType:
         rows.append((name, unit, *values))
     title = "Periodic vibration: largest moduli, and root mean square with feedback"
     return table(title, "", "unit", "without", "with", "rms with", left=2, rows=rows)
+
+
+def _norm_table(result: Controller) -> RenderableType:
+    rows = []
+    for name, each in result.norms.items():
+        values = each.h2_without, each.h2, each.hinf_without, each.hinf, each.frequency
+        rows.append((name, *("" if value is None else f"{value:.5g}" for value in values)))
+    title = "Norms from disturbances at the inputs, SI units; rad/s"
+    headings = "H2 without", "H2 with", "H∞ without", "H∞ with", "frequency"
+    return table(title, "", *headings, left=1, rows=rows)
+
+
+def _margin_sentence(margin: StabilityMargin) -> str:
+    """Smallest change of parameters that makes the closed loop unstable."""
+    if not np.isfinite(margin.distance):
+        return "Changes of up to 100 % of these parameters leave the closed loop stable."
+    changes = ", ".join(f"{name} {100 * change:+.3g} %" for name, change in margin.changes.items())
+    return f"The smallest change that makes the closed loop unstable is {margin.distance:.4g}: {changes}."
 
 
 def _gain_table(result: Controller) -> RenderableType:

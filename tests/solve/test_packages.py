@@ -95,6 +95,12 @@ called = {
     "lqr": solve.lqr(manipulator, "50 rpm", {"q2": 1e8}, {"u": 1e-2}, rtol=1e-4),
     "kalman": solve.kalman(manipulator, "50 rpm", {"u": 1.0}, {"q1": 1e-9}, rtol=1e-4),
     "lqg": solve.lqg(manipulator, "50 rpm", {"q2": 1e8}, {"u": 1e-2}, {"u": 1.0}, {"q1": 1e-9}, rtol=1e-4),
+    "closed_loop": solve.floquet(
+        solve.closed_loop(manipulator, solve.lqr(manipulator, "50 rpm", {"q2": 1e8}, {"u": 1e-2}, rtol=1e-4)),
+        "50 rpm",
+        rtol=1e-4,
+    ),
+    "sampled": solve.sampled(solve.OutputFeedback(manipulator, ["q1_dot"]), "50 rpm", 10),
     "stability_margin": solve.stability_margin(mathieu.varied({"zeta": 0.01}), 1.0, ["delta"]),
     "h2_norm": solve.h2_norm(manipulator, "50 rpm", ["q2"], rtol=1e-3),
     "hinf_norm": solve.hinf_norm(manipulator, "50 rpm", ["q2"], rtol=1e-2),

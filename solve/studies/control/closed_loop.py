@@ -1,18 +1,22 @@
 """Closed loop of a system with periodic state feedback, or with an observer and feedback."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Matrices
+from solve.errors import ControlError
 from solve.first_order import FirstOrderSystem
 from solve.labels import Labels
 from solve.period.curve import Curve
+from solve.results import save
+from solve.results.controller import Controller
 from solve.studies.control.feedback import FeedbackLoop
 from solve.studies.control.plant import Plant, state_equations, state_names
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, of_system
 
 
 class Observer(NamedTuple):
@@ -123,3 +127,60 @@ class ClosedLoop(FeedbackLoop):
         x = np.concatenate((q, qd[: n - len(system.states)])) if self.observer is None else q[n:]
         u = -np.einsum("krn,nk->rk", self.feedback(phase), x)
         return u if self.ahead is None else u + self.ahead(phase)
+
+
+@of_system
+def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> ClosedLoop:
+    """Close the loop of a system with a controller that was designed before.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System with the states and inputs of the design. Its parameters may differ.
+    controller : Controller, str or Path
+        Result of `solve.lqr`, `solve.lqg` or `solve.control`, or the file to which it was saved.
+
+    Returns
+    -------
+    ClosedLoop
+        Closed loop for `solve.periodic`, `solve.sweep`, `solve.chart` and `solve.transient`. An observer has
+        the equations with the parameters and options of the design.
+
+    Raises
+    ------
+    ControlError
+        For a filter alone, or a controller of other states, inputs or period.
+    FileError
+        If the file cannot be read.
+
+    Examples
+    --------
+    >>> import solve
+    >>> press = solve.load("manipulator")
+    >>> found = solve.lqr(press, "70 rpm", {"q2": 1e8}, {"u": 1e-3})
+    >>> solve.floquet(closed_loop(press.varied({"k1": 5e4}), found), "70 rpm").verdict
+    'asymptotically stable'
+    """
+    found = controller if isinstance(controller, Controller) else save.open(controller)
+    if not isinstance(found, Controller) or found.kind == "kalman":
+        raise ControlError(
+            f"{controller!r} holds no feedback; allowed: a controller of solve.lqr, solve.lqg or "
+            "solve.control with lqr, or the .npz or .nc file of one"
+        )
+    own, of_design = (
+        f"the states {', '.join(states)}, the inputs {', '.join(inputs)} and the period {period:.6g}"
+        for states, inputs, period in (
+            (state_names(system), system.inputs or ("(none)",), system.period),
+            (found.states, found.signals, found.system.period),
+        )
+    )
+    if own != of_design:
+        raise ControlError(
+            f"the controller of {found.system.labels.name} is for {of_design}; {system.labels.name} has {own}"
+        )
+    observer = found.observer and Observer(found.observer.gains, found.observer.signals)
+    labels, given = found.system.labels, system.labels
+    if system.capabilities.variation is None:
+        return ClosedLoop(system, found.gains, observer, found.ahead)
+    design = system.varied(labels.parameters, labels.options)
+    return ClosedLoop(design, found.gains, observer, found.ahead).varied(given.parameters, given.options)

@@ -4,17 +4,20 @@ coefficients."""
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from solve.arguments import unique_names
 from solve.equations import require_load
 from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
 from solve.labels import require_motion
 from solve.period.curve import Curve
-from solve.results.controller import Controller, Vibration
+from solve.results.controller import Controller, Norms, Vibration
 from solve.single import floquet, periodic
 from solve.studies.control.closed_loop import ClosedLoop, Compensator, Observer
 from solve.studies.control.equations import error_equations, filter_of, regulator
 from solve.studies.control.margin import stability_margin
+from solve.studies.control.norms import h2_norm, hinf_norm
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Solved
+from solve.studies.control.sampled import sampled
 from solve.studies.control.weights import Weight
 from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.units import checked_rtol, speed_in_si
@@ -212,6 +215,8 @@ def control(
     feedforward: bool = False,
     vibration: bool = False,
     margin: Sequence[str] = (),
+    norms: Sequence[str] = (),
+    samples: int | None = None,
 ) -> Controller:
     """Compute a regulator, a filter, or both, from weights and noise intensities given by name.
 
@@ -233,8 +238,14 @@ def control(
     vibration : bool
         Whether to compute the periodic vibration without and with feedback.
     margin : sequence of str
-        Names of parameters. Their smallest relative change that makes the closed loop unstable is computed,
-        see `stability_margin`.
+        Names of parameters whose smallest change that makes the closed loop unstable is computed, see
+        `stability_margin`.
+    norms : sequence of str
+        Names of states and outputs whose norms from disturbances at the inputs are computed, see `h2_norm`
+        and `hinf_norm`.
+    samples : int, optional
+        Number of samples per period of a drive that holds the inputs, with a delay of one sample, for which
+        the stability is computed, see `sampled`.
 
     Returns
     -------
@@ -259,6 +270,8 @@ def control(
             raise MissingValueError(
                 'a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman'
             )
+        if margin or norms or vibration or samples is not None:
+            raise ValueOutOfBoundsError("vibration, margin, norms and samples are of a closed loop; give lqr")
         return _OF["kalman"](system, speed, *noise, rtol)
     if noise is None:
         made = _OF["lqr"](system, speed, *weights, rtol, feedforward)
@@ -266,8 +279,36 @@ def control(
         made = _OF["lqg"](system, speed, *weights, *noise, rtol, feedforward)
     if margin:
         made = replace(made, margin=stability_margin(made.closed, speed, margin))
+    if samples is not None:
+        made = replace(made, sampled=sampled(made.closed, speed, samples))
+    if norms:
+        made = replace(made, norms={name: _norms(made, name) for name in unique_names(norms)})
     return replace(made, vibration=_vibration(made)) if vibration else made
 
+
+def _norms(made: Controller, name: str) -> Norms:
+    """Norms from the inputs to a state or output, with feedback and without it. Raises SolveError."""
+    speed, rtol = made.speed, max(made.rtol, _NORM_RTOL)
+    h2, hinf = (norm(made.closed, speed, [name], rtol=rtol) for norm in (h2_norm, hinf_norm))
+    h2_before = hinf_before = None
+    if floquet(made.system, speed, rtol=rtol).verdict == "asymptotically stable":
+        h2_before, hinf_before = (
+            norm(made.system, speed, [name], rtol=rtol) for norm in (h2_norm, hinf_norm)
+        )
+    every = [each for each in (h2, hinf, h2_before, hinf_before) if each is not None]
+    return Norms(
+        h2=h2.value,
+        hinf=hinf.value,
+        h2_without=h2_before and h2_before.value,
+        hinf_without=hinf_before and hinf_before.value,
+        frequency=hinf.frequency,
+        error=max(each.error for each in every),
+        warnings=tuple(dict.fromkeys(text for each in every for text in each.warnings)),
+    )
+
+
+_NORM_RTOL = 1e-6
+"""Smallest tolerance of norms. A choice: H∞ norms are found by bisection."""
 
 _OF = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
 """Design functions by name: inside `control`, its arguments have the same names."""

@@ -33,12 +33,14 @@ def regulator(
 
     def coefficients(phase: Array) -> tuple[Array, Array, Array]:
         A, B, _ = plant.dynamics(phase)
-        return A, B @ np.linalg.solve(cost(phase), np.swapaxes(B, 1, 2)), weight(phase)
+        # B R⁻¹ Bᵀ = E Eᵀ with R = L Lᵀ and E = B L⁻ᵀ.
+        factor = np.linalg.solve(np.linalg.cholesky(cost(phase)), np.swapaxes(B, 1, 2))
+        return A, np.swapaxes(factor, 1, 2), weight(phase)
 
     solved = _solved(plant, coefficients, rtol)
 
     def gain(phase: Array) -> Array:
-        _, B, _ = plant.dynamics(phase)
+        B = plant.input_matrix(phase)
         return np.linalg.solve(cost(phase), np.swapaxes(B, 1, 2) @ symmetric_of(solved.curve(phase)))
 
     gains = through_points(gain, solved.grid)
@@ -60,7 +62,7 @@ def regulator(
     orbit = periodic(adjoints, plant.speed, rtol=rtol)
 
     def ahead(phase: Array) -> Array:
-        _, B, _ = plant.dynamics(phase)
+        B = plant.input_matrix(phase)
         along = np.einsum("kir,ik->kr", B, orbit.at(system.period - phase))
         return -np.linalg.solve(cost(phase), along[..., None])[..., 0]
 
@@ -111,18 +113,26 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
 
 
 def _state_noise(plant: Plant, W: Weight) -> Function:
-    """Process-noise intensity W (k, N, N) as a function of the phase. A mapping gives the intensities of
-    inputs and states by name."""
+    """Factor E (k, N, r) of the process-noise intensity W = E Eᵀ as a function of the phase. A mapping gives
+    the intensities of inputs and states by name."""
     if not isinstance(W, Mapping):
-        return matrix_function("W", W, plant.N, plant.system.period)
+        intensity = matrix_function("W", W, plant.N, plant.system.period)
+
+        def factor(phase: Array) -> Array:
+            values, vectors = np.linalg.eigh(intensity(phase))
+            return vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
+
+        return factor
     inputs, states = plant.system.inputs, plant.states
     numbers = named_numbers("W", W, [*inputs, *states], positive=False)
-    along = np.array([numbers.get(name, 0.0) for name in inputs])
-    direct = np.diag([numbers.get(name, 0.0) for name in states])
+    along = np.sqrt([numbers[name] for name in inputs if name in numbers])
+    of = [inputs.index(name) for name in inputs if name in numbers]
+    direct = np.diag(np.sqrt([numbers.get(name, 0.0) for name in states]))
+    direct = direct[:, direct.any(axis=0)]
 
     def noise(phase: Array) -> Array:
-        B = plant.dynamics(phase)[1]
-        return (B * along) @ np.swapaxes(B, 1, 2) + direct
+        B = plant.input_matrix(phase)[..., of] * along
+        return np.concatenate((B, np.broadcast_to(direct, (len(phase), *direct.shape))), axis=-1)
 
     return noise
 
@@ -135,8 +145,8 @@ def _solved(
 ) -> Solved:
     system = plant.system
     with one_thread(system.n):
-        equation = Riccati(coefficients, plant.speed, system.period, system.breaks, filters)
-        return solve_riccati(equation, rtol)
+        equation = Riccati(coefficients, plant.speed, system.period, system.breaks, filters, rtol=rtol)
+        return solve_riccati(equation)
 
 
 def error_equations(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> PeriodicSystem:

@@ -12,6 +12,7 @@ from solve.arrays import Array, Plane
 from solve.capabilities import Capabilities, Linearisation, Nonlinear, Outputs, Variation
 from solve.contracts import Columns, Dependence, Events, Integrator, Matrices, Motion, ParameterDerivatives
 from solve.equations import (
+    event_normals,
     events_of,
     input_matrix,
     nonlinear_of,
@@ -27,6 +28,10 @@ from solve.model.model import Model
 from solve.studies.control.integration import FeedbackIntegrator
 from solve.studies.control.plant import state_names
 from solve.system import PeriodicSystem
+
+_KEPT, _BYTES = 8, 2**21
+"""Numbers of grids whose entries are kept, and their largest size in bytes: the solutions and the error
+estimates of one grid evaluate the same phases up to four times. Choices."""
 
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
@@ -58,6 +63,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def _take(self, system: PeriodicSystem) -> None:
         """Set the system without feedback, and the labels of the closed loop that follow from it."""
         self.open_loop, self.model, self.breaks, self.events = system, system, system.breaks, Events()
+        self._kept: dict[tuple[bytes, float], tuple[Array, Array]] = {}
         names, units = state_names(system), dict(system.labels.units)
         rates = {name: f"{units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
         estimates = {f"{name}_hat": unit for name, unit in {**units, **rates}.items() if name in names}
@@ -89,6 +95,17 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         system = self.open_loop
         matrices, inputs = system.at(phase, speed), input_matrix(system, phase, speed)
         return self.closed(phase, speed, matrices, inputs, observed)
+
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
+        key = phase.tobytes(), speed
+        used = self._kept.get(key)
+        if used is None:
+            used = super().used_entries(phase, speed)
+            if len(self._kept) >= _KEPT:
+                self._kept.clear()
+            if used[0].nbytes <= _BYTES:
+                self._kept[key] = used
+        return used
 
     @property
     def capabilities(self) -> Capabilities:
@@ -175,7 +192,11 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return self._about(nonlinear_of(self.model).along_events(self._of_system(motion), speed, compiled))
 
     def event_normals(self, motion: Motion, speed: float) -> Array:
-        return np.zeros((0, 1 + 2 * self.n))
+        n = self.n_open
+        own = event_normals(self.open_loop, self._of_system(motion), speed)
+        normals = np.zeros((len(own), 1 + 2 * self.n))
+        normals[:, : n + 1], normals[:, self.n + 1 : self.n + 1 + n] = own[:, : n + 1], own[:, n + 1 :]
+        return normals
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         bounds = np.zeros((len(phase), self.n))
@@ -185,7 +206,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def _about(self, linearised: PeriodicSystem) -> "FeedbackLoop":
         """Closed loop with the equations linearised about a motion; the feedback is linear already."""
         made = copy(self)
-        made.open_loop, made.events = linearised, events_of(linearised)
+        made.open_loop, made.events, made._kept = linearised, events_of(linearised), {}
         made.breaks, made.period = linearised.breaks, linearised.period
         return made
 

@@ -11,6 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import EPS, Array
+from solve.kernel.collocation import Samples
+from solve.kernel.stages import factorised
+from solve.methods.collocation import Collocation
 from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 
@@ -28,7 +31,8 @@ _BYTES = 2**20
 """Memory, in bytes, of the stage systems that are solved at a time. A choice."""
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
-"""Function of phases (k,) that returns A, G and Q (k, N, N); derivatives are with respect to the phase."""
+"""Function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N), with G = sign E Eᵀ and
+derivatives by the phase."""
 
 
 class Maps(NamedTuple):
@@ -39,13 +43,19 @@ class Maps(NamedTuple):
     H: Array
 
     @property
-    def pairs(self) -> "Maps":
-        """Maps of pairs of steps; the last step of an odd number is paired with the identity."""
+    def halves(self) -> "tuple[Maps, Maps]":
+        """First and second steps of pairs; the last step of an odd number is paired with the identity."""
         m, N, _ = self.A.shape
         if m % 2:
             zero = np.zeros((1, N, N))
             self = Maps(*map(np.concatenate, zip(self, (zero + np.eye(N), zero, zero), strict=True)))
-        return Maps(*(part[::2] for part in self)).then(Maps(*(part[1::2] for part in self)))
+        return Maps(*(part[::2] for part in self)), Maps(*(part[1::2] for part in self))
+
+    @property
+    def pairs(self) -> "Maps":
+        """Maps of pairs of steps."""
+        first, second = self.halves
+        return first.then(second)
 
     def then(self, next_: "Maps") -> "Maps":
         """Maps of these steps followed by the steps in `next_`."""
@@ -92,109 +102,129 @@ def symmetric(A: Array) -> Array:
     return (A + transposed(A)) / 2
 
 
-def step_maps(coefficients: Coefficients, grid: Grid, order: int) -> Maps:
-    """Maps of the steps by the Gauss method of the given order: collocation with x₀ and λ₁ as given
-    values."""
+def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 1.0) -> Maps:
+    """Maps of the steps by the Gauss method of the given order, for G = sign E Eᵀ.
+
+    Gauss collocation of states and costates is that of the states alone with those inputs w at the stages
+    that make the sum of the cost xᵀQx + sign wᵀw over the stages stationary (W. W. Hager, Numer. Math. 87
+    (2000) 247-282). It has half the unknowns."""
     method = Gauss(order).collocation
     s, phases = len(method.c), grid.stages(np.array(method.c))
-    sampled = coefficients(phases.ravel())
-    mechanical, N = _is_mechanical(*sampled[:2]), sampled[0].shape[-1]
-    size = max(1, _BYTES // (8 * ((1 if mechanical else 2) * N * s) ** 2))
-    ends_of, parts = _mechanical_ends if mechanical else _ends, []
+    A, E, Q = coefficients(phases.ravel())
+    N, r = E.shape[1:]
+    response = _mechanical_response if _is_mechanical(A, E) else _response
+    size, parts = max(1, _BYTES // (8 * s * s * N * (N + r))), []
     for first in range(0, grid.steps, size):
         h = grid.h[first : first + size, None, None, None]
         some = slice(s * first, s * (first + len(h)))
-        A, G, Q = (h * each[some].reshape(len(h), s, N, N) for each in sampled)
-        parts.append(ends_of(A, G, Q, method.A, method.b))
-    ends = np.concatenate(parts)
-    along = (ends[:, :N, :N] + transposed(ends[:, N:, N:])) / 2
-    return Maps(along, symmetric(-ends[:, :N, N:]), symmetric(ends[:, N:, :N]))
+        shape = len(h), s, N, -1
+        states = response(h * A[some].reshape(shape), np.sqrt(h) * E[some].reshape(shape), method)
+        parts.append(_condensed(states, h * Q[some].reshape(shape), method.b, sign))
+    return Maps(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _is_mechanical(A: Array, G: Array) -> bool:
+def _condensed(states: Array, Q: Array, b: Array, sign: float) -> Maps:
+    """Maps of m steps, from the states at the stages and at the end (m, s + 1, N, N + s r) by those at the
+    start and the inputs, and Q (m, s, N, N) multiplied by the lengths of the steps. NaN where a cost that is
+    to be maximised, with a negative sign, is not bounded."""
+    m, s, N, _ = Q.shape
+    of_cost = (b[:, None, None] * Q) @ states[:, :-1]
+    cost = transposed(states[:, :-1].reshape(m, s * N, -1)) @ of_cost.reshape(m, s * N, -1)
+    inputs = range(N, cost.shape[-1])
+    cost[:, inputs, inputs] += sign * np.repeat(b, len(inputs) // s)
+    forward, along = states[:, -1, :, :N], states[:, -1, :, N:]
+    right = np.concatenate((cost[:, N:, :N], transposed(along)), axis=-1)
+    optimal = np.linalg.solve(cost[:, N:, N:], right)
+    if sign < 0:
+        optimal[np.linalg.eigvalsh(cost[:, N:, N:])[:, -1] >= 0] = np.nan
+    return Maps(
+        forward - along @ optimal[..., :N],
+        symmetric(along @ optimal[..., N:]),
+        symmetric(cost[:, :N, :N] - cost[:, :N, N:] @ optimal[..., :N]),
+    )
+
+
+def _is_mechanical(A: Array, E: Array) -> bool:
     """Whether the states are positions q and velocities v with q′ = T v and a constant diagonal T, and inputs
     enter the equations of v′ only."""
     N = A.shape[-1]
     p = N // 2
-    if N % 2 or A[:, :p, :p].any() or G[:, :p].any():
+    if N % 2 or A[:, :p, :p].any() or E[:, :p].any():
         return False
     rates = A[:, :p, p:]
     return bool((rates == np.diag(np.diagonal(rates[0]))).all())
 
 
-def _ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
-    """Matrices (m, 2N, 2N) that give the state at the end and the costate at the start of m steps, from the
-    state at the start and the costate at the end.
-
-    A, G and Q (m, s, N, N) at the stages are multiplied by the lengths of the steps."""
+def _response(A: Array, E: Array, method: Collocation) -> Array:
+    """States at the stages and at the end (m, s + 1, N, N + s r), by those at the start and the inputs at the
+    stages, for A (m, s, N, N) multiplied by the lengths of the steps and E (m, s, N, r) by their roots."""
     m, s, N, _ = A.shape
-    rates = np.concatenate(
-        (np.concatenate((A, -G), axis=-1), np.concatenate((Q, transposed(A)), axis=-1)), axis=-2
-    )
-    # States are integrated from the start, costates from the end.
-    fractions = np.repeat(np.stack((weights, b - weights), axis=-1), N, axis=-1)
-    system = -rates[:, :, :, None, :] * fractions[:, None]
-    system[:, range(s), :, range(s)] += np.eye(2 * N)
-    stages = np.linalg.solve(
-        system.reshape(m, 2 * N * s, 2 * N * s), rates.reshape(m, 2 * N * s, 2 * N)
-    ).reshape(m, s, 2 * N, 2 * N)
-    return np.eye(2 * N) + np.einsum("s,msij->mij", b, stages)
+    implicit = A[:, :, :, None, :] * method.A[:, None, :, None]
+    given = np.concatenate((A.reshape(m, s * N, N), _by_inputs(E)), axis=-1)
+    rates = np.linalg.solve(np.eye(s * N) - implicit.reshape(m, s * N, s * N), given)
+    return np.eye(N, rates.shape[-1]) + _summed(np.vstack((method.A, method.b)), rates, N)
 
 
-def _mechanical_ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
-    """Matrices as from `_ends`, for second-order systems, from equations of half the size. The rates of the
-    positions follow from the velocities, and the rates of the positions' costates from the other costates.
-    Unknowns are the rates w of v, and those μ of its costate backwards, at the stages. Given are the state at
-    the start and the costate at the end."""
-    m, s, N, _ = A.shape
-    p, back, T = N // 2, b - weights, np.diagonal(A[:, 0, : N // 2, N // 2 :], axis1=1, axis2=2)
-    square, sums = (weights @ weights)[:, None, :, None], weights.sum(axis=1)[:, None, None]
-
-    def combined(by_q: Array, by_v: Array, by_costate: Array) -> tuple[Array, Array]:
-        """Linear combination of q, v and the costate of v at each stage, in terms of the unknowns and the
-        given values."""
-        moved, each = by_q * T[:, None, None, :], np.s_[:, :, :, None, :]
-        unknown = np.empty((m, s, p, s, 2, p))
-        unknown[..., 0, :] = moved[each] * square + by_v[each] * weights[:, None, :, None]
-        unknown[..., 1, :] = by_costate[each] * back[:, None, :, None]
-        given = np.stack((by_q, moved * sums + by_v, np.zeros_like(by_q), by_costate), axis=3)
-        return unknown.reshape(m, s, p, 2 * s * p), given.reshape(m, s, p, 4 * p)
-
-    low, high = np.s_[..., p:, :p], np.s_[..., p:, p:]
-    w = combined(A[low], A[high], -G[high])
-    k = combined(Q[..., :p, :p], Q[..., :p, p:], transposed(A[low]))
-    mu = combined(Q[low], Q[high], transposed(A[high]))
-    for part, inner in zip(mu, k, strict=True):
-        part += T[:, None, :, None] * (back @ inner.reshape(m, s, -1)).reshape(part.shape)
-    mu[1][..., range(p), range(2 * p, 3 * p)] += T[:, None]
-    system, right = (np.stack(pair, axis=2).reshape(m, 2 * s * p, -1) for pair in zip(w, mu, strict=True))
-    rates = np.linalg.solve(np.eye(2 * s * p) - system, right)
-    k_rates = (k[0].reshape(m, s * p, -1) @ rates + k[1].reshape(m, s * p, -1)).reshape(m, s, p, 4 * p)
-    rates = rates.reshape(m, s, 2, p, 4 * p)
-    ends = np.broadcast_to(np.eye(2 * N), (m, 2 * N, 2 * N)).copy()
-    ends[:, range(p), range(p, N)] += T
-    ends[:, :p] += T[:, :, None] * np.einsum("s,msij->mij", b @ weights, rates[:, :, 0])
-    for rows, of in (
-        (np.s_[p:N], rates[:, :, 0]),
-        (np.s_[N : N + p], k_rates),
-        (np.s_[N + p :], rates[:, :, 1]),
-    ):
-        ends[:, rows] += np.einsum("s,msij->mij", b, of)
-    return ends
+def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
+    """As `_response`, for second-order systems, from equations for the rates of the velocities T v alone."""
+    N = A.shape[-1]
+    p, weights = N // 2, method.A
+    T = np.diagonal(A[:, 0, :p, p:], axis1=1, axis2=2)[:, None, :, None]
+    by_q, by_v = T * A[..., p:, :p], T * A[..., p:, p:] / np.swapaxes(T, 2, 3)
+    rates = _accelerations(by_q, by_v, _by_inputs(T * E[..., p:, :]), method)
+    rows, own = np.vstack((weights, method.b)), np.eye(p, rates.shape[-1], p)
+    velocities = own + _summed(rows, rates, p)
+    positions = own * rows.sum(axis=1)[:, None, None] + _summed(rows @ weights, rates, p)
+    states = np.concatenate((positions + np.eye(p, rates.shape[-1]), velocities / T), axis=2)
+    states[..., p:N] *= np.swapaxes(T, 2, 3)
+    return states
 
 
-def periodic_solution(maps: Maps) -> Array | None:
+def _accelerations(by_q: Array, by_v: Array, loads: Array, method: Collocation) -> Array:
+    """Accelerations (m, s p, 2p + c) at the stages by q and v at the start and by loads (m, s p, c), for
+    v′ = by_q q + by_v v and steps of length 1."""
+    m, s, p, _ = by_q.shape
+    every, weights = np.arange(p * p), method.A
+    parts = np.ones((m * s, p)), -by_v.reshape(m * s, -1), -by_q.reshape(m * s, -1)
+    table, entry = np.hstack(parts), np.concatenate((every[:: p + 1], p * p + every, 2 * p * p + every))
+    samples = Samples(table, np.ones((1, len(entry))), entry)
+    compiled = factorised(method.weights, np.ones(m), samples, slice(None), p)
+    if compiled is not None:
+        return np.concatenate((compiled.by_state, compiled.solved(loads)), axis=-1)
+    implicit = by_q[:, :, :, None, :] * (weights @ weights)[:, None, :, None]
+    implicit += by_v[:, :, :, None, :] * weights[:, None, :, None]
+    start = np.concatenate((by_q, by_q * weights.sum(axis=1)[:, None, None] + by_v), axis=-1)
+    given = np.concatenate((start.reshape(m, s * p, 2 * p), loads), axis=-1)
+    return np.linalg.solve(np.eye(s * p) - implicit.reshape(m, s * p, s * p), given)
+
+
+def _by_inputs(E: Array) -> Array:
+    """Loads (m, s p, s r) at the stages, of which each input acts at its own stage, from E (m, s, p, r)."""
+    m, s, p, r = E.shape
+    loads = np.zeros((m, s, p, s, r))
+    loads[:, range(s), :, range(s)] = np.swapaxes(E, 0, 1)
+    return loads.reshape(m, s * p, s * r)
+
+
+def _summed(rows: Array, rates: Array, p: int) -> Array:
+    """Sums (m, a, p, c) of rates (m, s p, c) over the stages with the weights of rows (a, s)."""
+    m = len(rates)
+    return (rows @ rates.reshape(m, rows.shape[1], -1)).reshape(m, len(rows), p, -1)
+
+
+def periodic_solution(maps: Maps, tolerance: float = _CONVERGED) -> Array | None:
     """Stabilising periodic solution X (m+1, N, N) at the nodes; None if the doubling algorithm does not
     converge.
 
-    The solution is corrected by Newton's method, whose periodic Lyapunov equation is the case G = 0."""
+    If its relative residual exceeds the tolerance, it is corrected by Newton's method, whose periodic
+    Lyapunov equation is the case G = 0."""
     with np.errstate(all="ignore"):
         X = _doubled(maps)
         if X is None:
             return None
         for _ in range(_CORRECTIONS):
             left = maps.before(X[1:]) - X[:-1]
-            if np.abs(left).max() <= _CONVERGED * np.abs(X).max():
+            if np.abs(left).max() <= max(tolerance, _CONVERGED) * np.abs(X).max():
                 break
             closed = maps.closed(X[1:])
             correction = _doubled(Maps(closed, np.zeros_like(closed), left))
@@ -205,6 +235,35 @@ def periodic_solution(maps: Maps) -> Array | None:
                 break
             X = corrected
     return X
+
+
+def bounded(maps: Maps) -> bool:
+    """Whether max ∫ xᵀQx − wᵀw over the inputs w is finite over any number of periods, for maps of the sign
+    −1 and a stable system.
+
+    The maximum over two intervals exists if it does over each of them and 1 + G H of the first G and the
+    second H has positive eigenvalues."""
+    with np.errstate(all="ignore"):
+        while len(maps.A) > 1:
+            first, second = maps.halves
+            if not _joined(first, second):
+                return False
+            maps = first.then(second)
+        for _ in range(_MOST_DOUBLINGS):
+            if not _joined(maps, maps):
+                return False
+            doubled = maps.then(maps)
+            change = np.abs(doubled.H - maps.H).max()
+            maps = doubled
+            if change <= _CONVERGED * np.abs(maps.H).max() and np.abs(maps.A).max() < 1:
+                return True
+    return False
+
+
+def _joined(first: Maps, second: Maps) -> bool:
+    """Whether the maxima over first and second intervals have a common maximum."""
+    joint = np.eye(first.A.shape[-1]) + first.G @ second.H
+    return bool(np.isfinite(joint).all() and (np.linalg.eigvals(joint).real > 0).all())
 
 
 def _doubled(maps: Maps) -> Array | None:

@@ -12,14 +12,27 @@ from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
 from solve.contracts import Columns, Matrices, ParameterDerivatives
 from solve.equations import derivatives_of, input_matrix
-from solve.errors import ControlError, MissingValueError, NoDerivativeError, ValueOutOfBoundsError
+from solve.errors import ControlError, MissingValueError, NoDerivativeError, SolveError, ValueOutOfBoundsError
 from solve.studies.control.feedback import FeedbackLoop
 from solve.studies.control.plant import Plant
 from solve.system import PeriodicSystem, relabelled
-from solve.units import in_unit
+from solve.units import in_unit, speed_in_si
 
 _DAMPING = 0.01
 """Damping ratio of resonators. A choice: the gain at resonance is 50 times that at rest."""
+
+
+_WIDTH = 0.5
+"""Damping ratio of notch filters. A choice: half of the amplitude remains at 0.75 and 1.33 times the
+frequency."""
+
+
+class _Section(NamedTuple):
+    """Filter of a signal w with the output w − c ż, z̈ + b ż + a z = a w: a delay or a notch."""
+
+    a: float
+    b: float
+    c: float
 
 
 class Gain(NamedTuple):
@@ -52,6 +65,8 @@ class OutputFeedback(FeedbackLoop):
         Number of sections of the delay.
     resonators : sequence of int
         Harmonics at which resonators amplify the measured outputs, for repetitive control.
+    notches : sequence of float or str
+        Frequencies that filters remove from the measured outputs: rad/s, or texts with unit, such as "18 Hz".
 
     Raises
     ------
@@ -66,7 +81,7 @@ class OutputFeedback(FeedbackLoop):
     zero; `varied` and `solve.optimise` change them. A section of the delay is Padé's approximant
     1 − sτ/(1 + sτ/2 + s²τ²/12) of exp(−sτ), whose error at the frequency ω is (ωτ)⁵/720. A resonator
     z̈ + 2ζω ż + ω² z = ω² w at a harmonic ω with ζ = 0.01 has a gain of z, u_by_q1_res2, and one of ż/ω,
-    u_by_q1_res2_dot.
+    u_by_q1_res2_dot. A notch at ω is (s² + ω²)/(s² + ωs + ω²).
 
     Examples
     --------
@@ -86,6 +101,7 @@ class OutputFeedback(FeedbackLoop):
         delay: float | str = 0.0,
         sections: int = 1,
         resonators: Sequence[int] = (),
+        notches: Sequence[float | str] = (),
     ):
         if not isinstance(system, PeriodicSystem) or not system.inputs or system.states:
             raise ControlError(
@@ -102,9 +118,14 @@ class OutputFeedback(FeedbackLoop):
         Plant(system, 1.0).require_names(self.measured)
         self.delay = in_unit(delay, "s", "delay")
         if not 0 <= self.delay < np.inf:
-            raise ValueOutOfBoundsError(f"delay is {delay!r}; allowed: 0 s or more, such as '0.5 ms'")
-        self._sections = range(sections if self.delay else 0)
-        late = [f"{name}_late{k + 1}" for k in self._sections for name in self.measured]
+            raise ValueOutOfBoundsError(f"delay is {delay!r}; allowed: numbers of at least 0")
+        self._sections = [_notch(each) for each in notches]
+        kinds = [f"notch{k + 1}" for k in range(len(self._sections))]
+        if self.delay:
+            tau = self.delay / sections
+            self._sections += [_Section(12 / tau**2, 6 / tau, tau)] * sections
+            kinds += [f"late{k + 1}" for k in range(sections)]
+        late = [f"{name}_{kind}" for kind in kinds for name in self.measured]
         added = [f"{name}_res{order}" for order in self.resonators for name in self.measured]
         self.gain_terms = _terms(system, self.measured, harmonics, self.resonators)
         self._waves, self.gains = harmonics, dict.fromkeys(self.gain_terms, 0.0)
@@ -154,19 +175,19 @@ class OutputFeedback(FeedbackLoop):
         return np.concatenate((np.ones((len(phase), 1)), waves), axis=1)
 
     def signals(self, phase: Array, speed: Any) -> tuple[Array, Array, Array]:
-        """Rows (k, s, 2, n) of the signals that gains multiply: coefficients of velocities and coordinates;
-        and C and K (k, a, n) of the a equations of delays and resonators, whose M is the identity."""
+        """Rows (k, s, 2, n) of the signals that gains multiply, by velocities and coordinates; and C and K
+        (k, a, n) of the a equations of filters and resonators, whose M is the identity."""
         k, n, y = len(phase), self.model.n, len(self.measured)
         rows = np.zeros((k, y, 2, self.n))
         measured = Plant(self.design, speed).rows(self.measured, phase)
         rows[:, :, 1, :n], rows[:, :, 0, :n] = measured[..., :n], measured[..., n:]
         equations, signals = np.zeros((k, self.n - n, 2, self.n)), []
-        at, tau = np.arange(y), self.delay / max(len(self._sections), 1)
-        for _ in self._sections:
-            equations[:, at] -= 12 / tau**2 * rows
-            equations[:, at, 0, n + at] += 6 / tau
-            equations[:, at, 1, n + at] += 12 / tau**2
-            rows[:, range(y), 0, n + at] -= tau
+        at = np.arange(y)
+        for section in self._sections:
+            equations[:, at] -= section.a * rows
+            equations[:, at, 0, n + at] += section.b
+            equations[:, at, 1, n + at] += section.a
+            rows[:, range(y), 0, n + at] -= section.c
             at = at + y
         for order in self.resonators:
             omega = np.broadcast_to(order * 2 * np.pi / self.model.period * speed, k)[:, None]
@@ -209,6 +230,17 @@ class OutputFeedback(FeedbackLoop):
         signals = self.signals(phase, speed)[0]
         values = np.einsum("kscn,cnk->ks", signals, np.stack((qd, q)))
         return -np.einsum("krs,ks->rk", self.gain_matrix(phase), values)
+
+
+def _notch(frequency: float | str) -> _Section:
+    """Filter that removes a frequency. Raises ValueOutOfBoundsError."""
+    try:
+        omega = float(speed_in_si(frequency))
+    except SolveError:
+        raise ValueOutOfBoundsError(
+            f"notch is {frequency!r}; allowed: frequencies > 0 in rad/s, or with unit, such as '18 Hz'"
+        ) from None
+    return _Section(omega**2, 2 * _WIDTH * omega, 2 * _WIDTH / omega)
 
 
 def _terms(

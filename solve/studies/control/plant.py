@@ -6,14 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array, solved
+from solve.arrays import Array, definite_solved
 from solve.contracts import Matrices
 from solve.equations import derivatives_of, input_matrix
 from solve.errors import ControlError, ValueOutOfBoundsError, require_name
 from solve.first_order import FirstOrderSystem
 from solve.matrices import leading
 from solve.model.model import LinearisedModel, Model
-from solve.period.points import rate_of
 from solve.system import PeriodicSystem
 
 
@@ -39,6 +38,13 @@ class Plant:
         system = self.system
         inputs = input_matrix(system, phase, self.speed)
         return state_equations(system.at(phase, self.speed), inputs, len(system.states))
+
+    def input_matrix(self, phase: Array) -> Array:
+        """Matrix B (k, N, r) of `dynamics` alone."""
+        system, first_order = self.system, len(self.system.states)
+        M, C, *_ = system.at(phase, self.speed)
+        rates = definite_solved(leading(M, C, first_order), input_matrix(system, phase, self.speed))
+        return _by_rates(rates, first_order)
 
     def require_inputs(self) -> None:
         """Raise ControlError if the system has no inputs."""
@@ -89,12 +95,21 @@ def state_equations(matrices: Matrices, inputs: Array, first_order: int) -> tupl
     """A (k, N, N), B (k, N, r) and b (k, N) of x′ = A x + B u + b for M, C, K, d and the matrix of the inputs
     (k, n, r)."""
     M, C, K, d = matrices
-    (k, n), p = d.shape, d.shape[1] - first_order
-    rate = rate_of(M, C, K, d, first_order)
-    highest = solved(leading(M, C, first_order), inputs)
-    B = np.zeros((k, n + p, inputs.shape[-1]))
-    B[:, n:], B[:, p:n] = highest[:, :p], highest[:, p:]
-    return rate[..., :-1], B, rate[..., -1]
+    n = d.shape[1]
+    p = n - first_order
+    given = np.concatenate((-K, -C[..., :p], d[..., None], inputs), axis=-1)
+    rate = _by_rates(definite_solved(leading(M, C, first_order), given), first_order)
+    rate[:, :p, n : n + p] = np.eye(p)
+    return rate[..., : n + p], rate[..., n + p + 1 :], rate[..., n + p]
+
+
+def _by_rates(highest: Array, first_order: int) -> Array:
+    """Rows (k, N, c) of x′, zero for those of q̇, from the highest derivatives (k, n, c)."""
+    k, n, c = highest.shape
+    p = n - first_order
+    rows = np.zeros((k, n + p, c))
+    rows[:, n:], rows[:, p:n] = highest[:, :p], highest[:, p:]
+    return rows
 
 
 def state_names(system: PeriodicSystem) -> tuple[str, ...]:

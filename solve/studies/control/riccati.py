@@ -22,6 +22,9 @@ _ADVANCE, _AT = 7.0, 1e-8
 """Phase advance per step of the fastest frozen mode on the first grid for a tolerance of 1e-8: the error
 constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
+_ROUNDOFF = 1e-5
+"""Relative residual of the difference equation, as a part of rtol, that is not corrected. A choice."""
+
 _GROWTH, _FAST_GROWTH = 1.25, 2.0
 """Ratio of the steps of successive grids, and larger ratio used while the error exceeds the square root of
 the tolerance. Errors of resolved solutions fall at least by the factor 1.25^-12 = 0.07."""
@@ -36,6 +39,10 @@ _PHASES = 48
 _LEAST, _MOST = 24, 6000
 """Smallest and largest number of steps: choices. With 12 states, 6000 steps take several seconds."""
 
+_TOO_FAST, _COARSE = 10.0, 2.0
+"""Modes with feedback are too fast if they are faster than those of the system by the first factor, and than
+those that the largest number of steps resolves by the second factor. Choices."""
+
 _STENCIL = 6
 """Number of nodes whose values and slopes the curve of a step interpolates, with the degree 11. A choice."""
 
@@ -45,21 +52,24 @@ _POINTS = 9
 
 @dataclass(frozen=True)
 class Riccati:
-    """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, or dX/dt = AX + XAᵀ − XQX + G of a filter.
+    """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, or dX/dt = AX + XAᵀ − XQX + G of a filter,
+    with G = sign E Eᵀ.
 
-    coefficients: function of phases (k,) that returns A, G and Q (k, N, N) for derivatives with respect to
-    time."""
+    coefficients: function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N), with
+    derivatives by time. rtol: tolerance of the solution."""
 
     coefficients: Callable[[Array], tuple[Array, Array, Array]]
     speed: float
     period: float
     breaks: tuple[float, ...]
     filters: bool = False
+    sign: float = 1.0
+    rtol: float = 1e-8
 
     def terms(self, phase: Array, X: Array) -> tuple[Array, Array, Array]:
         """Linear, quadratic and constant terms (k, N, N); their sum is −dX/dt for a regulator, dX/dt for a
         filter."""
-        A, G, Q = self.coefficients(phase)
+        A, G, Q = self._squared(phase)
         if self.filters:
             return 2 * symmetric(A @ X), -X @ Q @ X, G
         return 2 * symmetric(X @ A), -X @ G @ X, Q
@@ -69,20 +79,36 @@ class Riccati:
         linear, quadratic, constant = self.terms(phase, X)
         return (linear + quadratic + constant) * ((1.0 if self.filters else -1.0) / self.speed)
 
-    def first_steps(self, rtol: float) -> int:
-        """Number of steps of the first grid, from the frozen modes of the Hamiltonian matrix."""
+    def first_steps(self) -> int:
+        """Number of steps of the first grid, from the frozen modes of the Hamiltonian matrix.
+
+        Raises ControlError if feedback makes modes too fast for any grid."""
         A, G, Q = self._sampled
         hamiltonian = np.concatenate(
             (np.concatenate((A, -G), axis=-1), np.concatenate((-Q, -transposed(A)), axis=-1)), axis=-2
         )
         fastest = np.abs(np.linalg.eigvals(hamiltonian)).max()
-        advance = _ADVANCE * (rtol / _AT) ** (1 / _ORDER)
+        self._require_resolvable(fastest, np.abs(np.linalg.eigvals(A)).max())
+        advance = _ADVANCE * (self.rtol / _AT) ** (1 / _ORDER)
         return int(np.clip(np.ceil(fastest * self.period / self.speed / advance), _LEAST, _MOST))
+
+    def _require_resolvable(self, fastest: float, without: float) -> None:
+        """Raise ControlError for closed loops that are far faster than the system."""
+        allowed = max(_TOO_FAST * without, _COARSE * _ADVANCE * _MOST * self.speed / self.period)
+        if self.sign < 0 or fastest <= allowed:
+            return
+        what, remedy = "closed loop", "weights of the inputs, or smaller ones of the states"
+        if self.filters:
+            what, remedy = "filter", "noise of the measured quantities, or less process noise"
+        raise ControlError(
+            f"the {what} has modes of {fastest:.1e} rad/s, the system of at most {without:.1e} rad/s; "
+            f"allowed: {allowed:.1e} rad/s; give larger {remedy}"
+        )
 
     def at_nodes(self, grid: Grid) -> Array:
         """X (m+1, N, N) at the nodes. Raises ControlError if there is no stabilising solution."""
         maps, (unit, size) = self.maps(grid), self._scales
-        X = periodic_solution(maps.dual if self.filters else maps)
+        X = periodic_solution(maps.dual if self.filters else maps, _ROUNDOFF * self.rtol)
         if X is None or not np.isfinite(X).all():
             raise ControlError(self._reason)
         if self.filters:
@@ -94,14 +120,14 @@ class Riccati:
         unit, size = self._scales
 
         def by_phase(phase: Array) -> tuple[Array, Array, Array]:
-            A, G, Q = self.coefficients(phase)
+            A, E, Q = self.coefficients(phase)
             return (
                 A * (unit / unit[:, None] / self.speed),
-                G * (size / unit / unit[:, None] / self.speed),
+                E * (np.sqrt(size / self.speed) / unit[:, None]),
                 Q * (unit * unit[:, None] / size / self.speed),
             )
 
-        return step_maps(by_phase, grid, _ORDER)
+        return step_maps(by_phase, grid, _ORDER, self.sign)
 
     @cached_property
     def _scales(self) -> tuple[Array, float]:
@@ -116,7 +142,12 @@ class Riccati:
     @cached_property
     def _sampled(self) -> tuple[Array, Array, Array]:
         """Samples of A, G and Q over the period."""
-        return self.coefficients((np.arange(_PHASES) + 0.5) * (self.period / _PHASES))
+        return self._squared((np.arange(_PHASES) + 0.5) * (self.period / _PHASES))
+
+    def _squared(self, phase: Array) -> tuple[Array, Array, Array]:
+        """A, G and Q (k, N, N) at phases (k,)."""
+        A, E, Q = self.coefficients(phase)
+        return A, self.sign * E @ transposed(E), Q
 
     @property
     def _reason(self) -> str:
@@ -151,9 +182,9 @@ class Solved(NamedTuple):
     grid: Grid
 
 
-def solve_riccati(equation: Riccati, rtol: float) -> Solved:
+def solve_riccati(equation: Riccati) -> Solved:
     """Periodic solution on grids that are refined until two agree to the tolerance or no longer improve."""
-    steps, previous = equation.first_steps(rtol), np.inf
+    steps, previous, rtol = equation.first_steps(), np.inf, equation.rtol
     curve, growth = equation.curve(steps), _GROWTH
     while True:
         steps = int(np.ceil(growth * steps))

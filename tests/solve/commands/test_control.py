@@ -56,3 +56,53 @@ def test_weights_that_do_not_fit_are_refused_in_one_line(capsys, flags, words):
 def test_model_without_inputs_is_refused(capsys):
     assert run(["control", "mathieu", "--lqr", "q=1, u=1"]) == 2
     assert "names no input (there is none)" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """File of a controller with an observer."""
+    file = tmp_path_factory.mktemp("controller") / "k.npz"
+    weights, noise = {"q2": 1e8, "u": 1e-3}, {"u": 1, "q1": 1e-9}
+    solve.control(solve.load("manipulator"), "70 rpm", weights, noise).save(file)
+    return file
+
+
+def test_stored_controller_closes_the_loop_of_a_changed_machine(capsys, stored):
+    flags = ["--speed", "70 rpm", "--controller", str(stored), "--json"]
+    assert run(["floquet", "manipulator", *flags, "--set", "k1=9e4"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    noise = {"u": 1.0}, {"q1": 1e-9}
+    found = solve.lqg(solve.load("manipulator"), "70 rpm", {"q2": 1e8}, {"u": 1e-3}, *noise)
+    expected = solve.floquet(found.closed.varied({"k1": 9e4}), "70 rpm")
+    # The observer keeps the stiffness of the design.
+    assert record["spectral_radius"] == pytest.approx(expected.spectral_radius, rel=1e-7)
+    assert record["spectral_radius"] > 100 * found.stability.spectral_radius
+    assert record["parameters"]["k1"] == 9e4
+
+
+def test_stored_controller_serves_in_sweeps_charts_and_transients(capsys, stored):
+    given = ["manipulator", "--controller", str(stored), "--json"]
+    for command in (
+        ["sweep", *given, "--speeds", "69:71:2 rpm", "--rtol", "1e-4"],
+        ["chart", *given, "--speed", "70 rpm", "--x", "k1=6e4:7e4:2", "--y", "k2=5e4:6e4:2"],
+        ["transient", *given, "--speed", "70 rpm", "--turns", "1"],
+    ):
+        assert run(command) == 0
+        record = json.loads(capsys.readouterr().out)
+        assert record["model"] == "manipulator with feedback"
+
+
+def test_controllers_that_do_not_fit_are_refused_in_one_line(capsys, stored, tmp_path):
+    kalman = tmp_path / "filter.npz"
+    solve.control(solve.load("manipulator"), kalman={"u": 1, "q1": 1e-9}, speed="70 rpm").save(kalman)
+    for model, file, words in (
+        ("cam", stored, "cam has the states q1, q2, q3"),
+        ("mathieu", stored, "the inputs (none)"),
+        ("manipulator", kalman, "holds no feedback"),
+        ("manipulator", tmp_path / "none.npz", "there is no file"),
+    ):
+        assert run(["floquet", model, "--controller", str(file)]) == 2
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert words in err
+        assert err.count("\n") == 1

@@ -69,4 +69,4 @@ def test_filters_and_other_files_are_refused(found, tmp_path):
     with pytest.raises(ValueOutOfBoundsError, match="regulator"):
         solve.export(found.observer, tmp_path / "c.c")
     with pytest.raises(FileError, match=r"\.mat"):
-        solve.export(found, tmp_path / "c.fmu")
+        solve.export(found, tmp_path / "c.csv")

@@ -352,6 +352,13 @@ def test_modes_that_no_input_reaches_are_reported():
         solve.kalman(constant(A, B, np.array([[0.0, 1.0]])), 1.0, np.eye(2), np.eye(1))
 
 
+def test_feedback_that_is_far_too_fast_is_refused_before_it_is_solved():
+    with pytest.raises(ControlError, match="larger weights of the inputs"):
+        solve.lqr(oscillator(), 1.0, {"q": 1.0}, {"u": 1e-30})
+    with pytest.raises(ControlError, match="larger noise"):
+        solve.kalman(oscillator(), 1.0, {"u": 1.0}, {"q": 1e-30})
+
+
 def test_weights_are_functions_of_the_phase():
     def Q(phase):
         return (2 + np.cos(phase))[:, None, None] * np.eye(2)
@@ -363,15 +370,54 @@ def test_weights_are_functions_of_the_phase():
     assert np.abs(left).max() < 1e-7
 
 
-def test_mechanical_steps_equal_those_of_any_system():
+def random_steps():
+    """A, E and Q of 3 steps of 5 stages for 3 positions and velocities with 2 inputs."""
     rng, p = np.random.default_rng(1), 3
-    A, G, Q = 0.2 * rng.normal(size=(3, 5, 8, 2 * p, 2 * p))
-    A[..., :p, :] = 0
+    A, Q = 0.2 * rng.normal(size=(2, 3, 8, 2 * p, 2 * p))
+    E = 0.2 * rng.normal(size=(3, 8, 2 * p, 2))
+    A[..., :p, :], E[..., :p, :] = 0, 0
     A[..., range(p), range(p, 2 * p)] = rng.uniform(0.1, 0.3, p)
-    G[..., :p, :] = G[..., :, :p] = 0
-    G, Q = (each + np.swapaxes(each, 2, 3) for each in (G, Q))
-    weights = Gauss(16).collocation
-    general = maps._ends(A, G, Q, weights.A, weights.b)
-    assert np.abs(maps._mechanical_ends(A, G, Q, weights.A, weights.b) - general).max() < 1e-14
-    assert maps._is_mechanical(A.reshape(-1, 6, 6), G.reshape(-1, 6, 6))
-    assert not maps._is_mechanical(A.reshape(-1, 6, 6), Q.reshape(-1, 6, 6))
+    return A, E, Q + np.swapaxes(Q, 2, 3)
+
+
+def test_mechanical_steps_equal_those_of_any_system(monkeypatch):
+    A, E, _ = random_steps()
+    method = Gauss(16).collocation
+    general = maps._response(A, E, method)
+    assert np.abs(maps._mechanical_response(A, E, method) - general).max() < 1e-14
+    monkeypatch.setattr(maps, "factorised", lambda *_: None)
+    assert np.abs(maps._mechanical_response(A, E, method) - general).max() < 1e-14
+    assert maps._is_mechanical(A.reshape(-1, 6, 6), E.reshape(-1, 6, 2))
+    assert not maps._is_mechanical(A.reshape(-1, 6, 6), np.ones((24, 6, 2)))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_steps_relate_states_and_costates_as_collocation_of_both_does(sign):
+    A, E, Q = random_steps()
+    weights, (m, s, N, _) = Gauss(16).collocation, E.shape
+    found = maps._condensed(maps._response(A, E, weights), Q, weights.b, sign)
+    for step in range(m):
+        # Unknowns are states and costates at the stages and the costate at the start.
+        x0, last, end = np.eye(N, 2 * N), np.eye(N, 2 * N, N), s * N
+        left, right = np.zeros(((2 * s + 1) * N,) * 2), np.zeros(((2 * s + 1) * N, 2 * N))
+        G = sign * E[step] @ np.swapaxes(E[step], 1, 2)
+        at = [slice(k * N, k * N + N) for k in range(2 * s + 1)]
+        for i in range(s):
+            left[at[i], at[i]], right[at[i]] = np.eye(N), x0
+            left[at[s + i], at[s + i]], left[at[s + i], at[-1]] = np.eye(N), -np.eye(N)
+            for j in range(s):
+                a = weights.A[i, j]
+                left[at[i], at[j]] -= a * A[step, j]
+                left[at[i], at[s + j]] += a * G[j]
+                left[at[s + i], at[s + j]] += a * A[step, j].T
+                left[at[s + i], at[j]] += a * Q[step, j]
+        left[at[-1], at[-1]], right[at[-1]] = np.eye(N), last
+        for j in range(s):
+            left[at[-1], at[s + j]] = -weights.b[j] * A[step, j].T
+            left[at[-1], at[j]] = -weights.b[j] * Q[step, j]
+        solved = np.linalg.solve(left, right)
+        stages, costates = solved[:end].reshape(s, N, -1), solved[end:-N].reshape(s, N, -1)
+        rates = A[step] @ stages - G @ costates
+        state = x0 + np.einsum("s,sij->ij", weights.b, rates)
+        assert np.allclose(state, np.hstack((found.A[step], -found.G[step])), atol=1e-13)
+        assert np.allclose(solved[-N:], np.hstack((found.H[step], found.A[step].T)), atol=1e-13)

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 import solve
-from solve.errors import ControlError, MissingValueError, NoDerivativeError, UnknownNameError
+from solve.errors import (
+    ControlError,
+    MissingValueError,
+    NoDerivativeError,
+    UnknownNameError,
+    ValueOutOfBoundsError,
+)
 from solve.labels import Labels
 from solve.period.named import Named
 from solve.system import relabelled
@@ -48,6 +54,25 @@ def test_late_outputs_are_the_outputs_before_the_delay(delay, sections):
     # Padé's error (ωτ)⁵/720 of each section, for the first four harmonics.
     assert np.abs(late - exact).max() < 8 * sections * (4 * SPEED * delay / sections) ** 5 / 720
     assert np.abs(orbit.signal("q")(phase) - exact).max() > 100 * np.abs(late - exact).max()
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+def test_notch_removes_its_frequency_and_filters_others_as_its_transfer_function(delay):
+    loop = solve.OutputFeedback(varying_oscillator(), ["q"], delay=delay, notches=["2 rad/s"])
+    orbit = solve.periodic(loop.varied({"u_by_q": 0.7}), SPEED, rtol=1e-10)
+    angles = np.arange(64) * (2 * np.pi / 64)
+    q, u = (np.fft.rfft(orbit.signal(name)(angles))[:4] for name in ("q", "u"))
+    s = 1j * SPEED * np.arange(4)
+    exact = -0.7 * q * (s**2 + 4) / (s**2 + 2 * s + 4) * np.exp(-s * delay)
+    # The harmonic 1 has the frequency of the notch; Padé's error (ωτ)⁵/720 is 3e-6 at harmonic 3.
+    assert np.abs(u - exact).max() < (1e-8 if not delay else 1e-5) * np.abs(q).max()
+    assert np.abs(u[1]) < 1e-8 * np.abs(q[1])
+
+
+def test_frequencies_of_notches_are_checked():
+    for frequency in (0, -1.0, "18", "3 kg", float("nan")):
+        with pytest.raises(ValueOutOfBoundsError, match="notch is"):
+            solve.OutputFeedback(varying_oscillator(), ["q"], notches=[frequency])
 
 
 def test_resonator_suppresses_its_harmonic():

@@ -7,26 +7,24 @@ import numpy as np
 
 from solve.arrays import Array, symmetric_of
 from solve.errors import ControlError, require_name
-from solve.exports.harmonic_transfer import HarmonicTransfer, harmonic_transfer
-from solve.first_order import FirstOrderSystem
 from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 from solve.single import floquet
+from solve.studies.control.maps import Maps, bounded
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Riccati, solve_riccati
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.units import checked_rtol, speed_in_si
 
-_ORDERS, _HARMONICS = 16, 2
-"""Harmonics of the states, and of inputs and outputs, in the gain from which the search starts. Choices."""
-
 _ON_CIRCLE = 1e-7
 """Distance from the unit circle below which a multiplier of the Hamiltonian system counts as lying on it. A
 choice: double multipliers lose half their digits."""
 
-_GROWTH, _MOST = 1.3, 80
-"""Factor by which trial values in the search for an upper bound grow, and largest number of tests.
-Choices."""
+_MAP_RTOL = 1e-8
+"""Tolerance for which the steps of the map of the Hamiltonian system are chosen, which has twice as many."""
+
+_GROWTH, _MOST = 4.0, 200
+"""Factor between the gains that are tried until they enclose the norm, and their largest number. Choices."""
 
 
 class Norm(NamedTuple):
@@ -101,8 +99,8 @@ def h2_norm(
     0.625
     """
     transfer = _Transfer.of(system, speed, outputs, inputs, checked_rtol(rtol))
-    equation = transfer.riccati(lambda B, C: (B @ np.swapaxes(B, 1, 2), 0 * np.swapaxes(C, 1, 2) @ C), True)
-    solved, rule = solve_riccati(equation, rtol), Gauss(8).collocation
+    equation = transfer.riccati(lambda B, C: (B, 0 * np.swapaxes(C, 1, 2) @ C), 1.0, True, rtol)
+    solved, rule = solve_riccati(equation), Gauss(8).collocation
     phase = solved.grid.stages(np.array(rule.c))
     rows = transfer.rows(phase.ravel())
     P = symmetric_of(solved.curve(phase.ravel()))
@@ -150,10 +148,11 @@ def hinf_norm(
 
     Notes
     -----
-    The gain at a frequency is the largest singular value of the harmonic transfer function (N. M. Wereley,
-    1990). γ is one of its singular values at a frequency ω if exp(iωT) is a multiplier of the Hamiltonian
-    system with the matrices A, BBᵀ/γ² and CᵀC. The largest γ with a multiplier of modulus 1 is found by
-    bisection that starts from a lower bound, the gain with few harmonics. The error is that of the bisection.
+    γ exceeds the norm if and only if the maximum of ∫ yᵀy − γ² uᵀu over all inputs is finite over any number
+    of periods, that is, if the Riccati equation with the matrices A, −BBᵀ/γ² and CᵀC has a stabilising
+    solution that does not become infinite. The maxima over the steps are combined by doubling, and γ is found
+    by bisection; the error is that of the bisection. γ below the norm may be no gain at any frequency, since
+    the gains, the singular values of the harmonic transfer function (N. M. Wereley, 1990), may leave gaps.
 
     Examples
     --------
@@ -166,38 +165,21 @@ def hinf_norm(
     True
     """
     transfer = _Transfer.of(system, speed, outputs, inputs, checked_rtol(rtol))
-    low = high = transfer.lower_bound()
-    frequency = None
-    for _ in range(_MOST):
-        if (angle := transfer.angle(high)) is None:
-            break
-        low, frequency, high = high, angle, high * _GROWTH
-    else:
-        raise ControlError("the H-infinity norm is not found: it exceeds every value that was tried")
-    # The gain with few harmonics may be slightly too large for a lower bound.
-    if frequency is None:
-        low /= _GROWTH
-        frequency = transfer.angle(low)
+    low, high = transfer.enclosure()
     while high - low > rtol * low:
         middle = (low + high) / 2
-        if (angle := transfer.angle(middle)) is None:
-            high = middle
-        else:
-            low, frequency = middle, angle
-    warnings = (
-        () if frequency is not None else ("the largest gain is not confirmed by the Hamiltonian system",)
-    )
-    error = (high - low) / low if frequency is not None else np.inf
-    return Norm((low + high) / 2, error, frequency, warnings)
+        low, high = (low, middle) if transfer.below(middle) else (middle, high)
+    if not low:
+        return Norm(0.0, 0.0)
+    return Norm((low + high) / 2, (high - low) / low, transfer.frequency(low))
 
 
 class _Transfer(NamedTuple):
-    """Transfer from some inputs to outputs of an asymptotically stable system, and frequencies of modes."""
+    """Transfer from some inputs to outputs of an asymptotically stable system."""
 
     plant: Plant
     outputs: tuple[str, ...]
     inputs: list[int]
-    modes: Array
 
     @classmethod
     def of(
@@ -219,57 +201,54 @@ class _Transfer(NamedTuple):
             raise ControlError(
                 f"{system.labels.name} is {stability.verdict}; norms require an asymptotically stable system"
             )
-        base = 2 * np.pi / system.period * plant.speed
-        folded = np.abs(np.imag(stability.exponents)) % base
-        modes = np.minimum(folded, base - folded)
-        return cls(plant, tuple(outputs), [system.inputs.index(name) for name in names], modes)
+        return cls(plant, tuple(outputs), [system.inputs.index(name) for name in names])
 
     def rows(self, phase: Array) -> Array:
         """C (k, y, N)."""
         return self.plant.rows(self.outputs, phase)
 
-    def riccati(self, terms: Callable[[Array, Array], tuple[Array, Array]], filters: bool) -> Riccati:
-        """Equation whose matrices G and Q are functions of B and C."""
+    def riccati(
+        self, terms: Callable[[Array, Array], tuple[Array, Array]], sign: float, filters: bool, rtol: float
+    ) -> Riccati:
+        """Equation whose matrices E and Q, with G = sign E Eᵀ, are functions of B and C."""
 
         def coefficients(phase: Array) -> tuple[Array, Array, Array]:
             A, B, _ = self.plant.dynamics(phase)
             return A, *terms(B[..., self.inputs], self.rows(phase))
 
         system = self.plant.system
-        return Riccati(coefficients, self.plant.speed, system.period, system.breaks, filters)
+        return Riccati(coefficients, self.plant.speed, system.period, system.breaks, filters, sign, rtol)
 
-    def angle(self, gain: float) -> float | None:
-        """Frequency at which a gain is a singular value of the transfer function; None if there is none."""
+    def maps(self, gain: float) -> Maps:
+        """Maps of the steps for the cost ∫ yᵀy − gain² uᵀu, in balanced units."""
+        equation = self.riccati(lambda B, C: (B / gain, np.swapaxes(C, 1, 2) @ C), -1.0, False, _MAP_RTOL)
+        system = self.plant.system
+        return equation.maps(Grid.uniform(2 * equation.first_steps(), system.period, system.breaks))
+
+    def below(self, gain: float) -> bool:
+        """Whether the norm is below a gain."""
+        return bounded(self.maps(gain))
+
+    def enclosure(self) -> tuple[float, float]:
+        """Gains below and above the norm; 0 and 0 if no input reaches an output. Raises ControlError."""
+        gain = 1.0
+        above = self.below(gain)
+        for _ in range(_MOST):
+            gain = gain / _GROWTH if above else gain * _GROWTH
+            if self.below(gain) != above:
+                return (gain, gain * _GROWTH) if above else (gain / _GROWTH, gain)
+        if above:
+            return 0.0, 0.0
+        raise ControlError("the H-infinity norm is not found: every gain that was tried is exceeded")
+
+    def frequency(self, gain: float) -> float | None:
+        """Frequency at which a gain just below the norm is a singular value; None if it is not found."""
         from scipy.linalg import eigvals
 
-        equation = self.riccati(
-            lambda B, C: (-B @ np.swapaxes(B, 1, 2) / gain**2, np.swapaxes(C, 1, 2) @ C), False
-        )
-        system = self.plant.system
-        grid = Grid.uniform(2 * equation.first_steps(1e-8), system.period, system.breaks)
-        A, G, H = (part[0] for part in equation.maps(grid).period)
+        A, G, H = (part[0] for part in self.maps(gain).period)
         zero, one = np.zeros_like(A), np.eye(len(A))
         multipliers: Any = eigvals(np.block([[A, zero], [-H, one]]), np.block([[one, G], [zero, A.T]]))
         on_circle = multipliers[np.abs(np.abs(multipliers) - 1) < _ON_CIRCLE]
         if not len(on_circle):
             return None
-        return float(np.abs(np.angle(on_circle[0])) / system.period * self.plant.speed)
-
-    def lower_bound(self) -> float:
-        """Largest gain at the frequencies of modes and at 0, with few harmonics."""
-        transfer = self._of_few_harmonics()
-        return max(float(transfer.gain(each)) for each in (0.0, *self.modes))
-
-    def _of_few_harmonics(self) -> HarmonicTransfer:
-        """Harmonic transfer function of the chosen inputs and outputs."""
-        system, plant = self.plant.system, self.plant
-        inputs = [f"input{k}" for k in range(len(self.inputs))]
-        outputs = [f"output{k}" for k in range(len(self.outputs))]
-
-        def matrices(phase: Array, speed: float) -> tuple[Array, ...]:
-            A, B, _ = plant.dynamics(phase)
-            D = np.zeros((len(phase), len(outputs), len(inputs)))
-            return A, np.zeros(A.shape[:2]), B[..., self.inputs], self.rows(phase), D
-
-        made = FirstOrderSystem(matrices, plant.states, system.period, system.breaks, inputs, outputs)
-        return harmonic_transfer(made, plant.speed, _HARMONICS, _ORDERS)
+        return float(np.abs(np.angle(on_circle[0])) / self.plant.system.period * self.plant.speed)

@@ -63,6 +63,49 @@ def test_hinf_norm_is_the_largest_gain_of_the_harmonic_transfer_function():
     assert transfer.gain(found.frequency) == pytest.approx(found.value, rel=1e-5)
 
 
+def test_hinf_norm_of_slow_variation_is_the_largest_frozen_gain():
+    """x′ = -x + u, y = (1 + cos φ) x: the gains of both factors are at most 1 and 2."""
+    rate = 0.02
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return -one, np.zeros((len(phase), 1)), one, (1 + np.cos(phase))[:, None, None], 0 * one
+
+    system = solve.FirstOrderSystem(matrices, ["x"], inputs=["u"], outputs=["y"])
+    found = solve.hinf_norm(system, rate, ["y"])
+    # Signals about φ = 0 of the duration 1/sqrt(rate) fall short by a part of the order of the rate.
+    assert 2 * (1 - rate) < found.value < 2.0
+
+
+@pytest.mark.slow
+def test_hinf_norm_of_a_press_is_above_gains_with_few_harmonics():
+    press = solve.load("manipulator")
+    found = solve.hinf_norm(press, "70 rpm", ["q2"], rtol=1e-5)
+    with_two, with_many = (
+        float(solve.harmonic_transfer(_of_press(press), "70 rpm", harmonics=k).gain(found.frequency))
+        for k in (2, 24)
+    )
+    assert with_two < 0.1 * found.value
+    assert 0.95 * found.value < with_many < found.value
+
+
+def _of_press(press):
+    """Equations of first order from the torque to the deflection q2."""
+
+    def matrices(phase, speed):
+        M, C, K, _ = press.at(phase, speed)
+        (B,) = press._inputs_at(phase, speed)
+        k, A = len(phase), np.zeros((len(phase), 4, 4))
+        A[:, [0, 1], [2, 3]] = 1.0
+        A[:, 2:, :2], A[:, 2:, 2:] = -np.linalg.solve(M, K), -np.linalg.solve(M, C)
+        inputs = np.concatenate((np.zeros((k, 2, 1)), np.linalg.solve(M, B)), axis=1)
+        outputs = np.broadcast_to(np.eye(1, 4, 1), (k, 1, 4))
+        return A, np.zeros((k, 4)), inputs, outputs, np.zeros((k, 1, 1))
+
+    states = ["q1", "q2", "v1", "v2"]
+    return solve.FirstOrderSystem(matrices, states, press.period, press.breaks, ["u"], ["y"])
+
+
 def test_norms_require_stability_and_inputs():
     with pytest.raises(ControlError, match="unstable"):
         solve.hinf_norm(
