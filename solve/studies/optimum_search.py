@@ -184,10 +184,10 @@ class Search:
         design, limits = self.design, [*self.kept_limits]
         for at, point in enumerate(design.points(x)):
             for each in self.bounds:
-                values = self._at_speed(tracked(design, x, at, each.quantity, each.sign))
+                values = tracked(design, x, at, each.quantity, each.sign)
                 limits.append(Limited(values, each.sign * each.value, _scale(each, point)))
             factor = 1 + point.solved.error_estimate.multipliers
-            radius = self._at_speed(Single(design, at, SPECTRAL_RADIUS, factor=factor))
+            radius = Single(design, at, SPECTRAL_RADIUS, factor=factor)
             limits.append(Limited(radius, self.limit, 1.0))
         limits += [Limited(each, 0.0, each.end) for each in self.edges]
         rtol = STATIONARY * design.rtol
@@ -206,7 +206,10 @@ class Search:
         return [self._at_speed(tracked(self.design, x, at, self.minimise)) for at in places]
 
     def _at_speed(self, values: Single | Extrema) -> Tracked:
-        """Values at a speed of the design, or their local maximum about it if it is followed."""
+        """Values at a speed of the design, or their local maximum about it if it is followed.
+
+        Bounds are not followed: the largest spectral radius of a band that moves does not change.
+        """
         speeds = self.design.speeds
         for peak in self.peaks:
             if speeds[values.at] == peak.speed:

@@ -126,12 +126,13 @@ def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]
 
     found = []
 
+    def violation_of(point: DesignPoint) -> float:
+        return max(violation for _, violation in search.bounded([point]))
+
     def excess_of(point: DesignPoint) -> float:
-        excesses = [violation for _, violation in search.bounded([point])]
-        if isinstance(search.minimise, Named):
-            value = point.value(search.minimise)
-            excesses.append(value / state.objective - 1 if state.objective else 0.0)
-        return max(excesses)
+        if not isinstance(search.minimise, Named) or not state.objective:
+            return violation_of(point)
+        return max(violation_of(point), point.value(search.minimise) / state.objective - 1)
 
     def excess(speed: float) -> float:
         return excess_of(*search.design.at(state.x, [float(speed)]))
@@ -159,8 +160,12 @@ def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]
         )
         if -best.fun > STATIONARY * search.design.rtol:
             speed = float(best.x)
-            distance = min(speed - speeds[0], speeds[-1] - speed)
-            found.append(PeakSpeed(speed, min(spacing(speed, -best.fun), distance)))
+            (point,), distance = (
+                search.design.at(state.x, [speed]),
+                min(speed - speeds[0], speeds[-1] - speed),
+            )
+            is_bound = excess_of(point) == violation_of(point)
+            found.append(PeakSpeed(speed, 0.0 if is_bound else min(spacing(speed, -best.fun), distance)))
     return found
 
 
