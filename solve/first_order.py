@@ -146,7 +146,9 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
         A, b, *_ = self.equations_at(phase, speed)
         N, m = self.n, len(phase)
         diagonal = N**2 + np.arange(N) * (N + 1)
-        entries = np.concatenate((np.full((m, N), speed), -A.reshape(m, -1), b), axis=1)
+        entries = np.empty((m, N * (N + 2)))
+        entries[:, :N], entries[:, N * (N + 1) :] = speed, b
+        np.negative(A.reshape(m, -1), out=entries[:, N : N * (N + 1)])
         return entries, np.concatenate((diagonal, np.arange(2 * N**2, 3 * N**2 + N)))
 
     def output_values(

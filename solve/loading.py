@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType, ModuleType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, overload
 
 import numpy as np
 
@@ -57,6 +57,27 @@ def _no_matrices(phase: Array, speed: float) -> Matrices:
     return none, none, none, np.zeros((len(phase), 0))
 
 
+@overload
+def load(
+    model: Derivable | Callable[[], Derivable],
+    case: str | int | None = None,
+    options: Mapping[str, Any] | None = None,
+    reduce: int | None = None,
+    **parameters: Any,
+) -> Model: ...
+
+
+# A name gives a Model, the path of a file of matrices another system. Any in the union spares callers a cast.
+@overload
+def load(
+    model: str,
+    case: str | int | None = None,
+    options: Mapping[str, Any] | None = None,
+    reduce: int | None = None,
+    **parameters: Any,
+) -> Model | Any: ...
+
+
 def load(
     model: str | Derivable | Callable[[], Derivable],
     case: str | int | None = None,
@@ -86,7 +107,7 @@ def load(
     Returns
     -------
     Model or PeriodicSystem
-        Model with its parameter values, or the system of a file.
+        Model with its numbers, or the system of a file, which is a `PeriodicSystem` or `FirstOrderSystem`.
 
     Raises
     ------

@@ -140,8 +140,8 @@ class SampledPhases:
     compared : (Q,)
         Further phases in ascending order.
     step, place : (Q,)
-        Index of the step that contains each compared phase, and index of the phase within the step.
-    lower_basis, higher_basis : (m, c, s), (m, c, s + 1)
+        Step of each compared phase, and its number within the step.
+    basis : (m, c, 2 s + 1)
         Lagrange polynomials of all stages at the compared phases of each step, of which there are at most c.
     weights : (Q, s)
         Increments of the coefficients at the stages of the lower method for a unit difference at each
@@ -153,8 +153,7 @@ class SampledPhases:
     compared: Array
     step: Array
     place: Array
-    lower_basis: Array
-    higher_basis: Array
+    basis: Array
     weights: Array
 
     @classmethod
@@ -167,16 +166,14 @@ class SampledPhases:
         compared, step, fraction = compared[order], step[order], fraction[order]
         quadrature = _trapezoidal(step, fraction, nodes)[:, None] / lower.b
         weights = lagrange(np.array(lower.c), fraction) * quadrature
-        basis = lagrange(nodes, fraction)
         place = np.arange(len(step)) - np.searchsorted(step, step)
-        lower_basis, higher_basis = (
-            np.zeros((grid.steps, place.max() + 1, len(method.c))) for method in (lower, higher)
-        )
-        lower_basis[step, place] = basis[:, np.searchsorted(nodes, lower.c)]
-        # A node that both methods share is sampled once.
-        higher_basis[step, place] = basis[:, np.searchsorted(nodes, higher.c)] * ~np.isin(higher.c, lower.c)
+        # A node of both methods counts once.
+        is_counted = np.concatenate((np.ones(len(lower.c), dtype=bool), ~np.isin(higher.c, lower.c)))
+        columns = np.searchsorted(nodes, np.concatenate((lower.c, higher.c)))
+        basis = np.zeros((grid.steps, place.max() + 1, len(columns)))
+        basis[step, place] = lagrange(nodes, fraction)[:, columns] * is_counted
         stages, more_stages = (grid.stages(np.array(method.c)) for method in (lower, higher))
-        return cls(stages, more_stages, compared, step, place, lower_basis, higher_basis, weights)
+        return cls(stages, more_stages, compared, step, place, basis, weights)
 
     def __len__(self) -> int:
         return len(self.lower)
@@ -190,8 +187,7 @@ class SampledPhases:
             self.compared[rows],
             self.step[rows] - first,
             self.place[rows],
-            self.lower_basis[steps],
-            self.higher_basis[steps],
+            self.basis[steps],
             self.weights[rows],
         )
 
@@ -250,12 +246,16 @@ def _compared_phases(grid: Grid) -> tuple[Array, Array]:
 def _differences(
     compared: Array, lower: Array, higher: Array, phases: SampledPhases
 ) -> tuple[Array, Array, Array]:
-    differences = compared.copy()
-    for samples, basis in ((lower, phases.lower_basis), (higher, phases.higher_basis)):
-        by_step = samples.reshape(*samples.shape[:-2], len(phases), -1, samples.shape[-1])
-        differences -= np.matmul(basis, by_step)[..., phases.step, phases.place, :]
-    largest = np.maximum(np.abs(lower).max(axis=-2), np.abs(higher).max(axis=-2))
-    return differences, np.abs(differences).max(axis=-2), largest
+    by_step = [each.reshape(*each.shape[:-2], len(phases), -1, each.shape[-1]) for each in (lower, higher)]
+    interpolated = np.matmul(phases.basis, np.concatenate(by_step, axis=-2))
+    differences = compared - interpolated[..., phases.step, phases.place, :]
+    largest = np.maximum(_largest(lower), _largest(higher))
+    return differences, _largest(differences), largest
+
+
+def _largest(values: Array) -> Array:
+    """Largest modulus (…, R) over the phases of values (…, k, R)."""
+    return np.maximum(values.max(axis=-2), -values.min(axis=-2))
 
 
 _cached_differences = _ArrayCache(_differences)

@@ -112,7 +112,8 @@ def chart(
     (3, 5)
     """
     if isinstance(model, str):
-        model, case = load(model, case), None
+        loaded: PeriodicSystem = load(model, case)
+        model, case = loaded, None
     labels = model if isinstance(model, PeriodicSystem) else None
     (x_name, across), (y_name, upwards) = _axis("x", x, labels), _axis("y", y, labels)
     xs, ys = np.array(across), np.array(upwards)

@@ -96,8 +96,8 @@ class Design:
 
     def points(self, x: Array) -> list[DesignPoint]:
         """Solutions at the speeds of the design. The most recent ones are cached."""
-        key = x.tobytes()
-        if key != self._last[0] or len(self._last[1]) != len(self.speeds):
+        key = x.tobytes() + np.array(self.speeds).tobytes()
+        if key != self._last[0]:
             self._last = key, self.at(x, self.speeds)
         return self._last[1]
 

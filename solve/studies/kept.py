@@ -26,11 +26,8 @@ class KeptValues:
     before: list[list[Array]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.before = [self._values(point) for point in self.design.points(self.design.start)]
-
-    def insert(self, at: int, point: DesignPoint) -> None:
-        """Insert the initial values at an additional speed."""
-        self.before.insert(at, self._values(point))
+        if self.kept:
+            self.before = [self._values(point) for point in self.design.points(self.design.start)]
 
     def changes(self, points: Sequence[DesignPoint]) -> list[tuple[Kept, float, float]]:
         """Each kept quantity with its largest change over the speeds and the allowed change."""

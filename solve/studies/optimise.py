@@ -23,6 +23,7 @@ from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
 from solve.studies.fit import Bounds
 from solve.studies.optimum_search import ROUNDS, Search, State
+from solve.studies.range_search import over_range
 from solve.studies.requirements import bounds_of, kept_of, real_quantity, spreads_of
 from solve.studies.robust import Statistic, deviating
 from solve.system import PeriodicSystem, of_system, shown_in
@@ -131,7 +132,7 @@ def optimise(
     with progress.task(ROUNDS):
         best, doubts = search.best(starts), []
         if is_range:
-            best, doubts = search.over_range(best)
+            best, doubts = over_range(search, best)
     return _optimum(search, best, doubts, prove)
 
 

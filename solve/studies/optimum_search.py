@@ -1,10 +1,7 @@
-"""Search for the optimum of a design: rounds of minimisation from several starts, with additional speeds in a
-range."""
+"""Search for the optimum of a design: rounds of minimisation from several starts."""
 
-import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,13 +11,13 @@ from solve.period.multipliers import KNOWN_ON_CIRCLE, UNIT_CIRCLE
 from solve.period.named import RADIUS, Named
 from solve.results.optimum import Requirement
 from solve.results.orbit import Orbit
-from solve.studies.bands import bands
 from solve.studies.design_points import Design, DesignPoint
 from solve.studies.kept import KeptValues
 from solve.studies.minimax import Limited, minimised, restored
+from solve.studies.over_speed import SPECTRAL_RADIUS, BandEdge, Peak, PeakSpeed, safe_radius
 from solve.studies.requirements import Bound, Kept
 from solve.studies.robust import Robust, Statistic
-from solve.studies.tracked import Function, Single, Tracked, tracked
+from solve.studies.tracked import Extrema, Function, Single, Tracked, tracked
 from solve.terminal import progress
 
 ROUNDS = "rounds"
@@ -34,27 +31,12 @@ _SHRINKING, _SMALLEST_REACH = 4.0, 1e-6
 """Factor by which the largest change of x is reduced after a round without gain, and lower limit of this
 change. Choices."""
 
-_STATIONARY = 100.0
-"""Relative change of the objective in a round, in units of rtol, below which the search ends. With 10, the
-search does not end for some optima of the manipulator, because the errors of the orbits differ between
-grids."""
+STATIONARY = 100.0
+"""Change of the objective in a round, relative and in units of rtol, below which the search ends. With 10 the
+errors of the orbits, which differ from grid to grid, prevent the end for some optima of the manipulator."""
 
 _VIOLATION = 1e-7
 """Largest violation of a bound, relative to its scale, with which the bound counts as satisfied. A choice."""
-
-_BETWEEN, _MAX_ADDED = 4, 10
-"""Number of parts of each interval of speeds at whose ends the optimum of a range is checked, and largest
-number of rounds in which speeds are added. Choices."""
-
-_NEARLY = 0.01
-"""Largest relative difference from the largest value with which a maximum between speeds is refined. A
-choice."""
-
-_SPEED_TOLERANCE = 1e-5
-"""Relative tolerance of a refined speed. A choice: the value at a maximum changes by the square of the speed
-error."""
-
-_RADIUS = Named(RADIUS, "1", RADIUS)
 
 
 @dataclass(frozen=True)
@@ -82,8 +64,9 @@ class State:
 class Search:
     """Search for the optimum of a quantity, or of a function of the orbits at all speeds.
 
-    machines, statistic: deviating machines of a robust objective, and the statistic of their values that is
-    minimised. limit: limit of the spectral radius. failures: reasons of trials without a solution.
+    machines, statistic: deviating machines of a robust objective, and what it is of their values.
+    limit: of the spectral radius. failures: reasons of trials without a solution. given: speeds without those
+    of the peaks. peaks: local maxima over the speed. edges: of unstable bands, outside the range.
     """
 
     design: Design
@@ -93,51 +76,39 @@ class Search:
     machines: Sequence[Design] = ()
     statistic: Statistic | None = None
     failures: list[str] = field(default_factory=list)
+    peaks: Sequence[PeakSpeed] = ()
+    edges: Sequence[BandEdge] = ()
 
     def __post_init__(self) -> None:
         verdicts = {point.solved.verdict for point in self.design.points(self.design.start)}
         # Without damping, all multipliers remain on the unit circle.
         self.limit = 1 + KNOWN_ON_CIRCLE if verdicts == {"stable"} else 1 - UNIT_CIRCLE
-        self.kept_values = KeptValues(self.design, self.kept)
+        self.given = tuple(self.design.speeds)
         self._evaluate_kept()
 
     def _evaluate_kept(self) -> None:
-        """Evaluate equations and limits of the kept quantities, which depend only on the start and the
-        speeds."""
+        """Evaluate the kept quantities, which depend only on the start and the speeds."""
+        self.kept_values = KeptValues(self.design, self.kept)
         self.equations, self.kept_limits = self.kept_values.equations(), self.kept_values.limits()
 
     def best(self, starts: int) -> State:
         """Best local optimum from the given start and from random ones. Raises the exception of the given
         start."""
-        best = self._local_optimum(self.design.start)
+        best = self.descended(self.design.start)
         for x in np.random.default_rng(0).random((starts - 1, len(best.x))):
             try:
-                state = self._local_optimum(x)
+                state = self.descended(x)
             except SolveError as reason:
                 self.failures.append(str(reason))
             else:
                 best = state if state.better_than(best) else best
         return best
 
-    def over_range(self, state: State) -> tuple[State, list[str]]:
-        """Optimum after insertion of speeds, between the given ones, at which values are worse; and reasons
-        for doubt."""
-        for _ in range(_MAX_ADDED):
-            added = self._worse_between(state)
-            if not added:
-                return state, self._missed_bands(state)
-            for speed in added:
-                at = int(np.searchsorted(self.design.speeds, speed))
-                (start,) = self.design.at(self.design.start, [speed])
-                self.design.speeds.insert(at, speed)
-                self.kept_values.insert(at, start)
-            self._evaluate_kept()
-            state = self._local_optimum(state.x)
-        remaining, doubts = self._worse_between(state), self._missed_bands(state)
-        if remaining:
-            texts = ", ".join(map(self.design.model.labels.speed_unit.text, remaining))
-            doubts.append(f"at {texts} values are worse than at the optimised speeds; give more speeds")
-        return state, doubts
+    def follow(self, peaks: Sequence[PeakSpeed], edges: Sequence[BandEdge]) -> None:
+        """Replace the local maxima over the speed, and the edges of bands, that the search follows."""
+        self.peaks, self.edges = list(peaks), list(edges)
+        self.design.speeds[:] = sorted({*self.given, *(speed for peak in peaks for speed in peak.speeds)})
+        self._evaluate_kept()
 
     def values(self, points: Sequence[DesignPoint]) -> Array:
         """Value (k,) of the minimised quantity at each speed. If a function is minimised, its single value is
@@ -159,11 +130,11 @@ class Search:
             Requirement(f"change of {each.text}", change, allowed)
             for each, change, allowed in self.kept_values.changes(points)
         ]
-        return [requirement for requirement, _ in self._bounded(points)] + changes
+        return [requirement for requirement, _ in self.bounded(points)] + changes
 
-    def _bounded(self, points: Sequence[DesignPoint]) -> list[tuple[Requirement, float]]:
+    def bounded(self, points: Sequence[DesignPoint]) -> list[tuple[Requirement, float]]:
         """Bounds with the worst values over the speeds, and their violations (negative if satisfied)."""
-        radius = max(map(_safe_radius, points))
+        radius = max(map(safe_radius, points))
         bounded = [(Requirement(RADIUS, radius, self.limit), radius - self.limit)]
         for each in self.bounds:
             values = [each.sign * point.value(each.quantity) for point in points]
@@ -174,14 +145,19 @@ class Search:
 
     def _state(self, x: Array) -> State:
         points = self.design.points(x)
-        violations = [violation for _, violation in self._bounded(points)]
-        # Twice the allowed change of a kept quantity counts as a violation of a bound by 1e-7.
+        violations = [violation for _, violation in self.bounded(points)]
+        violations += [float(each.values(x)[0]) / each.end for each in self.edges]
+        # Twice what is allowed violates a kept quantity as much as 1e-7 a bound.
         violations += [
             _VIOLATION * (change / allowed - 1) for _, change, allowed in self.kept_values.changes(points)
         ]
-        return State(x, float(self.values_at(x, points).max()), max(0.0, *violations))
+        if self.peaks and isinstance(self.minimise, Named):
+            objective = max(float(each.values(x).max()) for each in self._objective(x))
+        else:
+            objective = float(self.values_at(x, points).max())
+        return State(x, objective, max(0.0, *violations))
 
-    def _local_optimum(self, x: Array) -> State:
+    def descended(self, x: Array) -> State:
         """Local optimum from a start. Raises the exception of the start if it has no solution."""
         state, reach = self._state(x), 0.5
         for _ in range(_MAX_ROUNDS):
@@ -193,7 +169,7 @@ class Search:
                 self.failures.append(str(reason))
                 reach /= _SHRINKING
             else:
-                is_last = state.feasible and abs(change) <= _STATIONARY * self.design.rtol
+                is_last = state.feasible and abs(change) <= STATIONARY * self.design.rtol
                 if trial.better_than(state):
                     state = trial
                 else:
@@ -213,8 +189,10 @@ class Search:
                 values = tracked(design, x, at, each.quantity, each.sign)
                 limits.append(Limited(values, each.sign * each.value, _scale(each, point)))
             factor = 1 + point.solved.error_estimate.multipliers
-            limits.append(Limited(Single(design, at, _RADIUS, factor=factor), self.limit, 1.0))
-        rtol = _STATIONARY * design.rtol
+            radius = Single(design, at, SPECTRAL_RADIUS, factor=factor)
+            limits.append(Limited(radius, self.limit, 1.0))
+        limits += [Limited(each, 0.0, each.end) for each in self.edges]
+        rtol = STATIONARY * design.rtol
         x, change = minimised(self._objective(x), limits, self.equations, x, reach, rtol)
         return (x if self.equations is None else restored(self.equations, x)), change
 
@@ -226,60 +204,19 @@ class Search:
                 Robust(self.machines, at, self.minimise, self.statistic)
                 for at in range(len(self.design.speeds))
             ]
-        return [tracked(self.design, x, at, self.minimise) for at in range(len(self.design.speeds))]
+        places = range(len(self.design.speeds))
+        return [self._at_speed(tracked(self.design, x, at, self.minimise)) for at in places]
 
-    def _worse_between(self, state: State) -> list[float]:
-        """Speeds between those of the design at which the objective or a bound has a local maximum and is
-        worse than at the design's speeds."""
-        from scipy.optimize import minimize_scalar
+    def _at_speed(self, values: Single | Extrema) -> Tracked:
+        """Values at a speed of the design, or their local maximum about it if it is followed.
 
-        found = []
-
-        def excess_of(point: DesignPoint) -> float:
-            excesses = [violation for _, violation in self._bounded([point])]
-            if isinstance(self.minimise, Named):
-                value = point.value(self.minimise)
-                excesses.append(value / state.objective - 1 if state.objective else 0.0)
-            return max(excesses)
-
-        def excess(speed: float) -> float:
-            return excess_of(*self.design.at(state.x, [float(speed)]))
-
-        given = zip(self.design.speeds, map(excess_of, self.design.points(state.x)), strict=True)
-        for (low, first), (high, last) in itertools.pairwise(given):
-            between = np.linspace(low, high, _BETWEEN + 1)
-            values = np.array([first, *map(excess, between[1:-1]), last])
-            top = int(np.argmax(values))
-            if values[top] < -_NEARLY:
-                continue
-            best: Any = minimize_scalar(
-                lambda speed: -excess(speed),
-                bounds=(between[max(top - 1, 0)], between[min(top + 1, _BETWEEN)]),
-                method="bounded",
-                options={"xatol": _SPEED_TOLERANCE * high},
-            )
-            if -best.fun > _STATIONARY * self.design.rtol:
-                found.append(float(best.x))
-        return found
-
-    def _missed_bands(self, state: State) -> list[str]:
-        """Sentence on each unstable band of the range that contains no speed of the design."""
-        speeds, model = self.design.speeds, self.design.varied(state.x)
-        text = model.labels.speed_unit.text
-        try:
-            found = bands(model, speeds, self.design.method, self.design.rtol)
-        except SolveError as reason:
-            return [f"unstable bands between the speeds were not searched for: {reason}"]
-        return [
-            f"unstable from {text(band.low)} to {text(band.high)}, between the speeds; give more speeds"
-            for band in found
-            if not any(band.low <= speed <= band.high for speed in speeds)
-        ]
-
-
-def _safe_radius(point: DesignPoint) -> float:
-    """Spectral radius plus its error."""
-    return point.solved.spectral_radius * (1 + point.solved.error_estimate.multipliers)
+        Bounds are not followed: the largest spectral radius of a band that moves does not change.
+        """
+        speeds = self.design.speeds
+        for peak in self.peaks:
+            if speeds[values.at] == peak.speed:
+                return Peak([replace(values, at=speeds.index(speed)) for speed in peak.speeds])
+        return values
 
 
 def _scale(bound: Bound, point: DesignPoint) -> float:

@@ -1,6 +1,7 @@
 """Optima of parameters: closed forms, scans, kept quantities, stability, requests that are refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoun
 from solve.model.spread import spread_of
 from solve.period.named import Named
 from solve.studies.design_points import Design
+from solve.studies.over_speed import Peak
 from solve.studies.robust import Robust, Statistic, deviating
 from solve.studies.tracked import Function, tracked
 
@@ -105,11 +107,40 @@ def test_unstable_start_becomes_stable():
     assert solve.floquet(found.system, 1.0).verdict == "asymptotically stable"
 
 
-def test_narrow_unstable_band_between_the_speeds_is_named():
+def test_narrow_unstable_band_that_no_design_avoids_is_named():
     # Mathieu's first tongue, about the speed of the natural frequency, has a width of 2 %.
     pendulum = solve.load("mathieu", delta=1.0, epsilon=0.05, zeta=0.005)
     found = solve.optimise(pendulum, "spectral_radius", {"delta": (0.99, 1.01)}, "0.7:1.7:2 rad/s", rtol=1e-4)
-    assert any("unstable from 0.9" in text and "give more speeds" in text for text in found.warnings)
+    assert any("unstable from 0.9" in text and "no design" in text for text in found.warnings)
+
+
+@pytest.mark.slow
+def test_narrow_unstable_band_is_moved_out_of_the_range():
+    # The tongue is about the speed √delta, and closed by damping only for delta > ε / (4 ζ) = 12.5.
+    pendulum = solve.load("mathieu", delta=1.0, epsilon=0.05, zeta=0.001)
+    speeds, free = "0.7:1.7:2 rad/s", {"delta": (0.99, 4.5)}
+    assert len(solve.bands(pendulum, speeds, rtol=1e-4))
+    found = solve.optimise(pendulum, "spectral_radius", free, speeds, rtol=1e-4)
+    assert not found.warnings
+    assert not len(solve.bands(found.system, speeds, rtol=1e-4))
+    assert found.free["delta"] > 1.7**2
+
+
+def test_maximum_over_the_speed_is_followed_with_its_derivatives(model):
+    """Its height is F / (c ω √(1 - D²)) with the damping ratio D, wherever the resonance moves."""
+    speed = np.sqrt(STIFFNESS / MASS)
+    speeds = [0.995 * speed, speed, 1.005 * speed]
+    design = Design(
+        model, ["k", "c"], np.array([8.9, 0.25]), np.array([9.1, 0.35]), speeds, "auto", 1e-10, True
+    )
+    x = np.array([0.45, 0.55])
+    extrema = tracked(design, x, 1, Named.of(model, "q.max_abs"))
+    peak = Peak([replace(extrema, at=at) for at in range(3)])
+    k, c = design.low + x * (design.high - design.low)
+    ratio = c / (2 * np.sqrt(k * MASS))
+    height = np.sqrt(MASS / k) / (c * np.sqrt(1 - ratio**2))
+    np.testing.assert_allclose(peak.values(x), height, rtol=1e-4)
+    np.testing.assert_allclose(peak.slopes(x), differences(peak.values, x), rtol=1e-5)
 
 
 def test_function_of_orbits_equals_the_named_quantity(model):

@@ -1,0 +1,181 @@
+"""Optimum over a range of speeds: local maxima between the given speeds are followed, and unstable bands
+between them are closed or moved out of the range."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from solve.errors import SolveError
+from solve.period.named import Named
+from solve.results.bands import Band
+from solve.studies.bands import bands
+from solve.studies.design_points import DesignPoint
+from solve.studies.optimum_search import STATIONARY, Search, State
+from solve.studies.over_speed import BandEdge, PeakSpeed
+
+_BETWEEN, _MAX_ROUNDS = 4, 10
+"""Parts of each interval of speeds, at whose ends the optimum of a range is checked, and most rounds in which
+maxima are added. Choices."""
+
+_MAX_BANDS = 4
+"""Most unstable bands that are removed, one after another. A choice."""
+
+_NEARLY = 0.01
+"""Distance below the largest value, relative to it, from which on a maximum between speeds is refined. A
+choice."""
+
+_SPEED_TOLERANCE = 1e-5
+"""Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
+
+_DROP = 1e-3
+"""Relative decrease from a maximum to the two speeds with which it is followed, until no further maximum is
+found; then √rtol, which balances the errors of the orbits and of the parabola. A choice."""
+
+_SPACING, _WIDER = (1e-4, 1e-2), 10.0
+"""Least and largest distance of these speeds, relative to the speed, and multiple of the least one at which
+the decrease is measured. Choices."""
+
+_SAME_PEAK = 4.0
+"""Distance, in spacings, up to which a maximum that has moved replaces the previous one. A choice."""
+
+_Trial = tuple[State, tuple[Sequence[PeakSpeed], Sequence[BandEdge]]]
+"""Optimum, and the maxima and edges that were followed."""
+
+
+def over_range(search: Search, state: State) -> tuple[State, list[str]]:
+    """Optimum of a range from that of its speeds, and reasons for doubt."""
+    state, doubts = _with_peaks(search, state)
+    for _ in range(_MAX_BANDS):
+        missed, unsearched = _missed_bands(search, state)
+        if not missed:
+            return state, doubts + unsearched
+        trials = list(_without_band(search, state, missed))
+        if not trials:
+            break
+        state, followed = min(trials, key=lambda trial: trial[0].objective)
+        search.follow(*followed)
+        state, doubts = _with_peaks(search, state)
+    text = search.design.model.labels.speed_unit.text
+    return state, doubts + [
+        f"unstable from {text(band.low)} to {text(band.high)}, between the speeds; no design without this "
+        "band was found: widen the bounds, or give other speeds"
+        for band in _missed_bands(search, state)[0]
+    ]
+
+
+def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
+    """Optimum with those maxima over the speed that are worse than the values at the given speeds."""
+    drop, fine = _DROP, min(_DROP, math.sqrt(search.design.rtol))
+    for _ in range(_MAX_ROUNDS):
+        found = _worse_between(search, state, drop)
+        if not found and (drop == fine or not search.peaks):
+            return state, []
+        if found:
+            rest = [
+                peak
+                for peak in search.peaks
+                if all(abs(peak.speed - new.speed) > _SAME_PEAK * peak.spacing for new in found)
+            ]
+            search.follow([*rest, *found], search.edges)
+        else:
+            closer = math.sqrt(fine / drop)
+            search.follow(
+                [PeakSpeed(peak.speed, closer * peak.spacing) for peak in search.peaks], search.edges
+            )
+            drop = fine
+        state = search.descended(state.x)
+    found = _worse_between(search, state, drop)
+    if not found:
+        return state, []
+    texts = ", ".join(search.design.model.labels.speed_unit.text(peak.speed) for peak in found)
+    return state, [f"at {texts} values are worse than at the optimised speeds; give more speeds"]
+
+
+def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Iterator[_Trial]:
+    """Optima in which the first of the missed bands is closed, lies above the range or lies below it, as far
+    as they are found. At the end the search follows the same as before."""
+    (peaks, edges), design = (search.peaks, search.edges), search.design
+    band, low, high = missed[0], search.given[0], search.given[-1]
+    width = band.high - band.low
+    for way in ("closed", "above", "below"):
+        try:
+            if way == "closed":
+                search.follow([*peaks, PeakSpeed((band.low + band.high) / 2, width / 4)], edges)
+            else:
+                is_above = way == "above"
+                end, start = (high, band.low) if is_above else (low, band.high)
+                edge = BandEdge(design, is_above, end, state.x, start, width, search.limit)
+                if not edge.may_leave:
+                    continue
+                search.follow(peaks, [*edges, edge])
+            found = search.descended(state.x)
+            if found.feasible and len(_missed_bands(search, found)[0]) < len(missed):
+                yield found, (search.peaks, search.edges)
+        except SolveError as reason:
+            search.failures.append(str(reason))
+    search.follow(peaks, edges)
+
+
+def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]:
+    """Local maxima over the speed of the objective or of a bound that are worse than the values at the speeds
+    of the design, with the spacing at which they decrease by `drop`."""
+    from scipy.optimize import minimize_scalar
+
+    found = []
+
+    def violation_of(point: DesignPoint) -> float:
+        return max(violation for _, violation in search.bounded([point]))
+
+    def excess_of(point: DesignPoint) -> float:
+        if not isinstance(search.minimise, Named) or not state.objective:
+            return violation_of(point)
+        return max(violation_of(point), point.value(search.minimise) / state.objective - 1)
+
+    def excess(speed: float) -> float:
+        return excess_of(*search.design.at(state.x, [float(speed)]))
+
+    def spacing(speed: float, top: float) -> float:
+        """Distance in which the excess decreases by `drop`."""
+        near = _SPACING[0] * _WIDER * speed
+        decrease = top - (excess(speed - near) + excess(speed + near)) / 2
+        wanted = near * math.sqrt(drop / decrease) if decrease > 0 else math.inf
+        return min(max(wanted, _SPACING[0] * speed), _SPACING[1] * speed)
+
+    speeds = search.design.speeds
+    given = zip(speeds, map(excess_of, search.design.points(state.x)), strict=True)
+    for (low, first), (high, last) in itertools.pairwise(given):
+        between = np.linspace(low, high, _BETWEEN + 1)
+        values = np.array([first, *map(excess, between[1:-1]), last])
+        top = int(np.argmax(values))
+        if values[top] < -_NEARLY:
+            continue
+        best: Any = minimize_scalar(
+            lambda speed: -excess(speed),
+            bounds=(between[max(top - 1, 0)], between[min(top + 1, _BETWEEN)]),
+            method="bounded",
+            options={"xatol": _SPEED_TOLERANCE * high},
+        )
+        if -best.fun > STATIONARY * search.design.rtol:
+            speed = float(best.x)
+            (point,), distance = (
+                search.design.at(state.x, [speed]),
+                min(speed - speeds[0], speeds[-1] - speed),
+            )
+            is_bound = excess_of(point) == violation_of(point)
+            found.append(PeakSpeed(speed, 0.0 if is_bound else min(spacing(speed, -best.fun), distance)))
+    return found
+
+
+def _missed_bands(search: Search, state: State) -> tuple[list[Band], list[str]]:
+    """Unstable bands of the range that contain no speed of the design, the largest growth first, and a
+    sentence if they were not searched."""
+    speeds, model = search.design.speeds, search.design.varied(state.x)
+    try:
+        found = bands(model, speeds, search.design.method, search.design.rtol)
+    except SolveError as reason:
+        return [], [f"unstable bands between the speeds were not searched: {reason}"]
+    missed = [band for band in found if not any(band.low <= speed <= band.high for speed in speeds)]
+    return sorted(missed, key=lambda band: -band.spectral_radius), []
