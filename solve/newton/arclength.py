@@ -118,8 +118,7 @@ class _BranchFollower:
         none = np.zeros(2)
         rates = [none]
         for before, after in pairwise(points):
-            chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
-            length = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
+            length = self.manifold.distance(after.unknowns, before.unknowns, before.sizes)
             changes = after.orbit.radius - before.orbit.radius, after.direction.value - before.direction.value
             rates.append(np.abs(changes) / length if length > 0 else none)
         with_errors = []
@@ -151,14 +150,14 @@ class _BranchFollower:
     def _require_same_branch(self, before: Point, after: Point) -> None:
         """Raise NoOrbitError if the branch curves so much within a step that the step may have jumped to
         another branch or passed two folds."""
-        chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
-        ends = before.direction, after.direction.on(before.grid)
-        long = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
+        long = self.manifold.distance(after.unknowns, before.unknowns, before.sizes)
+        ends = before.direction, after.direction
         for end in ends:
-            along = self.manifold.inner(chord, end, before.sizes)
+            along = self.manifold.component(before, after, end)
             if along < _MIN_COSINE * long * math.sqrt(self.manifold.inner(end, end, before.sizes)):
                 raise NoOrbitError("the branch curves too much within the step")
-        if max(end.value * chord.value for end in ends) < 0:
+        change = after.unknowns.value - before.unknowns.value
+        if max(end.value * change for end in ends) < 0:
             raise NoOrbitError("the step passes over two folds")
 
     def _at_end_of_range(self, before: Point, after: Point) -> Point:
@@ -182,12 +181,12 @@ class _BranchFollower:
         """Distance between two points along the tangent at the first point, change of the parameter, and
         derivatives of the parameter with respect to this distance at both points. Raises NoOrbitError if
         the branch bends too much."""
-        direction = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
-        length = self.manifold.inner(direction, before.direction, before.sizes)
-        slope = self.manifold.inner(after.direction.on(before.grid), before.direction, before.sizes)
+        length = self.manifold.component(before, after, before.direction)
+        slope = self.manifold.inner(after.direction, before.direction, before.sizes)
         if not (length > 0 and slope > 0):
             raise NoOrbitError("the branch curves too much within the step")
-        return length, direction.value, (before.direction.value, after.direction.value / slope)
+        change = after.unknowns.value - before.unknowns.value
+        return length, change, (before.direction.value, after.direction.value / slope)
 
     def _parameter_direction(self, grid: Grid) -> Unknowns:
         """Direction of the parameter towards the last value."""

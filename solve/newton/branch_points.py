@@ -66,14 +66,16 @@ class Unknowns:
         return np.abs(self.curve.sampled(SAMPLES)).max(axis=1)
 
 
-def sampled_together(*vectors: Unknowns) -> list[Array]:
-    """Values (n, k) of several curves, sampled at the same phases: on each step if they share nodes,
-    uniformly otherwise."""
-    nodes = vectors[0].curve.nodes
+def sampled_together(*vectors: Unknowns) -> tuple[list[Array], Array]:
+    """Values (n, k) of several curves, sampled at the same phases, on each step if they share nodes and
+    uniformly otherwise; and weights (k,) whose products with values are means over the period."""
+    curve = vectors[0].curve
+    nodes = curve.nodes
     if all(np.array_equal(unknowns.curve.nodes, nodes) for unknowns in vectors[1:]):
-        return [unknowns.curve.sampled(SAMPLES) for unknowns in vectors]
+        values = [unknowns.curve.sampled(SAMPLES) for unknowns in vectors]
+        return values, np.repeat(curve.h / (nodes[-1] * SAMPLES), SAMPLES)
     phase = np.arange(_PHASES) * (nodes[-1] / _PHASES)
-    return [unknowns.curve(phase) for unknowns in vectors]
+    return [unknowns.curve(phase) for unknowns in vectors], np.full(_PHASES, 1 / _PHASES)
 
 
 @dataclass(frozen=True)

@@ -7,20 +7,17 @@ import numpy as np
 from solve.arguments import require_integer
 from solve.arrays import Array
 from solve.equations import require_bounds
-from solve.errors import MissingValueError, NoOrbitError, ValueOutOfBoundsError, require_name
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED, in_own_unit, speed_or_usual
 from solve.methods.radau import Radau
 from solve.newton.arclength import first_point, follow_branch
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point
 from solve.newton.iteration import Task
-from solve.newton.linear_families import JUMPS
 from solve.newton.orbits import nonlinear
-from solve.newton.saltation import forces_jump
 from solve.newton.starts import Start
 from solve.newton.switching import Followed, follow_doublings
 from solve.newton.unforced import energy, follow_modes_of
-from solve.period.curve import Curve
 from solve.results.branch import KINDS, Branch
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.units import apart, checked_rtol, ramp_in_si
@@ -91,7 +88,7 @@ def branch(
     LinearModelError
         For linear systems.
     NoOrbitError
-        If there is no orbit at the first value, or forces jump at its events.
+        If there is no orbit at the first value.
     NoDerivativeError
         If the equations have no derivative with respect to the parameter.
 
@@ -112,8 +109,6 @@ def branch(
     task = parameters.task_at(parameters.ranges[:, 0])
     start_rtol = min(parameters.task.rtol, MAX_START_RTOL)
     orbit = nonlinear(task.system, task.speed, start, periods, rtol=start_rtol, engine=engine)
-    if isinstance(orbit.curve, Curve) and forces_jump(orbit.system, orbit.curve):
-        raise NoOrbitError(JUMPS)
     found, ended = follow_branch(parameters, first_point(parameters, orbit), int(points))
     followed: list[Followed] = [(parameters, found, ended)]
     if switch:

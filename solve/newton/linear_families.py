@@ -20,7 +20,7 @@ from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Unknowns
 from solve.newton.iteration import Task, linearised_along
-from solve.newton.saltation import forces_jump
+from solve.newton.saltation import EventJump, event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
@@ -37,9 +37,9 @@ _REGULAR = 1e-2
 choice."""
 
 
-JUMPS = (
-    "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches need continuous "
-    "forces; use sweep --nonlinear"
+_FREE_JUMPS = (
+    "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches of free machines "
+    "need continuous forces; use sweep --nonlinear"
 )
 
 
@@ -68,13 +68,16 @@ def linear_family(
     task = parameters.task_at(unknowns.values)
     along, grid = linearised_along(task, unknowns.curve, grid)
     equations = _Equations(along, task, unknowns.curve, parameters.names, parameters.task.rigid is not None)
+    jumps = equations.jumps(grid)
     if equations.free:
+        if jumps:
+            raise NoOrbitError(_FREE_JUMPS)
         return _by_periodic_solutions(equations, unknowns, grid)
-    if task.engine == COMPILED and DAMPING not in parameters.names:
+    if task.engine == COMPILED and not jumps and DAMPING not in parameters.names:
         family = _if_regular(equations, unknowns, grid)
         if family is not None:
             return family
-    steps = _Steps(equations, grid)
+    steps = _Steps(equations, grid, jumps)
     unit = np.concatenate((np.tile(np.tile(sizes, 2), steps.blocks), parameters.spans))
     columns = _null_space(*steps.closing(), unit)
     curves = steps.curves(columns)
@@ -132,6 +135,11 @@ class _Equations:
             columns = np.concatenate((columns, -M @ states[:, 1, :, None]), axis=-1)
         return columns
 
+    def jumps(self, grid: Grid) -> list[EventJump]:
+        """Jumps of disturbances at the events of the motion."""
+        names = [name for name in self.names if name != DAMPING]
+        return event_jumps(self.along, self.motion, self.task.speed, grid, names)
+
     def under(self, load: int) -> PeriodicSystem:
         """Linear system under one of the loads -∂r/∂θ."""
 
@@ -145,7 +153,7 @@ class _Equations:
 class _Steps:
     """Radau's method on a grid for several loads: maps of the steps, multiplied to blocks."""
 
-    def __init__(self, equations: _Equations, grid: Grid):
+    def __init__(self, equations: _Equations, grid: Grid, jumps: Sequence[EventJump]):
         method: Collocation = equations.task.method.collocation
         phases, n = grid.stages(np.array(method.c)), equations.along.n
         M, C, K, loads = (
@@ -155,7 +163,10 @@ class _Steps:
         self._stages = method.stage_accelerations(grid.h, M, C, K, loads)
         self._states = 2 * n
         self.blocks = _BLOCKS if self._states <= _MANY_STATES else 1
-        self._chain = _joined(method.maps(grid.h, self._stages)[0], self._states, self.blocks)
+        maps = method.maps(grid.h, self._stages)[0]
+        for jump in jumps:
+            maps[jump.step] = jump.after(maps[jump.step])
+        self._chain = _joined(maps, self._states, self.blocks)
 
     @property
     def monodromy(self) -> Array:
@@ -262,11 +273,14 @@ def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid:
     if task.engine != COMPILED or parameters.task.rigid is not None:
         return linear_family(parameters, unknowns, grid, sizes).multipliers
     along, grid = linearised_along(task, unknowns.curve, grid)
-    found = task.method.solutions(OnePoint(along, task.speed), grid, False, task.engine)
+    point = OnePoint(along, task.speed)
+    jumps = event_jumps(along, unknowns.curve, task.speed, grid)
+    if jumps:
+        found = solutions_with_jumps(task.method, point, grid, task.engine, None, jumps)
+    else:
+        found = task.method.solutions(point, grid, False, task.engine)
     for reason in found.failures.values():
         raise reason
-    if forces_jump(along, unknowns.curve):
-        raise NoOrbitError(JUMPS)
     return LinearFamily(unknowns, (), found.Phi[0]).multipliers
 
 
@@ -275,7 +289,8 @@ def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, 
     real value."""
     task = parameters.task_at(unknowns.values)
     along, grid = linearised_along(task, unknowns.curve, grid)
-    steps = _Steps(_Equations(along, task, unknowns.curve, parameters.names), grid)
+    equations = _Equations(along, task, unknowns.curve, parameters.names)
+    steps = _Steps(equations, grid, equations.jumps(grid))
     values, vectors = np.linalg.eig(steps.monodromy)
     start = np.real(vectors[:, np.abs(values - multiplier).argmin()])
     columns = np.zeros((steps.blocks * len(start) + len(parameters.names), 2))

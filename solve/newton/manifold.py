@@ -76,17 +76,22 @@ class Manifold:
     def inner(self, one: Unknowns, other: Unknowns, sizes: Array, base: Unknowns | None = None) -> float:
         """Inner product of two vectors of unknowns, in coordinates scaled by `sizes` (n,) and in fractions of
         the parameter ranges. If `base` is given, it is subtracted from the first vector."""
-        first, second, *third = sampled_together(one, other, *([] if base is None else [base]))
+        (first, second, *third), weights = sampled_together(one, other, *([] if base is None else [base]))
         values = one.values if base is None else one.values - base.values
         first = first - third[0] if third else first
         along = float((values * other.values / self.parameters.spans**2).sum())
-        return float((first * second).mean(axis=1) @ sizes**-2.0) + along
+        return float((first * second) @ weights @ sizes**-2.0) + along
 
     def distance(self, one: Unknowns, other: Unknowns, sizes: Array) -> float:
         """Norm of the difference of two vectors of unknowns."""
-        first, second = sampled_together(one, other)
+        (first, second), weights = sampled_together(one, other)
         apart = (one.values - other.values) / self.parameters.spans
-        return math.sqrt(float(((first - second) ** 2).mean(axis=1) @ sizes**-2.0) + float(apart @ apart))
+        return math.sqrt(float((first - second) ** 2 @ weights @ sizes**-2.0) + float(apart @ apart))
+
+    def component(self, before: Point, after: Point, direction: Unknowns) -> float:
+        """Inner product of the step between two points and a direction. Curves are compared at samples,
+        because interpolation between grids with different events is less accurate than short steps."""
+        return self.inner(after.unknowns, direction, before.sizes, before.unknowns)
 
     def reached(
         self, before: Point, directions: Sequence[Unknowns], lengths: Sequence[float]
@@ -197,7 +202,7 @@ class Manifold:
             directions = held or tangents
             better, _ = self._corrected(unknowns, unknowns, directions, [0.0] * len(directions), sizes, fine)
             scale = self._scale(better, fine).of(better.largest, roundoff=self.resting)
-            one, other = sampled_together(unknowns, better)
+            (one, other), _ = sampled_together(unknowns, better)
             off = np.abs(other - one).max(axis=1) / scale + _ORBIT_ROUNDOFF
             moved = np.abs(better.values - unknowns.values)
             moved = float((moved / np.maximum(np.abs(unknowns.values), self.parameters.spans)).max())

@@ -173,8 +173,8 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
         return self._about(nonlinear_of(self.model).along_events(self._of_system(motion), speed, compiled))
 
-    def event_normals(self, motion: Motion, speed: float) -> Array:
-        return np.zeros((0, 1 + 2 * self.n))
+    def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
+        return np.zeros((0, 1 + 2 * self.n + len(names)))
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         bounds = np.zeros((len(phase), self.n))
