@@ -330,6 +330,17 @@ class Moved:
         return speed_sensitivities(result, self.by, accuracy.rule, accuracy.rtol)
 
 
+@contextmanager
+def stored_in(store: str | None) -> Iterator[None]:
+    """Context manager that names the folder of finished points if the command is interrupted."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if store is not None:
+            print(f"solve: finished points are stored in '{store}'", file=sys.stderr)
+        raise
+
+
 @dataclass(frozen=True)
 class Places:
     """Flags for many points: the processes that solve them, and the folder of finished points."""
@@ -356,12 +367,8 @@ class Places:
                 executor = opening.enter_context(processes(self.workers))
             if self.scheduler is not None:
                 executor = opening.enter_context(cluster(self.scheduler))
-            try:
+            with stored_in(self.store):
                 yield {"executor": executor, "store": self.store}
-            except KeyboardInterrupt:
-                if self.store is not None:
-                    print(f"solve: finished points are stored in '{self.store}'", file=sys.stderr)
-                raise
 
 
 @dataclass(frozen=True)
