@@ -4,7 +4,7 @@ from pathlib import Path
 
 LINEAR = (
     *("cam", "manipulator", "gear_pair", "mathieu", "meissner", "coupler", "four_bar", "portal_frame"),
-    *("gear_backlash", "slider_crank"),
+    *("gear_backlash", "slider_crank", "planar_joint"),
 )
 
 ODD = (
