@@ -131,9 +131,10 @@ class Linearisation(Protocol):
     events: Events
     """Phases at which the motion passes switches."""
 
-    def event_normals(self, motion: Motion, speed: float) -> Array:
-        """Derivatives (k, 1 + 2n) with respect to phase, q and dq/dφ of the switches that a motion passes at
-        its events, at a speed in rad/s."""
+    def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
+        """Derivatives (k, 1 + 2n + r) with respect to phase, q, dq/dφ and r named parameters, or the "speed",
+        of the switches that a motion passes at its events, at a speed in rad/s. q and dq/dφ are constant in
+        the derivatives with respect to the speed."""
         ...
 
     def roundoff(self, phase: Array, speed: float) -> Array:

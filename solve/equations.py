@@ -193,12 +193,12 @@ def events_of(system: PeriodicSystem) -> Events:
     return Events() if linearisation is None else linearisation.events
 
 
-def event_normals(system: PeriodicSystem, motion: Motion, speed: float) -> Array:
-    """Derivatives (k, 1 + 2n) of the switches, `Linearisation.event_normals`; k = 0 without events."""
+def event_normals(system: PeriodicSystem, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
+    """Derivatives (k, 1 + 2n + r) of the switches, `Linearisation.event_normals`; none without events."""
     linearisation = system.capabilities.linearisation
     if linearisation is None:
-        return np.zeros((0, 1 + 2 * system.n))
-    return linearisation.event_normals(motion, speed)
+        return np.zeros((0, 1 + 2 * system.n + len(names)))
+    return linearisation.event_normals(motion, speed, names)
 
 
 def roundoff_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:

@@ -6,7 +6,6 @@ it, complete or not. A chunk is complete if its checksum, written last, agrees w
 """
 
 import json
-import os
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import FileError, MissingLibraryError
 from solve.period.quantities import FIGURES
+from solve.results.folder import locked, require_same, store_errors
 from solve.results.points import Kept, PointResults
 
 _WORK, _FINISHED = "work", "finished"
@@ -84,7 +84,7 @@ class Store:
             "failures": results.failures,
         }
         text = json.dumps(texts, ensure_ascii=False)
-        with _file_errors():
+        with store_errors():
             for name, array in self._arrays.items():
                 array[place] = values[name]
             self._texts[number] = text
@@ -92,7 +92,7 @@ class Store:
 
     def finish(self) -> None:
         """Mark the store as complete. Raises FileError."""
-        with _file_errors():
+        with store_errors():
             self._group.attrs[_FINISHED] = True
 
 
@@ -100,7 +100,7 @@ def made_folder(path: str | Path) -> Path:
     """Folder for the stores of several calculations; created if necessary. Raises FileError,
     MissingLibraryError."""
     _require_zarr()
-    with _file_errors():
+    with store_errors():
         Path(path).mkdir(exist_ok=True)
     return Path(path)
 
@@ -117,15 +117,15 @@ def opened(
     """
     _require_zarr()
     place = Path(folder)
-    with _locked(place):
-        with _file_errors():
+    with locked(place):
+        with store_errors():
             group: Any = _group(place)
             stored = group.attrs.get(_WORK)
             if stored is None:
                 _create(group, N, kept, size, columns)
                 group.attrs[_WORK] = {**work, "size": size}
             else:
-                _require_same(place, stored, work)
+                require_same(place, stored, work)
                 size = stored["size"]
         yield Store(group, N, kept, size)
 
@@ -187,72 +187,9 @@ def _create(group: Any, N: int, kept: Kept, size: int, columns: Mapping[str, Arr
         group.create_array(name, data=values, chunks=(size,), dimension_names=("point",), overwrite=True)
 
 
-def _require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any]) -> None:
-    """Raise FileError if the folder contains another calculation."""
-    there, here = _entries(stored), _entries(json.loads(json.dumps(work)))
-    for name in here:
-        if there.get(name) != here[name]:
-            raise FileError(
-                f"'{place}' contains results of another calculation, with {name} {there.get(name)} "
-                f"instead of {here[name]}; give another folder, or delete '{place}'"
-            )
-
-
-def _entries(work: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of a description by name, with a separate entry for each parameter and option."""
-    entries: dict[str, Any] = {}
-    for name, value in work.items():
-        if isinstance(value, dict):
-            entries.update({f"{name}: {key}": item for key, item in value.items()})
-        else:
-            entries[name] = value
-    return entries
-
-
 def _checksum(values: Mapping[str, Array], text: str) -> int:
     """Checksum of a chunk; never 0, because 0 marks an incomplete chunk."""
     checksum = zlib.crc32(text.encode())
     for array in values.values():
         checksum = zlib.crc32(np.ascontiguousarray(array).tobytes(), checksum)
     return checksum + 1
-
-
-@contextmanager
-def _locked(place: Path) -> Iterator[None]:
-    """Context manager with an exclusive lock of a folder. The operating system releases the lock when the
-    process ends."""
-    with _file_errors():
-        if place.exists() and not place.is_dir():
-            raise FileError(f"'{place}' is a file; give a folder")
-        place.mkdir(exist_ok=True)
-    if os.name != "posix":
-        # Other systems cannot lock folders.
-        yield
-        return
-    import fcntl
-
-    with _file_errors():
-        descriptor = os.open(place, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise FileError(
-            f"'{place}' is in use by another process; wait for it, or give another folder"
-        ) from None
-    try:
-        yield
-    finally:
-        os.close(descriptor)
-
-
-@contextmanager
-def _file_errors() -> Iterator[None]:
-    """Context manager that converts OSError to FileError."""
-    try:
-        yield
-    except OSError as error:
-        what = f" '{error.filename}'" if error.filename else ""
-        raise FileError(
-            f"the store{what} cannot be written ({error.strerror or error}); finished chunks are kept"
-        ) from None

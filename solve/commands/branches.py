@@ -4,8 +4,12 @@ from typing import Annotated, Any
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Problem, Results, Speed
+from solve.commands.groups import Flag, Problem, Results, Speed, stored_in
 from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.labels import in_own_unit
+from solve.model.model import Model
+from solve.newton.branches import range_of
+from solve.units import ramp_in_si
 
 
 def branch(
@@ -22,8 +26,10 @@ def branch(
         str | None, Flag("Follow folds or doublings over two parameters; give --over twice.", "fold|doubling")
     ] = None,
     scatter: Annotated[
-        int | None, Flag("Instead of a branch: orbits reached from N random initial states.", "N")
+        int | None,
+        Flag("Orbits reached from N random initial states; with a range, the branches through them.", "N"),
     ] = None,
+    begin: Annotated[str | None, Flag("Value at the first orbit, inside the range.", '"VALUE unit"')] = None,
     seed: Annotated[int, Flag("Seed of the random initial states.", "N")] = 0,
     spread: Annotated[
         float, Flag("Half width of the range of initial states, relative to the linear orbit.", "R")
@@ -35,38 +41,57 @@ def branch(
     rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
     periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
     start: Annotated[
-        str | None, Flag("Saved orbit or transient from which the branch starts.", "FILE")
+        str | None, Flag("Saved orbit, transient, or result of --scatter as the start.", "FILE")
+    ] = None,
+    store: Annotated[
+        str | None, Flag("Folder of finished points, from which the same command resumes.", "DIR")
     ] = None,
 ) -> None:
     """Branch of nonlinear orbits over the speed or a parameter, through its turning points."""
     over, model = over or [], problem.loaded()
-    if scatter is not None:
-        if over or speeds or switch or follow or start or unforced:
-            raise ValueOutOfBoundsError(
-                "--scatter excludes --over, --speeds, --switch, --follow, --start and --unforced; give one "
-                "speed with --speed or --case"
-            )
-        scattered = solve.scatter(
-            model, speed.speed, scatter, seed, periods=max(2, periods), rtol=min(rtol, 1e-6)
-        )
-        deliver_result(results, scattered, problem.choices)
-        return
-    if follow is not None and (switch or unforced or speeds is not None):
+    if scatter is not None and (switch or follow or start or unforced):
+        raise ValueOutOfBoundsError("--scatter excludes --switch, --follow, --start and --unforced")
+    if follow is not None and (switch or unforced or speeds is not None or begin or store):
         raise ValueOutOfBoundsError(
-            "--follow excludes --switch, --unforced and --speeds; give two ranges with --over NAME=A:B twice"
+            "--follow excludes --switch, --unforced, --speeds, --begin and --store; give two ranges with "
+            "--over NAME=A:B twice"
         )
     if follow is None and len(over) > 1:
         raise ValueOutOfBoundsError("--over is given twice; give it once, or add --follow fold")
-    if follow is None:
+    if follow is None and (scatter is None or over or speeds is not None):
         _require_one_range(speed, speeds, over)
-    settings: dict[str, Any] = {"periods": periods, "start": start, "points": points, "rtol": rtol}
+    over_one, constant = (over[0], speed.speed) if over else (None, speeds)
+    found: Any = start
+    if scatter is not None:
+        at_begin, omega = _at_begin(model, speed.speed, speeds, over_one, begin)
+        found = solve.scatter(at_begin, omega, scatter, seed, spread, max(2, periods), min(rtol, 1e-6))
+    settings: dict[str, Any] = {"start": found, "points": points, "rtol": rtol}
     if follow is not None:
-        result = solve.special_curves(model, follow, over, speed.speed, **settings)
+        result = solve.special_curves(model, follow, over, speed.speed, periods, **settings)
+    elif scatter is not None and not over and speeds is None:
+        result = found
+    elif scatter is not None:
+        with stored_in(store):
+            result = solve.branch(model, constant, over_one, **settings, store=store)
     else:
-        constant = speed.speed if over else speeds
-        over_one = over[0] if over else None
-        result = solve.branch(model, constant, over_one, switch, **settings, unforced=unforced)
+        settings |= {"unforced": unforced, "begin": begin, "store": store}
+        with stored_in(store):
+            result = solve.branch(model, constant, over_one, switch, periods, **settings)
     deliver_result(results, result, problem.choices)
+
+
+def _at_begin(
+    model: Model, speed: float | str | None, speeds: str | None, over: str | None, begin: str | None
+) -> tuple[Model, float | str | None]:
+    """Model and speed at the first orbits of a branch."""
+    if over is not None:
+        name, first, _ = range_of(model, over)
+        return model.varied({name: first if begin is None else in_own_unit(model, name, begin)}), speed
+    if speeds is not None:
+        return model, ramp_in_si(speeds)[0] if begin is None else begin
+    if begin is not None:
+        raise ValueOutOfBoundsError("--begin needs a range; add --speeds or --over, or give --speed")
+    return model, speed
 
 
 def _require_one_range(speed: Speed, speeds: str | None, over: list[str]) -> None:

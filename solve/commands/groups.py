@@ -351,6 +351,17 @@ class SpeedDerivatives:
         return speed_sensitivities(result, self.by, accuracy.rule, accuracy.rtol)
 
 
+@contextmanager
+def stored_in(store: str | None) -> Iterator[None]:
+    """Context manager that names the folder of finished points if the command is interrupted."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if store is not None:
+            print(f"solve: finished points are stored in '{store}'", file=sys.stderr)
+        raise
+
+
 @dataclass(frozen=True)
 class Execution:
     """Flags for many points: the processes that solve them, and the folder of finished points."""
@@ -377,12 +388,8 @@ class Execution:
                 executor = opening.enter_context(processes(self.workers))
             if self.scheduler is not None:
                 executor = opening.enter_context(cluster(self.scheduler))
-            try:
+            with stored_in(self.store):
                 yield {"executor": executor, "store": self.store}
-            except KeyboardInterrupt:
-                if self.store is not None:
-                    print(f"solve: finished points are stored in '{self.store}'", file=sys.stderr)
-                raise
 
 
 @dataclass(frozen=True)

@@ -101,29 +101,34 @@ class EventFinder:
         return Events(_ascending(phases, same), _ascending(grazing, same))
 
     def normals(self, motion: Motion, speed: float, phase: Array) -> Array:
-        """Derivatives (k, 1 + 2n), with respect to the phase, q and q' = dq/dφ, of the switching function
-        that vanishes at each event of a motion, at phases (k,)."""
+        """Derivatives (k, 2 + 2n + p) of the switching function that vanishes at each event of a motion, at
+        phases (k,), with respect to the phase, q, q' = dq/dφ, the speed and the parameters."""
         period, n = float(motion.nodes[-1]), len(motion(phase[:1]))
         ranges = np.ptp(
             self._values(motion, speed, np.arange(_MIN_SAMPLES) * (period / _MIN_SAMPLES)), axis=0
         )
         relative = np.abs(self._values(motion, speed, phase)) / np.where(ranges > 0, ranges, np.inf)
         passed = np.where(ranges > 0, relative, np.inf).argmin(axis=1)
-        entries = self._gradient(
-            phase, np.full(len(phase), speed), *self._states(motion, speed, phase), self._p
-        )
-        rows = entries.reshape(len(phase), 1 + 2 * n, -1)[np.arange(len(phase)), :, passed]
-        return rows * np.repeat([1.0, 1.0, speed], [1, n, n])
+        states = self._states(motion, speed, phase)
+        entries = self._gradient(phase, np.full(len(phase), speed), *states, self._p)
+        rows = entries.reshape(len(phase), 2 + 2 * n + len(self._p), -1)[
+            np.arange(len(phase)), :, passed
+        ].copy()
+        velocity = slice(1 + n, 1 + 2 * n)
+        rows[:, 1 + 2 * n] += (rows[:, velocity] * states[1]).sum(axis=1) / speed
+        rows[:, velocity] *= speed
+        return rows
 
     @cached_property
     @symbolic
     def _gradient(self) -> Sampler:
-        """Derivatives of the switching functions with respect to the phase, q and q̇, in columns."""
+        """Derivatives of the switching functions with respect to the phase, q, q̇, the speed and the
+        parameters, in columns."""
         import casadi
 
         inputs = inputs_of(self._function)
         (values,) = self._function.call(list(inputs.values()))
-        moved = casadi.vertcat(*(inputs[name] for name in ("phase", "q", "qd")))
+        moved = casadi.vertcat(*(inputs[name] for name in ("phase", "q", "qd", "speed", "p")))
         gradient = casadi.vec(casadi.densify(casadi.jacobian(values, moved)))
         return Sampler(casadi.Function("gradient", list(inputs.values()), [gradient]), shared=1)
 

@@ -15,7 +15,7 @@ from solve.capabilities import Capabilities, Evaluation, Nonlinear, Validity, Va
 from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
 from solve.equations import require_desired_motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.labels import require_vibration
+from solve.labels import SPEED, require_vibration
 from solve.matrices import by_the_phase, split_entries
 from solve.model.bounds import checked_parameters, stated_limits
 from solve.model.cases import Case
@@ -383,12 +383,15 @@ class LinearisedModel(Model):
     def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":
         return self.model.along(motion, compiled)
 
-    def event_normals(self, motion: Motion, speed: float) -> Array:
+    def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
         finder = self.setup.event_finder
         phases = np.array(self.events.phases)
         if finder is None or not len(phases):
-            return np.zeros((0, 1 + 2 * self.n))
-        return finder.normals(motion, speed, phases)
+            return np.zeros((0, 1 + 2 * self.n + len(names)))
+        normals, order = finder.normals(motion, speed, phases), list(self.setup.case.parameters)
+        fixed = 2 + 2 * self.n
+        columns = [fixed - 1 if name == SPEED else fixed + order.index(name) for name in names]
+        return normals[:, [*range(fixed - 1), *columns]]
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

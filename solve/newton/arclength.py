@@ -2,7 +2,8 @@
 Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory, Academic Press, 1977)."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,6 +12,7 @@ import numpy as np
 from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
+from solve.newton.branch_store import BranchStep, SavedBranch
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
@@ -33,7 +35,7 @@ _ROUNDOFF = 4 * EPS
 """Minimum relative error of the parameter."""
 
 _REFINEMENTS = 3
-"""Number of interpolations towards the end of the range. A choice."""
+"""Interpolations towards a value of the parameter. A choice."""
 
 _MIN_COSINE = 0.85
 """Smallest cosine of the angle between a step and the tangents at its ends. With a smaller cosine the step is
@@ -46,12 +48,17 @@ orientation changes where another branch crosses the branch, or where a longer s
 branch."""
 
 
-def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
-    """First point of the branch, from an orbit at the first value of the parameter. Its tangent points
-    towards the last value."""
+_SAME = 1e-3
+"""Distance of two orbits at one value of the parameter, in scaled coordinates, below which they are one. A
+choice: above the errors of orbits, below the distance of orbits that coexist."""
+
+
+def first_point(parameters: ContinuationParameters, orbit: Orbit, value: float) -> Point:
+    """First point of the branch, from an orbit at a value of the parameter. Its tangent points towards the
+    last value."""
     grid = parameters.task.grid(orbit.steps)
     first, last = parameters.ranges[0]
-    unknowns = Unknowns(on(grid, orbit.curve), np.array([first]))
+    unknowns = Unknowns(on(grid, orbit.curve), np.array([value]))
     towards = Unknowns(parameters.task.rest(grid), np.array([last - first]))
     system = parameters.task_at(unknowns.values).system
     if events_of(nonlinear_of(system).along_events(orbit.curve, orbit.speed)).phases:
@@ -61,52 +68,110 @@ def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
 
 def follow_branch(
     parameters: ContinuationParameters,
-    start: Point,
+    start: Callable[[], Point],
     most: int,
     left: Callable[[Point], bool] = lambda _: False,
+    saved: SavedBranch | None = None,
 ) -> tuple[list[Point], str]:
     """Continue a branch from its first point. Returns at most `most` points, and the reason if they end
-    inside the range of the parameter. left: returns True for a point that has left the branch."""
+    inside the range of the parameter. start: returns the first point; left: is called for the points in their
+    order, and returns True for one that has left the branch; saved: stored steps, from which the
+    continuation resumes."""
     task = parameters.task
     with one_thread(task.system.n), progress.task("points", most) as count:
-        follower = _BranchFollower(parameters)
-        found, ended = follower.follow(start, most, count.add, left)
+        follower = _BranchFollower(parameters, saved or SavedBranch())
+        found, ended = follower.follow(start, most, count, left)
         return follower.with_radius_errors(found), ended
+
+
+def orbits_at(parameters: ContinuationParameters, points: Sequence[Point], value: float) -> list[Point]:
+    """Orbits of a branch at a value of the parameter. Those that cannot be computed are omitted."""
+    follower, found = _BranchFollower(parameters, SavedBranch()), list[Point]()
+    for before, after in pairwise(points):
+        if (before.value - value) * (after.value - value) <= 0:
+            with suppress(SolveError):
+                found.append(follower.between(before, after, value))
+    return found
+
+
+def is_closed(points: Sequence[Point]) -> bool:
+    """Whether a branch ends with its first point."""
+    return len(points) > 2 and np.array_equal(points[0].orbit.figures, points[-1].orbit.figures)
 
 
 class _BranchFollower:
     """Continuation of a branch from its first point."""
 
-    def __init__(self, parameters: ContinuationParameters):
-        self.parameters, self.manifold = parameters, Manifold(parameters)
+    def __init__(self, parameters: ContinuationParameters, saved: SavedBranch):
+        self.parameters, self.manifold, self.saved = parameters, Manifold(parameters), saved
         self.ends, self.span = sorted(parameters.ranges[0].tolist()), float(parameters.spans[0])
 
     def follow(
         self,
-        start: Point,
+        start: Callable[[], Point],
         most: int,
-        count: Callable[[], None],
+        count: progress.Task,
         left: Callable[[Point], bool],
     ) -> tuple[list[Point], str]:
-        """Points of the branch, and the reason if it ends inside the range; see `follow_branch`."""
-        points, length = [start], _FIRST_STEP
+        """See `follow_branch`."""
+        points, length, number = list[Point](), _FIRST_STEP, 0
         while len(points) < most:
-            before = points[-1]
-            try:
-                after, length, corrections = self._step(before, length)
-                if left(after):
-                    return points, ""
-                new_points = [*special_points(self.manifold, before, after), after]
-                for one, other in pairwise([before, *new_points]):
-                    if not self.ends[0] <= other.value <= self.ends[1]:
-                        return [*points, self._at_end_of_range(one, other)], ""
-                    points.append(other)
-                    count()
-            except NoOrbitError as reason:
-                return points, str(reason)
-            growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
-            length = min(growth * length, _MAX_STEP)
+            step = self.saved.read(number)
+            if step is None:
+                step = self._next(points, length) if points else self._stored((start(),), length)
+                self.saved.write(number, step)
+            self.manifold.largest, self.manifold.resting = step.largest, step.resting
+            if step.ended is None and left(step.points[-1]):
+                return points, ""
+            points += step.points
+            for _ in step.points:
+                count.add()
+            if step.ended is not None:
+                return points[:most], step.ended
+            length, number = step.length, number + 1
         return points[:most], f"the branch continues beyond the {most} points requested; request more"
+
+    def _stored(self, points: Sequence[Point], length: float, ended: str | None = None) -> BranchStep:
+        return BranchStep(tuple(points), length, self.manifold.largest, self.manifold.resting, ended)
+
+    def _next(self, points: Sequence[Point], length: float) -> BranchStep:
+        """Next step of a branch with these points."""
+        before, found = points[-1], list[Point]()
+        try:
+            after, length, corrections = self._step(before, length)
+            start = self._closing_point(points[0], before, after)
+            for one, other in pairwise([before, *special_points(self.manifold, before, after), after]):
+                if start is not None and self._is_beyond(start, before, other):
+                    return self._stored((*found, start), length, "")
+                if not self.ends[0] <= other.value <= self.ends[1]:
+                    edge = self.ends[int(other.value > self.ends[1])]
+                    return self._stored((*found, self.between(one, other, edge)), length, "")
+                found.append(other)
+        except NoOrbitError as reason:
+            return self._stored(found, length, str(reason))
+        growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
+        return self._stored(found, min(growth * length, _MAX_STEP))
+
+    def _closing_point(self, start: Point, before: Point, after: Point) -> Point | None:
+        """First point of the branch if the branch passes it within a step and is closed."""
+        direction, sizes = before.direction, before.sizes
+        along = self.manifold.component(before, start, direction)
+        length = self.manifold.component(before, after, direction)
+        if not 0 < along <= length or self.manifold.inner(start.direction, direction, sizes) <= 0:
+            return None
+        if self.manifold.distance(start.unknowns, before.unknowns, sizes) > along / _MIN_COSINE:
+            return None
+        try:
+            there, _ = self.manifold.along(before, along)
+        except SolveError:
+            return None
+        apart = self.manifold.distance(start.unknowns, there.unknowns, sizes)
+        return start if apart <= _SAME else None
+
+    def _is_beyond(self, start: Point, before: Point, other: Point) -> bool:
+        """Whether a point of the step lies beyond the first point of the branch."""
+        along, there = (self.manifold.component(before, each, before.direction) for each in (start, other))
+        return there >= along
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
         """Add the effect of the parameter's error, which moves the orbit along the branch, to the errors of
@@ -119,8 +184,7 @@ class _BranchFollower:
         none = np.zeros(2)
         rates = [none]
         for before, after in pairwise(points):
-            chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
-            length = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
+            length = self.manifold.distance(after.unknowns, before.unknowns, before.sizes)
             changes = after.orbit.radius - before.orbit.radius, after.direction.value - before.direction.value
             rates.append(np.abs(changes) / length if length > 0 else none)
         with_errors = []
@@ -152,30 +216,29 @@ class _BranchFollower:
     def _require_same_branch(self, before: Point, after: Point) -> None:
         """Raise NoOrbitError if the branch curves so much within a step that the step may have jumped to
         another branch or passed two folds."""
-        chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
-        ends = before.direction, after.direction.on(before.grid)
-        long = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
+        long = self.manifold.distance(after.unknowns, before.unknowns, before.sizes)
+        ends = before.direction, after.direction
         for end in ends:
-            along = self.manifold.inner(chord, end, before.sizes)
+            along = self.manifold.component(before, after, end)
             if along < _MIN_COSINE * long * math.sqrt(self.manifold.inner(end, end, before.sizes)):
                 raise NoOrbitError("the branch curves too much within the step")
-        if max(end.value * chord.value for end in ends) < 0:
+        change = after.unknowns.value - before.unknowns.value
+        if max(end.value * change for end in ends) < 0:
             raise NoOrbitError("the step passes over two folds")
 
-    def _at_end_of_range(self, before: Point, after: Point) -> Point:
-        """Point between two points of the branch at which the parameter first reaches the end of the
-        range."""
-        edge, near = self.ends[int(after.value > self.ends[1])], before
+    def between(self, before: Point, after: Point, value: float) -> Point:
+        """Point between two points of the branch at which the parameter first has a value."""
+        near, rises = before, after.value > before.value
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
-            at = _crossing(length, change, slopes, edge - before.unknowns.value)
+            at = _crossing(length, change, slopes, value - before.unknowns.value)
             near, _ = self.manifold.along(before, at)
-            if self.ends[0] <= near.value <= self.ends[1]:
+            if (near.value <= value) == rises:
                 before = near
             else:
                 after = near
-        along = near.unknowns.plus((edge - near.unknowns.value) / near.direction.value, near.direction)
-        near = replace(near, unknowns=replace(along, values=np.array([edge, *along.values[1:]])))
+        along = near.unknowns.plus((value - near.unknowns.value) / near.direction.value, near.direction)
+        near = replace(near, unknowns=replace(along, values=np.array([value, *along.values[1:]])))
         ways = [self._parameter_direction(near.grid), *near.tangents[1:]]
         return self.manifold.reached(near, ways, [0.0] * len(ways))[0]
 
@@ -183,12 +246,12 @@ class _BranchFollower:
         """Distance between two points along the tangent at the first point, change of the parameter, and
         derivatives of the parameter with respect to this distance at both points. Raises NoOrbitError if
         the branch bends too much."""
-        direction = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
-        length = self.manifold.inner(direction, before.direction, before.sizes)
-        slope = self.manifold.inner(after.direction.on(before.grid), before.direction, before.sizes)
+        length = self.manifold.component(before, after, before.direction)
+        slope = self.manifold.inner(after.direction, before.direction, before.sizes)
         if not (length > 0 and slope > 0):
             raise NoOrbitError("the branch curves too much within the step")
-        return length, direction.value, (before.direction.value, after.direction.value / slope)
+        change = after.unknowns.value - before.unknowns.value
+        return length, change, (before.direction.value, after.direction.value / slope)
 
     def _parameter_direction(self, grid: Grid) -> Unknowns:
         """Vector of unknowns with a change of the parameter only, in the direction of its last value."""

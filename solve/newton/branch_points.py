@@ -10,6 +10,7 @@ from solve.labels import SPEED, unit_of
 from solve.newton.iteration import Task, add, on
 from solve.period.curve import Curve
 from solve.period.grid import Grid
+from solve.results.serialization import serializable
 
 SAMPLES = 8
 """Number of phases per step at which orbits are compared. A choice."""
@@ -24,6 +25,7 @@ _MAX_TASKS = 8
 """Number of values of the parameters whose systems are cached. A choice: a point uses one or two."""
 
 
+@serializable
 @dataclass(frozen=True)
 class Unknowns:
     """Unknowns of a continuation: an orbit as a curve, and the values (k,) of the parameters. Also the
@@ -66,16 +68,19 @@ class Unknowns:
         return np.abs(self.curve.sampled(SAMPLES)).max(axis=1)
 
 
-def sampled_together(*vectors: Unknowns) -> list[Array]:
-    """Values (n, k) of several curves, sampled at the same phases: on each step if they share nodes,
-    uniformly otherwise."""
-    nodes = vectors[0].curve.nodes
+def sampled_together(*vectors: Unknowns) -> tuple[list[Array], Array]:
+    """Values (n, k) of several curves, sampled at the same phases, on each step if they share nodes and
+    uniformly otherwise; and weights (k,) whose products with values are means over the period."""
+    curve = vectors[0].curve
+    nodes = curve.nodes
     if all(np.array_equal(unknowns.curve.nodes, nodes) for unknowns in vectors[1:]):
-        return [unknowns.curve.sampled(SAMPLES) for unknowns in vectors]
+        values = [unknowns.curve.sampled(SAMPLES) for unknowns in vectors]
+        return values, np.repeat(curve.h / (nodes[-1] * SAMPLES), SAMPLES)
     phase = np.arange(_PHASES) * (nodes[-1] / _PHASES)
-    return [unknowns.curve(phase) for unknowns in vectors]
+    return [unknowns.curve(phase) for unknowns in vectors], np.full(_PHASES, 1 / _PHASES)
 
 
+@serializable
 @dataclass(frozen=True)
 class FollowedOrbit:
     """Orbit of a branch: parameter values (k,); statistics (q, 7) of coordinates and outputs in the order of
@@ -97,6 +102,7 @@ class FollowedOrbit:
         return float(np.abs(self.multipliers - 1).min())
 
 
+@serializable
 @dataclass(frozen=True)
 class Point:
     """Point of a branch: its converged unknowns on a grid; scales (n,) of the coordinates for step lengths;
@@ -164,4 +170,4 @@ class ContinuationParameters:
     def text(self, values: Array) -> str:
         """Text of values with their units."""
         shown = [pair for pair in zip(self.names, values, strict=True) if pair[0] != DAMPING]
-        return ", ".join(unit_of(self.task.system, name).text(float(value), ".4g") for name, value in shown)
+        return ", ".join(unit_of(self.task.system, name).text(float(value), ".6g") for name, value in shown)

@@ -1,27 +1,27 @@
 """Branches of nonlinear orbits over the speed or a parameter."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from solve.arguments import require_integer
 from solve.arrays import Array
 from solve.equations import require_bounds
-from solve.errors import MissingValueError, NoOrbitError, ValueOutOfBoundsError, require_name
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED, in_own_unit, speed_or_usual
 from solve.methods.radau import Radau
-from solve.newton.arclength import first_point, follow_branch
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point
+from solve.newton.branch_starts import first_value, orbit_starts, scattered_or, start_digest
+from solve.newton.branch_store import description_of, opened_branches
 from solve.newton.iteration import Task
-from solve.newton.linear_families import JUMPS
-from solve.newton.orbits import nonlinear
-from solve.newton.saltation import forces_jump
+from solve.newton.several_branches import follow_orbits
 from solve.newton.starts import Start
 from solve.newton.switching import Followed, follow_doublings
 from solve.newton.unforced import energy, follow_modes_of
-from solve.period.curve import Curve
 from solve.results.branch import KINDS, Branch
+from solve.results.scatter import Scatter
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.units import apart, checked_rtol, ramp_in_si
 
@@ -31,11 +31,6 @@ _SAMPLES = 127
 """Number of phases at which orbits are stored. It resolves 63 harmonics, from which Newton's iteration
 converges. A choice; odd, so that the highest harmonic has a cosine and a sine."""
 
-MAX_START_RTOL = 1e-3
-"""Largest rtol of the orbit from which a branch starts, because its grid is used for the next orbits. On
-coarser grids Newton's iteration along the branch may diverge: for the cam at 300 rpm it diverges with 1e-2,
-not with 3e-3."""
-
 
 @of_system
 def branch(
@@ -44,13 +39,15 @@ def branch(
     over: str | None = None,
     switch: bool = False,
     periods: int = 1,
-    start: Start | None = None,
+    start: Start | Scatter | None = None,
     points: int = 200,
     rtol: float = 1e-3,
     engine: str = "auto",
     unforced: bool = False,
+    begin: float | str | None = None,
+    store: str | Path | None = None,
 ) -> Branch:
-    """Continue nonlinear orbits in the speed or a parameter, through folds.
+    """Continue nonlinear orbits in the speed or a parameter, through folds, also along isolated branches.
 
     Folds, period doublings and tori (Neimark–Sacker points) are located to `rtol`.
 
@@ -69,22 +66,28 @@ def branch(
     periods : int
         Number of model periods per period of the orbits.
     start : optional
-        Start of `solve.nonlinear` at the first value.
+        Start of `solve.nonlinear` at the first orbit. Or a result of `solve.scatter`, or its file: the
+        branches through all its orbits are followed, and the first value is that of the result.
     points : int
-        Maximum number of orbits of each branch.
+        Maximum number of orbits of each branch, in each direction.
     rtol : float
         Largest error of the orbits, relative to the scale of each coordinate.
     engine : str
         "auto", "compiled" or "numpy".
     unforced : bool
         Whether to follow the nonlinear modes of equations without load and damping over their frequency, the
-        speed, from each frequency of small vibrations between `speeds`. The multipliers that belong to the
-        phase and the energy are exactly +1; the spectral radius is that of the remaining multipliers.
+        speed, from each frequency of small vibrations between `speeds`. Multipliers of phase and energy are
+        exactly +1; the spectral radius is that of the others.
+    begin : float or str, optional
+        Value of the speed or the parameter at the first orbit, between the ends of the range. The branch is
+        followed in both directions. By default the first end.
+    store : str or Path, optional
+        Folder that keeps finished steps; the same call resumes from it, also with more points.
 
     Returns
     -------
     Branch
-        Orbits in the order of the branch; `energies` if unforced.
+        Orbits in the order of the branch; `energies` if unforced. A closed branch ends with its first orbit.
 
     Raises
     ------
@@ -93,7 +96,7 @@ def branch(
     LinearModelError
         For linear systems.
     NoOrbitError
-        If there is no orbit at the first value, or forces jump at its events.
+        If there is no orbit at the first value.
     NoDerivativeError
         If the equations have no derivative with respect to the parameter.
 
@@ -106,21 +109,25 @@ def branch(
     require_integer("points", points, 2)
     require_integer("periods", periods)
     parameters, notes = continuation(system, speeds, over, periods, rtol, engine)
-    if unforced:
-        if over is not None or switch or start is not None or periods != 1:
-            raise ValueOutOfBoundsError(
-                "unforced modes are followed over the speed; omit over, switch, start and periods"
+    if unforced and (over is not None or switch or start is not None or begin is not None or periods != 1):
+        raise ValueOutOfBoundsError(
+            "unforced modes are followed over the speed; omit over, switch, start, begin and periods"
+        )
+    start, most = scattered_or(start), int(points)
+    value = first_value(parameters, start, begin)
+    task = parameters.task_at(np.array([value]))
+    description = description_of(
+        parameters, begin=value, start=start_digest(start, task), switch=switch, unforced=unforced
+    )
+    with opened_branches(store, description) as steps:
+        if unforced:
+            return _result(
+                parameters, follow_modes_of(parameters.task, parameters.ranges[0], most, steps), notes
             )
-        return _result(parameters, follow_modes_of(parameters.task, parameters.ranges[0], int(points)), notes)
-    task = parameters.task_at(parameters.ranges[:, 0])
-    start_rtol = min(parameters.task.rtol, MAX_START_RTOL)
-    orbit = nonlinear(task.system, task.speed, start, periods, rtol=start_rtol, engine=engine)
-    if isinstance(orbit.curve, Curve) and forces_jump(orbit.system, orbit.curve):
-        raise NoOrbitError(JUMPS)
-    found, ended = follow_branch(parameters, first_point(parameters, orbit), int(points))
-    followed: list[Followed] = [(parameters, found, ended)]
-    if switch:
-        followed += follow_doublings(parameters, found, int(points))
+        followed = follow_orbits(parameters, orbit_starts(task, start), value, most, steps)
+        if switch:
+            for one, found, _ in tuple(followed):
+                followed += follow_doublings(one, found, most, steps)
     return _result(parameters, followed, notes)
 
 

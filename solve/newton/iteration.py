@@ -13,17 +13,16 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction, solved_along
 from solve.contracts import Matrices, Motion
-from solve.equations import nonlinear_of
+from solve.equations import events_of, nonlinear_of
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions, one_by_one
-from solve.newton.saltation import steps_with_saltation
+from solve.newton.saltation import event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
-from solve.period.period_map import monodromy
 from solve.period.points import Multiplied, OnePoint, Points
 from solve.period.rigid_body import RigidBodyModes
 from solve.system import PeriodicSystem
@@ -35,6 +34,10 @@ _MAX_CORRECTIONS = 40
 
 _MIN_DAMPING = 1 / 64
 """Smallest damping factor of a correction. A choice."""
+
+_NEAR = 0.1
+"""Norm of a correction below which jumps at events are included. A choice: farther away, with other events,
+the iteration that holds the events converges from more starts. They are also included where that stops."""
 
 _STALLED = 1e-6
 """Relative size below which corrections that no longer decrease count as round-off. A choice: far above eps
@@ -142,16 +145,19 @@ def iterate(task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS)
 
 def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
     norm, curve = _CorrectionNorm(task, grid), on(grid, start)
-    corrected = _correct(task, curve, grid)
+    corrected, near = _correct(task, curve, grid, False), False
     size, damping, smallest, count = norm(curve, corrected), 1.0, math.inf, 0
     while count < most:
         count += 1
+        if not near and (size < _NEAR or damping < _MIN_DAMPING):
+            near, damping, corrected = True, 1.0, _correct(task, curve, grid, True, corrected)
+            size = norm(curve, corrected)
         smallest = min(smallest, size)
         if size <= _RTOL_FRACTION * task.rtol:
             return norm.converged(curve, corrected, count)
         trial = interpolate(curve, Converged(corrected, count, size).curve, damping)
         try:
-            after = _correct(task, trial, grid)
+            after = _correct(task, trial, grid, near)
         except LinearModelError:
             raise
         except SolveError:
@@ -164,7 +170,7 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
             return norm.converged(curve, corrected, count)
         if after is not None and next_size <= (1 - damping / 4) * size:
             curve, corrected, size, damping = trial, after, next_size, min(1.0, 2 * damping)
-        elif damping <= _MIN_DAMPING:
+        elif damping <= _MIN_DAMPING and (near or not events_of(task.along(curve)).phases):
             break
         else:
             damping /= 2
@@ -277,10 +283,20 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
     return along, grid
 
 
-def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
-    """Next Newton iterate from a curve."""
+def _correct(
+    task: Task, curve: Curve, grid: Grid, through_jumps: bool, otherwise: Solutions | None = None
+) -> Solutions:
+    """Next Newton iterate from a curve. through_jumps: whether jumps of the forces at events move
+    disturbances; otherwise: iterate without these, if available."""
     along, grid = linearised_along(task, curve, grid)
-    return solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
+    jumps = event_jumps(along, curve, task.speed, grid) if through_jumps else []
+    if not jumps:
+        return otherwise or solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
+    point = OnePoint(along, task.speed)
+    solutions = solutions_with_jumps(task.method, point, grid, task.engine, free(point), jumps)
+    for reason in solutions.failures.values():
+        raise reason
+    return solutions
 
 
 def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
@@ -368,14 +384,10 @@ class Newton(Method):
             raise
         if grid.steps >= self.finest:
             self.start, self.finest = found.curve, grid.steps
-        along, grid = linearised_along(task, found.curve, grid)
+        along = task.along(found.curve)
         scale = CoordinateScale(along, found.curve, task.speed, _FEW_STEPS)
         defect = max(found.last, scale.load_roundoff(np.abs(found.curve.sampled(1)).max(axis=1)))
-        solutions = replace(found.solutions, defect=np.array([defect]))
-        steps = steps_with_saltation(along, found.curve, task.speed, task.method, grid)
-        if steps is None:
-            return solutions
-        return replace(solutions, Phi=monodromy(steps), units=None, steps=steps)
+        return replace(found.solutions, defect=np.array([defect]))
 
     def point(self) -> OnePoint:
         """The system linearised along the curve from which the iteration starts."""

@@ -5,8 +5,9 @@ The state x at phase 0 and the changes p of k parameters satisfy x = Φ x + g + 
 singular, these equations remain regular (H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems,
 1987, 4.3)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Unknowns
 from solve.newton.iteration import Task, linearised_along
-from solve.newton.saltation import forces_jump
+from solve.newton.saltation import EventJump, event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
@@ -37,28 +38,50 @@ _REGULAR = 1e-2
 """Distance of all multipliers from +1 above which I - Φ counts as regular. Round-off is multiplied by the
 inverse of this distance. A choice."""
 
+_FAR_FROM_FOLDS = 0.1
+"""Distance of all multipliers from +1 above which corrections may use tangents of a neighbouring orbit. A
+choice."""
 
-JUMPS = (
-    "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches need continuous "
-    "forces; use sweep --nonlinear"
+
+_FREE_JUMPS = (
+    "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches of free machines "
+    "need continuous forces; use sweep --nonlinear"
 )
 
 
 @dataclass(frozen=True)
 class LinearFamily:
-    """Solutions of a linear periodic problem: a particular solution, the tangents (k) to the set of
-    solutions, and the monodromy matrix."""
+    """Solutions of a linear periodic problem: a particular solution, the monodromy matrix, and a function
+    that returns the tangents (k) to the set of solutions."""
 
     unknowns: Unknowns
-    tangents: tuple[Unknowns, ...]
     Phi: Array
+    solve_tangents: Callable[[], tuple[Unknowns, ...]]
 
-    @property
+    @cached_property
+    def tangents(self) -> tuple[Unknowns, ...]:
+        """Tangents (k) to the set of solutions; computed when they are first used."""
+        return self.solve_tangents()
+
+    @cached_property
     def multipliers(self) -> Array:
         """Floquet multipliers (2n,), largest modulus first."""
-        if not np.isfinite(self.Phi).all():
-            raise NoOrbitError("the multipliers overflow")
-        return Multipliers.of(self.Phi[None]).values[0]
+        return _multipliers(self.Phi)
+
+    def tangents_or(self, approximate: Sequence[Unknowns] | None) -> Sequence[Unknowns]:
+        """Approximate tangents on the nodes of the solution, if given and far from folds, where tangents vary
+        slowly; otherwise exact tangents."""
+        if approximate is None or np.abs(self.multipliers - 1).min() < _FAR_FROM_FOLDS:
+            return self.tangents
+        nodes = self.unknowns.curve.nodes
+        grid = Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool))
+        return [tangent.on(grid) for tangent in approximate]
+
+
+def _multipliers(Phi: Array) -> Array:
+    if not np.isfinite(Phi).all():
+        raise NoOrbitError("the multipliers overflow")
+    return Multipliers.of(Phi[None]).values[0]
 
 
 def linear_family(
@@ -69,20 +92,24 @@ def linear_family(
     task = parameters.task_at(unknowns.values)
     along, grid = linearised_along(task, unknowns.curve, grid)
     equations = _Equations(along, task, unknowns.curve, parameters.names, parameters.task.rigid is not None)
+    jumps = equations.jumps(grid)
     if equations.free:
+        if jumps:
+            raise NoOrbitError(_FREE_JUMPS)
         return _by_periodic_solutions(equations, unknowns, grid)
-    if task.engine == COMPILED and DAMPING not in parameters.names:
+    if task.engine == COMPILED and not jumps and DAMPING not in parameters.names:
         family = _if_regular(equations, unknowns, grid)
         if family is not None:
             return family
-    steps = _Steps(equations, grid)
+    steps = _Steps(equations, grid, jumps)
     unit = np.concatenate((np.tile(np.tile(sizes, 2), steps.blocks), parameters.spans))
     columns = _null_space(*steps.closing(), unit)
     curves = steps.curves(columns)
     count = len(parameters.names)
     changes = columns[len(columns) - count :].T
     tangents = tuple(Unknowns(curves[k + 1], changes[k + 1]) for k in range(count))
-    return LinearFamily(Unknowns(curves[0], unknowns.values + changes[0]), tangents, steps.monodromy)
+    first = Unknowns(curves[0], unknowns.values + changes[0])
+    return LinearFamily(first, steps.monodromy, lambda: tangents)
 
 
 def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
@@ -133,6 +160,11 @@ class _Equations:
             columns = np.concatenate((columns, -M @ states[:, 1, :, None]), axis=-1)
         return columns
 
+    def jumps(self, grid: Grid) -> list[EventJump]:
+        """Jumps of disturbances at the events of the motion."""
+        names = [name for name in self.names if name != DAMPING]
+        return event_jumps(self.along, self.motion, self.task.speed, grid, names)
+
     def under(self, load: int) -> PeriodicSystem:
         """Linear system under one of the loads -∂r/∂θ."""
 
@@ -146,7 +178,7 @@ class _Equations:
 class _Steps:
     """Radau's method on a grid for several loads: maps of the steps, multiplied to blocks."""
 
-    def __init__(self, equations: _Equations, grid: Grid):
+    def __init__(self, equations: _Equations, grid: Grid, jumps: Sequence[EventJump]):
         method: Collocation = equations.task.method.collocation
         phases, n = grid.stages(np.array(method.c)), equations.along.n
         M, C, K, loads = (
@@ -156,7 +188,10 @@ class _Steps:
         self._stages = method.stage_accelerations(grid.h, M, C, K, loads)
         self._states = 2 * n
         self.blocks = _BLOCKS if self._states <= _MANY_STATES else 1
-        self._chain = _joined(method.maps(grid.h, self._stages)[0], self._states, self.blocks)
+        maps = method.maps(grid.h, self._stages)[0]
+        for jump in jumps:
+            maps[jump.step] = jump.after(maps[jump.step])
+        self._chain = _joined(maps, self._states, self.blocks)
 
     @property
     def monodromy(self) -> Array:
@@ -241,19 +276,20 @@ def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid
     rigid-body modes, and wherever I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
     held = free(OnePoint(along, task.speed)) if equations.free else None
-    systems = [along, *map(equations.under, range(len(equations.names)))]
-    found = [
-        solutions_on(task.method, OnePoint(system, task.speed), grid, True, task.engine, held)
-        for system in systems
-    ]
-    for solutions in found:
-        for reason in solutions.failures.values():
+
+    def response(system: PeriodicSystem) -> tuple[Curve, Array]:
+        found = solutions_on(task.method, OnePoint(system, task.speed), grid, True, task.engine, held)
+        for reason in found.failures.values():
             raise reason
-    curves = [solutions.curve for solutions in found]
-    assert all(isinstance(curve, Curve) for curve in curves)
-    tangents = zip(curves[1:], np.eye(len(equations.names)), strict=True)
-    vectors = (Unknowns(curve[0], change) for curve, change in tangents)  # pyright: ignore
-    return LinearFamily(Unknowns(curves[0][0], unknowns.values), tuple(vectors), found[0].Phi[0])  # pyright: ignore
+        assert isinstance(found.curve, Curve)
+        return found.curve[0], found.Phi[0]
+
+    def tangents() -> tuple[Unknowns, ...]:
+        changes = np.eye(len(equations.names))
+        return tuple(Unknowns(response(equations.under(k))[0], change) for k, change in enumerate(changes))
+
+    curve, Phi = response(along)
+    return LinearFamily(Unknowns(curve, unknowns.values), Phi, tangents)
 
 
 def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, sizes: Array) -> Array:
@@ -263,12 +299,15 @@ def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid:
     if task.engine != COMPILED or parameters.task.rigid is not None:
         return linear_family(parameters, unknowns, grid, sizes).multipliers
     along, grid = linearised_along(task, unknowns.curve, grid)
-    found = task.method.solutions(OnePoint(along, task.speed), grid, False, task.engine)
+    point = OnePoint(along, task.speed)
+    jumps = event_jumps(along, unknowns.curve, task.speed, grid)
+    if jumps:
+        found = solutions_with_jumps(task.method, point, grid, task.engine, None, jumps)
+    else:
+        found = task.method.solutions(point, grid, False, task.engine)
     for reason in found.failures.values():
         raise reason
-    if forces_jump(along, unknowns.curve):
-        raise NoOrbitError(JUMPS)
-    return LinearFamily(unknowns, (), found.Phi[0]).multipliers
+    return _multipliers(found.Phi[0])
 
 
 def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, multiplier: float) -> Curve:
@@ -276,7 +315,8 @@ def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, 
     real value."""
     task = parameters.task_at(unknowns.values)
     along, grid = linearised_along(task, unknowns.curve, grid)
-    steps = _Steps(_Equations(along, task, unknowns.curve, parameters.names), grid)
+    equations = _Equations(along, task, unknowns.curve, parameters.names)
+    steps = _Steps(equations, grid, equations.jumps(grid))
     values, vectors = np.linalg.eig(steps.monodromy)
     start = np.real(vectors[:, np.abs(values - multiplier).argmin()])
     columns = np.zeros((steps.blocks * len(start) + len(parameters.names), 2))

@@ -76,17 +76,22 @@ class Manifold:
     def inner(self, one: Unknowns, other: Unknowns, sizes: Array, base: Unknowns | None = None) -> float:
         """Inner product of two vectors of unknowns, in coordinates scaled by `sizes` (n,) and in fractions of
         the parameter ranges. If `base` is given, it is subtracted from the first vector."""
-        first, second, *third = sampled_together(one, other, *([] if base is None else [base]))
+        (first, second, *third), weights = sampled_together(one, other, *([] if base is None else [base]))
         values = one.values if base is None else one.values - base.values
         first = first - third[0] if third else first
         along = float((values * other.values / self.parameters.spans**2).sum())
-        return float((first * second).mean(axis=1) @ sizes**-2.0) + along
+        return float((first * second) @ weights @ sizes**-2.0) + along
 
     def distance(self, one: Unknowns, other: Unknowns, sizes: Array) -> float:
         """Norm of the difference of two vectors of unknowns."""
-        first, second = sampled_together(one, other)
+        (first, second), weights = sampled_together(one, other)
         apart = (one.values - other.values) / self.parameters.spans
-        return math.sqrt(float(((first - second) ** 2).mean(axis=1) @ sizes**-2.0) + float(apart @ apart))
+        return math.sqrt(float((first - second) ** 2 @ weights @ sizes**-2.0) + float(apart @ apart))
+
+    def component(self, before: Point, after: Point, direction: Unknowns) -> float:
+        """Inner product of the step between two points and a direction. Curves are compared at samples,
+        because interpolation between grids with different events is less accurate than short steps."""
+        return self.inner(after.unknowns, direction, before.sizes, before.unknowns)
 
     def reached(
         self, before: Point, directions: Sequence[Unknowns], lengths: Sequence[float]
@@ -98,7 +103,7 @@ class Manifold:
         for direction, length in zip(directions, lengths, strict=True):
             unknowns = unknowns.plus(length / self.inner(direction, direction, sizes), direction)
         unknowns, family, corrections = self._converged(
-            unknowns, before.unknowns, directions, lengths, sizes, before.grid
+            unknowns, before.unknowns, directions, lengths, sizes, before.grid, before.tangents
         )
         held = None if any(lengths) else directions
         return self.point(unknowns, before.tangents, before.grid, family, sizes, held), corrections
@@ -129,12 +134,16 @@ class Manifold:
         lengths: Sequence[float],
         sizes: Array,
         grid: Grid,
+        tangents: Sequence[Unknowns] | None = None,
     ) -> tuple[Unknowns, LinearFamily, int]:
         """Converged unknowns at given lengths from `before` along the directions `directions`, solutions of
-        the last linear problem, and number of corrections. Raises SolveError subclasses."""
+        the last linear problem, and number of corrections. tangents: those of a neighbouring orbit, if
+        available. Raises SolveError subclasses."""
         last = 1.0
         for corrections in range(1, _MAX_CORRECTIONS + 1):
-            after, family = self._corrected(unknowns, before, directions, lengths, sizes, grid)
+            # From the second correction on, other tangents would reduce the order of convergence.
+            near = tangents if corrections == 1 else None
+            after, family = self._corrected(unknowns, before, directions, lengths, sizes, grid, near)
             size, unknowns = self.distance(after, unknowns, sizes), after
             # With quadratic convergence, a next correction that is predicted to be small is omitted.
             following = _SAFETY * size**3 / last**2 if corrections > 1 and size < _QUADRATIC else math.inf
@@ -153,15 +162,14 @@ class Manifold:
         lengths: Sequence[float],
         sizes: Array,
         grid: Grid,
+        tangents: Sequence[Unknowns] | None = None,
     ) -> tuple[Unknowns, LinearFamily]:
         """Next iterate of the unknowns with given lengths from `before` along the directions `directions`,
-        and all solutions of the linear problem. Raises SolveError."""
+        and all solutions of the linear problem. tangents: see `_converged`. Raises SolveError."""
         family = linear_family(self.parameters, unknowns, grid, sizes)
         gone = [self.inner(family.unknowns, direction, sizes, before) for direction in directions]
-        missing = np.subtract(lengths, gone)
-        matrix = [
-            [self.inner(tangent, direction, sizes) for tangent in family.tangents] for direction in directions
-        ]
+        missing, along = np.subtract(lengths, gone), family.tangents_or(tangents)
+        matrix = [[self.inner(tangent, direction, sizes) for tangent in along] for direction in directions]
         try:
             weights = np.linalg.solve(matrix, missing)
         except np.linalg.LinAlgError:
@@ -169,7 +177,7 @@ class Manifold:
                 "the continuation step is singular: a tangent of the branch is normal to the directions "
                 "of the step"
             ) from None
-        return _sum(family.unknowns, weights, family.tangents), family
+        return _sum(family.unknowns, weights, along), family
 
     def point(
         self,
@@ -195,9 +203,10 @@ class Manifold:
             tangents = self._orthonormal(family, [each.on(grid) for each in towards], sizes)
             fine = self.parameters.task.grid(_finer(grid.steps))
             directions = held or tangents
-            better, _ = self._corrected(unknowns, unknowns, directions, [0.0] * len(directions), sizes, fine)
+            zeros = [0.0] * len(directions)
+            better, _ = self._corrected(unknowns, unknowns, directions, zeros, sizes, fine, tangents)
             scale = self._scale(better, fine).of(better.largest, roundoff=self.resting)
-            one, other = sampled_together(unknowns, better)
+            (one, other), _ = sampled_together(unknowns, better)
             off = np.abs(other - one).max(axis=1) / scale + _ORBIT_ROUNDOFF
             moved = np.abs(better.values - unknowns.values)
             moved = float((moved / np.maximum(np.abs(unknowns.values), self.parameters.spans)).max())

@@ -1,75 +1,106 @@
-"""Saltation matrices: the jump of a disturbance at an event at which the force jumps (M. di Bernardo, C.
-Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
+"""Saltation: the jump of a disturbance at an event at which the force jumps (M. di Bernardo, C. Budd, A. R.
+Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
 
-A disturbance shifts the phase of the event. With the states x = (q, q') and rates f before and after it,
+A disturbance y moves the phase of the event, and so does a change δ of a parameter θ of the switching
+function g. With the states x = (q, q'), where q' of first-order coordinates is left out, and their rates f
+before and after the event,
 
-    S = I + (f⁺ - f⁻) ∇gᵀ / (∂g/∂φ + ∇gᵀ f⁻)
+    y⁺ = S y⁻ + s δ,   S = I + w ∇gᵀ,   s = w ∂g/∂θ,   w = (f⁺ - f⁻) / (∂g/∂φ + ∇gᵀ f⁻).
 
-multiplies the variation. For continuous forces S = I."""
+For continuous forces S = I and s = 0. Newton's iteration includes these jumps and remains quadratic."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.equations import event_normals, events_of
+from solve.matrices import leading
 from solve.methods.collocation import Collocated
-from solve.methods.method import Steps
+from solve.methods.free import Free, solutions_on
+from solve.methods.method import Solutions
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
-from solve.system import PeriodicSystem
+from solve.period.period_map import Steps, monodromy, period
+from solve.period.points import Points
+from solve.system import PeriodicSystem, in_phase
 
 _JUMP = 1e-6
-"""Jump of q'' relative to its largest modulus below which forces count as continuous. A choice: above the
-errors of second derivatives of curves, and too small to affect multipliers."""
+"""Jump of q'' relative to its largest modulus below which forces are continuous: above the errors of the
+phases of events, far below an effect on multipliers. A choice."""
 
 
-def steps_with_saltation(
-    along: PeriodicSystem, curve: Curve, speed: float, method: Collocated, grid: Grid
-) -> Steps | None:
-    """One-step maps that include the saltation matrices at the events of an orbit; None if no force jumps at
-    these events. along: system linearised along the orbit; grid: has the events as nodes; speed: in rad/s."""
-    if not forces_jump(along, curve):
-        return None
-    nodes = _nodes(along, curve)
-    normals = event_normals(along, curve, speed)
-    steps = method.discretise(OnePoint(along, speed), grid).steps
-    A, b = steps.A.copy(), steps.b.copy()
-    inertial = along.n - len(along.states)
-    for node, S in zip(nodes, _matrices(curve, nodes, normals, inertial), strict=True):
-        phase = curve.nodes[node : node + 1]
-        state = np.concatenate((curve(phase)[:, 0], curve(phase, 1)[:inertial, 0]))
-        A[0, node - 1], b[0, node - 1] = S @ A[0, node - 1], S @ b[0, node - 1] + state - S @ state
-    return Steps(A, b)
+@dataclass(frozen=True)
+class EventJump:
+    """Jump at an event of a motion. step: index of the step before it; matrix: S (N, N); state (N,) of the
+    motion; by_parameters: s (N, k)."""
+
+    step: int
+    matrix: Array
+    state: Array
+    by_parameters: Array
+
+    def after(self, maps: Array) -> Array:
+        """Map (N, N + 1 + k) of a step with the jump at its end, from its map of the state, the load and k
+        parameters."""
+        N = len(self.state)
+        jumped = self.matrix @ maps
+        jumped[:, N] += self.state - self.matrix @ self.state
+        jumped[:, N + 1 :] += self.by_parameters
+        return jumped
 
 
-def forces_jump(along: PeriodicSystem, curve: Curve) -> bool:
-    """Whether forces jump at an event of an orbit, decided by jumps of its accelerations."""
-    if not events_of(along).phases:
-        return False
-    before, after = _beside(curve, _nodes(along, curve))
-    return bool(np.abs(after - before).max() > _JUMP * np.abs(curve.sampled(1, 2)).max())
-
-
-def _nodes(along: PeriodicSystem, curve: Curve) -> Array:
-    """Indices (k,) of the nodes at the events."""
-    return np.abs(curve.nodes[:, None] - np.array(events_of(along).phases)).argmin(axis=0)
-
-
-def _beside(curve: Curve, nodes: Array) -> tuple[Array, Array]:
-    """Accelerations q'' (n, k) before and after each node."""
-    ends = curve.within(np.array([0.0, 1.0]), 2)
-    steps = ends.shape[-2]
-    return ends[:, (nodes - 1) % steps, 1], ends[:, nodes % steps, 0]
-
-
-def _matrices(curve: Curve, nodes: Array, normals: Array, inertial: int) -> list[Array]:
-    """Saltation matrices (N, N) of the states (q, q') at nodes, with q' of the `inertial` first coordinates.
-    normals (k, 1 + 2n): derivatives of the switching functions, 0 for other q'."""
-    found, n = [], curve.n
-    before, after = _beside(curve, nodes)
-    rates = curve(curve.nodes[nodes], 1)
-    for k, normal in enumerate(normals):
-        rate = normal[0] + normal[1 : n + 1] @ rates[:, k] + normal[n + 1 :] @ before[:, k]
-        jump = np.concatenate((np.zeros(n), (after - before)[:inertial, k]))
-        found.append(np.eye(n + inertial) + np.outer(jump, normal[1 : n + inertial + 1]) / rate)
+def event_jumps(
+    along: PeriodicSystem, curve: Curve, speed: float, grid: Grid, names: Sequence[str] = ()
+) -> list[EventJump]:
+    """Jumps at the events of a motion; empty if no force jumps there. along: system linearised along the
+    motion; speed: in rad/s; grid: has the events as nodes; names: parameters, or "speed"."""
+    events = np.array(events_of(along).phases)
+    if not len(events):
+        return []
+    nodes = np.abs(grid.nodes[1:, None] - events).argmin(axis=0)
+    ends, steps = grid.stages(np.array([0.0, 1.0])), grid.steps
+    n, inertial = along.n, along.n - len(along.states)
+    states = np.concatenate((curve(events), curve(events, 1)[:inertial])).T
+    sides = ends[nodes, 1], ends[(nodes + 1) % steps, 0]
+    before, after = (_rates(along, speed, phase, states) for phase in sides)
+    jumps = after - before
+    if np.abs(jumps[:, n:]).max() <= _JUMP * np.abs(curve.sampled(1, 2)[:, :inertial]).max():
+        return []
+    normals, found = event_normals(along, curve, speed, names), []
+    for k, (normal, state) in enumerate(zip(normals, states, strict=True)):
+        gradient, by_parameters = normal[1 : n + inertial + 1], normal[2 * n + 1 :]
+        weight = jumps[k] / (normal[0] + gradient @ before[k])
+        matrix = np.eye(n + inertial) + np.outer(weight, gradient)
+        found.append(EventJump(int(nodes[k]), matrix, state, np.outer(weight, by_parameters)))
     return found
+
+
+def solutions_with_jumps(
+    method: Collocated, points: Points, grid: Grid, engine: str, held: Free | None, jumps: Sequence[EventJump]
+) -> Solutions:
+    """Solutions of the only point, whose disturbances jump at events. held: its rigid-body modes; with these,
+    only the monodromy matrix includes the jumps."""
+    with np.errstate(all="ignore"):
+        chain = method.discretise(points, grid)
+        maps = np.concatenate((chain.steps.A[0], chain.steps.b[0, ..., None]), axis=-1)
+        for jump in jumps:
+            maps[jump.step] = jump.after(maps[jump.step])
+        steps = Steps(maps[None, ..., :-1], maps[None, ..., -1])
+        if held is not None:
+            found = solutions_on(method, points, grid, True, engine, held)
+            return replace(found, Phi=monodromy(steps), units=None, steps=steps)
+        Phi, states, condition = period(steps)
+        return method.sound(points, grid, Phi, chain.curve(states), condition, steps)
+
+
+def _rates(along: PeriodicSystem, speed: float, phase: Array, states: Array) -> Array:
+    """Derivatives (k, N) of the states (k, N) of the motion with respect to the phase, at phases (k,)."""
+    M, C, K, d = in_phase(along, phase, speed)
+    first_order = len(along.states)
+    q, v = states[:, : along.n], states[:, along.n :]
+    inertial = v.shape[1]
+    force = d - np.einsum("kij,kj->ki", K, q) - np.einsum("kij,kj->ki", C[:, :, :inertial], v)
+    highest = np.linalg.solve(leading(M, C, first_order), force[..., None])[..., 0]
+    return np.concatenate((v, highest[:, inertial:], highest[:, :inertial]), axis=1)

@@ -15,6 +15,7 @@ from solve.methods.radau import Radau
 from solve.newton.iteration import Task, joined
 from solve.newton.orbits import nonlinear
 from solve.newton.strategies import linear_sizes
+from solve.period.quantities import repeats_early
 from solve.results.scatter import Scatter
 from solve.results.special_orbits import NonlinearOrbit
 from solve.system import PeriodicSystem, check, of_system, shown_in
@@ -28,8 +29,8 @@ _STATES, _RTOL = 128, 1e-7
 """States per period and tolerance of the motions. Choices."""
 
 _SETTLED, _SAME = 1e-4, 1e-2
-"""Relative change of the state over the period of an orbit below which a motion has settled, and relative
-difference below which two states belong to the same orbit, both relative to the sizes of the coordinates.
+"""Change of the state over the period of an orbit, relative to the largest value of the motion or of the
+linear orbit, below which a motion has settled; difference below which two states are of one orbit.
 Choices."""
 
 
@@ -120,16 +121,16 @@ def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
     n, system = task.system.n, task.system
     march = nonlinear_of(system).marcher(sizes, _STATES, _RTOL)
     state, motions = start / np.repeat([1.0, task.speed], n), list[Array]()
-    scale = np.tile(sizes, 2)
     for turn in range(_TURNS):
         try:
             motion = march(state, turn * system.period, task.speed)
         except SolveError:
             return []
         state, motions = motion[:2, :, -1].ravel(), [*motions, motion][-most:]
+        limit = _SETTLED * max(float(sizes.max()), float(np.abs(motion[:2]).max()))
         for periods in range(1, len(motions) + 1):
             before = motions[-periods][:2, :, 0].ravel()
-            if np.abs(state - before).max() <= _SETTLED * float(scale.max()) and (turn + 1) % periods == 0:
+            if np.abs(state - before).max() <= limit and (turn + 1) % periods == 0:
                 return motions[-periods:]
     return []
 
@@ -148,13 +149,22 @@ def _orbit_index(
         limit = _SAME * np.maximum(np.tile(sizes, 2), np.abs(known).max(axis=0))
         if (np.abs(known - state) <= limit).all(axis=1).any():
             return number
-    periods = len(motions)
-    start = joined(motions, periods * task.system.period, task.rigid)
     try:
-        orbit = nonlinear(task.system, task.speed, start, periods, rtol=task.rtol, engine=task.engine)
+        orbit = _orbit(task, motions)
+        if orbit.periods > 1 and repeats_early(orbit.curve, orbit.periods):
+            # A disturbance whose multiplier is negative may vanish at the end of every other period.
+            orbit = _orbit(task, motions[-1:])
     except SolveError:
         return -1
+    periods = orbit.periods
     phases = np.arange(periods) * task.system.period
     orbits.append(orbit)
     states.append(np.concatenate((orbit.curve(phases), orbit.curve(phases, 1))).T)
     return len(orbits) - 1
+
+
+def _orbit(task: Task, motions: Sequence[Array]) -> NonlinearOrbit:
+    """Orbit near the motions of successive periods. Raises SolveError."""
+    periods = len(motions)
+    start = joined(motions, periods * task.system.period, task.rigid)
+    return nonlinear(task.system, task.speed, start, periods, rtol=task.rtol, engine=task.engine)

@@ -159,8 +159,7 @@ class _CurveFollower:
         """Point with its tangent, which is the tangent at `before` reflected about the chord between the
         points. Raises NoOrbitError if the curve bends too much."""
         first = before.point
-        chord = point.unknowns.on(first.grid).plus(-1.0, first.unknowns)
-        along = np.array([self.manifold.inner(chord, each, first.sizes) for each in first.tangents])
+        along = np.array([self.manifold.component(first, point, each) for each in first.tangents])
         along /= np.linalg.norm(along)
         cosine = float(along @ before.along)
         if cosine < _MIN_COSINE:

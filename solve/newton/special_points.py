@@ -95,14 +95,12 @@ def _torus_test(point: Point) -> float:
 def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tuple[float, Point]:
     """Length along the tangent at the first point at which a test function is zero, and the point there.
     Raises SolveError subclasses."""
-    direction, sizes = before.direction, before.sizes
-    chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
 
     def at(length: float) -> tuple[float, Point]:
         point, _ = manifold.along(before, length)
         return test(point), point
 
-    ends = (0.0, manifold.inner(chord, direction, sizes)), (test(before), test(after))
+    ends = (0.0, manifold.component(before, after, before.direction)), (test(before), test(after))
     return zero_between(at, *ends, lambda one, other: is_located(manifold, one, other), before)
 
 

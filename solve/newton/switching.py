@@ -3,6 +3,7 @@ Applied Bifurcation Theory, 10.2)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from solve.arrays import Array
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.arclength import follow_branch
 from solve.newton.branch_points import SAMPLES, ContinuationParameters, Point, Unknowns
+from solve.newton.branch_store import BranchStore
 from solve.newton.iteration import on
 from solve.newton.linear_families import mode_of
 from solve.newton.manifold import Manifold
@@ -30,7 +32,9 @@ orbit. A choice."""
 Followed = tuple[ContinuationParameters, list[Point], str]
 
 
-def follow_doublings(parameters: ContinuationParameters, found: Sequence[Point], most: int) -> list[Followed]:
+def follow_doublings(
+    parameters: ContinuationParameters, found: Sequence[Point], most: int, store: BranchStore
+) -> list[Followed]:
     """Branches that start at period doublings among the points of a branch, and at the doublings of these
     branches. Each has at most `most` points and ends where it returns to orbits of the original period."""
     waiting, followed, last = [(parameters, point) for point in _doublings(found)], list[Followed](), []
@@ -40,12 +44,13 @@ def follow_doublings(parameters: ContinuationParameters, found: Sequence[Point],
         if 2 * before.task.periods > limit or any(_is_same_branch(point, one, size) for one, size in last):
             continue
         doubled = before.over_periods(2 * before.task.periods)
+        left = _ReturnTest()
         try:
-            start = _first_point(before, doubled, point)
+            points, ended = follow_branch(
+                doubled, partial(_first_point, before, doubled, point), most, left, store.next()
+            )
         except SolveError:
             continue
-        left = _ReturnTest(start)
-        points, ended = follow_branch(doubled, start, most, left)
         if left.returned and len(points) > 1:
             last.append((points[-1], abs(points[-1].value - points[-2].value)))
         followed.append((doubled, points, ended))
@@ -92,8 +97,8 @@ class _ReturnTest:
     """Test whether a doubled branch has returned to orbits of half its period. The difference between both
     halves of the orbit then changes sign."""
 
-    def __init__(self, start: Point):
-        self.returned, self._before = False, _difference(start)
+    def __init__(self) -> None:
+        self.returned, self._before = False, np.zeros(1)
 
     def __call__(self, point: Point) -> bool:
         after = _difference(point)

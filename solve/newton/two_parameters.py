@@ -11,7 +11,8 @@ from solve.labels import SPEED, speed_or_usual
 from solve.methods.radau import Radau
 from solve.newton.arclength import first_point, follow_branch
 from solve.newton.branch_points import ContinuationParameters, Point
-from solve.newton.branches import MAX_START_RTOL, range_of
+from solve.newton.branch_starts import MAX_START_RTOL
+from solve.newton.branches import range_of
 from solve.newton.iteration import Task
 from solve.newton.orbits import nonlinear
 from solve.newton.special_curves import follow_curve
@@ -96,7 +97,7 @@ def special_curves(
     )
     start_rtol = min(task.rtol, MAX_START_RTOL)
     orbit = nonlinear(first.task.system, first.task.speed, start, periods, rtol=start_rtol, engine=engine)
-    found, ended = follow_branch(first, first_point(first, orbit), int(points))
+    found, ended = follow_branch(first, lambda: first_point(first, orbit, first.ranges[0, 0]), int(points))
     curves, reasons = list[list[Point]](), [f"branch over {names[0]}: {ended}"] if ended else []
     for point in found:
         if point.kind != kind or any(_starts(parameters, point, curve[-1]) for curve in curves):

@@ -7,6 +7,7 @@ A. Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has
 and one that shifts the phase."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from solve.equations import nonlinear_of, roundoff_of
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.newton.arclength import follow_branch
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
+from solve.newton.branch_store import BranchStore
 from solve.newton.iteration import Task, zero_motion
 from solve.newton.manifold import Manifold
 from solve.newton.switching import Followed
@@ -45,7 +47,7 @@ _PANELS = 512
 """Panels of the quadrature of the elastic force along a line. A choice: 1e-6 of the energy with kinks."""
 
 
-def follow_modes_of(task: Task, ends: Array, most: int) -> list[Followed]:
+def follow_modes_of(task: Task, ends: Array, most: int, store: BranchStore) -> list[Followed]:
     """Branch of each undamped mode whose frequency of small vibrations is between two speeds (2,). Raises
     ValueOutOfBoundsError for equations with load or damping, and without such a mode."""
     frequencies, shapes = _small_vibrations(task)
@@ -60,8 +62,8 @@ def follow_modes_of(task: Task, ends: Array, most: int) -> list[Followed]:
     for mode in inside:
         ranges = np.array([[low, high], [0.0, 1.0]])
         parameters = ContinuationParameters(task, ("speed", DAMPING), ranges)
-        start = _first(parameters, float(frequencies[mode]), shapes[:, mode])
-        points, ended = follow_branch(parameters, start, most)
+        start = partial(_first, parameters, float(frequencies[mode]), shapes[:, mode])
+        points, ended = follow_branch(parameters, start, most, saved=store.next())
         followed.append((parameters, [_without_trivial(point) for point in points], ended))
     return followed
 

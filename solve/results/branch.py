@@ -134,12 +134,14 @@ class Branch(BranchPoints):
         Values of the continuation parameter at turning points.
     folds, doublings, tori : list of dict
         Special points.
+    closed : list of int
+        Numbers of the closed branches.
     jumps : list of dict
         Jumps of the response during a slow change of the parameter.
     """
 
     _rows: ClassVar[str] = "points"
-    _recorded: ClassVar[str] = "turning folds doublings tori jumps rtol periods"
+    _recorded: ClassVar[str] = "turning folds doublings tori closed jumps rtol periods"
 
     def curve(self, point: int) -> FourierCurve:
         """Curve of the orbit at a point, as a start for `solve.nonlinear`, which computes the orbit to a
@@ -319,25 +321,44 @@ class Branch(BranchPoints):
         return [*columns, (f"{name}_error", Column(self.figure_errors[:, number], "1", error))]
 
     @property
+    def closed(self) -> list[int]:
+        """Numbers of the branches that end with their first orbit: isolated ones, without an end."""
+        return [number for number in range(self._count) if self._is_closed(self.numbers == number)]
+
+    def _is_closed(self, which: Array) -> bool:
+        figures = self.figures[which]
+        return len(figures) > 2 and np.array_equal(figures[0], figures[-1])
+
+    @property
+    def _count(self) -> int:
+        return int(self.numbers.max(initial=-1)) + 1
+
+    @property
     def summary(self) -> str:
         """Sentences on the range, the special points and the jumps."""
-        unit, values = unit_of(self.system, self.over), self.values[self.numbers == 0]
-
-        def texts(points: Sequence[dict[str, Any]]) -> str:
-            return ", ".join(unit.text(point[self.over], ".6g") for point in points)
-
-        subject = "The mode" if len(self.energies) else "The branch"
-        sentences = [
-            f"{subject} goes from {unit.span(values[0], values[-1])}"
-            + (f" and turns back at {texts(self.folds)}." if self.folds else ".")
-        ]
-        if self.doublings:
-            sentences.append(f"The period doubles at {texts(self.doublings)}.")
-        if self.tori:
-            sentences.append(f"Orbits become tori at {texts(self.tori)}.")
+        unit = unit_of(self.system, self.over)
+        sentences = [self._range_text(number) for number in range(self._count)]
+        for points, words in ((self.doublings, "The period doubles"), (self.tori, "Orbits become tori")):
+            if points:
+                sentences.append(f"{words} at {self._values_text(points)}.")
         for jump in self.jumps:
             sentences.append(self._jump_text(jump, unit.text(jump[self.over], ".6g")))
         return " ".join(sentences)
+
+    def _range_text(self, number: int) -> str:
+        """Sentence on the range and the folds of a branch."""
+        unit, values = unit_of(self.system, self.over), self.values[self.numbers == number]
+        folds = [point for point in self.folds if point["branch"] == number]
+        subject = "The mode" if len(self.energies) else "The branch"
+        subject = f"Branch {number + 1}" if number else subject
+        if number in self.closed:
+            return f"{subject} is closed and extends from {unit.span(values.min(), values.max())}."
+        turns = f" and turns back at {self._values_text(folds)}" if folds else ""
+        return f"{subject} goes from {unit.span(values[0], values[-1])}{turns}."
+
+    def _values_text(self, points: Sequence[dict[str, Any]]) -> str:
+        unit = unit_of(self.system, self.over)
+        return ", ".join(unit.text(point[self.over], ".6g") for point in points)
 
     def _jump_text(self, jump: Mapping[str, Any], at: str) -> str:
         name, ends = self.system.coordinates[0], [jump["from"], jump["to"]]

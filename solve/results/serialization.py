@@ -24,6 +24,7 @@ from solve.errors import FileError, ReopenedError, ResultKindError
 from solve.labels import Labels
 from solve.period.curve import Curve, FourierCurve
 from solve.period.floquet_modes import FloquetMode
+from solve.period.grid import Grid
 from solve.period.named import Named
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit
@@ -129,7 +130,7 @@ def _restored(kind: type, values: dict[str, Any]) -> Any:
     return restored
 
 
-for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, DrawnLink, ShownUnit):
+for _kind in (Curve, FourierCurve, Grid, FloquetMode, Named, Statistics, ModeShape, DrawnLink, ShownUnit):
     serializable(_kind)
 
 

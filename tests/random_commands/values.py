@@ -4,7 +4,7 @@ from pathlib import Path
 
 LINEAR = (
     *("cam", "manipulator", "gear_pair", "mathieu", "meissner", "coupler", "four_bar", "portal_frame"),
-    *("gear_backlash", "slider_crank"),
+    *("gear_backlash", "slider_crank", "planar_joint"),
 )
 
 ODD = (
@@ -305,6 +305,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--starts": ("1", "2", "0", "1.5"),
     "--subject": ("spectral_radius < 0.9", "q1.max > 0", "q1.max", "q1.max < 3 kg"),
     "--steps": ("16", "64", "200", "0", "1", "99999999999"),
+    "--begin": ("300 rpm", "2 Hz", "1e4", "x"),
     "--scatter": ("2", "0", "x"),
     "--seed": ("0", "7", "-1"),
     "--spread": ("2", "0", "1e300"),

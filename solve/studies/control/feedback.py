@@ -191,11 +191,15 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
         return self._about(nonlinear_of(self.model).along_events(self._of_system(motion), speed, compiled))
 
-    def event_normals(self, motion: Motion, speed: float) -> Array:
+    def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
         n = self.n_open
-        own = event_normals(self.open_loop, self._of_system(motion), speed)
-        normals = np.zeros((len(own), 1 + 2 * self.n))
-        normals[:, : n + 1], normals[:, self.n + 1 : self.n + 1 + n] = own[:, : n + 1], own[:, n + 1 :]
+        own = event_normals(self.open_loop, self._of_system(motion), speed, names)
+        normals = np.zeros((len(own), 1 + 2 * self.n + len(names)))
+        normals[:, : n + 1], normals[:, self.n + 1 : self.n + 1 + n] = (
+            own[:, : n + 1],
+            own[:, n + 1 : 2 * n + 1],
+        )
+        normals[:, 2 * self.n + 1 :] = own[:, 2 * n + 1 :]
         return normals
 
     def roundoff(self, phase: Array, speed: float) -> Array:

@@ -120,11 +120,17 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
         (("branch", "cam", "--over", "k1=1e4:2e4", "--over", "k2=1:2"), ("--over is given twice",)),
         (
             ("branch", "cam", "--follow", "fold", "--switch"),
-            ("--follow excludes --switch, --unforced and --speeds",),
+            ("--follow excludes --switch, --unforced, --speeds, --begin and --store",),
         ),
         (
-            ("branch", "cam", "--scatter", "3", "--over", "k1=1:2"),
-            ("--scatter excludes --over, --speeds, --switch, --follow, --start and --unforced",),
+            ("branch", "cam", "--scatter", "3", "--switch"),
+            ("--scatter excludes --switch, --follow, --start and --unforced",),
+        ),
+        (("branch", "cam", "--scatter", "3", "--begin", "1 Hz"), ("--begin needs a range",)),
+        (("branch", "cam", "--speeds", "3:4 Hz", "--begin", "9 Hz"), ("9 Hz", "between 3 Hz and 4 Hz")),
+        (
+            ("branch", "cam", "--over", "k1=1:2", "--begin", "soft", "--speed", "1 Hz"),
+            ("begin is 'soft'",),
         ),
         (("sweep", "cam", "--speeds", "300:310:2 rpm", "--nonlinear", "--turn", "q1"), ("--turn",)),
         (("branch", "four_bar", "--speeds", "10:20 rad/s"), ("linear by construction",)),

@@ -270,3 +270,23 @@ def stop():
     made.force(f * cos(made.phase), along=q)
     made.decline_drive_torque("an equation without units")
     return module_of(made)
+
+
+@cache
+def tuned_absorber():
+    """Mass on a cubic spring with a tuned absorber: m1 x1'' + c1 x1' + k1 x1 + n1 x1³ + f = F cos φ,
+    m2 x2'' = f with y = x1 - x2 and f = c2 y' + k2 y + n2 y³ (G. Habib et al., Mech. Syst. Signal Process.,
+    2014, doi:10.1016/j.ymssp.2014.08.009)."""
+    made = Mechanism("tuned_absorber", "Mass on a cubic spring with a nonlinear tuned absorber")
+    x1, x2 = made.coordinates(x1=("m", "mass"), x2=("m", "absorber"))
+    m1, m2, F = made.parameters(m1=("kg", "mass"), m2=("kg", "absorber"), F=("N", "load"))
+    c1, c2 = made.parameters(c1=("N s/m", "damper"), c2=("N s/m", "damper of the absorber"))
+    k1, k2 = made.parameters(k1=("N/m", "spring"), k2=("N/m", "spring of the absorber"))
+    n1, n2 = made.parameters(n1=("N/m^3", "cubic spring"), n2=("N/m^3", "cubic spring of the absorber"))
+    y = x1 - x2
+    made.kinetic = (m1 * rate(x1) ** 2 + m2 * rate(x2) ** 2) / 2
+    made.potential = (k1 * x1**2 + k2 * y**2) / 2 + (n1 * x1**4 + n2 * y**4) / 4
+    made.dissipation = (c1 * rate(x1) ** 2 + c2 * rate(y) ** 2) / 2
+    made.force(F * cos(made.phase), along=x1)
+    made.decline_drive_torque("a test of vibration")
+    return module_of(made)

@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import solve
-from solve.errors import NoOrbitError
 from tests.solve.newton.mechanisms import dashpot, duffing, model_of, stop
 
 NUMBERS = {"zeta": 0.1, "k": 1.0, "kappa": 10.0, "gap": 0.5, "f": 1.0}
@@ -118,9 +117,9 @@ def test_an_orbit_on_a_hard_stop_is_found_from_the_transient():
 DAMPED = {"z": 0.1, "c": 0.4, "kappa": 5.0, "gap": 0.5, "f": 0.3, "one": 1.0}
 
 
-def after_a_period(start):
+def after_a_period(start, numbers=DAMPED):
     """State of the mass at the damped stop after a period, from event to event."""
-    z, c, kappa, gap, f, _ = DAMPED.values()
+    z, c, kappa, gap, f, _ = numbers.values()
     x, time, last = np.array(start), 0.0, 2 * np.pi / SPEED
     while time < last:
         touches = x[0] > gap or (x[0] == gap and x[1] > 0)
@@ -140,6 +139,12 @@ def after_a_period(start):
     return x
 
 
+def differences(start, numbers=DAMPED):
+    """Derivatives of the return map by central differences."""
+    pairs = [[after_a_period(start + side * d, numbers) for side in (1, -1)] for d in 1e-4 * np.eye(2)]
+    return np.array([(one - other) / 2e-4 for one, other in pairs]).T
+
+
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
 def test_multipliers_through_forces_that_jump_equal_differences(engine):
     """Without the saltation matrices they would be 0.576 ± 0.200i."""
@@ -147,9 +152,7 @@ def test_multipliers_through_forces_that_jump_equal_differences(engine):
     orbit = solve.nonlinear(model, SPEED, engine=engine)
     start = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
     assert after_a_period(start) == pytest.approx(start, abs=1e-10)
-    steps = 1e-4 * np.eye(2)
-    Phi = [(after_a_period(start + d) - after_a_period(start - d)) / 2e-4 for d in steps]
-    expected = by_imaginary_part(np.linalg.eigvals(np.array(Phi).T))
+    expected = by_imaginary_part(np.linalg.eigvals(differences(start)))
     np.testing.assert_allclose(by_imaginary_part(orbit.multipliers), expected, atol=1e-6)
     assert orbit.verdict == "asymptotically stable"
     assert len(orbit.events) == 2
@@ -157,6 +160,28 @@ def test_multipliers_through_forces_that_jump_equal_differences(engine):
     np.testing.assert_allclose(by_imaginary_part(each.multipliers), expected, atol=1e-6)
 
 
-def test_branches_of_forces_that_jump_are_refused():
-    with pytest.raises(NoOrbitError, match="forces jump at an event of the orbit"):
-        solve.branch(model_of(dashpot(), **DAMPED), (1.3, 1.4), points=3)
+@pytest.mark.parametrize("over", ["gap=0.5:0.2", "f=0.3:0.6"])
+def test_branches_of_forces_that_jump_equal_the_return_map(over):
+    """The clearance moves the switch itself, the preload the size of the jump."""
+    name, last = over[: over.index("=")], float(over[over.index(":") + 1 :])
+    found = solve.branch(model_of(dashpot(), **DAMPED), SPEED, over=over, points=20, rtol=1e-7)
+    assert found.ended == ""
+    assert found.values[-1] == last
+    assert len(found.values) <= 10
+    curve, numbers = found.curve(len(found.values) - 1), DAMPED | {name: last}
+    zero = np.zeros(1)
+    start = np.array([curve(zero)[0, 0], SPEED * curve(zero, 1)[0, 0]])
+    for _ in range(4):
+        start = start + np.linalg.solve(
+            np.eye(2) - differences(start, numbers), after_a_period(start, numbers) - start
+        )
+    assert start[0] == pytest.approx(found.curves[-1, 0, 0], abs=1e-8)
+    expected = by_imaginary_part(np.linalg.eigvals(differences(start, numbers)))
+    np.testing.assert_allclose(by_imaginary_part(found.multipliers[-1]), expected, atol=1e-6)
+
+
+def test_newtons_iteration_is_quadratic_through_forces_that_jump():
+    """Without the jumps of the disturbances the iteration does not converge from the same start."""
+    model = model_of(dashpot(), **DAMPED | {"c": 3.0})
+    orbit = solve.nonlinear(model, SPEED)
+    assert solve.nonlinear(model, 1.02 * SPEED, orbit).iterations <= 6

@@ -1,0 +1,92 @@
+"""First orbits of branches: given starts, or the orbits on which scattered motions settle."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from solve.errors import FileError, NoOrbitError, ValueOutOfBoundsError
+from solve.labels import SPEED, in_own_unit
+from solve.newton.branch_points import ContinuationParameters
+from solve.newton.branch_store import digest
+from solve.newton.iteration import Task
+from solve.newton.orbits import nonlinear
+from solve.newton.starts import FILES, Start, motion_of
+from solve.results import save
+from solve.results.orbit import Orbit
+from solve.results.scatter import Scatter
+from solve.units import speed_in_si
+
+MAX_START_RTOL = 1e-3
+"""Largest rtol of the orbit from which a branch starts, since the next orbits take its steps. On coarser
+grids Newton's iteration along the branch may diverge. For the cam at 300 rpm it does at 1e-2, not at 3e-3."""
+
+_PROBES = 127
+"""Phases at which a start is sampled for its hash. A choice."""
+
+
+def scattered_or(start: Start | Scatter | None) -> Start | Scatter | None:
+    """Result of `solve.scatter` if the start is a file of one; otherwise the start."""
+    if isinstance(start, str | Path) and Path(start).suffix.lower() in FILES:
+        with suppress(FileError):
+            given = save.open(start)
+            return given if isinstance(given, Scatter) else start
+    return start
+
+
+def first_value(
+    parameters: ContinuationParameters, start: Start | Scatter | None, begin: float | str | None
+) -> float:
+    """Value of the parameter at the first orbit. Raises ValueOutOfBoundsError."""
+    system, name, ends = parameters.task.system, parameters.names[0], parameters.ranges[0]
+    if isinstance(start, Scatter):
+        if begin is not None:
+            raise ValueOutOfBoundsError("begin is given with scattered starts, which have their own; omit it")
+        one, other = ({**each.labels.parameters, name: 0.0} for each in (start.system, system))
+        if one != other or (name != SPEED and start.speed != parameters.task.speed):
+            raise ValueOutOfBoundsError(
+                f"the scattered starts are of other parameters or another speed; vary only {name}"
+            )
+        if not start.orbits:
+            raise NoOrbitError("no scattered motion settled on an orbit; use more starts or another seed")
+        value = start.speed if name == SPEED else start.system.labels.parameters[name]
+    elif begin is None:
+        return float(ends[0])
+    elif name == SPEED:
+        value = speed_in_si(begin)
+    else:
+        try:
+            value = in_own_unit(system, name, begin)
+        except ValueError:
+            raise ValueOutOfBoundsError(f"begin is {begin!r}; give a value of {name}") from None
+    if not ends.min() <= value <= ends.max():
+        raise ValueOutOfBoundsError(
+            f"the first orbit is at {parameters.text(np.array([value]))}; allowed: values between "
+            f"{parameters.text(ends[:1])} and {parameters.text(ends[1:])}"
+        )
+    return float(value)
+
+
+def orbit_starts(task: Task, start: Start | Scatter | None) -> list[tuple[int, Callable[[], Orbit]]]:
+    """Number of periods of each first orbit, and a function that returns it."""
+
+    def orbit(given: Start | None, periods: int) -> Orbit:
+        rtol = min(task.rtol, MAX_START_RTOL)
+        return nonlinear(task.system, task.speed, given, periods, rtol=rtol, engine=task.engine)
+
+    if isinstance(start, Scatter):
+        return [(one.periods, partial(orbit, one, one.periods)) for one in start.orbits]
+    return [(task.periods, partial(orbit, start, task.periods))]
+
+
+def start_digest(start: Start | Scatter | None, task: Task) -> str | None:
+    """Hash of the motions of a start; None without one."""
+    if start is None:
+        return None
+    if isinstance(start, Scatter):
+        motions = [orbit.curve for orbit in start.orbits]
+    else:
+        motions = [motion_of(start, task)]
+    return digest(*(motion(np.arange(_PROBES) * (motion.nodes[-1] / _PROBES)) for motion in motions))

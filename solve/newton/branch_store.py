@@ -1,0 +1,141 @@
+"""Folder with the steps of branches, from which an interrupted continuation resumes.
+
+`branches.json` describes the calculation. The file NUMBER-STEP.npz holds a step of a branch; a damaged or
+missing file ends the stored steps."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import FileError
+from solve.newton.branch_points import ContinuationParameters, Point
+from solve.results.contents import model_info
+from solve.results.files import write_atomic
+from solve.results.folder import locked, require_same, store_errors
+from solve.results.serialization import from_arrays, serializable, to_arrays
+
+_DESCRIPTION = "branches.json"
+
+_PROBES = 7
+"""Number of phases at which the matrices identify the calculation. A choice."""
+
+
+@serializable
+@dataclass(frozen=True)
+class BranchStep:
+    """Step of a branch: its points; length of the next step; largest amplitudes (n,) so far, and whether a
+    coordinate may rest, of `Manifold`; reason if the branch ends here, empty at the end of the range or where
+    the branch closes, None if it continues."""
+
+    points: tuple[Point, ...]
+    length: float
+    largest: Array
+    resting: bool
+    ended: str | None = None
+
+
+class SavedBranch:
+    """Stored steps of one branch. Without a folder nothing is stored."""
+
+    def __init__(self, folder: Path | None = None, number: int = 0):
+        self._folder, self._number = folder, number
+
+    def _file(self, step: int) -> Path:
+        assert self._folder is not None
+        return self._folder / f"{self._number}-{step}.npz"
+
+    def read(self, step: int) -> BranchStep | None:
+        """Stored step; None if it is missing or damaged."""
+        if self._folder is None:
+            return None
+        try:
+            with np.load(self._file(step), allow_pickle=False) as arrays:
+                found = from_arrays(dict(arrays))
+        except Exception:
+            # Exceptions for damaged files depend on the library.
+            return None
+        return found if isinstance(found, BranchStep) else None
+
+    def write(self, step: int, contents: BranchStep) -> None:
+        """Write a step. Raises FileError."""
+        if self._folder is not None:
+            write_atomic(self._file(step), partial(_write, to_arrays(contents)))
+
+
+class BranchStore:
+    """Store of several branches in the order in which they are followed."""
+
+    def __init__(self, folder: Path | None):
+        self._folder, self._count = folder, 0
+
+    def next(self) -> SavedBranch:
+        """Stored steps of the next branch."""
+        self._count += 1
+        return SavedBranch(self._folder, self._count - 1)
+
+
+@contextmanager
+def opened_branches(folder: str | Path | None, work: Mapping[str, Any]) -> Iterator[BranchStore]:
+    """Store in a folder for one writer, created if necessary; one that stores nothing without a folder.
+
+    work: description of the calculation. Raises FileError for a folder with other files, of another
+    calculation, in use by another process, or that cannot be written."""
+    if folder is None:
+        yield BranchStore(None)
+        return
+    place = Path(folder)
+    with locked(place):
+        file = place / _DESCRIPTION
+        with store_errors():
+            stored = json.loads(file.read_text("utf-8")) if file.is_file() else None
+            if stored is None and any(place.iterdir()):
+                raise FileError(f"'{place}' contains other files; give a new or an empty folder")
+        if stored is None:
+            text = json.dumps(work, ensure_ascii=False)
+            write_atomic(file, lambda stream: _write_text(text, stream))
+        else:
+            require_same(place, stored, work)
+        yield BranchStore(place)
+
+
+def description_of(parameters: ContinuationParameters, **choices: Any) -> dict[str, Any]:
+    """Description of everything that determines the points of branches, except for their number."""
+    task = parameters.task
+    phase = (np.arange(_PROBES) + 0.37) * (task.system.period / _PROBES)
+    return {
+        **model_info(task.system),
+        "speed": float(task.speed),
+        "over": [*parameters.names],
+        "range": parameters.ranges.tolist(),
+        "periods": task.periods,
+        "rtol": task.rtol,
+        "engine": task.engine,
+        "matrices": digest(*task.system.at(phase, task.speed)),
+        **choices,
+        "version": version("parametric-vibration"),
+    }
+
+
+def digest(*arrays: Array) -> str:
+    """Hash of arrays."""
+    found = hashlib.sha256()
+    for array in arrays:
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()[:16]
+
+
+def _write(arrays: Mapping[str, Array], stream: BinaryIO) -> None:
+    np.savez(stream, **arrays)  # pyright: ignore[reportArgumentType]
+
+
+def _write_text(text: str, stream: BinaryIO) -> None:
+    stream.write(text.encode())

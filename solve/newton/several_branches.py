@@ -1,0 +1,73 @@
+"""Branches through given orbits, in both directions and isolated ones included."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from solve.newton.arclength import first_point, follow_branch, is_closed, orbits_at
+from solve.newton.branch_points import SAMPLES, ContinuationParameters, Point
+from solve.newton.branch_store import BranchStore
+from solve.newton.switching import Followed
+from solve.results.orbit import Orbit
+
+_SAME = 1e-2
+"""Largest difference of two orbits, relative to the scales of the coordinates, that are one. A choice: above
+the errors of orbits, far below the distance of orbits that coexist except near folds."""
+
+_PHASES = 64 * SAMPLES
+"""Phases per period of the model at which orbits are compared. A choice."""
+
+
+def follow_orbits(
+    parameters: ContinuationParameters,
+    starts: Sequence[tuple[int, Callable[[], Orbit]]],
+    value: float,
+    most: int,
+    store: BranchStore,
+) -> list[Followed]:
+    """Branches through orbits at a value of the parameter, each given by its number of periods and a function
+    that returns it. An orbit on a branch followed before is skipped. Each branch has at most `most` points in
+    each direction."""
+    followed, crossings = list[Followed](), list[tuple[int, list[Point]]]()
+    for periods, start in starts:
+        own = parameters.over_periods(periods)
+        if followed:
+            orbit = start()
+            if any(
+                _is_one(point, orbit) for count, points in crossings if count == periods for point in points
+            ):
+                continue
+        branch = _both_ways(own, lambda own=own, start=start: first_point(own, start(), value), most, store)
+        followed.append(branch)
+        if len(starts) > 1:
+            crossings.append((periods, orbits_at(own, branch[1], value)))
+    return followed
+
+
+def _both_ways(
+    parameters: ContinuationParameters, start: Callable[[], Point], most: int, store: BranchStore
+) -> Followed:
+    """Branch through a first point: from it towards the last value of the parameter and, unless it is at the
+    end of the range or on a closed branch, also in the other direction. The points are in their order."""
+    points, ended = follow_branch(parameters, start, most, saved=store.next())
+    backwards = store.next()
+    if is_closed(points) or points[0].value in parameters.ranges[0]:
+        return parameters, points, ended
+    others, reason = follow_branch(parameters, lambda: _reversed(points[0]), most, saved=backwards)
+    points = [*map(_reversed, others[:0:-1]), *points]
+    return parameters, points, "; ".join(dict.fromkeys(filter(None, (reason, ended))))
+
+
+def _reversed(point: Point) -> Point:
+    """The same point, directed the other way along the branch."""
+    return replace(point, tangents=tuple(tangent.times(-1.0) for tangent in point.tangents))
+
+
+def _is_one(point: Point, orbit: Orbit) -> bool:
+    """Whether a point of a branch is an orbit, which may be shifted by periods of the model."""
+    count = point.periods * _PHASES
+    phase = np.arange(count) * (float(point.unknowns.curve.nodes[-1]) / count)
+    one, other = point.unknowns.curve(phase), orbit.curve(phase)
+    shifts = [np.roll(other, shift * _PHASES, axis=1) for shift in range(point.periods)]
+    return any(float((np.abs(one - each).max(axis=1) / point.sizes).max()) <= _SAME for each in shifts)
