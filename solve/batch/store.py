@@ -9,7 +9,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,9 @@ from solve.results.points import Kept, PointResults
 _WORK, _FINISHED = "work", "finished"
 """Attributes of the group: the description of the calculation, and whether it is complete. The latter
 identifies a folder as a store."""
+
+_LOCK = ".lock"
+"""Name of the file that is locked where folders cannot be."""
 
 _CODE = np.int8
 """Type of the index of a method's name among those of its chunk."""
@@ -142,7 +145,7 @@ def _group(place: Path) -> Any:
     """Group of zarr arrays in a folder; a new group in an empty folder. Raises FileError, OSError."""
     import zarr
 
-    if not any(place.iterdir()):
+    if all(file.name == _LOCK for file in place.iterdir()):
         return zarr.create_group(place, attributes={_FINISHED: False})
     try:
         group = zarr.open_group(place, mode="r+")
@@ -225,25 +228,48 @@ def _locked(place: Path) -> Iterator[None]:
         if place.exists() and not place.is_dir():
             raise FileError(f"'{place}' is a file; give a folder")
         place.mkdir(exist_ok=True)
-    if os.name != "posix":
-        # Other systems cannot lock folders.
+    descriptor = _lock(place)
+    if descriptor is None:
+        raise FileError(f"'{place}' is in use by another process; wait for it, or give another folder")
+    try:
         yield
-        return
-    import fcntl
+    finally:
+        os.close(descriptor)
+        # Of Windows, which refuses it while another process holds the lock.
+        with suppress(OSError):
+            (place / _LOCK).unlink()
 
+
+def _lock(place: Path) -> int | None:
+    """Descriptor that holds the lock of a folder until it is closed; None if another process holds it.
+    Raises FileError."""
+    try:
+        import fcntl
+    except ImportError:
+        return _lock_of_windows(place)
     with _file_errors():
         descriptor = os.open(place, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        raise FileError(
-            f"'{place}' is in use by another process; wait for it, or give another folder"
-        ) from None
+        return None
+    return descriptor
+
+
+def _lock_of_windows(place: Path) -> int | None:
+    """The same on Windows, which locks bytes of files, not folders."""
+    import msvcrt
+
+    lock: Any = msvcrt
+    with _file_errors():
+        descriptor = os.open(place / _LOCK, os.O_RDWR | os.O_CREAT)
     try:
-        yield
-    finally:
+        lock.locking(descriptor, lock.LK_NBLCK, 1)
+    except OSError:
         os.close(descriptor)
+        return None
+    return descriptor
 
 
 @contextmanager

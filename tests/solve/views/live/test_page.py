@@ -3,6 +3,7 @@
 import json
 import os
 import shlex
+import time
 from pathlib import Path
 
 import pytest
@@ -21,8 +22,15 @@ SOLVED = "document.documentElement.dataset.detailed"
 def chromium():
     if browser.CHROMIUM is None:
         pytest.skip("no Chromium is installed")
-    with devtools.browser() as running:
+    # Pages in motion would take most of the time of the tests.
+    with devtools.browser("--force-prefers-reduced-motion") as running:
         yield running
+
+
+@pytest.fixture(autouse=True)
+def _only_its_own_pages(chromium):
+    yield
+    chromium.close_pages()
 
 
 @pytest.fixture(scope="module")
@@ -155,6 +163,56 @@ def test_chosen_quantities_are_shown(page):
     assert titles == ["q1", "q2", "q3", "contact_force"]
 
 
+def test_invalid_tolerance_or_magnification_is_not_sent(page):
+    before = number(page)
+    for selector, text in (("#rtol", "2"), ("#motion .scale", "-3")):
+        page.type(selector, text)
+        assert not page.evaluate(f"document.querySelector('{selector}').checkValidity()")
+    page.type("[data-name=k1] .typed input", "soft")
+    page.wait("!document.querySelector('[data-name=k1] .refusal').hidden")
+    assert number(page) == before
+    page.type("#rtol", "")
+    after(page, lambda: page.type("#motion .scale", "3"))
+    page.wait("document.querySelector('#motion small').textContent === 'vibration magnified 3 times'")
+
+
+def test_range_extended_by_a_typed_value_is_restored_by_reset(page):
+    after(page, lambda: page.type("[data-name=speed] .typed input", "9000"))
+    after(page, lambda: page.click("#reset"))
+    place = page.evaluate("document.querySelector('[data-name=speed] input[type=range]').value")
+    assert float(place) == pytest.approx(1000 * (300 - 60) / (900 - 60), abs=1)
+
+
+def test_no_more_quantities_can_be_chosen_than_are_shown(page):
+    chosen = "document.querySelectorAll('#quantities input:checked').length"
+    after(
+        page, lambda: page.evaluate("document.querySelectorAll('#quantities input').forEach(e => e.click())")
+    )
+    after(
+        page, lambda: page.evaluate("document.querySelectorAll('#quantities input').forEach(e => e.click())")
+    )
+    assert page.evaluate(chosen) <= 6
+    assert page.evaluate("document.querySelector('#fault').hidden")
+
+
+def test_cancelled_solution_is_stated(chromium):
+    live = solve.explore("mathieu")
+    try:
+        tab = chromium.open(live.address)
+        tab.wait(SOLVED)
+        # A calculation of which the numerical thread is not free to begin.
+        live._server.numerics.submit(time.sleep, 1.0)
+        slide(tab, "delta", 300)
+        tab.click("#solving button")
+        tab.wait("!document.querySelector('#fault').hidden")
+        assert tab.text("#fault") == "Cancelled. Move a slider to compute again."
+        after(tab, lambda: slide(tab, "delta", 600))
+        assert tab.evaluate("document.querySelector('#fault').hidden")
+        assert tab.errors == []
+    finally:
+        live.close()
+
+
 def test_fault_of_the_model_is_a_sentence_and_the_page_goes_on(chromium):
     live = solve.explore("coupler", "600 rpm")
     try:
@@ -204,6 +262,7 @@ def test_two_windows_side_by_side_keep_their_own_values(page, chromium, address)
         assert tab.text("#summary").startswith(orbit.summary)
     assert value(page, "k1") < value(other, "k1")
     assert other.errors == []
+    other.command("Page.close")
 
 
 MOVES = """(async (count) => {
