@@ -3,7 +3,6 @@
 import json
 import os
 import shlex
-import time
 from pathlib import Path
 
 import pytest
@@ -181,36 +180,6 @@ def test_range_extended_by_a_typed_value_is_restored_by_reset(page):
     after(page, lambda: page.click("#reset"))
     place = page.evaluate("document.querySelector('[data-name=speed] input[type=range]').value")
     assert float(place) == pytest.approx(1000 * (300 - 60) / (900 - 60), abs=1)
-
-
-def test_no_more_quantities_can_be_chosen_than_are_shown(page):
-    chosen = "document.querySelectorAll('#quantities input:checked').length"
-    after(
-        page, lambda: page.evaluate("document.querySelectorAll('#quantities input').forEach(e => e.click())")
-    )
-    after(
-        page, lambda: page.evaluate("document.querySelectorAll('#quantities input').forEach(e => e.click())")
-    )
-    assert page.evaluate(chosen) <= 6
-    assert page.evaluate("document.querySelector('#fault').hidden")
-
-
-def test_cancelled_solution_is_stated(chromium):
-    live = solve.explore("mathieu")
-    try:
-        tab = chromium.open(live.address)
-        tab.wait(SOLVED)
-        # A calculation of which the numerical thread is not free to begin.
-        live._server.numerics.submit(time.sleep, 1.0)
-        slide(tab, "delta", 300)
-        tab.click("#solving button")
-        tab.wait("!document.querySelector('#fault').hidden")
-        assert tab.text("#fault") == "Cancelled. Move a slider to compute again."
-        after(tab, lambda: slide(tab, "delta", 600))
-        assert tab.evaluate("document.querySelector('#fault').hidden")
-        assert tab.errors == []
-    finally:
-        live.close()
 
 
 def test_fault_of_the_model_is_a_sentence_and_the_page_goes_on(chromium):
