@@ -133,6 +133,7 @@ class Browser:
             self._within(websocket_connect, address, max_message_size=1 << 28)
         )
         self._root = Tab(self._loop, self._connection, "")
+        self._targets: list[str] = []
 
     async def _within(self, connect: Any, *arguments: Any, **keywords: Any) -> Any:
         return await connect(*arguments, **keywords)
@@ -140,6 +141,7 @@ class Browser:
     def open(self, url: str, width: int = 1280, height: int = 900) -> Tab:
         """New window with a page: pages behind others are not painted."""
         target = self._plain("Target.createTarget", url="about:blank", newWindow=True)["targetId"]
+        self._targets.append(target)
         session = self._plain("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         tab = Tab(self._loop, self._connection, session)
         tab._number = 1000 * (1 + int(time.monotonic() * 1000) % 1_000_000)
@@ -148,6 +150,11 @@ class Browser:
         tab.resize(width, height)
         tab.command("Page.navigate", url=url)
         return tab
+
+    def close_pages(self) -> None:
+        """Close all pages: those in motion cost as much time behind others as before them."""
+        while self._targets:
+            self._plain("Target.closeTarget", targetId=self._targets.pop())
 
     def _plain(self, method: str, **parameters: Any) -> dict[str, Any]:
         async def ask() -> dict[str, Any]:
@@ -158,6 +165,7 @@ class Browser:
             while True:
                 answer = json.loads(await self._connection.read_message())
                 if answer.get("id") == number:
+                    assert "error" not in answer, (method, answer["error"])
                     return answer["result"]
 
         return self._loop.run_until_complete(ask())
@@ -169,12 +177,12 @@ class Browser:
 
 
 @contextmanager
-def browser() -> Iterator[Browser]:
-    """Browser for tests. Raises LookupError where there is none."""
+def browser(*flags: str) -> Iterator[Browser]:
+    """Browser for tests, with further flags. Raises LookupError where there is none."""
     if CHROMIUM is None:
         raise LookupError("no Chromium is installed")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as own:
-        command = [CHROMIUM, *_FLAGS, f"--user-data-dir={own}", "about:blank"]
+        command = [CHROMIUM, *_FLAGS, *flags, f"--user-data-dir={own}", "about:blank"]
         said = Path(own) / "said.txt"
         with said.open("w") as stream:
             process = subprocess.Popen(command, stderr=stream, stdout=subprocess.DEVNULL)

@@ -3,11 +3,14 @@
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from solve.errors import FileError
+
+LOCK = ".lock"
+"""Name of the file that is locked where the system cannot lock folders."""
 
 
 def require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any]) -> None:
@@ -41,25 +44,48 @@ def locked(place: Path) -> Iterator[None]:
         if place.exists() and not place.is_dir():
             raise FileError(f"'{place}' is a file; give a folder")
         place.mkdir(exist_ok=True)
-    if os.name != "posix":
-        # Other systems cannot lock folders.
+    descriptor = _lock(place)
+    if descriptor is None:
+        raise FileError(f"'{place}' is in use by another process; wait for it, or give another folder")
+    try:
         yield
-        return
-    import fcntl
+    finally:
+        os.close(descriptor)
+        # Only Windows has this file, and refuses to delete it while another process holds the lock.
+        with suppress(OSError):
+            (place / LOCK).unlink()
 
+
+def _lock(place: Path) -> int | None:
+    """Descriptor that holds the lock of a folder until it is closed; None if another process holds the lock.
+    Raises FileError."""
+    try:
+        import fcntl
+    except ImportError:
+        return _lock_on_windows(place)
     with store_errors():
         descriptor = os.open(place, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        raise FileError(
-            f"'{place}' is in use by another process; wait for it, or give another folder"
-        ) from None
+        return None
+    return descriptor
+
+
+def _lock_on_windows(place: Path) -> int | None:
+    """Descriptor as from `_lock`, on Windows, which locks bytes of files, not folders."""
+    import msvcrt
+
+    lock: Any = msvcrt
+    with store_errors():
+        descriptor = os.open(place / LOCK, os.O_RDWR | os.O_CREAT)
     try:
-        yield
-    finally:
+        lock.locking(descriptor, lock.LK_NBLCK, 1)
+    except OSError:
         os.close(descriptor)
+        return None
+    return descriptor
 
 
 @contextmanager

@@ -30,6 +30,9 @@ _FILES = {file.name: file for file in sorted(_PAGE.iterdir()) if file.suffix in 
 _MOST_BYTES = 100_000
 """Largest message of a page in bytes: several thousand values of parameters."""
 
+_LAST = 1 << 53
+"""Number above those of all requests: the largest whole number of a page."""
+
 _HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
@@ -70,6 +73,7 @@ class LiveServer:
         # CasADi functions may be evaluated by one thread at a time: all windows are solved in this thread,
         # with a copy of the model.
         self.numerics = ThreadPoolExecutor(1, thread_name_prefix="numerics")
+        self.calculating = threading.Lock()
         self._base: Model | None = None
         self.last: Session | None = None
         self.loop: asyncio.AbstractEventLoop | None = None
@@ -130,11 +134,14 @@ class LiveServer:
         return secrets.compare_digest(token.encode(), self.token.encode()) and host in own
 
 
+def _whole(number: object) -> int:
+    """Number of a message; 0 where it is none."""
+    return number if isinstance(number, int) else 0
+
+
 def _bound(port: int) -> list[Any]:
-    if not 0 <= port <= 65535:
-        raise ValueOutOfBoundsError(
-            f"port is {port}; allowed: 1 … 65535, or leave out the port to use a free one"
-        )
+    if not (isinstance(port, int) and 0 <= port <= 65535):
+        raise ValueOutOfBoundsError(f"port is {port}; allowed: 1 … 65535, or leave it out for a free one")
     try:
         return netutil.bind_sockets(port, HOST)
     except OSError as error:
@@ -174,7 +181,9 @@ class Page(websocket.WebSocketHandler):
     separate process per window."""
 
     def initialize(self, server: LiveServer) -> None:
-        self._server, self._session = server, None
+        self._server = server
+        self._session: Session | None = None
+        self._newest = 0
         self._background = Background()
 
     def prepare(self) -> None:
@@ -200,28 +209,35 @@ class Page(websocket.WebSocketHandler):
             action = str(values.get("do"))
         except (ValueError, AttributeError):
             return
-        session = self._session
         if action == "quit":
             self._server.stop()
-        elif session is None:
-            return
         elif action == "cancel":
             self._background.cancel()
-        elif action == "stop":
-            session.replace(int(values["number"]))
-        elif action == "survey":
-            self._run(partial(self._begin_survey, session, values))
-        elif action in ("solve", "check", "save"):
-            if action == "solve":
-                session.replace(int(values["number"]))
-            self._run(partial(getattr(session, action), values))
+        elif action in ("stop", "solve"):
+            self._newest = max(self._newest, _whole(values.get("number")))
+            if self._session is not None:
+                self._session.replace(self._newest)
+        if action in ("solve", "check", "save", "survey"):
+            self._run(partial(self._answer, action, values))
+
+    def _answer(self, action: str, values: Mapping[str, Any]) -> None:
+        """Answer a message in the numerical thread, in which `_begin` precedes all messages."""
+        session = self._session
+        if session is None:
+            return
+        session.replace(self._newest)
+        if action == "survey":
+            self._begin_survey(session, values)
+        else:
+            getattr(session, action)(values)
 
     def _run(self, work: Callable[[], object]) -> None:
         """Run a calculation in the numerical thread; the page shows internal errors."""
 
         def run() -> None:
             try:
-                work()
+                with self._server.calculating:
+                    work()
             except Exception as error:
                 self.send({"is": "failed", "message": internal_error(error)}, None)
 
@@ -236,15 +252,16 @@ class Page(websocket.WebSocketHandler):
             loop.call_soon_threadsafe(loop.call_later, delay, self._run, work)
 
     def _begin_survey(self, session: Session, values: Mapping[str, Any]) -> None:
+        report = partial(self._report, values.get("number"))
         try:
             survey = session.survey(values)
         except SolveError as error:
-            self.send({"is": "survey", "outcome": "refused", "message": str(error)}, None)
+            report("refused", {"message": str(error)})
             return
-        self._background.start(survey, self._report)
+        self._background.start(survey, report)
 
-    def _report(self, kind: str, values: Mapping[str, Any]) -> None:
-        self.send({"is": "survey", "outcome": kind, **values}, None)
+    def _report(self, number: object, kind: str, values: Mapping[str, Any]) -> None:
+        self.send({"is": "survey", "number": number, "outcome": kind, **values}, None)
 
     def send(self, values: Mapping[str, Any], points: bytes | None) -> None:
         """Send a message with its points. May be called from any thread."""
@@ -265,6 +282,8 @@ class Page(websocket.WebSocketHandler):
     def end(self) -> None:
         """Unregister this browser window and stop its calculations."""
         self._server.pages.discard(self)
+        self._newest = _LAST
         if self._session is not None:
-            self._session.replace(1 << 53)
-        threading.Thread(target=self._background.close, daemon=True).start()
+            self._session.replace(_LAST)
+        # The end of the loop waits for it: no calculation outlives the program.
+        asyncio.get_running_loop().run_in_executor(None, self._background.close)

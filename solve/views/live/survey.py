@@ -16,6 +16,7 @@ from solve.results.formatting import greek, headed, named, prefixed
 from solve.studies.chart import chart
 from solve.studies.sweep import sweep
 from solve.units import ShownUnit, raised
+from solve.views.live.controls import typed
 from solve.views.live.picture import shortened
 
 MOST_POINTS, MOST_ACROSS = 2000, 120
@@ -33,33 +34,23 @@ class Axis:
     logarithmic: bool = False
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], most: int) -> Self:
-        """Axis from the request of a page. Raises ValueOutOfBoundsError."""
-        try:
-            axis = cls(
-                str(values["name"]),
-                float(values["low"]),
-                float(values["high"]),
-                int(values["count"]),
-                bool(values.get("logarithmic")),
-            )
-        except (KeyError, TypeError, ValueError):
+    def of(cls, model: Model, unit: ShownUnit, values: Mapping[str, Any], most: int) -> Self:
+        """Axis from the request of a page, with limits in any unit. unit: that of speeds without one.
+        Raises SolveError subclasses."""
+        name, count = str(values.get("name")), str(values.get("count"))
+        low, high = (typed(model, name, str(values.get(end)), unit) for end in ("low", "high"))
+        if low >= high:
             raise ValueOutOfBoundsError(
-                "give the name of a parameter, or speed, with its lower and upper limits and the number of "
-                "points"
-            ) from None
-        if not (np.isfinite([axis.low, axis.high]).all() and axis.low < axis.high):
-            raise ValueOutOfBoundsError(
-                f"{axis.name} from {axis.low:g} to {axis.high:g}; give two finite numbers in ascending order"
+                f"{name} from {low:g} to {high:g}; give two different values, the smaller first"
             )
-        if not 2 <= axis.count <= most:
-            raise ValueOutOfBoundsError(f"{axis.name} has {axis.count} points; allowed: 2 … {most}")
-        return axis
+        if not (count.isdecimal() and 2 <= int(count) <= most):
+            raise ValueOutOfBoundsError(f"{name} has {count} points; allowed: whole numbers 2 … {most}")
+        return cls(name, low, high, int(count), bool(values.get("logarithmic")) and low > 0)
 
     @property
     def values(self) -> Array:
         """Values in the unit of the slider."""
-        if self.logarithmic and self.low > 0:
+        if self.logarithmic:
             return np.geomspace(self.low, self.high, self.count)
         return np.linspace(self.low, self.high, self.count)
 
@@ -101,11 +92,8 @@ class Survey:
         """Survey from the request of a page. Raises SolveError subclasses."""
         of = Named.of(model, str(request.get("of", RADIUS)))
         most = MOST_ACROSS if request.get("y") else MOST_POINTS
-        x = Axis.of(request.get("x") or {}, most)
-        y = Axis.of(request["y"], most) if request.get("y") else None
-        for axis in filter(None, (x, y)):
-            if axis.name != SPEED:
-                require_name(f"parameter of {model.labels.name}", axis.name, model.parameters)
+        x = Axis.of(model, unit, request.get("x") or {}, most)
+        y = Axis.of(model, unit, request["y"], most) if request.get("y") else None
         if y is not None and x.name == y.name:
             raise ValueOutOfBoundsError(f"x and y are both {x.name}; vary two different quantities")
         return cls(model, speed, unit, x, y, of.text)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -185,6 +186,24 @@ def test_two_writers_are_refused(tmp_path):
     with pytest.raises(FileError, match="in use by another"), progress.listen(another):
         swept(tmp_path / "s")
     same(swept(tmp_path / "s"), swept())
+
+
+def test_two_writers_are_refused_where_only_files_can_be_locked(tmp_path, monkeypatch):
+    """With a substitute of Windows' module, whose locks raise an OSError where another holds them."""
+    fcntl = pytest.importorskip("fcntl")
+
+    def locking(descriptor, mode, count):
+        assert (mode, count) == (2, 1)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    monkeypatch.setitem(sys.modules, "msvcrt", SimpleNamespace(locking=locking, LK_NBLCK=2))
+    test_two_writers_are_refused(tmp_path)
+    assert not (tmp_path / "s" / ".lock").exists()
+    (tmp_path / "s" / ".lock").touch()  # Of a process that was killed.
+    same(swept(tmp_path / "s"), swept())
+    with pytest.raises(FileError, match="cannot be written"):
+        swept("/proc/s")
 
 
 def test_folders_with_other_files_are_refused(tmp_path):

@@ -85,7 +85,10 @@ export class Controls {
   }
 
   reset() {
-    for (const [name, state] of this.rows) this.put(name, state.first, null);
+    for (const [name, state] of this.rows) {
+      Object.assign(state, state.range); // A typed value may have extended it.
+      this.put(name, state.first, null);
+    }
   }
 
   // Speed, and texts of the parameters that differ from their first values.

@@ -49,7 +49,7 @@ function ask() {
   const scale = by("motion").querySelector(".scale").value;
   send({
     do: "solve", number, ...controls.state, shown: shown(),
-    scale: scale === "" ? null : Number(scale) || 0, nonlinear: by("nonlinear").checked, rtol: by("rtol").value || null,
+    scale: scale === "" ? null : Number(scale), nonlinear: by("nonlinear").checked, rtol: by("rtol").value || null,
   });
 }
 
@@ -82,6 +82,7 @@ const receive = {
     const answer = answered(message);
     if (answer === null) return;
     solution = message;
+    by("summary").classList.add("earlier");
     draw();
     by("command").textContent = message.command;
     by("command").nextElementSibling.hidden = by("command").hidden = !message.command;
@@ -98,6 +99,7 @@ const receive = {
 
   details(message) {
     if (message.number !== solution?.number) return;
+    by("summary").classList.remove("earlier");
     by("summary").textContent = [message.summary, message.method && `Method: ${message.method}.`, ...message.notes].filter(Boolean).join(" ");
     document.documentElement.dataset.detailed = message.number;
   },
@@ -107,13 +109,16 @@ const receive = {
   },
 
   fault(message) {
-    if (answered(message) === null) return;
+    if (answered(message) === null) {
+      if (message.number === solution?.number) by("summary").textContent = message.message;
+      return;
+    }
     fault(message.message);
     document.documentElement.dataset.drawn = message.number;
   },
 
   replaced(message) {
-    answered(message);
+    if (answered(message) !== null && underWay === null) fault("Cancelled. Move a slider to compute again.");
   },
 
   checked({ name, value, text }) {
@@ -130,6 +135,7 @@ const receive = {
   },
 
   survey(message) {
+    if (message.number !== survey.number) return;
     const bar = by("surveying");
     if (message.outcome === "progress") showProgress(bar, message);
     else bar.hidden = true;
@@ -146,7 +152,7 @@ const receive = {
 
   failed({ message }) {
     underWay = null;
-    by("solving").hidden = true;
+    by("solving").hidden = by("surveying").hidden = true;
     fault(message);
   },
 };
@@ -188,6 +194,7 @@ function drawPictures() {
   curves.forEach((curve, k) => rows[k].draw(curve, span, period));
   by("orbit").querySelector("small").textContent = free ? "no load: free vibration from rest at 1" : "";
   mechanism.periods = Math.round(span / period);
+  mechanism.changed = true;
   if (model.vibrates) circle.draw(multipliers, small);
 }
 
@@ -198,9 +205,19 @@ function choose(message) {
     Object.assign(box, { type: "checkbox", value: name, checked: message.shown.includes(name) });
     label.title = meaning;
     label.append(box, ` ${name}${unit && unit !== "1" ? ` (${unit})` : ""}`);
-    box.addEventListener("change", () => request());
+    box.addEventListener("change", () => {
+      limit(message.most_shown);
+      request();
+    });
     return label;
   }));
+  limit(message.most_shown);
+}
+
+// No more quantities can be chosen than are shown.
+function limit(most) {
+  const full = shown().length >= most;
+  for (const box of by("quantities").querySelectorAll("input")) box.disabled = full && !box.checked;
 }
 
 function shown() {
@@ -255,8 +272,9 @@ by("save").addEventListener("submit", (event) => {
 });
 by("reset").addEventListener("click", () => { controls.reset(); request(); });
 by("nonlinear").addEventListener("change", () => request());
-by("rtol").addEventListener("change", () => request());
-by("motion").querySelector(".scale").addEventListener("change", () => request());
+for (const field of [by("rtol"), by("motion").querySelector(".scale")]) {
+  field.addEventListener("change", () => field.reportValidity() && request());
+}
 by("quit").addEventListener("click", () => send({ do: "quit" }));
 by("solving").querySelector("button").addEventListener("click", () => send({ do: "stop", number: number + 1 }));
 by("surveying").querySelector("button").addEventListener("click", () => send({ do: "cancel" }));

@@ -14,6 +14,7 @@ export class Mechanism {
     this.playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.last = null;
     this.periods = 1;
+    this.changed = true; // Whether a picture at rest must be drawn again.
     this.button.textContent = this.playing ? "Pause" : "Play";
     this.button.addEventListener("click", () => {
       this.playing = !this.playing;
@@ -23,6 +24,7 @@ export class Mechanism {
       this.playing = false;
       this.button.textContent = "Play";
       this.fraction = this.slider.value / 1000;
+      this.changed = true;
     });
     requestAnimationFrame((now) => this.tick(now));
   }
@@ -31,6 +33,7 @@ export class Mechanism {
   show(message, points) {
     this.message = message;
     this.points = new Float32Array(points);
+    this.changed = true;
     this.panel.hidden = false;
     this.panel.querySelector("small").textContent = message.scale === 1 ? "vibration at its true size" : `vibration magnified ${message.scale} times`;
   }
@@ -41,8 +44,11 @@ export class Mechanism {
       this.slider.value = Math.round(this.fraction * 1000);
     }
     this.last = now;
-    this.marked(this.fraction);
-    if (this.message) this.draw();
+    if (this.playing || this.changed) {
+      this.changed = false;
+      this.marked(this.fraction);
+      if (this.message) this.draw();
+    }
     requestAnimationFrame((later) => this.tick(later));
   }
 

@@ -15,9 +15,14 @@ export function ticks(low, high, most) {
   const span = high - low;
   if (!(span > 0)) return [low];
   const raw = span / most, power = 10 ** Math.floor(Math.log10(raw));
-  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= raw * 0.999);
-  const first = Math.ceil(low / step - 1e-9), last = Math.floor(high / step + 1e-9);
-  return Array.from({ length: last - first + 1 }, (_, k) => (first + k) * step);
+  const factors = [1, 2, 5, 10], least = factors.findIndex((factor) => factor * power >= raw * 0.999);
+  const of = (step) => {
+    const first = Math.ceil(low / step - 1e-9), last = Math.floor(high / step + 1e-9);
+    return Array.from({ length: last - first + 1 }, (_, k) => (first + k) * step);
+  };
+  const values = of(power * factors[least]);
+  // A single tick gives no scale.
+  return values.length > 1 || least === 0 ? values : of(power * factors[least - 1]);
 }
 
 export function short(value) {

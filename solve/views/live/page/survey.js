@@ -12,6 +12,7 @@ export class Survey {
     this.message = panel.querySelector(".message");
     this.host = panel.querySelector(".plot");
     this.result = null;
+    this.number = 0; // Of the newest request.
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.request();
@@ -58,14 +59,15 @@ export class Survey {
   axis(letter) {
     const name = this.field(letter).value;
     if (!name) return null;
-    const [low, high, count] = ["low", "high", "count"].map((part) => Number(this.field(`${letter}-${part}`).value));
-    return { name, low, high, count, logarithmic: this.controls.rows.get(name).logarithmic && low > 0 };
+    const [low, high, count] = ["low", "high", "count"].map((part) => this.field(`${letter}-${part}`).value.trim());
+    return { name, low, high, count, logarithmic: this.controls.rows.get(name).logarithmic };
   }
 
   request() {
     this.say("");
     this.at = JSON.stringify(this.held());
-    this.send({ do: "survey", of: this.field("of").value, x: this.axis("x"), y: this.axis("y"), ...this.controls.state });
+    this.number += 1;
+    this.send({ do: "survey", number: this.number, of: this.field("of").value, x: this.axis("x"), y: this.axis("y"), ...this.controls.state });
   }
 
   // Values that the survey holds, all but those of its axes.
@@ -85,7 +87,8 @@ export class Survey {
       this.result = message;
       this.result.at = this.at;
       const failed = message.failures.filter(Boolean);
-      const colours = message.y ? ["Orange: unstable; darker: larger"] : [];
+      const missing = message.y && message.values.includes(null) ? "; grey: no result" : "";
+      const colours = message.y ? [`Orange: unstable; darker: larger${missing}`] : [];
       const texts = [...colours, ...message.warnings, ...(failed.length ? [`${failed.length} of ${message.failures.length} points have no result, such as: ${failed[0]}`] : [])];
       this.notes = texts.join(". ");
       this.draw();
@@ -120,7 +123,12 @@ export class Survey {
     frame.scale(ends, [ys[0], ys.at(-1)], { logX: result.x.logarithmic, logY: result.y.logarithmic });
     frame.drawAxes(label, result.y.label, { most: 10 });
     const { left, right, top, bottom } = frame.box;
-    const image = element("image", { x: left, y: top, width: right - left, height: bottom - top, preserveAspectRatio: "none", style: "image-rendering: pixelated", href: this.image(xs.length, ys.length) });
+    // Points are the centres of their rectangles, so that those of the edges are halved.
+    const wide = (right - left) / (xs.length - 1), high = (bottom - top) / (ys.length - 1);
+    const image = element("image", {
+      x: left - wide / 2, y: top - high / 2, width: wide * xs.length, height: high * ys.length, preserveAspectRatio: "none",
+      style: `image-rendering: pixelated; clip-path: inset(${50 / ys.length}% ${50 / xs.length}%)`, href: this.image(xs.length, ys.length),
+    });
     frame.svg.prepend(image);
     for (const curve of result.boundaries) {
       element("path", { class: "boundary", d: frame.path(curve.points.map((point) => point[0]), curve.points.map((point) => point[1])) }, frame.content);

@@ -21,8 +21,15 @@ SOLVED = "document.documentElement.dataset.detailed"
 def chromium():
     if browser.CHROMIUM is None:
         pytest.skip("no Chromium is installed")
-    with devtools.browser() as running:
+    # Pages in motion would take most of the time of the tests.
+    with devtools.browser("--force-prefers-reduced-motion") as running:
         yield running
+
+
+@pytest.fixture(autouse=True)
+def _only_its_own_pages(chromium):
+    yield
+    chromium.close_pages()
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +161,26 @@ def test_chosen_quantities_are_shown(page):
     after(page, lambda: page.click("#quantities input[value=contact_force]"))
     titles = page.evaluate("[...document.querySelectorAll('.curve h3 b')].map(e => e.textContent)")
     assert titles == ["q1", "q2", "q3", "contact_force"]
+
+
+def test_invalid_tolerance_or_magnification_is_not_sent(page):
+    before = number(page)
+    for selector, text in (("#rtol", "2"), ("#motion .scale", "-3")):
+        page.type(selector, text)
+        assert not page.evaluate(f"document.querySelector('{selector}').checkValidity()")
+    page.type("[data-name=k1] .typed input", "soft")
+    page.wait("!document.querySelector('[data-name=k1] .refusal').hidden")
+    assert number(page) == before
+    page.type("#rtol", "")
+    after(page, lambda: page.type("#motion .scale", "3"))
+    page.wait("document.querySelector('#motion small').textContent === 'vibration magnified 3 times'")
+
+
+def test_range_extended_by_a_typed_value_is_restored_by_reset(page):
+    after(page, lambda: page.type("[data-name=speed] .typed input", "9000"))
+    after(page, lambda: page.click("#reset"))
+    place = page.evaluate("document.querySelector('[data-name=speed] input[type=range]').value")
+    assert float(place) == pytest.approx(1000 * (300 - 60) / (900 - 60), abs=1)
 
 
 def test_fault_of_the_model_is_a_sentence_and_the_page_goes_on(chromium):

@@ -8,8 +8,10 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
 
@@ -128,6 +130,28 @@ def test_two_windows_have_their_own_sliders(live):
     assert radii == pytest.approx(expected, rel=1e-6)
 
 
+def test_message_before_the_greeting_is_answered(live):
+    """The numerical thread is held until the message has arrived."""
+    ask = {"do": "solve", "number": 1, "shown": ["q1"], "speed": "300 rpm", "values": {}}
+    live._server.numerics.submit(time.sleep, 0.3)
+    model, solution = asyncio.run(talk(live.address, (ask, "model"), (None, "solution")))
+    assert (model["name"], solution["number"]) == ("cam", 1)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "null", "3", '{"do": "solve", "number": "x"}', '{"do": "stop"}'])
+def test_malformed_message_does_not_close_the_window(live, text):
+    async def send():
+        connection = await websocket_connect(live.address.replace("http", "ws", 1) + "messages")
+        await connection.read_message()
+        await connection.write_message(text)
+        await connection.write_message('{"do": "check", "name": "k1", "text": "90 kN m/rad"}')
+        while json.loads(await asyncio.wait_for(connection.read_message(), _SECONDS))["is"] != "checked":
+            pass
+        connection.close()
+
+    asyncio.run(send())
+
+
 def test_window_in_python_has_the_model_of_the_sliders():
     with_closing = solve.explore(solve.load("mathieu", delta=1.5))
     try:
@@ -146,11 +170,12 @@ def test_window_in_python_has_the_model_of_the_sliders():
 def test_sweep_reports_progress_and_can_be_cancelled(live):
     sweep = {
         "do": "survey",
+        "number": 1,
         "of": "q1.max_abs",
         "x": {"name": "speed", "low": 20, "high": 900, "count": 2000},
         "speed": "300 rpm",
     }
-    small = {**sweep, "x": {"name": "speed", "low": 300, "high": 320, "count": 3}}
+    small = {**sweep, "number": 2, "x": {"name": "speed", "low": 300, "high": 320, "count": 3}}
     answers = asyncio.run(
         talk(
             live.address,
@@ -161,13 +186,18 @@ def test_sweep_reports_progress_and_can_be_cancelled(live):
         )
     )
     assert "points" in answers[1]["text"]
+    assert [answer.get("number") for answer in answers[1:]] == [1, 1, 2]
     orbit = solve.periodic(solve.load("cam"), "310 rpm")
     assert answers[-1]["values"][1] == pytest.approx(1e3 * orbit.statistics("q1").max_abs, rel=1e-3)
 
 
 def started(*arguments):
     """Process of the command, and the address that it prints."""
-    command = [sys.executable, "-m", "solve", "explore", *arguments, "--no-browser"]
+    return opened([sys.executable, "-m", "solve", "explore", *arguments, "--no-browser"])
+
+
+def opened(command):
+    """Process that opens a window, and the address that it prints."""
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     line = process.stdout.readline()
     found = re.fullmatch(r"\w+: (http://127\.0\.0\.1:\d+/[\w-]+/) \(Ctrl-C ends\)\n", line)
@@ -187,6 +217,31 @@ def test_interruption_ends_the_command_in_order():
     assert fetched(address)[0] == 200
     process.send_signal(signal.SIGINT)
     assert ended(process) == (0, "", "")
+
+
+ENDLESS = """import time
+import solve
+from solve.views.live.session import Session
+from solve.views.live.texts import Origin
+from solve.views.live.window import run, server
+
+Session.check = lambda *_: time.sleep(1000)
+run(server(solve.load("cam"), Origin("cam"), "300 rpm"), False)
+"""
+
+
+@pytest.mark.slow
+def test_interruption_ends_long_calculations_too():
+    """One in the numerical thread, and a sweep of minutes in another process."""
+    process, address = opened([sys.executable, "-c", ENDLESS])
+    speeds = {"name": "speed", "low": 20, "high": 900, "count": 2000}
+    survey = {"do": "survey", "number": 1, "of": "q1.max_abs", "x": speeds}
+    asyncio.run(talk(address, (survey, "progress"), ({"do": "check"}, "progress")))
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    others = children.read_text().split() if children.exists() else []
+    process.send_signal(signal.SIGINT)
+    assert ended(process) == (0, "", "")
+    assert not [child for child in others if Path(f"/proc/{child}").exists()]
 
 
 @pytest.mark.slow

@@ -131,6 +131,15 @@ def test_sweep_has_the_values_of_single_orbits(window):
     assert found["label"] == "max|q3| (µm)"
 
 
+def test_limits_of_a_sweep_have_units(window):
+    cam = window("cam", "300 rpm")
+    limits = {"name": "speed", "low": "5 Hz", "high": "320", "count": "3", "logarithmic": True}
+    survey = cam.session.survey({"x": limits, "of": "spectral_radius"})
+    assert survey.x.values == pytest.approx([300, (300 * 320) ** 0.5, 320])
+    limits = {"name": "k1", "low": "80 kN m/rad", "high": "9e4", "count": 2}
+    assert cam.session.survey({"x": limits, "of": "spectral_radius"}).x.values.tolist() == [8e4, 9e4]
+
+
 def test_chart_has_verdicts_and_boundaries(window):
     mathieu = window("mathieu")
     axes = {
@@ -151,13 +160,18 @@ def test_chart_has_verdicts_and_boundaries(window):
         ({"x": {"name": "k9", "low": 1, "high": 2, "count": 3}}, "unknown parameter of cam 'k9'"),
         (
             {"x": {"name": "k1", "low": 2, "high": 1, "count": 3}},
-            "k1 from 2 to 1; give two finite numbers in ascending order",
+            "k1 from 2 to 1; give two different values, the smaller first",
         ),
-        ({"x": {"name": "k1", "low": 1, "high": 2, "count": 1}}, "1 points; allowed: 2 … 2000"),
+        ({"x": {"name": "k1", "low": 1, "high": 2, "count": 1}}, "1 points; allowed: whole numbers 2 … 2000"),
         (
-            {"x": {"name": "k1", "low": None, "high": 2, "count": 3}},
-            "give the name of a parameter, or speed, with its lower and upper limits",
+            {"x": {"name": "k1", "low": "soft", "high": 2, "count": 3}},
+            "k1 is 'soft'; give a number, in N m/rad unless a unit follows",
         ),
+        (
+            {"x": {"name": "speed", "low": 0, "high": 2, "count": 3}},
+            "speed is 0 rpm; allowed: finite and > 0",
+        ),
+        ({"x": {"name": "k1", "low": 1, "high": 2, "count": "2.5"}}, "2.5 points; allowed: whole numbers 2"),
         ({"x": {"name": "k1", "low": 1, "high": 2, "count": 3}, "of": "q9.max"}, "unknown quantity of cam"),
     ],
 )
