@@ -5,9 +5,8 @@ The state x at phase 0 and the changes p of k parameters satisfy x = Φ x + g + 
 singular, these equations remain regular (H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems,
 1987, 4.3)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -38,10 +37,6 @@ _REGULAR = 1e-2
 """Distance of all multipliers from +1 above which I - Φ counts as regular. Round-off is multiplied by the
 inverse of this distance. A choice."""
 
-_FAR_FROM_FOLDS = 0.1
-"""Distance of all multipliers from +1 above which corrections may use tangents of a neighbouring orbit. A
-choice."""
-
 
 _FREE_JUMPS = (
     "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches of free machines "
@@ -51,37 +46,19 @@ _FREE_JUMPS = (
 
 @dataclass(frozen=True)
 class LinearFamily:
-    """Solutions of a linear periodic problem: a particular solution, the monodromy matrix, and a function
-    that returns the tangents (k) to the set of solutions."""
+    """Solutions of a linear periodic problem: a particular solution, the tangents (k) to the set of
+    solutions, and the monodromy matrix."""
 
     unknowns: Unknowns
+    tangents: tuple[Unknowns, ...]
     Phi: Array
-    solve_tangents: Callable[[], tuple[Unknowns, ...]]
 
-    @cached_property
-    def tangents(self) -> tuple[Unknowns, ...]:
-        """Tangents (k) to the set of solutions; computed when they are first used."""
-        return self.solve_tangents()
-
-    @cached_property
+    @property
     def multipliers(self) -> Array:
         """Floquet multipliers (2n,), largest modulus first."""
-        return _multipliers(self.Phi)
-
-    def tangents_or(self, approximate: Sequence[Unknowns] | None) -> Sequence[Unknowns]:
-        """Approximate tangents on the nodes of the solution, if given and far from folds, where tangents vary
-        slowly; otherwise exact tangents."""
-        if approximate is None or np.abs(self.multipliers - 1).min() < _FAR_FROM_FOLDS:
-            return self.tangents
-        nodes = self.unknowns.curve.nodes
-        grid = Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool))
-        return [tangent.on(grid) for tangent in approximate]
-
-
-def _multipliers(Phi: Array) -> Array:
-    if not np.isfinite(Phi).all():
-        raise NoOrbitError("the multipliers overflow")
-    return Multipliers.of(Phi[None]).values[0]
+        if not np.isfinite(self.Phi).all():
+            raise NoOrbitError("the multipliers overflow")
+        return Multipliers.of(self.Phi[None]).values[0]
 
 
 def linear_family(
@@ -108,8 +85,7 @@ def linear_family(
     count = len(parameters.names)
     changes = columns[len(columns) - count :].T
     tangents = tuple(Unknowns(curves[k + 1], changes[k + 1]) for k in range(count))
-    first = Unknowns(curves[0], unknowns.values + changes[0])
-    return LinearFamily(first, steps.monodromy, lambda: tangents)
+    return LinearFamily(Unknowns(curves[0], unknowns.values + changes[0]), tangents, steps.monodromy)
 
 
 def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
@@ -276,20 +252,19 @@ def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid
     rigid-body modes, and wherever I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
     held = free(OnePoint(along, task.speed)) if equations.free else None
-
-    def response(system: PeriodicSystem) -> tuple[Curve, Array]:
-        found = solutions_on(task.method, OnePoint(system, task.speed), grid, True, task.engine, held)
-        for reason in found.failures.values():
+    systems = [along, *map(equations.under, range(len(equations.names)))]
+    found = [
+        solutions_on(task.method, OnePoint(system, task.speed), grid, True, task.engine, held)
+        for system in systems
+    ]
+    for solutions in found:
+        for reason in solutions.failures.values():
             raise reason
-        assert isinstance(found.curve, Curve)
-        return found.curve[0], found.Phi[0]
-
-    def tangents() -> tuple[Unknowns, ...]:
-        changes = np.eye(len(equations.names))
-        return tuple(Unknowns(response(equations.under(k))[0], change) for k, change in enumerate(changes))
-
-    curve, Phi = response(along)
-    return LinearFamily(Unknowns(curve, unknowns.values), Phi, tangents)
+    curves = [solutions.curve for solutions in found]
+    assert all(isinstance(curve, Curve) for curve in curves)
+    tangents = zip(curves[1:], np.eye(len(equations.names)), strict=True)
+    vectors = (Unknowns(curve[0], change) for curve, change in tangents)  # pyright: ignore
+    return LinearFamily(Unknowns(curves[0][0], unknowns.values), tuple(vectors), found[0].Phi[0])  # pyright: ignore
 
 
 def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, sizes: Array) -> Array:
@@ -307,7 +282,7 @@ def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid:
         found = task.method.solutions(point, grid, False, task.engine)
     for reason in found.failures.values():
         raise reason
-    return _multipliers(found.Phi[0])
+    return LinearFamily(unknowns, (), found.Phi[0]).multipliers
 
 
 def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, multiplier: float) -> Curve:

@@ -103,7 +103,7 @@ class Manifold:
         for direction, length in zip(directions, lengths, strict=True):
             unknowns = unknowns.plus(length / self.inner(direction, direction, sizes), direction)
         unknowns, family, corrections = self._converged(
-            unknowns, before.unknowns, directions, lengths, sizes, before.grid, before.tangents
+            unknowns, before.unknowns, directions, lengths, sizes, before.grid
         )
         held = None if any(lengths) else directions
         return self.point(unknowns, before.tangents, before.grid, family, sizes, held), corrections
@@ -134,16 +134,12 @@ class Manifold:
         lengths: Sequence[float],
         sizes: Array,
         grid: Grid,
-        tangents: Sequence[Unknowns] | None = None,
     ) -> tuple[Unknowns, LinearFamily, int]:
         """Converged unknowns at given lengths from `before` along the directions `directions`, solutions of
-        the last linear problem, and number of corrections. tangents: those of a neighbouring orbit, if
-        available. Raises SolveError subclasses."""
+        the last linear problem, and number of corrections. Raises SolveError subclasses."""
         last = 1.0
         for corrections in range(1, _MAX_CORRECTIONS + 1):
-            # From the second correction on, other tangents would reduce the order of convergence.
-            near = tangents if corrections == 1 else None
-            after, family = self._corrected(unknowns, before, directions, lengths, sizes, grid, near)
+            after, family = self._corrected(unknowns, before, directions, lengths, sizes, grid)
             size, unknowns = self.distance(after, unknowns, sizes), after
             # With quadratic convergence, a next correction that is predicted to be small is omitted.
             following = _SAFETY * size**3 / last**2 if corrections > 1 and size < _QUADRATIC else math.inf
@@ -162,14 +158,15 @@ class Manifold:
         lengths: Sequence[float],
         sizes: Array,
         grid: Grid,
-        tangents: Sequence[Unknowns] | None = None,
     ) -> tuple[Unknowns, LinearFamily]:
         """Next iterate of the unknowns with given lengths from `before` along the directions `directions`,
-        and all solutions of the linear problem. tangents: see `_converged`. Raises SolveError."""
+        and all solutions of the linear problem. Raises SolveError."""
         family = linear_family(self.parameters, unknowns, grid, sizes)
         gone = [self.inner(family.unknowns, direction, sizes, before) for direction in directions]
-        missing, along = np.subtract(lengths, gone), family.tangents_or(tangents)
-        matrix = [[self.inner(tangent, direction, sizes) for tangent in along] for direction in directions]
+        missing = np.subtract(lengths, gone)
+        matrix = [
+            [self.inner(tangent, direction, sizes) for tangent in family.tangents] for direction in directions
+        ]
         try:
             weights = np.linalg.solve(matrix, missing)
         except np.linalg.LinAlgError:
@@ -177,7 +174,7 @@ class Manifold:
                 "the continuation step is singular: a tangent of the branch is normal to the directions "
                 "of the step"
             ) from None
-        return _sum(family.unknowns, weights, along), family
+        return _sum(family.unknowns, weights, family.tangents), family
 
     def point(
         self,
@@ -203,8 +200,7 @@ class Manifold:
             tangents = self._orthonormal(family, [each.on(grid) for each in towards], sizes)
             fine = self.parameters.task.grid(_finer(grid.steps))
             directions = held or tangents
-            zeros = [0.0] * len(directions)
-            better, _ = self._corrected(unknowns, unknowns, directions, zeros, sizes, fine, tangents)
+            better, _ = self._corrected(unknowns, unknowns, directions, [0.0] * len(directions), sizes, fine)
             scale = self._scale(better, fine).of(better.largest, roundoff=self.resting)
             (one, other), _ = sampled_together(unknowns, better)
             off = np.abs(other - one).max(axis=1) / scale + _ORBIT_ROUNDOFF
