@@ -18,9 +18,6 @@ PHASES = 1001
 """Number of fixed phases at which coefficients are compared with their interpolant: odd, so that few coincide
 with the stages of a grid. A feature narrower than the spacing of all sampled phases may be missed."""
 
-MIN_PHASES = 64
-"""Smallest number of phases from which harmonics are computed: a choice that resolves 32 harmonics."""
-
 ROUND_OFF = 512 * EPS
 """Relative size of harmonics, and of differences of coefficients from their interpolant, that is round-off:
 4e-14 at most for the models of this project, 2e-13 with noise of the last digit and 3000 steps."""
@@ -54,7 +51,7 @@ def harmonics(points: Points, loads: bool) -> Array:
     """
     if points.breaks:
         return np.ones((len(points), 1))
-    count = min(PHASES, max(MIN_PHASES, _MEMORY // (8 * _entry_count(points.n))) | 1)
+    count = min(PHASES, _MEMORY // (8 * _entry_count(points.n)) | 1)
     tables = points.tables(_fixed_phases(points.period, count))
     spectrum = _spectrum(tables.table) if tables.own else _cached_spectrum(tables.table)
     # Loads are the last entries.
