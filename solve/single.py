@@ -7,8 +7,7 @@ from solve.certify.all_multipliers import (
     rigid_multipliers,
 )
 from solve.certify.certified import Certified, Failed, SolveRequest
-from solve.certify.interpolation import with_interpolation_errors, with_margin
-from solve.certify.reduction import with_reduction_errors
+from solve.certify.model_errors import with_margin, with_model_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
@@ -173,8 +172,7 @@ def _solve(
             (result,) = certified(point, method_used, solve_request)
         if isinstance(result, Failed):
             raise result.reason
-        result = with_reduction_errors(result, lambda _: (system, omega))
-        result = with_interpolation_errors(result, lambda _: (system, omega))
+        result = with_model_errors(result, lambda _: (system, omega))
         refined_spectrum = None
         if all_multipliers:
             rigid = rigid_multipliers(result)

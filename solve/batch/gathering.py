@@ -8,8 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.certify.certified import Certified
-from solve.certify.interpolation import with_interpolation_errors
-from solve.certify.reduction import with_reduction_errors
+from solve.certify.model_errors import with_model_errors
 from solve.contracts import Statistics
 from solve.equations import judged_quantities, limits_of, warnings_of
 from solve.kernel.engines import COMPILED
@@ -91,10 +90,9 @@ class _ResultWriter:
         """Write the results of points solved on the same grid."""
         at, results, solutions = self.start + found.positions, self.results, found.solutions
         if results.kept.warnings:
-            found = with_reduction_errors(found, self._system_of(found))
+            found = with_model_errors(found, self._system_of(found))
             for place, error in zip(at, found.reduction, strict=False):
                 results.reductions[place] = error.orbit, error.multipliers
-            found = with_interpolation_errors(found, self._system_of(found))
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
         results.verdicts[at] = (

@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.certified import Certified, SolveRequest
-from solve.certify.estimates import NO_DIGIT, SAFETY
+from solve.certify.comparison import NO_DIGIT, SAFETY
 from solve.errors import StepsError
 from solve.kernel import slicot
 from solve.methods.free import anchored_for, free, solutions_on

@@ -192,11 +192,6 @@ class Certified:
         """Verdicts (k,) as indices in VERDICTS; see `solve.period.multipliers.verdicts`."""
         return verdicts_of(self.solutions, self.absolute, self.modes)
 
-    @property
-    def _without_multipliers(self) -> Array:
-        """Whether (k,) a point has only multipliers of rigid-body modes."""
-        return _rigid_body_only(self.solutions)
-
     @cached_property
     def _is_on_circle(self) -> Array:
         """Whether (k,) the verdict on a point is open although its multipliers are accurate."""
@@ -207,7 +202,7 @@ class Certified:
         """Whether (k,) a point has warnings."""
         multipliers = self.solutions.multipliers
         doubtful = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
-        doubtful |= (multipliers.resolved == 0) & ~self._without_multipliers
+        doubtful |= (multipliers.resolved == 0) & ~_rigid_body_only(self.solutions)
         doubtful |= self._is_on_circle | bool(self.method.warnings)
         if self.request.steps is not None and not self.method.l_stable:
             doubtful |= ~self.modes.is_within(self.steps * self.method.follows / self.modes.period)
@@ -217,7 +212,7 @@ class Certified:
         """Warnings about the point with index `at`, one sentence each."""
         method, request, rho = self.method, self.request, self.solutions.multipliers
         orbit, multipliers = map(float, self.errors[at])
-        is_below_round_off = not rho.resolved[at] and not self._without_multipliers[at]
+        is_below_round_off = not rho.resolved[at] and not _rigid_body_only(self.solutions)[at]
         warnings = list(method.warnings)
         if self.interpolation:
             error = self.interpolation[at]

@@ -18,9 +18,6 @@ PHASES = 1001
 """Number of fixed phases at which coefficients are compared with their interpolant: odd, so that few coincide
 with the stages of a grid. A feature narrower than the spacing of all sampled phases may be missed."""
 
-MIN_PHASES = 64
-"""Smallest number of phases from which harmonics are computed: a choice that resolves 32 harmonics."""
-
 ROUND_OFF = 512 * EPS
 """Relative size below which harmonics, and differences between coefficients and their interpolant, are
 round-off. Measured: at most 4e-14 for the models of this project, and 2e-13 for 3000 steps and coefficients
@@ -56,7 +53,7 @@ def harmonics(points: Points, loads: bool) -> Array:
     """
     if points.breaks:
         return np.ones((len(points), 1))
-    count = min(PHASES, max(MIN_PHASES, _MEMORY // (8 * _entry_count(points.n))) | 1)
+    count = min(PHASES, _MEMORY // (8 * _entry_count(points.n)) | 1)
     tables = points.tables(_fixed_phases(points.period, count))
     spectrum = _spectrum(tables.table) if tables.own else _cached_spectrum(tables.table)
     # Loads are the last entries.

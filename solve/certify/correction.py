@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.coefficients import MIN_PHASES
-from solve.certify.estimates import PHASES_PER_STEP, largest_moduli
+from solve.certify.comparison import PHASES_PER_STEP, largest_moduli
 from solve.contracts import Motion
 from solve.equations import nonlinear_of, roundoff_of
 from solve.errors import SolveError
@@ -17,6 +16,7 @@ from solve.kernel.formulas import columns_by
 from solve.matrices import by_rates
 from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, Solutions
+from solve.period.frozen import PHASES
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
 from solve.period.points import Multiplied, OnePoint
@@ -97,7 +97,7 @@ class CoordinateScale:
 
     @cached_property
     def _phases(self) -> Array:
-        count = max(MIN_PHASES, 2 * self.steps)
+        count = max(PHASES // 2, 2 * self.steps)
         return (np.arange(count) + 0.5) * (self.along.period / count)
 
     @cached_property

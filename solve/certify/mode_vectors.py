@@ -8,7 +8,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.all_multipliers import multiplier_errors, solved_on
-from solve.certify.estimates import NO_DIGIT
+from solve.certify.coefficients import ROUND_OFF
+from solve.certify.comparison import NO_DIGIT
 from solve.kernel import slicot
 from solve.methods.free import free
 from solve.methods.method import Method
@@ -22,10 +23,6 @@ from solve.period.product_eigenvalues import (
     eigenvalue_logarithms,
     product_eigenvalues,
 )
-
-_SAME_NODE = 1e-12
-"""Distance between nodes in rad that counts as round-off. A choice: several thousand times the unit
-round-off."""
 
 SURE = 10.0
 """Smallest ratio between the difference of two exponents and their estimated errors for which they are
@@ -94,7 +91,7 @@ class ModeVectors:
     def _is_uniform(self) -> bool:
         """Whether the nodes divide the period evenly, so that a fast Fourier transform applies."""
         uniform = np.arange(len(self.nodes)) * (2 * math.pi / len(self.nodes))
-        return bool(np.abs(self.nodes - uniform).max() <= _SAME_NODE)
+        return bool(np.abs(self.nodes - uniform).max() <= ROUND_OFF)
 
     def distances(self, others: Array) -> Array:
         """Distances (k, j) of the exponents from `others` (j,), with imaginary parts modulo 2π/T."""

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array, others
 from solve.certify.certified import Certified, Failed, SolveRequest
-from solve.certify.estimates import ROUND_OFF, differences
+from solve.certify.coefficients import ROUND_OFF
 from solve.errors import MatricesError, StepsError
 from solve.matrices import leading
 from solve.methods.free import driven_freely, free, solutions_on
@@ -19,7 +18,6 @@ from solve.period.frozen import FrozenModes, balanced, frozen
 from solve.period.grid import Grid
 from solve.period.points import Points, matrices
 from solve.period.rigid_body import Free
-from solve.terminal import progress
 
 _MEMORY = 2**25
 """Memory, in bytes, of the points that are solved at a time. A choice."""
@@ -108,15 +106,9 @@ class PointSolver:
         rates = np.abs(self.modes.few_eigenvalues)
         return np.array((rates.min(axis=(1, 2)), rates.max(axis=(1, 2))))
 
-    def differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
-        """Differences (k, 2) between the solutions of points at positions (k,) and more accurate ones."""
-        return differences(coarse, fine, self.modes[positions], self.request.engine)
-
     @cached_property
     def min_steps(self) -> Array:
         """Smallest numbers of steps (P,) for which the method can be stable."""
-        if type(self.method).least_steps is Method.least_steps:
-            return np.ones(len(self.points), dtype=int)
         return self.method.least_steps(self.modes)
 
     def invalid_points(self) -> list[Failed]:
@@ -167,10 +159,6 @@ class PointSolver:
         """Solutions of points with these rigid-body modes by a method with `steps` steps."""
         grid = Grid.uniform(steps, points.period, points.breaks)
         return solutions_on(method, points, grid, self.request.orbit, self.request.engine, rigid)
-
-    def solving(self, steps: int) -> AbstractContextManager[progress.Task]:
-        """Progress of the solution on this number of steps."""
-        return progress.task(f"{self.method.name} on {steps} steps")
 
     def certify(
         self, positions: Array, solutions: Solutions, errors: Array, absolute: Array

@@ -7,10 +7,12 @@ import numpy as np
 
 from solve.arrays import Array, across, covers_all, others, unique_integers
 from solve.certify.certified import Certified, Failed, SolveRequest, verdicts_of
-from solve.certify.comparison import Comparison, comparison_of
-from solve.certify.estimates import (
+from solve.certify.comparison import (
     NO_DIGIT,
     SAFETY,
+    Comparison,
+    comparison_of,
+    differences,
     roundoff_errors,
 )
 from solve.certify.point_solver import PointSolver
@@ -48,8 +50,7 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
     round-off. Errors are differences from a better solution, see `Comparison`. A point fails with
     ResonanceError if an orbit is requested and a multiplier equals +1 within the difference of both
     solutions. Raises StepsError for `steps` that the method cannot use at any point."""
-    comparison = comparison_of(points, method, request)
-    solver = comparison.solver
+    solver = (comparison_of if method.converges else PointSolver)(points, method, request)
     groups = _rigid_body_groups(solver)
     if len(groups) > 1:
         for group in groups:
@@ -59,8 +60,8 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
     failures = solver.invalid_points()
     yield from failures
     positions = others(len(points), [failure.position for failure in failures])
-    if method.converges:
-        yield from _Refinement(comparison).refine(positions)
+    if isinstance(solver, Comparison):
+        yield from _Refinement(solver).refine(positions)
     else:
         yield from _certify_approximation(solver, positions)
 
@@ -124,15 +125,14 @@ class _GridComparison:
 
 
 class _Refinement:
-    """Solution of the points of a comparison with given steps, or with as many steps as each point requires.
+    """Solution of points with given steps, or with as many steps as each point requires.
 
     previous_errors (P, 2): errors of the last grid of each point."""
 
-    def __init__(self, comparison: Comparison):
-        self.comparison, self.solver = comparison, comparison.solver
-        self.request, self.method = self.solver.request, self.solver.method
-        self.max_steps = comparison.max_steps
-        self.previous_errors = np.full((len(self.solver.points), 2), np.inf)
+    def __init__(self, solver: Comparison):
+        self.solver, self.request, self.method = solver, solver.request, solver.method
+        self.max_steps = solver.max_steps
+        self.previous_errors = np.full((len(solver.points), 2), np.inf)
 
     def refine(self, positions: Array) -> Iterator[Certified | Failed]:
         pending: dict[int, list[Array]] = {}
@@ -146,7 +146,7 @@ class _Refinement:
             pending = {self.request.steps: [positions]}
         while pending:
             steps = min(pending)
-            for chunk in self.comparison.chunks(steps, np.concatenate(pending.pop(steps))):
+            for chunk in self.solver.pair_chunks(steps, np.concatenate(pending.pop(steps))):
                 yield from self._refine_on(steps, chunk, pending)
 
     def _first_grids(self, positions: Array, least: Array) -> Array:
@@ -162,8 +162,8 @@ class _Refinement:
         """Solve points on one grid. Points that are not accepted are added to `pending`, under the size of
         their next grid."""
         is_given = self.request.steps is not None
-        with np.errstate(all="ignore"), self.solver.solving(steps):
-            solutions, better = self.comparison.solve(steps, chunk)
+        with np.errstate(all="ignore"), progress.task(f"{self.method.name} on {steps} steps"):
+            solutions, better = self.solver.pair(steps, chunk)
             failures = {**better.failures, **solutions.failures}
             rows = others(len(chunk), list(failures))
             results: list[Certified | Failed] = []
@@ -189,12 +189,12 @@ class _Refinement:
     ) -> _GridComparison:
         """Both solutions of points, with the errors of the first."""
         errors = SAFETY * self.solver.differences(solutions, better, positions)
-        roundoff = self.comparison.roundoff(steps, positions, solutions, errors)
+        roundoff = self.solver.roundoff(steps, positions, solutions, errors)
         errors = np.maximum(errors, roundoff)
         tolerances = np.maximum(self.request.rtol, roundoff)
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
         radius, modes = better.multipliers.spectral_radius, self.solver.modes[positions]
-        finest = steps * self.comparison.step_ratio
+        finest = steps * self.solver.step_ratio
         remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
         relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
@@ -207,28 +207,25 @@ class _Refinement:
         did not reduce; 2. features of the coefficients between the samples cause no larger errors; 3. a finer
         grid would not decide an open verdict.
 
-        On the last grid every point is accepted; its errors state the accuracy reached. Errors are increased
-        in place by those due to features between the samples."""
-        is_reached = (pair.errors <= pair.tolerances) | self._is_stalled_roundoff(pair) | is_last
-        accepted = across(np.logical_and, is_reached)
+        1. each of its errors is at most the tolerance, or is round-off: below a thousand times its estimate,
+           or of multipliers that underflow, and not halved by this grid. Larger errors may not decrease for
+           other reasons, such as kinks in the coefficients;
+        2. features of the coefficients between the samples cause no larger errors;
+        3. a finer grid would not decide an open verdict.
+
+        On the last grid every point is accepted; its errors state what is reached. Errors are increased in
+        place by those of features between the samples."""
+        is_roundoff = pair.errors < 1e3 * pair.roundoff
+        is_roundoff[:, 1] |= pair.underflows
+        is_roundoff &= 2 * pair.errors > self.previous_errors[pair.positions]
+        self.previous_errors[pair.positions] = pair.errors
+        accepted = across(np.logical_and, (pair.errors <= pair.tolerances) | is_roundoff | is_last)
         rows = accepted.nonzero()[0]
         if len(rows):
-            unsampled = self.comparison.unsampled_errors(steps, pair.positions[rows], pair.solutions[rows])
+            unsampled = self.solver.unsampled_errors(steps, pair.positions[rows], pair.solutions[rows])
             pair.errors[rows] = np.maximum(pair.errors[rows], unsampled)
             accepted[rows] = is_last | across(np.logical_and, unsampled <= pair.tolerances[rows])
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
-
-    def _is_stalled_roundoff(self, pair: _GridComparison) -> Array:
-        """Errors (k, 2) that are round-off: below a limit, and not halved by this grid.
-
-        The limit is a thousand times the estimated round-off; larger errors may not decrease for other
-        reasons, such as kinks in the coefficients. Multipliers that underflow have no limit.
-        """
-        is_small = pair.errors < 1e3 * pair.roundoff
-        is_small[:, 1] |= pair.underflows
-        previous = self.previous_errors[pair.positions]
-        self.previous_errors[pair.positions] = pair.errors
-        return is_small & (2 * pair.errors > previous)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
         """Whether (k,) a grid of twice the steps would decide the open verdict of a point. It does if errors
@@ -282,7 +279,7 @@ class _Refinement:
         """Points (k,) with a multiplier +1, within a tenth of the change between both solutions."""
         nearest = pair.better.multipliers.nearest_one
         change = nearest - pair.solutions.multipliers.nearest_one
-        distance = np.abs(nearest + self.comparison.remaining * change - 1)
+        distance = np.abs(nearest + self.solver.remaining * change - 1)
         # Multipliers of modes that the steps do not resolve may be anywhere.
         is_accurate = (pair.errors[:, 1] < _UNKNOWN) & (np.abs(change) < NO_DIGIT)
         roundoff = EPS * max(8, pair.better.grid.steps)
@@ -324,7 +321,7 @@ def _certify_approximation(solver: PointSolver, positions: Array) -> Iterator[Ce
                     yield _at_positions(better, chunk[rows])
                     continue
                 own = rows[better.positions]
-                errors = solver.differences(solutions[own], better.solutions, chunk[own])
+                errors = differences(solutions[own], better.solutions, better.modes, request.engine)
                 errors = np.maximum(errors, roundoff_errors(solutions[own]))
                 radius = better.solutions.multipliers.spectral_radius
                 yield from solver.certify(chunk[own], solutions[own], errors, errors[:, 1] * radius)

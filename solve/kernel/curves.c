@@ -1,6 +1,6 @@
 /* How far apart two curves are, at phases that lie evenly in the steps of both.
 
-   The mathematics is that of certify/estimates.py. COARSE, FINE: powers of theta in a step of theirs. */
+   The mathematics is that of certify/comparison.py. COARSE, FINE: powers of theta in a step of theirs. */
 
 #include "lane.h"
 #include "samples.h"

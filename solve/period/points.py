@@ -9,8 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.capabilities import Evaluation
 from solve.contracts import Matrices
-from solve.equations import terms_of, used_entries_of
+from solve.equations import used_entries_of
 from solve.matrices import leading, split_entries
 from solve.system import PeriodicSystem
 
@@ -167,9 +168,11 @@ class _OfSystem:
     period: float = field(init=False)
     breaks: tuple[float, ...] = field(init=False)
     bytes_a_phase: int = field(default=0, init=False)
+    evaluation: Evaluation | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "first_order", len(self.system.states))
+        object.__setattr__(self, "evaluation", self.system.capabilities.evaluation)
         for name in ("n", "period", "breaks"):
             object.__setattr__(self, name, getattr(self.system, name))
 
@@ -188,7 +191,8 @@ class OnePoint(_OfSystem):
         return self
 
     def tables(self, phase: Array) -> Tables:
-        terms = terms_of(self.system, phase, np.array([self.speed]))
+        speeds = np.array([self.speed])
+        terms = None if self.evaluation is None else self.evaluation.terms(phase, speeds)
         if terms is None:
             entries, numbers = used_entries_of(self.system, phase, self.speed)
             return Tables(entries[None], np.ones((1, len(numbers))), numbers, self.n, self.first_order)
@@ -209,7 +213,8 @@ class AtSpeeds(_OfSystem):
         return AtSpeeds(self.system, self.speeds[positions])
 
     def tables(self, phase: Array) -> Tables:
-        terms = terms_of(self.system, phase, self.speeds)
+        assert self.evaluation is not None
+        terms = self.evaluation.terms(phase, self.speeds)
         assert terms is not None
         return Tables(*terms, self.n, self.first_order)
 

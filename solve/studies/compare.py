@@ -10,7 +10,7 @@ import numpy as np
 from solve.arguments import require_integer
 from solve.arrays import Array
 from solve.certify.certified import unresolved_modes_warning, verdicts_of
-from solve.certify.estimates import differences
+from solve.certify.comparison import differences
 from solve.certify.point_solver import PointSolver
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY

@@ -8,18 +8,24 @@ import argparse
 import time
 from importlib import import_module
 
-from solve.certify import coefficients, comparison, estimates, point_solver, refinement, resolution
+from solve.certify import coefficients, comparison, point_solver, refinement, resolution
 from tests.solve.certificates import fresh, population
 from tests.solve.certificates.trials import TRIALS, outcomes, rates
 
-MODULES = coefficients, comparison, estimates, point_solver, refinement, resolution
+MODULES = coefficients, comparison, point_solver, refinement, resolution
 CONSTANTS = {
     "refinement": ("_MAX_GROWTH", "_UNKNOWN"),
     "resolution": ("MIN_STEPS", "_UNRESOLVED", "AIM"),
-    "comparison": ("_COEFFICIENTS", "_PERTURBATION", "_AMPLIFICATION"),
+    "comparison": (
+        "_COEFFICIENTS",
+        "_AMPLIFICATION",
+        "PHASES_PER_STEP",
+        "SAFETY",
+        "NO_DIGIT",
+        "ROUND_OFF",
+    ),
     "point_solver": ("_AMPLIFIED",),
     "coefficients": ("PHASES", "ROUND_OFF"),
-    "estimates": ("PHASES_PER_STEP", "SAFETY", "NO_DIGIT", "ROUND_OFF"),
 }
 CACHED = comparison._sampled_phases, resolution._collocation_angle, coefficients._fixed_phases
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solve import Newmark, Radau, floquet, periodic
-from solve.certify.estimates import differences
+from solve.certify.comparison import differences
 from solve.errors import StepsError
 from solve.methods.choice import chosen
 from solve.methods.gauss import Gauss
