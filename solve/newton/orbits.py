@@ -67,7 +67,7 @@ def nonlinear(
         - a transient, whose last periods are used;
         - the path of a .nc or .npz file of either;
         - q and q̇ (n,) at phase 0, with time derivatives, from which the motion is integrated over the
-        period;
+          period;
         - a function of phases (k,) that returns q (n, k), or a motion with `nodes` as for
           `PeriodicSystem.along`.
 
