@@ -127,4 +127,4 @@ def test_only_the_command_that_is_called_is_loaded():
     )
     ran = python("-c", code, cwd=ROOT)
     assert (ran.returncode, ran.stderr) == (0, "[]\n")
-    assert "Critical speeds: largest response" in ran.stdout
+    assert "Critical speeds: maxima of response" in ran.stdout

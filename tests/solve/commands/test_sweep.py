@@ -211,7 +211,7 @@ def test_over_parameters(command, tmp_path):
         (["--over", "epsilon=0:2:3", "--over", "epsilon=0:2:3"], "is given 2 times; give it once"),
         (
             ["--over", "epsilon=0:2:3", "--over", "delta=1:2:2", "--waterfall", "q"],
-            "over one varied quantity",
+            "over one quantity, but several vary",
         ),
         (["--over", "epsilon=0:2:13", "--turn", "q", "--plot", "t.png"], "13 curves"),
         (["--over", "epsilon"], "write --over NAME=A:B:N"),

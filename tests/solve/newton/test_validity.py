@@ -67,5 +67,5 @@ def test_linear_systems_have_no_linearisation_error():
 
 @pytest.mark.parametrize("at", [0, 5, math.nan])
 def test_bad_input_is_refused(at):
-    with pytest.raises(ValueOutOfBoundsError, match=f"at is {at}"):
+    with pytest.raises(ValueOutOfBoundsError, match=f"'at' is {at}"):
         solve.validity(model_of(duffing(), zeta=0.1, k=1.0, alpha=0.2, f=0.3), [0.1], at=at)

@@ -331,7 +331,7 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
         (ValueOutOfBoundsError, (np.eye(3), {"u": 1.0}), "shape"),
         (ValueOutOfBoundsError, ([[1.0, 2.0], [0.0, 1.0]], {"u": 1.0}), "symmetric"),
         (ValueOutOfBoundsError, (-np.eye(2), {"u": 1.0}), "eigenvalue"),
-        (ValueOutOfBoundsError, ("q", {"u": 1.0}), "allowed"),
+        (ValueOutOfBoundsError, ("q", {"u": 1.0}), "positive semidefinite matrix of shape"),
         (MissingValueError, ({"q": 1.0}, {}), "u"),
     ):
         with pytest.raises(error, match=words):
