@@ -1,4 +1,4 @@
-"""A session of the live window without a page, and mechanism files in a folder of their own."""
+"""A browser, a session of the live window without a page, and mechanism files in a folder of their own."""
 
 import time
 
@@ -9,6 +9,7 @@ from derive.command import run as derive
 from solve.views.live.controls import first_speed
 from solve.views.live.session import Session
 from solve.views.live.texts import Origin
+from tests import browser, devtools
 
 SPRING = """from derive import Mechanism, rate, cos
 
@@ -33,6 +34,22 @@ k = { value = 50, unit = "N/m", source = "chosen" }
 c = { value = 1, unit = "N s/m", source = "chosen" }
 F = { value = 10, unit = "N", source = "chosen" }
 """
+
+
+@pytest.fixture(scope="module")
+def running_browser():
+    if browser.CHROMIUM is None:
+        pytest.skip("no Chromium is installed")
+    # Pages in motion would take most of the time of the tests.
+    with devtools.browser("--force-prefers-reduced-motion") as running:
+        yield running
+
+
+@pytest.fixture
+def chromium(running_browser):
+    """Browser whose pages are closed after the test: they would follow the values of later tests."""
+    yield running_browser
+    running_browser.close_pages()
 
 
 @pytest.fixture

@@ -9,27 +9,11 @@ import pytest
 
 import solve
 from solve.commands.app import run
-from tests import browser, devtools
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("tornado", reason="the live window needs the extra `explore`")
 
 SOLVED = "document.documentElement.dataset.detailed"
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    if browser.CHROMIUM is None:
-        pytest.skip("no Chromium is installed")
-    # Pages in motion would take most of the time of the tests.
-    with devtools.browser("--force-prefers-reduced-motion") as running:
-        yield running
-
-
-@pytest.fixture(autouse=True)
-def _only_its_own_pages(chromium):
-    yield
-    chromium.close_pages()
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +30,6 @@ def page(chromium, address):
     yield tab
     assert tab.errors == []
     assert {request for request in tab.requests if not request.startswith((address, "data:"))} == set()
-    tab.command("Page.close")  # It would follow the values of all later tests.
 
 
 def number(tab):
@@ -232,7 +215,6 @@ def test_two_windows_side_by_side_keep_their_own_values(page, chromium, address)
         assert tab.text("#summary").startswith(orbit.summary)
     assert value(page, "k1") < value(other, "k1")
     assert other.errors == []
-    other.command("Page.close")
 
 
 MOVES = """(async (count) => {
