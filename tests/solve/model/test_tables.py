@@ -148,7 +148,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             entry("P", "Pa").replace("value", "valve"),
             GOOD,
             CaseFileError,
-            r"no column 'valve \(Pa\)'; its header has: angle \(deg\), value \(Pa\)",
+            r"no column 'valve \(Pa\)'; one is required, and its header has: angle \(deg\), value \(Pa\)",
         ),
         (entry("P", "bar"), GOOD, CaseFileError, r"no column 'value \(bar\)'"),
         (entry("P", "Pa").replace(" (Pa)", ""), GOOD, CaseFileError, "column 'value' has no unit"),
