@@ -346,7 +346,9 @@ class Controller(Result):
 
 def _amplitudes(harmonics: Array) -> dict[str, Array]:
     """Moduli and phase angles of complex harmonics."""
-    return {"harmonics": np.abs(harmonics), "phases": np.angle(harmonics)}
+    # The last bit of np.abs of complex numbers varied between equal arrays with NumPy 2.0.
+    moduli = np.hypot(harmonics.real, harmonics.imag)
+    return {"harmonics": moduli, "phases": np.angle(harmonics)}
 
 
 def _phases(phase: Array | float) -> Array:
