@@ -23,9 +23,6 @@ _PHASES = 361
 _HARMONICS = 12
 """Number of harmonics of the gain in the record. A choice."""
 
-_BITS = 40
-"""Bits of the largest harmonic to which harmonics in the record are rounded: twelve digits. A choice."""
-
 _TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with a Kalman filter"}
 
 
@@ -348,11 +345,9 @@ class Controller(Result):
 
 
 def _amplitudes(harmonics: Array) -> dict[str, Array]:
-    """Moduli and phase angles of complex harmonics, without the digits that are round-off.
-
-    With NumPy 2.0 the last bits of equal curves varied from call to call."""
-    _, exponent = np.frexp(np.abs(harmonics).max())
-    harmonics = np.round(harmonics * 2.0 ** (_BITS - exponent)) * 2.0 ** (exponent - _BITS)
+    """Moduli and phase angles of complex harmonics."""
+    # NumPy 2.0 rounds differently where the result happens to lie behind the memory of a strided array.
+    harmonics = np.ascontiguousarray(harmonics)
     return {"harmonics": np.abs(harmonics), "phases": np.angle(harmonics)}
 
 
