@@ -4,12 +4,26 @@ Public names are listed in `__init__.pyi`. Their modules are imported at the fir
 only what it runs.
 """
 
-from lazy_loader import attach_stub
+import ast
+import importlib
+from pathlib import Path
 
-_imported, __dir__, __all__ = attach_stub(__name__, __file__)
+_HOME = {
+    name.name: f"solve.{statement.module}"
+    for statement in ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body
+    if isinstance(statement, ast.ImportFrom)
+    for name in statement.names
+}
+"""Module of each public name."""
+
+__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __dir__() -> list[str]:
+    return __all__
 
 
 def __getattr__(name: str) -> object:
-    if name in __all__:
-        return _imported(name)
-    raise AttributeError(f"module 'solve' has no attribute '{name}'; it has {', '.join(__all__)}")
+    if name not in _HOME:
+        raise AttributeError(f"module 'solve' has no attribute '{name}'; it has {', '.join(__all__)}")
+    return getattr(importlib.import_module(_HOME[name]), name)
