@@ -184,7 +184,7 @@ def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLE
     Examples
     --------
     >>> import numpy as np
-    >>> round(statistics(lambda phase: 1 + np.cos(phase), 2 * np.pi).max, 9)
+    >>> round(signal_statistics(lambda phase: 1 + np.cos(phase), 2 * np.pi).max, 9)
     2.0
     """
     values = signal(np.arange(samples) * (period / samples))

@@ -65,7 +65,7 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
     --------
     >>> read_openfast("no_such_file.*.lin")
     Traceback (most recent call last):
-    solve.errors.FileError: no file matches 'no_such_file.*.lin'; give the path of files that exist
+    solve.errors.FileError: no file matches 'no_such_file.*.lin'; give paths or patterns of files that exist
     """
     files = [LinFile.read(path) for path in _whole_turbine(matching_files(paths))]
     first = files[0]

@@ -133,6 +133,7 @@ def kalman(
     Examples
     --------
     >>> import numpy as np
+    >>> import solve
     >>> def integrator(phase, speed):
     ...     zero = np.zeros((len(phase), 1, 1))
     ...     return zero, zero[:, 0]
