@@ -1,6 +1,5 @@
 """Task of solving many points, in this process or by an executor, optionally with a store."""
 
-import hashlib
 import multiprocessing
 import os
 import signal
@@ -29,6 +28,7 @@ from solve.errors import MissingLibraryError, ValueOutOfBoundsError, WorkersErro
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen
 from solve.results.contents import model_info
+from solve.results.folder import digest
 from solve.results.points import Kept, PointResults
 from solve.single import request
 from solve.system import multiplier_count
@@ -142,8 +142,8 @@ class Task:
         method = getattr(self.method, "__name__", None) or repr(self.method)
         return {
             **model_info(example),
-            "points": _digest(points),
-            "matrices": _digest(*(family.entries(phases, point[None]) for point in region)),
+            "points": digest(points),
+            "matrices": digest(*(family.entries(phases, point[None]) for point in region)),
             "breaks": [*map(float, example.breaks)],
             "method": method,
             "rtol": request.rtol,
@@ -190,14 +190,6 @@ def _missing(
         else:
             results.insert(index, stored)
             count.add(len(index))
-
-
-def _digest(*arrays: Array) -> str:
-    """Hash of arrays."""
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:16]
 
 
 _MAX_WORKERS = 1024

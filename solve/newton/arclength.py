@@ -94,11 +94,6 @@ def orbits_at(parameters: ContinuationParameters, points: Sequence[Point], value
     return found
 
 
-def is_closed(points: Sequence[Point]) -> bool:
-    """Whether a branch ends with its first point."""
-    return len(points) > 2 and np.array_equal(points[0].orbit.figures, points[-1].orbit.figures)
-
-
 class _BranchFollower:
     """Continuation of a branch from its first point."""
 

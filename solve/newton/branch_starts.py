@@ -10,11 +10,11 @@ import numpy as np
 from solve.errors import FileError, NoOrbitError, ValueOutOfBoundsError
 from solve.labels import SPEED, in_own_unit
 from solve.newton.branch_points import ContinuationParameters
-from solve.newton.branch_store import digest
 from solve.newton.iteration import Task
 from solve.newton.orbits import nonlinear
 from solve.newton.starts import FILES, Start, motion_of
 from solve.results import save
+from solve.results.folder import digest
 from solve.results.orbit import Orbit
 from solve.results.scatter import Scatter
 from solve.units import speed_in_si

@@ -3,7 +3,6 @@
 `branches.json` describes the calculation. The file NUMBER-STEP.npz holds a step of a branch; a damaged or
 missing file ends the stored steps."""
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -20,7 +19,7 @@ from solve.errors import FileError
 from solve.newton.branch_points import ContinuationParameters, Point
 from solve.results.contents import model_info
 from solve.results.files import write_atomic
-from solve.results.folder import LOCK, locked, require_same, store_errors
+from solve.results.folder import LOCK, digest, locked, require_same, store_errors
 from solve.results.serialization import from_arrays, serializable, to_arrays
 
 _DESCRIPTION = "branches.json"
@@ -123,14 +122,6 @@ def description_of(parameters: ContinuationParameters, **choices: Any) -> dict[s
         **choices,
         "version": version("parametric-vibration"),
     }
-
-
-def digest(*arrays: Array) -> str:
-    """Hash of arrays."""
-    found = hashlib.sha256()
-    for array in arrays:
-        found.update(np.ascontiguousarray(array).tobytes())
-    return found.hexdigest()[:16]
 
 
 def _write(arrays: Mapping[str, Array], stream: BinaryIO) -> None:

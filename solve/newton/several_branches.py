@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from solve.newton.arclength import first_point, follow_branch, is_closed, orbits_at
+from solve.newton.arclength import first_point, follow_branch, orbits_at
 from solve.newton.branch_points import SAMPLES, ContinuationParameters, Point
 from solve.newton.branch_store import BranchStore
 from solve.newton.switching import Followed
+from solve.results.branch import is_closed
 from solve.results.orbit import Orbit
 
 _SAME = 1e-2
@@ -52,7 +53,7 @@ def _both_ways(
     end of the range or on a closed branch, also in the other direction. The points are in their order."""
     points, ended = follow_branch(parameters, start, most, saved=store.next())
     backwards = store.next()
-    if is_closed(points) or points[0].value in parameters.ranges[0]:
+    if is_closed([point.orbit.figures for point in points]) or points[0].value in parameters.ranges[0]:
         return parameters, points, ended
     others, reason = follow_branch(parameters, lambda: _reversed(points[0]), most, saved=backwards)
     points = [*map(_reversed, others[:0:-1]), *points]

@@ -323,11 +323,7 @@ class Branch(BranchPoints):
     @property
     def closed(self) -> list[int]:
         """Numbers of the branches that end with their first orbit: isolated ones, without an end."""
-        return [number for number in range(self._count) if self._is_closed(self.numbers == number)]
-
-    def _is_closed(self, which: Array) -> bool:
-        figures = self.figures[which]
-        return len(figures) > 2 and np.array_equal(figures[0], figures[-1])
+        return [number for number in range(self._count) if is_closed(self.figures[self.numbers == number])]
 
     @property
     def _count(self) -> int:
@@ -366,6 +362,11 @@ class Branch(BranchPoints):
         before, after = (None if end is None else f"{end * factor:.4g} {shown}".strip() for end in ends)
         where = "to no stable orbit of this branch" if after is None else f"to {after}"
         return f"A slow sweep {jump['direction']} jumps at {at}: max|{name}| from {before} {where}."
+
+
+def is_closed(figures: Sequence[Array] | Array) -> bool:
+    """Whether a branch ends with its first orbit, by the figures (figure, n) of its orbits."""
+    return len(figures) > 2 and np.array_equal(figures[0], figures[-1])
 
 
 def _distance(kind: str, multipliers: Array) -> Array:

@@ -1,5 +1,6 @@
 """Folders that hold the results of one calculation, from which it resumes."""
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -7,10 +8,21 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from solve.arrays import Array
 from solve.errors import FileError
 
 LOCK = ".lock"
 """Name of the file that is locked where the system cannot lock folders."""
+
+
+def digest(*arrays: Array) -> str:
+    """Hash of arrays."""
+    found = hashlib.sha256()
+    for array in arrays:
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()[:16]
 
 
 def require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any]) -> None:
