@@ -119,8 +119,8 @@ def latex(expression: Any, names: Mapping[sympy.Symbol, str] | None = None) -> s
     """LaTeX of an expression, without superfluous braces and bracket sizes.
 
     >>> x, y = sympy.symbols("x_1 y")
-    >>> latex(sympy.sin(x + y) ** 2 / 2)
-    '\\sin^2(x_1 + y) / 2'
+    >>> print(latex(sympy.sin(x + y) ** 2 / 2))
+    \\sin^2(x_1 + y) / 2
     """
     text = sympy.latex(expression, symbol_names=dict(names or {}), fold_short_frac=True)
     text = re.sub(_FRACTION, _in_line, re.sub(r"([_^])\{(\w)\}", r"\1\2", text))
