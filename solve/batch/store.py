@@ -17,7 +17,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import FileError, MissingLibraryError
 from solve.period.quantities import FIGURES
-from solve.results.folder import LOCK, locked, require_same, store_errors
+from solve.results.folder import is_empty, locked, require_same, store_errors
 from solve.results.points import Kept, PointResults
 
 _WORK, _FINISHED = "work", "finished"
@@ -142,7 +142,7 @@ def _group(place: Path) -> Any:
     """Group of zarr arrays in a folder; a new group in an empty folder. Raises FileError, OSError."""
     import zarr
 
-    if all(file.name == LOCK for file in place.iterdir()):
+    if is_empty(place):
         return zarr.create_group(place, attributes={_FINISHED: False})
     try:
         group = zarr.open_group(place, mode="r+")

@@ -19,7 +19,7 @@ from solve.errors import FileError
 from solve.newton.branch_points import ContinuationParameters, Point
 from solve.results.contents import model_info
 from solve.results.files import write_atomic
-from solve.results.folder import LOCK, digest, locked, require_same, store_errors
+from solve.results.folder import digest, is_empty, locked, require_same, store_errors
 from solve.results.serialization import from_arrays, serializable, to_arrays
 
 _DESCRIPTION = "branches.json"
@@ -96,7 +96,7 @@ def opened_branches(folder: str | Path | None, work: Mapping[str, Any]) -> Itera
         file = place / _DESCRIPTION
         with store_errors():
             stored = json.loads(file.read_text("utf-8")) if file.is_file() else None
-            if stored is None and any(file.name != LOCK for file in place.iterdir()):
+            if stored is None and not is_empty(place):
                 raise FileError(f"'{place}' contains other files; give a new or an empty folder")
         if stored is None:
             text = json.dumps(work, ensure_ascii=False)

@@ -13,7 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import FileError
 
-LOCK = ".lock"
+_LOCK = ".lock"
 """Name of the file that is locked where the system cannot lock folders."""
 
 
@@ -23,6 +23,11 @@ def digest(*arrays: Array) -> str:
     for array in arrays:
         found.update(np.ascontiguousarray(array).tobytes())
     return found.hexdigest()[:16]
+
+
+def is_empty(place: Path) -> bool:
+    """Whether a folder contains no files except its lock."""
+    return all(file.name == _LOCK for file in place.iterdir())
 
 
 def require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any]) -> None:
@@ -65,7 +70,7 @@ def locked(place: Path) -> Iterator[None]:
         os.close(descriptor)
         # Only Windows has this file, and refuses to delete it while another process holds the lock.
         with suppress(OSError):
-            (place / LOCK).unlink()
+            (place / _LOCK).unlink()
 
 
 def _lock(place: Path) -> int | None:
@@ -91,7 +96,7 @@ def _lock_on_windows(place: Path) -> int | None:
 
     lock: Any = msvcrt
     with store_errors():
-        descriptor = os.open(place / LOCK, os.O_RDWR | os.O_CREAT)
+        descriptor = os.open(place / _LOCK, os.O_RDWR | os.O_CREAT)
     try:
         lock.locking(descriptor, lock.LK_NBLCK, 1)
     except OSError:
