@@ -3,7 +3,7 @@
 import json
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType, ModuleType
@@ -155,13 +155,16 @@ def read_cases(
     UnknownNameError for a misspelt key or parameter, UnitError for a unit of another dimension.
     """
     table = _read(path)
+    _require_no_parameters(table, {"parameters", *units}, "", path)
     _require_known_keys(table, {"common", "case"}, f"key of {path.name}")
     common = _table(table.get("common", {}), "common", path)
+    _require_no_parameters(common, units, "common", path)
     _require_known_keys(common, {"parameters"}, f"key of [common] in {path.name}")
     shared = Case("", None, {}).replaced(*_parameters(common.get("parameters", {}), units, series, path))
     cases = {}
     for name, raw in _table(table.get("case", {}), "case", path).items():
         entry = _table(raw, f"case.{name}", path)
+        _require_no_parameters(entry, units, f"case.{name}", path)
         _require_known_keys(entry, {"title", "speed", "parameters"}, f"key of [case.{name}] in {path.name}")
         speed = entry.get("speed")
         if speed is not None and not isinstance(speed, str):
@@ -203,7 +206,11 @@ def _parameters(
     sources: dict[str, str] = {}
     file_units: dict[str, str] = {}
     for name, raw_entry in _table(raw, "parameters", path).items():
-        entry = _table(raw_entry, name, path)
+        if not isinstance(raw_entry, dict):
+            raise CaseFileError(
+                f"{name} in {path.name} is {raw_entry!r}; write {_entry_form(name, units.get(name))}"
+            )
+        entry: dict[str, Any] = raw_entry
         if "table" in entry:
             fit = fits[name.removesuffix("'")] = _fit(name, entry, units, series, path)
             numbers = fit.parameters
@@ -262,8 +269,12 @@ def _fit(
 def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: Path) -> dict[str, float]:
     """Parameter values of an entry that states numbers."""
     _require_known_keys(entry, _NUMBER_KEYS, f"key of {name} in {path.name}")
-    unit = _text(entry, "unit", name, path)
-    _text(entry, "source", name, path)
+    for key in ("unit", "source"):
+        if not isinstance(entry.get(key), str) or not entry[key].strip():
+            raise CaseFileError(
+                f"{name} in {path.name} has no {key}; write {_entry_form(name, units.get(name))}"
+            )
+    unit: str = entry["unit"]
     values = {}
     for member, number in _members(name, entry, path):
         if member not in units:
@@ -323,10 +334,19 @@ def _finite(member: str, value: Any, path: Path) -> float:
     return number
 
 
-def _text(entry: dict[str, Any], key: str, name: str, path: Path) -> str:
-    if not isinstance(entry.get(key), str) or not entry[key].strip():
-        raise CaseFileError(f"{name} in {path.name} has no {key}; every number needs its unit and source")
-    return entry[key]
+def _entry_form(name: str, unit: str | None) -> str:
+    """Example of a parameter's entry. unit: unit of the declared parameter, if there is one."""
+    example = "N/m" if unit is None else unit
+    return f'{name} = {{ value = NUMBER, unit = "{example}", source = "TEXT" }}'
+
+
+def _require_no_parameters(table: Mapping[str, Any], names: Collection[str], place: str, path: Path) -> None:
+    """Raise CaseFileError if parameters are stated beside [….parameters]. names: keys that belong there."""
+    for key in table:
+        if key in names:
+            where = f"[{place}]" if place else "the top level"
+            right = f"[{place}.parameters]" if place else "[common.parameters] or [case.NAME.parameters]"
+            raise CaseFileError(f"{key} is in {where} of {path.name}; parameters belong in {right}")
 
 
 def _table(raw: Any, name: str, path: Path) -> dict[str, Any]:
