@@ -20,7 +20,7 @@ from solve.views.panels import (
 )
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
-from solve.views.tables import RenderableType, table, table_of, text
+from solve.views.tables import MOST_ROWS, RenderableType, table, table_of, text
 
 _MOST_PARAMETERS = 24
 """Maximum number of parameters in the picture: as many as fit."""
@@ -104,7 +104,7 @@ def optimum_tables(optimum: Optimum) -> Sequence[RenderableType]:
     )
     shown = [text(f"\n{optimum.summary}{_confirmation(optimum)}", "bold"), parameters, requirements]
     if len(optimum.speeds) > 1:
-        shown.append(table_of(f"{optimum.minimised} over speed", optimum.columns))
+        shown.append(table_of(f"{optimum.minimised} over speed", optimum.columns, most=MOST_ROWS))
     return shown
 
 

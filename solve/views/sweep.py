@@ -93,8 +93,7 @@ def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[Renderable
     if sweep.system.labels.vibrates:
         columns["radius"] = Column(sweep.spectral_radius, heading="|ρ|", text=digits(".6g"))
         columns["verdict"] = Column([point.stability for point in sweep.points], heading="stability")
-    step, over = math.ceil(len(sweep.points) / _MOST_ROWS), ", ".join([*sweep.parameters, SPEED])
-    title = f"Over {over}" if step == 1 else f"Over {over}: one in {step} of {len(sweep.points)}"
+    title = f"Over {', '.join([*sweep.parameters, SPEED])}"
     caption = "others by --show NAME, all by --json" if fitting < len(names) else None
     return [table_of(title, columns, most=_MOST_ROWS, caption=caption)]
 
@@ -361,4 +360,7 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
 @tables.register(Validity)
 def validity_tables(validity: Validity) -> Sequence[RenderableType]:
     """Table with one row per speed."""
-    return [table_of("Linearisation error, %", validity.columns), text("\n" + validity.limit)]
+    return [
+        table_of("Linearisation error, %", validity.columns, most=_MOST_ROWS),
+        text("\n" + validity.limit),
+    ]

@@ -89,10 +89,11 @@ def table_of(
     title: str, columns: Columns, left: int = 0, most: int | None = None, caption: str | None = None
 ) -> Table:
     """Table of the columns that have a heading. If there are more rows than `most`, every k-th row is
-    shown."""
+    shown, which the title then states."""
     shown = [column for column in columns.values() if column.heading]
     rows = [*zip(*(column.texts for column in shown), strict=True)]
     step = math.ceil(len(rows) / (most or len(rows) or 1)) or 1
+    title += f"; one row in {step} of {len(rows)}" if step > 1 else ""
     headings = (column.heading for column in shown)
     return table(title, *headings, left=left, rows=rows[::step], caption=caption)
 

@@ -9,7 +9,9 @@ import pytest
 from rich.console import Console
 
 import solve
+from solve.results.contents import Column
 from solve.views.show import printout
+from solve.views.tables import table_of
 from tests.solve.results.problems import SPEED, chain, orbit
 
 
@@ -116,3 +118,11 @@ def test_notebook_shows_a_result_once_with_left_aligned_text(monkeypatch, capsys
     method = re.search("<td([^>]*)>gauss", stability._repr_html_())
     assert method is not None
     assert "text-align: left" in method[1]
+
+
+def test_long_tables_state_which_rows_they_show():
+    """Every third of 100 rows fits into 40."""
+    lines = text_of(table_of("Squares", {"n": Column(np.arange(100), heading="n")}, most=40)).split("\n")
+    assert "Squares; one row in 3 of 100" in lines
+    assert [line.strip() for line in lines if line.strip().isdigit()] == [str(n) for n in range(0, 100, 3)]
+    assert "one row" not in text_of(table_of("Squares", {"n": Column(np.arange(40), heading="n")}, most=40))
