@@ -63,7 +63,7 @@ class Samples:
     given: tuple[Array, tuple[Array, ...]] | None = None
 
     @classmethod
-    def of(
+    def from_arrays(
         cls, arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
     ) -> "Samples":
         """Samples at uniform azimuths from 0, or at other `phases` (k,).
@@ -269,7 +269,9 @@ def sampled(
     arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
 ) -> Samples:
     """Samples of matrices with these symbols. Raises MatricesError, ValueOutOfBoundsError."""
-    return Samples.of(real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases)
+    return Samples.from_arrays(
+        real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases
+    )
 
 
 def checked_period(period: float) -> float:

@@ -353,7 +353,9 @@ class Outcome(Serializable):
     @stored_property
     def warnings(self) -> list[str]:
         stresses, texts = self.map, []
-        linkage = Linkage.of(stresses.model.labels.parameters, str(stresses.model.labels.options["branch"]))
+        linkage = Linkage.from_parameters(
+            stresses.model.labels.parameters, str(stresses.model.labels.options["branch"])
+        )
         for L4 in (stresses.L4[0], stresses.L4[-1]):
             ends = transmission_warnings(replace(linkage, L4=float(L4)))
             texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]

@@ -20,7 +20,7 @@ def command(
 ) -> None:
     """Draw the determinant of the frame's dynamic stiffness, with one and with two exact elements per bar."""
     (file, _) = Results(plot=plot).files()
-    model = numbers.of("portal_frame", still=True)
+    model = numbers.named_model("portal_frame", still=True)
     if not 1.0 <= most <= 1e5:
         raise ValueOutOfBoundsError(f"--most is {most}; allowed: 1 … 100000 rad/s, such as {_MOST:g}")
     assert isinstance(model, StructureModel)

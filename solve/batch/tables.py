@@ -180,7 +180,9 @@ class Sampled:
 
     def tables(self, phase: Array) -> Tables:
         """Tables of the entries at phases (k,)."""
-        return Tables.of(self.family.entries(phase, self.points, self.engine), self.n, self.first_order)
+        return Tables.from_entries(
+            self.family.entries(phase, self.points, self.engine), self.n, self.first_order
+        )
 
 
 def training(points: Array) -> Array:

@@ -184,7 +184,7 @@ class ReducedStructure(StructureModel):
             self.labels = replace(self.labels, equation_warnings=sentences)
 
     @classmethod
-    def of(cls, setup: Setup) -> Self:
+    def from_setup(cls, setup: Setup) -> Self:
         """Reduced structure from a setup. Raises ValueOutOfBoundsError if the reduction error cannot be
         estimated, or for more modes than the links have; StructureError as for the full structure."""
         motion = cls._motion(setup)
@@ -204,7 +204,7 @@ class ReducedStructure(StructureModel):
     @cached_property
     def enriched(self) -> "EnrichedStructure":
         """Structure with additional coordinates: the static shapes of the discarded modes."""
-        return EnrichedStructure.of(self.setup)
+        return EnrichedStructure.from_setup(self.setup)
 
     @property
     def full_coordinates(self) -> int:

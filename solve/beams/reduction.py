@@ -37,7 +37,7 @@ class Body:
     interface: Array
 
     @classmethod
-    def of(cls, member: Member, retained: Array) -> "Body":
+    def from_member(cls, member: Member, retained: Array) -> "Body":
         """Body from a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
         the structure."""
         indices = np.unique(member.indices[member.indices >= 0])
@@ -204,7 +204,7 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
     """Basis with `modes` modes per link, or with all modes of a link that has fewer. static: whether to add
     the static shapes of the discarded modes. Raises ValueOutOfBoundsError if no link has that many modes."""
     retained = retained_freedoms(beams.freedoms)
-    bodies = [Body.of(member, retained) for member in beams.members]
+    bodies = [Body.from_member(member, retained) for member in beams.members]
     most = max(len(body.own) - len(body.interface) for body in bodies)
     if not 1 <= modes <= most:
         raise ValueOutOfBoundsError(

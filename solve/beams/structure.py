@@ -93,7 +93,7 @@ class StructureModel(Model, Outputs):
         return replace(labels, largest_of=largest_of, units=units, meanings=meanings)
 
     @classmethod
-    def of(cls, setup: Setup) -> Self:
+    def from_setup(cls, setup: Setup) -> Self:
         """Model from a setup. Raises StructureError if the links cannot be assembled at all phases."""
         if REDUCE in setup.options:
             raise ValueOutOfBoundsError(

@@ -22,7 +22,7 @@ from solve.period.eigenvalues import EPS, roundoff_growth
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.period_map import at_rest
-from solve.period.points import Points, Scaled
+from solve.period.points import Points, ScaledEntries
 from solve.period.rigid_body import Free
 
 PHASES_PER_STEP = 4
@@ -105,7 +105,7 @@ class Comparison(PointSolver, ABC):
             return roundoff
         equations = self.method.linearised(self.equations[positions[rows]], solutions[rows])
         rigid = self._linear_modes(positions[rows], equations)
-        changed = Scaled(equations, 1 + ROUND_OFF * _signs(equations.n))
+        changed = ScaledEntries(equations, 1 + ROUND_OFF * _signs(equations.n))
         if rigid is None:
             change = self._change(changed, rigid, steps, positions[rows], solutions[rows])
             change = np.where(change < NO_DIGIT, EPS / ROUND_OFF * change, np.inf)
@@ -206,7 +206,7 @@ def _sampled_phases(
     steps: int, period: float, breaks: tuple[float, ...], lower: Collocation, higher: Collocation
 ) -> SampledPhases:
     """Phases that two methods sample on a grid, and phases at which the coefficients are compared."""
-    return SampledPhases.of(Grid.uniform(steps, period, breaks), lower, higher)
+    return SampledPhases.on_grid(Grid.uniform(steps, period, breaks), lower, higher)
 
 
 def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: str = NUMPY) -> Array:

@@ -213,7 +213,7 @@ def bands(
     omegas, model = speeds.omegas(), problem.loaded()
     derivatives.require_known(model)
     result = solve.bands(model, omegas, accuracy.rule, accuracy.rtol)
-    deliver_result(results, derivatives.of(result, accuracy), problem.choices, result.notes)
+    deliver_result(results, derivatives.requested(result, accuracy), problem.choices, result.notes)
 
 
 def critical(
@@ -234,7 +234,9 @@ def critical(
     derivatives.require_known(model)
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
     drawn = None if derivatives.by else partial(result.plot, campbell=campbell)
-    deliver_result(results, derivatives.of(result, accuracy), problem.choices, result.notes, figure=drawn)
+    deliver_result(
+        results, derivatives.requested(result, accuracy), problem.choices, result.notes, figure=drawn
+    )
 
 
 def modes(

@@ -131,7 +131,7 @@ def quantities_by(
     """Requested quantities, and names of the parameters for differentiation, without duplicates. Raises
     UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
     texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
-    quantities = [Named.of(system, text) for text in texts]
+    quantities = [Named.parse(system, text) for text in texts]
     derivatives_of(system).by(names)
     return quantities, names
 

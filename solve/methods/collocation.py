@@ -241,11 +241,11 @@ class Collocation:
         h = np.diff(nodes)[:, None]
         accelerations = [a_start, *np.moveaxis(a, 2, 0), a_end][: len(self.curve_nodes)]
         data = [x[:, :-1, :p], h * x[:, :-1, n:], *(h**2 * part[..., :p] for part in accelerations)]
-        curve = Curve.of(nodes, np.stack(data, axis=-1), self.curve_powers)
+        curve = Curve.from_steps(nodes, np.stack(data, axis=-1), self.curve_powers)
         if p == n:
             return curve
         data = [x[:, :-1, p:n], *(h * part[..., p:] for part in accelerations)]
-        return curve.joined(Curve.of(nodes, np.stack(data, axis=-1), self.rate_powers))
+        return curve.joined(Curve.from_steps(nodes, np.stack(data, axis=-1), self.rate_powers))
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:
@@ -394,7 +394,7 @@ class Collocated(OneStep):
         stages = points.tables(grid.stages(method.weights["c"]).ravel())
         # One of many takes the library and the lanes of these, so that its numbers do not depend on how they
         # are parted; another takes the library with orbits for its multipliers too: one less to compile.
-        alone = (n >= _ALONE and grid.smooth) or (len(points) == 1 and (stages.own or points.alone))
+        alone = (n >= _ALONE and grid.smooth) or (len(points) == 1 and (stages.per_point or points.alone))
         with_orbit = orbit or alone
         numbers = n, len(method.c), len(method.curve_nodes)
         size = Size(*numbers, method.stiffly_accurate, with_orbit, points.first_order)

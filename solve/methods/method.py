@@ -116,7 +116,7 @@ class Solutions:
     @cached_property
     def multipliers(self) -> Multipliers:
         """Floquet multipliers, the eigenvalues of Φ."""
-        return Multipliers.of(self.Phi, self.units, self._conditioned)
+        return Multipliers.from_matrices(self.Phi, self.units, self._conditioned)
 
     @cached_property
     def multiplier_rounding(self) -> Array:

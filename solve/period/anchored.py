@@ -157,7 +157,7 @@ class Anchored:
         phase: a steady velocity, included in the `drift` of the curve, if C e ≠ 0; otherwise an
         acceleration, which the curve excludes."""
         modes, (alpha, beta) = self.modes, self._rates
-        shares = _Shares.of(curve, self.measures)
+        shares = _Shares.from_curve(curve, self.measures)
         first = shares.integrated()
         second = first.integrated()
         undamped = ~modes.damped & modes.present
@@ -168,7 +168,7 @@ class Anchored:
         if self.drift is not None:
             drift = drift + self.drift
             secular = secular + np.where(undamped, 0.0, np.squeeze(self.measures @ self.drift[..., None], -1))
-        level = np.einsum("pjr,pr->pj", modes.vectors, _Shares.of(raised, modes.weighted(mass)).means)
+        level = np.einsum("pjr,pr->pj", modes.vectors, _Shares.from_curve(raised, modes.weighted(mass)).means)
         return _lowered(raised, level, drift), secular
 
 
@@ -197,7 +197,7 @@ class _Shares:
     coefficients: Array
 
     @classmethod
-    def of(cls, curve: PeriodicCurve, rows: Array) -> "_Shares":
+    def from_curve(cls, curve: PeriodicCurve, rows: Array) -> "_Shares":
         """Amplitudes from rows (P, r, n) applied to curves (P, n, …)."""
         assert isinstance(curve, Curve | FourierCurve)
         parts = curve.coefficients

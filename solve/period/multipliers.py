@@ -57,7 +57,9 @@ class Multipliers:
     bound: Array
 
     @classmethod
-    def of(cls, Phi: Array, units: Array | None = None, known: Conditioned | None = None) -> "Multipliers":
+    def from_matrices(
+        cls, Phi: Array, units: Array | None = None, known: Conditioned | None = None
+    ) -> "Multipliers":
         """Eigenvalues of finite monodromy matrices (…, N, N).
 
         The bound is 8 eps‖Φ‖ of the balanced matrix, so that it does not depend on the units of Φ, or 1e-100.

@@ -40,7 +40,7 @@ class NaturalFrequencies(NamedTuple):
         return np.where(np.isnan(self.frequencies), -self.growth_rates, self.frequencies)
 
     @classmethod
-    def of(cls, eigenvalues: Array) -> "NaturalFrequencies":
+    def from_eigenvalues(cls, eigenvalues: Array) -> "NaturalFrequencies":
         """Natural frequencies from complex λ (m, k)."""
         roots = np.sqrt(-eigenvalues.astype(complex))
         real = np.imag(eigenvalues) == 0
@@ -53,7 +53,7 @@ class NaturalFrequencies(NamedTuple):
 
 def natural_frequencies(M: Array, K: Array, count: int) -> NaturalFrequencies:
     """First `count` modes of M and K (m, n, n); M must be invertible."""
-    return NaturalFrequencies.of(eigenvalues(M, K)[:, :count])
+    return NaturalFrequencies.from_eigenvalues(eigenvalues(M, K)[:, :count])
 
 
 def eigenvalues(M: Array, K: Array) -> Array:

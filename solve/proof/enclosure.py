@@ -86,7 +86,9 @@ def enclosed(
             try:
                 enclosures = states(found.turn, equation.n, found.Phi)
                 bounds, orbit_error = _orbit(result, equation, found, enclosures)
-                bounds |= _outputs(system, Outputs.of(system, equation, found.turn, enclosures, rounded))
+                bounds |= _outputs(
+                    system, Outputs.from_system(system, equation, found.turn, enclosures, rounded)
+                )
             except ResonanceError as error:
                 warnings.append(str(error))
         errors = {"multipliers": true_error(result, found.discs), "orbit": orbit_error}
@@ -170,7 +172,7 @@ def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, ro
 
 def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation:
     """Equation of a system at a speed in rad/s, in ball arithmetic. rounded: see `solve.prove`."""
-    instructions = Instructions.of(linearised(system), partial(number, rounded=rounded))
+    instructions = Instructions.from_function(linearised(system), partial(number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)
     samples = M, C / omega, K / omega**2, d / omega**2

@@ -239,7 +239,9 @@ class Instructions:
         return _instructions, (lines, self.places, self.entries)
 
     @classmethod
-    def of(cls, function: casadi.Function, number: Callable[[float], Ball] = arb) -> "Instructions":
+    def from_function(
+        cls, function: casadi.Function, number: Callable[[float], Ball] = arb
+    ) -> "Instructions":
         """Instructions of a CasADi function, with its constants converted to balls by `number`. Raises
         LinearModelError for an operation without an enclosure rule."""
         function = function if function.is_a("SXFunction") else function.expand()

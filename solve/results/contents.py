@@ -123,7 +123,12 @@ def speeds_of(
     "{}" in the heading."""
     unit = system.labels.speed_unit
     return Column(
-        speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes
+        speeds,
+        "rad/s",
+        meaning,
+        heading.format(unit.name),
+        lambda value: f"{unit.from_si(value):{form}}",
+        axes,
     )
 
 

@@ -184,7 +184,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     exponents or verdict."""
 
     @classmethod
-    def of(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
+    def at_speed(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
         """Prescribed motion at a speed in rad/s. Raises DesiredMotionError if it does not exist."""
         check(system, speed)
         no_solution: Any = None

@@ -51,7 +51,7 @@ class _Path:
     states: Sequence[State]
 
     @classmethod
-    def of(cls, branches: tuple[Tracks, Tracks]) -> "_Path":
+    def from_branches(cls, branches: tuple[Tracks, Tracks]) -> "_Path":
         down, up = branches
         pairs = [*zip(down.samples[:0:-1], down.states[:0:-1], strict=True)]
         pairs += zip(up.samples, up.states, strict=True)
@@ -89,7 +89,7 @@ class _Path:
 
 def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Identities:
     """Modes at the given values, from the tracks downwards and upwards from one sample."""
-    path = _Path.of(branches)
+    path = _Path.from_branches(branches)
     indices = np.searchsorted(path.x, values)
     main = np.array([_main_harmonic(path, indices, track) for track in range(len(path.states[0].modes))])
     shifts = np.array([state.shifts for state in path.states]) + main

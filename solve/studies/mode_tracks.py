@@ -169,7 +169,7 @@ class Step:
     def __init__(self, tracks: Tracks, sample: Sample, level: int):
         self.tracks, self.sample, self.level = tracks, sample, level
         self.before = tracks.samples[tracks.base]
-        self.overlaps = Overlaps.of(self.before.modes, sample.modes)
+        self.overlaps = Overlaps.between(self.before.modes, sample.modes)
         self.references, products = self._references()
         largest = products.max(axis=-1)
         self.modes = _assigned(largest)
@@ -184,7 +184,7 @@ class Step:
         modes, shifts = (values.copy() for values in tracks.states[tracks.base])
         products = np.where((modes >= 0)[:, None, None], self.overlaps.products[modes], 0.0)
         for track, at in tracks.held.items():
-            earlier = Overlaps.of(tracks.samples[at].modes, self.sample.modes).products
+            earlier = Overlaps.between(tracks.samples[at].modes, self.sample.modes).products
             modes[track], shifts[track] = (values[track] for values in tracks.states[at])
             # The last sample decides between modes that overlap equally with the earlier sample.
             products[track] = earlier[modes[track]] + _TIE * products[track]

@@ -16,7 +16,7 @@ from solve.labels import SPEED
 from solve.methods.choice import Rule
 from solve.methods.free import free
 from solve.period.named import RADIUS
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.period.rigid_body import before_rigid
 from solve.results.bands import Bands
 from solve.results.critical_speeds import CriticalSpeeds, Maximum
@@ -243,7 +243,7 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
 
 def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
     """Name of the real part of the largest multiplier, excluding the multipliers +1 of rigid-body modes."""
-    rigid = free(OnePoint(system, maximum.speed))
+    rigid = free(SinglePoint(system, maximum.speed))
     largest = np.array([maximum.height])
     before = 0 if rigid is None or before_rigid(largest) else int(rigid.modes.multiplicity[0])
     return f"rho{before + 1}.re"

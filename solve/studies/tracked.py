@@ -156,9 +156,9 @@ class Function:
     function: Callable[[Sequence[Orbit]], float]
 
     def values(self, x: Array) -> Array:
-        return np.array([self.of(self.design.points(x))])
+        return np.array([self.value(self.design.points(x))])
 
-    def of(self, points: Sequence[DesignPoint]) -> float:
+    def value(self, points: Sequence[DesignPoint]) -> float:
         """Value of the function."""
         return float(self.function([point.orbit for point in points]))
 
@@ -166,7 +166,7 @@ class Function:
         points, slopes = self.design.points(x), np.empty((1, len(x)))
 
         def value(place: int, end: float) -> float:
-            return self.of(self.design.on_grids_of(points, np.r_[x[:place], end, x[place + 1 :]]))
+            return self.value(self.design.on_grids_of(points, np.r_[x[:place], end, x[place + 1 :]]))
 
         for place, at in enumerate(x.tolist()):
             # At a bound the difference is one-sided and is corrected by the second difference.

@@ -64,7 +64,7 @@ def branch_figure(branch: Branch) -> Figure:
 
 def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
     """Draw the sections of a branch, each with one verdict, and the special points."""
-    places, labelled = unit_of(branch.system, branch.over).of(branch.values), set[str]()
+    places, labelled = unit_of(branch.system, branch.over).from_si(branch.values), set[str]()
     for number in range(int(branch.numbers.max()) + 1):
         in_branch = np.flatnonzero(branch.numbers == number)
         first = 0
@@ -101,7 +101,7 @@ def special_curves_figure(curves: SpecialCurves) -> Figure:
     with page(4.2, f"{title_of(curves.system)}: {curves.kind}s in two parameters") as sheet:
         axes, count = sheet.subplots(), int(curves.numbers.max(initial=-1)) + 1
         units = [unit_of(curves.system, name) for name in curves.names]
-        x, y = (unit.of(values) for unit, values in zip(units, curves.values.T, strict=True))
+        x, y = (unit.from_si(values) for unit, values in zip(units, curves.values.T, strict=True))
         for number, shade in enumerate(shades(count)):
             in_curve = curves.numbers == number
             axes.plot(

@@ -59,8 +59,8 @@ def chart_figure(chart: Chart) -> Figure:
     with np.errstate(divide="ignore"):
         growth = np.log(chart.spectral_radius)
     field = Field(
-        units[0].of(chart.x),
-        units[1].of(chart.y),
+        units[0].from_si(chart.x),
+        units[1].from_si(chart.y),
         growth,
         chart.kinds,
         np.isnan(chart.stable),

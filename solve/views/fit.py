@@ -189,7 +189,7 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
 def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
     """Figure of the largest elasticities over speed, one panel per quantity; moduli for complex
     quantities."""
-    count, speeds = len(result.quantities), result.system.labels.speed_unit.of(result.speeds)
+    count, speeds = len(result.quantities), result.system.labels.speed_unit.from_si(result.speeds)
     with panels_over(
         result.system, result.speeds, "what matters most", 0.7 + 2.2 * count, count, align=False
     ) as (page, panels):
@@ -220,7 +220,7 @@ def _over_table(result: SensitivitiesOver, place: int) -> RenderableType:
         *(unit.name, quantity, *(result.by[k] for k in ranked)),
         left=0,
         rows=[
-            (f"{unit.of(speed):.6g}", _size(value), *map(_size, row))
+            (f"{unit.from_si(speed):.6g}", _size(value), *map(_size, row))
             for speed, value, row in zip(result.speeds, values, elasticities, strict=True)
         ],
     )

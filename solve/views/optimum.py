@@ -59,7 +59,7 @@ def _draw_curves(axes: Axes, optimum: Optimum, curves: Curves) -> None:
 
 
 def _draw_over_speed(axes: Axes, optimum: Optimum) -> None:
-    speeds = optimum.system.labels.speed_unit.of(optimum.speeds)
+    speeds = optimum.system.labels.speed_unit.from_si(optimum.speeds)
     for values, colour in ((optimum.values_before, GREY), (optimum.values, BLUE)):
         draw_through(axes, speeds, values, color=colour)
     axes.set_ylabel(labelled(optimum.minimised, optimum.unit if optimum.unit != "1" else ""))

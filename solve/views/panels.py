@@ -101,7 +101,7 @@ def axis_label(system: PeriodicSystem, name: str) -> str:
 
 def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = SPEED) -> None:
     """Label the horizontal axis with ascending speeds (k,) in rad/s, or with values of a parameter."""
-    shown = unit_of(system, name).of(values)
+    shown = unit_of(system, name).from_si(values)
     if shown[0] < shown[-1]:
         axes.set_xlim(shown[0], shown[-1])
     axes.set_xlabel(axis_label(system, name))

@@ -288,7 +288,7 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
 def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, float], int]:
     """Smallest and largest L4 (m), and number of lengths. Raises LinkageError if the crank cannot rotate
     fully."""
-    linkage = Linkage.of(model.parameters, str(model.labels.options["branch"]))
+    linkage = Linkage.from_parameters(model.parameters, str(model.labels.options["branch"]))
     if text is None:
         return allowed_lengths(linkage), _LENGTHS
     usage = f'--L4 is \'{text}\'; write "A:B:N unit", N lengths from A to B, such as --L4 "0.52:0.63:48 m"'
