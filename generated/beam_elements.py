@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "9af0f1973df8476eb0f41bce9f7ac84e8a0cebba3b17322e78c89f2c33d43f18"
-DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
+DERIVE_SHA256 = "fb83005ea97c79cb4bf4f51a101133b8fd432ff365dc96965693331b5ab3572f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "32ee4d602ebcd58fd3006f33ffdd5164b7b11588901d4c3bb7217143806c603e"
+FILE_SHA256 = "b9fd23997bc3023ae7e0b330b68deba7492b4da3eaa027c0b90e6a7ada9c0925"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0b9011b3f4a7e5a3af75e4a9ab7e403e4f3eb07baa41e83a5b5476e9f6f6d1a6"
-DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
+DERIVE_SHA256 = "fb83005ea97c79cb4bf4f51a101133b8fd432ff365dc96965693331b5ab3572f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "027d9eb53eee63f1291745967fc02007f648a173395fc6c34b47a79c78d1a1af"
+FILE_SHA256 = "35312ab4fb2ddeafd32eedbfd656db21a714b1254c37908a96dd028bc4ecfb07"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (

@@ -36,13 +36,13 @@ class RigidModel(Model):
 
     @classmethod
     def from_setup(cls, setup: Setup) -> Self:
-        made = cls(setup, _no_matrices, ())
+        model = cls(setup, _no_matrices, ())
         reason = (
             f"{setup.module.NAME} has no coordinates, so that nothing vibrates; use periodic, sweep or "
             "animate for its outputs over a revolution"
         )
-        made.labels = replace(made.labels, vibrates=False, no_motion=reason)
-        return made
+        model.labels = replace(model.labels, vibrates=False, no_motion=reason)
+        return model
 
     @property
     def assembled(self) -> bool:

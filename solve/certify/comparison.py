@@ -21,7 +21,7 @@ from solve.period.curve import Curve, PeriodicCurve
 from solve.period.eigenvalues import EPS, roundoff_growth
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
-from solve.period.period_map import at_rest
+from solve.period.period_map import rest_threshold
 from solve.period.points import Points, ScaledEntries
 from solve.period.rigid_body import Free
 
@@ -257,7 +257,7 @@ def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> A
     If forces on a coordinate cancel, the condition number contains the ratio of these forces to the
     coordinate. The `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if
     `roundoff` is below `NO_DIGIT`."""
-    limit = np.maximum(roundoff, at_rest(roundoff))[:, None]
+    limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
     is_small = largest <= limit * largest.max(axis=1, keepdims=True)
     if not is_small.any():
         return largest

@@ -109,8 +109,14 @@ def solved(
         arrays["units"] = np.empty((groups * width, N))
     if points == 1 and size.orbit:
         arrays["maps"] = np.empty((width, steps, N, N + 1))
-    own = _SEGMENTS if segments else _POINT_TABLES if stages.per_point else 0
-    numbers = {"groups": groups, "steps": steps, "jumps": jumps, "terms": len(stages.entry), "own": own}
+    tables = _SEGMENTS if segments else _POINT_TABLES if stages.per_point else 0
+    numbers = {
+        "groups": groups,
+        "steps": steps,
+        "jumps": jumps,
+        "terms": len(stages.entry),
+        "own": tables,
+    }
     run("segments" if segments else "level", size, weights, arrays, stages.entry, **numbers)
     units = arrays["units"][:points] if N > 2 else None
     if not size.orbit:

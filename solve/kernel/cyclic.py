@@ -25,9 +25,9 @@ _TRIANGULAR = 1e-12
 
 
 def cyclic(blocks: Array, following: Array, right: Array) -> Array:
-    """Solution x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
+    """Solution x (r, m, b) of block_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
 
-    own (r, m, b, b): blocks; following (r, m): scalars; right (r, m, b): right-hand sides. x is 0 for systems
+    blocks (r, m, b, b); following (r, m): scalars; right (r, m, b): right-hand sides. x is 0 for systems
     that remain singular under a perturbation by round-off.
 
     Elimination with pivots is stable whether x grows or decays along the chain.

@@ -178,8 +178,8 @@ class Collocation:
             at, size = (point, step), h[step]
             for term, part in enumerate((M, C, K)):
                 np.multiply(size**term, np.swapaxes(part[at], 1, 2), out=terms[:, term])
-            made = (self.stage_weights @ terms.reshape(s, 3, n * n)).reshape(s, s + 2, n, n)
-            blocks[:] = np.moveaxis(made, 0, 2)
+            products = (self.stage_weights @ terms.reshape(s, 3, n * n)).reshape(s, s + 2, n, n)
+            blocks[:] = np.moveaxis(products, 0, 2)
             columns[(s + 2) * n :] = loads[at].T
             _, _, x, singular = dgesv(
                 columns[: s * n].T, columns[s * n :].T, overwrite_a=True, overwrite_b=True
@@ -198,8 +198,8 @@ class Collocation:
         system = np.empty((P, m, s, n, s + 2, n))
         for i in range(s):
             rows = np.concatenate((M[:, :, i], h * C[:, :, i], h**2 * K[:, :, i]), axis=-1)
-            made = rows.reshape(P, m * n, 3 * n) @ _of_rows(self, i, n)
-            system[:, :, i] = made.reshape(P, m, n, s + 2, n)
+            products = rows.reshape(P, m * n, 3 * n) @ _of_rows(self, i, n)
+            system[:, :, i] = products.reshape(P, m, n, s + 2, n)
         return system.reshape(P, m, s * n, (s + 2) * n)
 
     @cached_property
@@ -342,10 +342,10 @@ class Collocated(OneStep):
     def with_another_stage(self) -> Self:
         """Method of the same family with s + 1 stages. Its order is higher by two and may exceed those in
         `orders`."""
-        made = object.__new__(type(self))
-        made._set(order=self.order + 2)
-        made._state_facts()
-        return made
+        method = object.__new__(type(self))
+        method._set(order=self.order + 2)
+        method._state_facts()
+        return method
 
     @property
     def nodes(self) -> Array:
@@ -406,16 +406,16 @@ class Collocated(OneStep):
         elif with_orbit and not method.stiffly_accurate:
             nodes = _samples(points.tables(grid.nodes[:-1]))
         h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
-        made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
-        steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
-        if not orbit or made.curves is None or made.condition is None:
-            return self.sound(points, grid, made.Phi, steps=steps, units=made.units, engine=engine)
-        finite = np.isfinite(made.condition)
-        curve, lost = Curve(grid.nodes, made.curves, finite), ~finite
-        if lost.any() and (np.isfinite(made.Phi).all(axis=(1, 2)) & lost).any():
+        periods = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
+        steps = None if periods.maps is None else Steps(periods.maps[..., :-1], periods.maps[..., -1])
+        if not orbit or periods.curves is None or periods.condition is None:
+            return self.sound(points, grid, periods.Phi, steps=steps, units=periods.units, engine=engine)
+        finite = np.isfinite(periods.condition)
+        curve, lost = Curve(grid.nodes, periods.curves, finite), ~finite
+        if lost.any() and (np.isfinite(periods.Phi).all(axis=(1, 2)) & lost).any():
             # Units so far apart that squares overflow in the lanes; NumPy's closing balances them.
             return super().solutions(points, grid, orbit)
-        return self.sound(points, grid, made.Phi, curve, made.condition, steps, made.units, engine)
+        return self.sound(points, grid, periods.Phi, curve, periods.condition, steps, periods.units, engine)
 
 
 @cache

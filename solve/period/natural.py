@@ -115,8 +115,8 @@ def _elastic(M: Array, K: Array, vectors: Array, references: list[int], rest: li
     """
     stiffness, moved = K[:, rest][:, :, rest], M @ vectors
     if _symmetric(M, M).all() and _symmetric(K, M).all() and _is_positive(M):
-        own = np.linalg.inv(np.swapaxes(vectors, 1, 2) @ moved)
-        mass = M[:, rest][:, :, rest] - moved[:, rest] @ own @ np.swapaxes(moved[:, rest], 1, 2)
+        overlap_inverse = np.linalg.inv(np.swapaxes(vectors, 1, 2) @ moved)
+        mass = M[:, rest][:, :, rest] - moved[:, rest] @ overlap_inverse @ np.swapaxes(moved[:, rest], 1, 2)
         return _of_symmetric(mass, stiffness).astype(complex)
     rate = np.linalg.solve(M, K)[:, :, rest]
     return np.array([_of_general(one) for one in rate[:, rest] - vectors[:, rest] @ rate[:, references]])
@@ -157,8 +157,8 @@ def _of_symmetric(M: Array, K: Array) -> Array:
 def _reduced(A: Array, B: Array) -> Array:
     """Eigenvalues (m, n) of L⁻¹ B L⁻ᵀ, A = L Lᵀ."""
     L = np.linalg.cholesky(A)
-    made = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, B), 1, 2))
-    return np.linalg.eigvalsh((made + np.swapaxes(made, 1, 2)) / 2)
+    congruent = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, B), 1, 2))
+    return np.linalg.eigvalsh((congruent + np.swapaxes(congruent, 1, 2)) / 2)
 
 
 def _of_general(rate: Array) -> Array:

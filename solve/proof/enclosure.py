@@ -149,14 +149,14 @@ def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Enclosed:
-    """Steps of a period, their product (2n+1, 2n+1), its multipliers and verdict. at_rest: whether the load
+    """Steps of a period, their product (2n+1, 2n+1), its multipliers and verdict. unloaded: whether the load
     is zero."""
 
     turn: Turn
     Phi: Matrix
     discs: list[Multiplier]
     verdict: int
-    at_rest: bool
+    unloaded: bool
 
 
 def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, rounded: bool) -> _Enclosed:
@@ -166,8 +166,8 @@ def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, ro
         Phi = found.levels()[-1][0]
         homogeneous = arb_mat([row[:-1] for row in Phi.table()[:-1]])
         discs = multipliers(homogeneous)
-        conservative, at_rest = equation.vanishes(period)
-        return _Enclosed(found, Phi, discs, verdict(homogeneous, discs, conservative), at_rest)
+        conservative, unloaded = equation.vanishes(period)
+        return _Enclosed(found, Phi, discs, verdict(homogeneous, discs, conservative), unloaded)
 
 
 def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation:
@@ -203,7 +203,7 @@ def _orbit(
 ) -> tuple[dict[str, tuple[float, float]], float]:
     """Bounds on max|q| of each coordinate, and the error of the ordinary orbit relative to max|q|. Zero
     without load."""
-    if found.at_rest:
+    if found.unloaded:
         return dict.fromkeys(result.coordinates, (0.0, 0.0)), 0.0
     q = result.at(np.array([float(start) for start in found.turn.starts]))
     bounds, worst, resting = {}, 0.0, 0.0

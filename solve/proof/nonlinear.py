@@ -192,9 +192,9 @@ def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> Pro
         )
         factors.append(scale / largest(by_row))
     for a, name in enumerate(names):
-        own = [sizes[order * n + a] for order in range(3)]
-        radius[name] = tuple(above(proved.radius * s) for s in own)
-        unique[name] = tuple(below(proved.unique * s * c) for s, c in zip(own, factors, strict=True))
+        radii = [sizes[order * n + a] for order in range(3)]
+        radius[name] = tuple(above(proved.radius * s) for s in radii)
+        unique[name] = tuple(below(proved.unique * s * c) for s, c in zip(radii, factors, strict=True))
     return ProvedOrbit(motion.cosines - 1j * motion.sines, radius, unique)
 
 

@@ -214,8 +214,8 @@ def _stacked(n: int, k: int, term: Matrix) -> Matrix:
 
 def _joined(first: Matrix, second: Matrix, divisor: int) -> Matrix:
     """Midpoints of the first matrix stacked above the second, divided by an integer, as an exact matrix."""
-    made = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
-    return (made / divisor).mid()
+    stacked = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
+    return (stacked / divisor).mid()
 
 
 def _first(n: int, term: Matrix) -> Matrix:

@@ -96,17 +96,17 @@ def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
 
 
 def sized(
-    values: Any, unit: str, meaning: str, heading: str, places: int, largest: float | None = None
+    values: Any, unit: str, meaning: str, heading: str, significant: int, largest: float | None = None
 ) -> Column:
     """Column of values in SI units. Tables show the values with the unit prefix and the decimals that give
-    the largest modulus `places` significant digits."""
+    the largest modulus `significant` digits."""
     if largest is None:
         numbers = np.array([math.nan if value is None else value for value in values], dtype=float)
         largest = float(np.nanmax(np.abs(numbers), initial=0.0))
     factor, shown = prefixed(unit, largest)
 
     def text(value: float) -> str:
-        return fixed(value * factor, largest * factor, places)
+        return fixed(value * factor, largest * factor, significant)
 
     return Column(values, unit, meaning, headed(heading, shown), text)
 

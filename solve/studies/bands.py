@@ -313,9 +313,9 @@ class _UnstableRuns:
         unknown = (state[changes] == _UNKNOWN) | (state[changes + 1] == _UNKNOWN)
         borders[unknown] = unstable.points[unknown, 0]
         crossed = ~(kind_only | unknown)
-        places, _ = search.edges(stable[crossed], unstable[crossed])
-        borders[crossed] = np.where(np.isnan(places), unstable.points[crossed], places)[:, 0]
-        unknown[crossed] = np.isnan(places[:, 0])
+        edges, _ = search.edges(stable[crossed], unstable[crossed])
+        borders[crossed] = np.where(np.isnan(edges), unstable.points[crossed], edges)[:, 0]
+        unknown[crossed] = np.isnan(edges[:, 0])
         if kind_only.any():
             kinds = state[changes][kind_only]
 

@@ -131,9 +131,9 @@ class ConstantCoefficients:
         for at in np.flatnonzero(modes.multiplicity == self.multiplicity).tolist():
             same_references.setdefault(tuple(modes.references[at][modes.present[at]].tolist()), []).append(at)
         where = np.flatnonzero(is_constant)
-        for places, at in same_references.items():
+        for references, at in same_references.items():
             exponents[:, where[at]] = _exponents(
-                M[at], C[at], K[at], modes[np.array(at)], list(places), self.multiplicity
+                M[at], C[at], K[at], modes[np.array(at)], list(references), self.multiplicity
             )
         return Exponents(*exponents)
 
@@ -202,29 +202,30 @@ def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
 
 
 def _exponents(
-    M: Array, C: Array, K: Array, modes: RigidBodyModes, places: list[int], multiplicity: int
+    M: Array, C: Array, K: Array, modes: RigidBodyModes, references: list[int], multiplicity: int
 ) -> Array:
-    """Growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n). places: reference
-    coordinates of the rigid-body modes. The states are the other coordinates, relative to these modes, and
-    all velocities."""
-    n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
+    """Growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n).
+
+    references: reference coordinates of the rigid-body modes. The states are the other coordinates, relative
+    to these modes, and all velocities."""
+    n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in references]
     unit = inertia_units(M)
     unit[~np.isfinite(unit)] = 1.0
     M, C, K = (matrix * unit[:, :, None] * unit[:, None] for matrix in (M, C, K))
-    vectors = modes.vectors[:, :, : len(places)]
-    vectors = vectors / unit[:, :, None] * unit[:, places][:, None]
+    vectors = modes.vectors[:, :, : len(references)]
+    vectors = vectors / unit[:, :, None] * unit[:, references][:, None]
     rate_scale = np.sqrt(np.abs(K).max(axis=(1, 2))) + np.abs(C).max(axis=(1, 2))
     rate_scale = np.where(rate_scale > 0, rate_scale, 1.0)[:, None, None]
     size = len(remaining)
     A = np.zeros((len(M), size + n, size + n))
     A[:, :size, size:] = rate_scale * np.eye(n)[remaining]
-    if places:
-        A[:, :size, [size + at for at in places]] -= rate_scale * vectors[:, remaining]
+    if references:
+        A[:, :size, [size + at for at in references]] -= rate_scale * vectors[:, remaining]
     A[:, size:, :size] = -solved(M, K)[:, :, remaining] / rate_scale
     A[:, size:, size:] = -solved(M, C)
     values, errors = _eigenvalues(A)
     # The smallest eigenvalues belong to rigid-body modes without drag.
-    elastic = np.argsort(np.abs(values), axis=1, kind="stable")[:, multiplicity - len(places) :]
+    elastic = np.argsort(np.abs(values), axis=1, kind="stable")[:, multiplicity - len(references) :]
     values, errors = (np.take_along_axis(matrix, elastic, axis=1) for matrix in (values, errors))
     bound = _energy_bound(M, C, K, remaining)[:, None]
     growth = np.minimum(np.real(values), bound)

@@ -262,9 +262,9 @@ def _unresolved(points: _Points, solver: _Solver, samples: Sequence[Sample]) -> 
     values = [sample.x for sample in samples if not sample.modes.resolved]
     if not values:
         return []
-    places = points.text(values[0]) + (f" and {len(values) - 1} more values" if len(values) > 1 else "")
+    where = points.text(values[0]) + (f" and {len(values) - 1} more values" if len(values) > 1 else "")
     return [
-        f"{solver.steps} steps do not resolve the harmonics of all modes at {places}: their frequencies and "
+        f"{solver.steps} steps do not resolve the harmonics of all modes at {where}: their frequencies and "
         "identities are unreliable; give more steps"
     ]
 

@@ -138,8 +138,8 @@ class Machines:
         """Worst values (P, q) over the speeds, and indices (P, q) of the speeds at which they occur; NaN if a
         value is NaN."""
         signs = np.array([each.sign for each in self.quantities])[:, None, None]
-        places = (signs * values).argmax(axis=2)
-        return np.take_along_axis(values, places[..., None], axis=2)[..., 0].T, places.T
+        speed_indices = (signs * values).argmax(axis=2)
+        return np.take_along_axis(values, speed_indices[..., None], axis=2)[..., 0].T, speed_indices.T
 
     def design(self, speed: float) -> Design:
         """Model at one speed with variables x from 0 to 1, which cover all values of nonnegligible

@@ -66,8 +66,8 @@ def _rows_table(found: CriticalSpeeds) -> Table:
     heights = columns["response_height"]
     # The table fits 80 columns if the unit is in the title.
     columns["response_height"] = heights._replace(heading="height")
-    of = heights.heading.replace("height", named(found.figure, found.quantity))
-    title = f"Critical speeds in {found.system.labels.speed_unit.name}; height: {of}"
+    heading = heights.heading.replace("height", named(found.figure, found.quantity))
+    title = f"Critical speeds in {found.system.labels.speed_unit.name}; height: {heading}"
     caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
     for sign, rule in _CAPTIONS.items():
         if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in found.rows):
@@ -201,8 +201,10 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
         _draw_marks(axes, found.system.labels.speed_unit, marks, 1, color, name)
     reach = float(np.nanmax(found.radius, initial=1e-12))
     ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
-    places = [0.0, *ticks, *(-size for size in ticks)]
-    axes.set_yticks([float(rooted(np.array(place))) for place in places], [f"{place:g}" for place in places])
+    ticks_both = [0.0, *ticks, *(-size for size in ticks)]
+    axes.set_yticks(
+        [float(rooted(np.array(place))) for place in ticks_both], [f"{place:g}" for place in ticks_both]
+    )
     axes.set_ylabel("dominant\nmultiplier")
     axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
     _shade(axes, found.system.labels.speed_unit, found.speeds, found.unstable)

@@ -145,14 +145,14 @@ def sensitivities_figure(result: Sensitivities) -> Figure:
         for axes, (quantity, names) in zip(panels, ranked.items(), strict=True):
             elasticities = result.elasticities(quantity)
             sizes: Any = np.array([elasticities[name] for name in names])
-            places = np.arange(len(names))
+            rows = np.arange(len(names))
             if np.iscomplexobj(sizes):
-                axes.barh(places - 0.2, sizes.real, 0.4, color=BLUE, label="real part")
-                axes.barh(places + 0.2, sizes.imag, 0.4, color=VERMILION, label="imaginary part")
+                axes.barh(rows - 0.2, sizes.real, 0.4, color=BLUE, label="real part")
+                axes.barh(rows + 0.2, sizes.imag, 0.4, color=VERMILION, label="imaginary part")
                 axes.legend()
             else:
-                axes.barh(places, sizes, 0.6, color=np.where(sizes < 0, VERMILION, BLUE))
-            axes.set_yticks(places, names)
+                axes.barh(rows, sizes, 0.6, color=np.where(sizes < 0, VERMILION, BLUE))
+            axes.set_yticks(rows, names)
             axes.invert_yaxis()
             axes.axvline(0.0, color="black", linewidth=0.7)
             axes.set_title(quantity, loc="left")

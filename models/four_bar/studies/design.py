@@ -125,7 +125,7 @@ class DesignResult(Outcome, Result):
         needed, stresses, axes = self.design.needed, self.map, ("speed",)
         columns = {"speed": Column(stresses.speeds, "rad/s", "speed of the crank", axes=axes)}
         for number, link in enumerate(stresses.links):
-            own_stress = stresses.stress[:, stresses.own, number]
+            own_stress = stresses.stress[:, stresses.own_index, number]
             columns[f"{link}_stress"] = Column(
                 own_stress, "Pa", f"largest of the {link} at its own L4", axes=axes
             )

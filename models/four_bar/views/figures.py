@@ -151,8 +151,8 @@ def _draw_linkage(axes: Axes, motion: Motion, points: Sequence[complex]) -> None
         axes.add_patch(Polygon(_xy(corners), facecolor=LIGHT, edgecolor=BLACK, linewidth=0.8, zorder=4))
 
 
-def _xy(places: Plane) -> Array:
-    return np.column_stack((places.real, places.imag))
+def _xy(points: Plane) -> Array:
+    return np.column_stack((points.real, points.imag))
 
 
 def _draw_transmission(axes: Axes, linkage: Linkage, t1: Array) -> None:
