@@ -26,7 +26,7 @@ def command(
     assert isinstance(model, StructureModel)
     result = determinants(model, most)
     assert file is not None
-    save_figure(determinants_figure(result, "Portal frame: determinant of the dynamic stiffness"), file)
+    save_figure(determinants_figure(result), file)
     try:
         print(
             f"natural frequencies (rad/s): {', '.join(f'{value:.3f}' for value in result.found)}", flush=True

@@ -14,7 +14,7 @@ from solve.kernel.engines import COMPILED
 from solve.kernel.library import addresses, loaded
 
 _FIGURES = 7
-_WIDEST = 8
+WIDEST = 8
 """Largest number of values per vector register."""
 
 
@@ -80,7 +80,7 @@ def columns(
     library = loaded("columns.c", sizes, formulas.text)
     if library is None:
         return None
-    padded = np.empty((rows, -(-count // _WIDEST) * _WIDEST))
+    padded = np.empty((rows, -(-count // WIDEST) * WIDEST))
     np.concatenate(inputs, out=padded[:, :count])
     padded[:, count:] = padded[:, count - 1 : count]
     first, width = np.cumsum([0, *widths[:-1]], dtype=np.intc), padded.shape[-1]

@@ -14,7 +14,7 @@ _SYMMETRIC = 64 * EPS
 """Asymmetry of a matrix, relative to its largest entry in coordinates of unit inertia, that is round-off of
 the products from which it was assembled."""
 
-_PERTURBATION = 16.0
+PERTURBATION = 16.0
 """Error of an eigenvalue by the QR algorithm, divided by n eps and its condition number: an upper estimate
 (measured: below 2 for random matrices of 2 to 20 coordinates)."""
 
@@ -170,5 +170,5 @@ def _of_general(rate: Array) -> Array:
     values, right = np.linalg.eig(balanced)
     left = np.nan_to_num(solved(right, np.eye(len(rate))), nan=np.inf)
     condition = np.linalg.norm(left, axis=1)
-    error = _PERTURBATION * len(rate) * EPS * np.linalg.norm(balanced) * condition
+    error = PERTURBATION * len(rate) * EPS * np.linalg.norm(balanced) * condition
     return np.where(np.abs(np.imag(values)) <= error, np.real(values), values)

@@ -132,13 +132,11 @@ def speeds_of(
     )
 
 
-def varied_column(
-    system: PeriodicSystem, name: str, values: Any, form: str = ".7g", axes: tuple[str, ...] = ("row",)
-) -> Column:
+def varied_column(system: PeriodicSystem, name: str, values: Any, form: str = ".7g") -> Column:
     """Column of values of the speed (rad/s) or of a parameter."""
     if name == SPEED:
-        return speeds_of(system, values, heading="{}", form=form, axes=axes)
-    return Column(values, *system.labels.parameter_labels[name], name, digits(form), axes)
+        return speeds_of(system, values, heading="{}", form=form)
+    return Column(values, *system.labels.parameter_labels[name], name, digits(form))
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:

@@ -16,6 +16,7 @@ from solve.batch.gathering import gathered
 from solve.matrices import inertia_units, split_entries
 from solve.methods.method import Method
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CIRCLE, UNSTABLE
+from solve.period.natural import PERTURBATION
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
 from solve.results.points import Kept, PointResults
 from solve.studies.stability_samples import StabilitySamples, evaluator
@@ -31,9 +32,6 @@ _CONSTANT = 1e-13
 """Variation of an entry, relative to its size, that counts as round-off. Parametric excitation of this size
 changes a mode by less than 1e-13 ω T / 2 per period, far below the growth that makes a band."""
 
-_PERTURBATION = 16.0
-"""Error bound of an eigenvalue, divided by n eps, the condition number of the eigenvalue and the norm of the
-matrix; as in `solve.period.natural`."""
 
 _ROUNDING = 64 * EPS
 """Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
@@ -242,7 +240,7 @@ def _eigenvalues(A: Array) -> tuple[Array, Array]:
     left = solved(right, np.broadcast_to(np.eye(A.shape[1]), A.shape))
     condition = np.linalg.norm(left, axis=2)
     norms = np.linalg.norm(A, axis=(1, 2))[:, None]
-    errors = _PERTURBATION * A.shape[1] * EPS * norms * np.nan_to_num(condition, nan=np.inf)
+    errors = PERTURBATION * A.shape[1] * EPS * norms * np.nan_to_num(condition, nan=np.inf)
     return np.where(finite[:, None], values, np.nan), errors
 
 
