@@ -43,7 +43,7 @@ SMOOTHED = "smooth it by a velocity v0, a parameter: v/sqrt(v**2 + v0**2) in pla
 def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]) -> None:
     """Raise ExpansionError if a switch leaves the residual without a tangent at the fundamental motion.
 
-    jacobian: derivatives of the residual with respect to all moving symbols, away from the switches.
+    jacobian: derivatives of the residual with respect to all time-varying symbols, away from the switches.
     """
     for switch in switches(residual, moving):
         resting_value = substituted(switch, resting(moving))
@@ -90,7 +90,7 @@ def open_clearances(
 
 
 def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
-    """Matrix with zero substituted for all moving symbols.
+    """Matrix with zero substituted for all time-varying symbols.
 
     At switches that are zero in the fundamental motion, both sides have the same value. Singular pieces are
     assumed inactive, see `inactive`.
@@ -127,7 +127,7 @@ def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Itera
 
 
 def resting(moving: Sequence[Any]) -> dict[Any, Any]:
-    """Substitution of zero for all moving symbols."""
+    """Substitution of zero for all time-varying symbols."""
     return dict.fromkeys(moving, sympy.S.Zero)
 
 

@@ -235,7 +235,7 @@ class Field:
 
     @property
     def symbols(self) -> list[Moving]:
-        """All moving symbols, without their rates and accelerations."""
+        """All time-varying symbols, without their rates and accelerations."""
         return [*self.derivatives, self.shortening, self.total_shortening, self.tension, *self.points]
 
     def dimensions(self, length: Dimension, energy: Dimension) -> dict[Any, Dimension]:

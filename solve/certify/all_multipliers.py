@@ -169,7 +169,10 @@ class Spectrum:
         elif is_refused or has_failed:
             reason = "the eigenvalues of the product of the steps did not converge"
         elif isinstance(self.certified.method, OneStep) and self._is_long:
-            reason = "for so many coordinates and steps, small multipliers require all_multipliers"
+            reason = (
+                f"with {self.point.n} coordinates and {self.certified.steps} steps, small multipliers "
+                "require all_multipliers"
+            )
         else:
             return []
         missing = ["rtol is not applied to each multiplier"] if is_refused else []

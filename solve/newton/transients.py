@@ -128,7 +128,10 @@ def transient(
     2
     """
     if (speed is None) == (speeds is None):
-        raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
+        raise ValueOutOfBoundsError(
+            f"{'neither speed nor speeds is' if speed is None else 'speed and speeds are both'} given; give "
+            "one speed, or two speeds between which it changes"
+        )
     rtol = checked_rtol(rtol)
     require_integer("turns", turns)
     require_size("turns", turns, 3 * system.n * _COUNT)

@@ -167,7 +167,7 @@ def _provable(model: object) -> Model:
     require_provable(model)
     if not isinstance(model, Model):
         raise LinearModelError(
-            "prove requires a generated model, whose parameters are variables of its formulas"
+            f"{model.labels.name} has no generated equations, which prove requires; leave out prove"
         )
     return model
 

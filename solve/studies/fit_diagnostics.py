@@ -37,7 +37,7 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
     from scipy.stats import chi2
 
     warnings = [
-        f"{name} is measured {ratio:.2g} times as large as computed at the start; check its unit"
+        f"{name}: the measured values are {ratio:.2g} times those computed at the start; check the unit"
         for name, ratio in ratios.items()
         if not 1 / _UNIT_RATIO < ratio < _UNIT_RATIO
     ]

@@ -272,7 +272,9 @@ def control(
                 'a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman'
             )
         if margin or norms or vibration or samples is not None:
-            raise ValueOutOfBoundsError("vibration, margin, norms and samples are of a closed loop; give lqr")
+            raise ValueOutOfBoundsError(
+                "vibration, margin, norms and samples require a closed loop; give lqr"
+            )
         return _DESIGNS["kalman"](system, speed, *noise, rtol)
     if noise is None:
         controller = _DESIGNS["lqr"](system, speed, *weights, rtol, feedforward)
@@ -343,7 +345,9 @@ def _pair(
     """Weights (Q, R), or noise intensities (W, V), from numbers given by name. Raises MissingValueError."""
     if not isinstance(given, Mapping):
         if not isinstance(given, tuple) or len(given) != 2:
-            raise ValueOutOfBoundsError(f"{name} is {given!r}; allowed: numbers by name, or two weights")
+            raise ValueOutOfBoundsError(
+                f"{name} is {given!r}; allowed: a mapping of names to numbers, or a pair of weights"
+            )
         return given
     inputs = {key: value for key, value in given.items() if key in system.inputs}
     others = {key: value for key, value in given.items() if key not in system.inputs}

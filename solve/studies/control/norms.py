@@ -239,7 +239,7 @@ class _Transfer(NamedTuple):
                 return (gain, gain * _GROWTH) if above else (gain / _GROWTH, gain)
         if above:
             return 0.0, 0.0
-        raise ControlError("the H-infinity norm is not found: every gain that was tried is exceeded")
+        raise ControlError("the H-infinity norm was not found: it exceeds every bound that was tried")
 
     def frequency(self, gain: float) -> float | None:
         """Frequency at which a gain just below the norm is a singular value; None if it is not found."""
