@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "31bfb0baebfe5e8dc5aee591b9099cffab629d45336469c6a6aa4c747a80df34"
-DERIVE_SHA256 = "fb83005ea97c79cb4bf4f51a101133b8fd432ff365dc96965693331b5ab3572f"
+DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "90b4f1f5adbd186ed59938737ac17b1e87ad3a4e38c1fe4e8275e3be214c7f4b"
+FILE_SHA256 = "0785d70bf87c6c2db8d8c621fbb2a73c8c8f3a71b307e85662ae07c8c01d4ccf"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0b9011b3f4a7e5a3af75e4a9ab7e403e4f3eb07baa41e83a5b5476e9f6f6d1a6"
-DERIVE_SHA256 = "fb83005ea97c79cb4bf4f51a101133b8fd432ff365dc96965693331b5ab3572f"
+DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "35312ab4fb2ddeafd32eedbfd656db21a714b1254c37908a96dd028bc4ecfb07"
+FILE_SHA256 = "04ca87807bf40455dbde55c5367b6483bb7b84c9fa5faa4079225f5474d2bccf"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "fb83005ea97c79cb4bf4f51a101133b8fd432ff365dc96965693331b5ab3572f"
+DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "28679163745e594463b5d3fc0485d5babdcd1970aea1ceed2fac9fb3849d975f"
+FILE_SHA256 = "06bd819fed5851cb0aa8cea4bb468dd8f2632439eaca015faa5f6cf57d280ab2"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

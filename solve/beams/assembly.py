@@ -15,7 +15,7 @@ import numpy as np
 
 from solve.arrays import Array, Latest
 from solve.beams import dynamic_stiffness as exact
-from solve.beams.elements import HELD, Freedoms, Member
+from solve.beams.links import HELD, Freedoms, Member
 from solve.errors import StructureError
 from solve.model.sampling import Sampler, symbol
 from solve.model.setup import Setup

@@ -19,7 +19,7 @@ import numpy as np
 from solve.approximation import interpolated
 from solve.arrays import Array, Latest
 from solve.beams.assembly import POSITIONS, Positions
-from solve.beams.elements import EXACT
+from solve.beams.element import EXACT
 from solve.beams.frequencies import shape
 from solve.beams.motion import Motion, State, inertia_load
 from solve.beams.reduction import Basis, basis

@@ -18,7 +18,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.assembly import TERMS, Beams, Positions
-from solve.beams.elements import AXIAL, Freedoms, Member
+from solve.beams.element import AXIAL
+from solve.beams.links import Freedoms, Member
 from solve.errors import ValueOutOfBoundsError
 from solve.model.craig_bampton import craig_bampton, static_shapes
 

@@ -30,9 +30,6 @@ from solve.units import speeds_in_si
 
 if TYPE_CHECKING:
     from solve.proof.result import Proof
-    from solve.results.bands import Bands
-    from solve.results.critical_speeds import CriticalSpeeds
-    from solve.results.result import Result
     from solve.results.stability import Stability
 
 
@@ -324,33 +321,6 @@ class Proving:
 
         with nullcontext() if self.workers is None else processes(self.workers) as executor:
             return prove(result, digits=self.digits, rounded=self.rounded, executor=executor)
-
-
-@dataclass(frozen=True)
-class SpeedDerivatives:
-    """Parameters with respect to which derivatives of computed speeds are requested."""
-
-    by: Annotated[
-        list[str] | None,
-        Flag(
-            "Compute instead the derivatives of these speeds with respect to a parameter; repeatable.", "NAME"
-        ),
-    ] = None
-
-    def require_known(self, model: "Model") -> None:
-        """Raise SolveError subclasses, before the calculation, for names that are not parameters."""
-        if self.by:
-            from solve.studies.sensitivities import moving_parameters
-
-            moving_parameters(model, self.by)
-
-    def requested(self, result: "Bands | CriticalSpeeds", accuracy: Accuracy) -> "Result":
-        """Derivatives of the result's speeds if requested, otherwise the result."""
-        if not self.by:
-            return result
-        from solve.studies.sensitivities import speed_sensitivities
-
-        return speed_sensitivities(result, self.by, accuracy.rule, accuracy.rtol)
 
 
 @contextmanager
