@@ -126,8 +126,8 @@ FACTORS = """\
 
 def beam_elements_text(source_sha256: str, command: str) -> str:
     """Complete text of the generated module. command: arguments of `python -m derive` that regenerate it."""
-    families = "".join(f'    "{family.name}": {_dict(_family(family), 4)},\n' for family in FAMILIES)
-    elements = "".join(f'    "{element.name}": {_dict(_element(element), 4)},\n' for element in ELEMENTS)
+    families = "".join(f'    "{family.name}": {_dict(_family(family))},\n' for family in FAMILIES)
+    elements = "".join(f'    "{element.name}": {_dict(_element(element))},\n' for element in ELEMENTS)
     body = f"{FACTORS}\n\nFAMILIES = {{\n{families}}}\n\nELEMENTS = {{\n{elements}}}\n"
     return hashed_module(TITLE, command, source_sha256, body, imports="")
 
@@ -168,8 +168,8 @@ def _tuple(entries) -> str:
     return f"({', '.join(texts)}{',' if len(texts) == 1 else ''})"
 
 
-def _dict(entries: dict[str, str], indent: int) -> str:
-    margin = " " * indent
+def _dict(entries: dict[str, str]) -> str:
+    margin = "    "
     lines = [f'{margin}    "{name}": {text},' for name, text in entries.items()]
     text = "\n".join(line.replace("\n", f"\n{margin}    ") for line in lines)
     return f"{{\n{text}\n{margin}}}"

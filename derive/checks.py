@@ -28,7 +28,7 @@ class _Statement:
     unit: str | None
     """Required unit; None if any consistent unit is allowed."""
     forbidden: Set[Any] = frozenset()
-    own: Mapping[Any, Dimension] = field(default_factory=dict)
+    symbols: Mapping[Any, Dimension] = field(default_factory=dict)
     """Dimensions of symbols that only this expression may contain."""
 
 
@@ -55,7 +55,7 @@ def check(mechanism: MechanismStatement) -> None:
     dimension = dimensions(mechanism)
     for statement in statements:
         try:
-            _require(statement, {**dimension, **statement.own})
+            _require(statement, {**dimension, **statement.symbols})
         except DeriveError as error:
             error.about = statement.expression
             raise
@@ -72,7 +72,7 @@ def _require(statement: _Statement, known: Dimensions) -> None:
     try:
         require(statement.what, statement.expression, statement.unit, known)
     except UnitError as error:
-        if METRE not in statement.own:
+        if METRE not in statement.symbols:
             raise
         raise UnitError(
             f"{error}; write a length that is not a parameter as a number multiplied by metre"
@@ -131,8 +131,8 @@ def _statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
         yield _Statement(f"displacement {short(along)}", along, None, never | rates)
     for each in mechanism.declared_inputs:
         force = sympy.Dummy(each.name)
-        what, own = f"virtual work of {each.name} along {short(each.along)}", {force: parse(each.unit)}
-        yield _Statement(what, force * each.along, mechanism.energy, never | rates, own)
+        what, symbols = f"virtual work of {each.name} along {short(each.along)}", {force: parse(each.unit)}
+        yield _Statement(what, force * each.along, mechanism.energy, never | rates, symbols)
     for coordinate in mechanism.declared_coordinates:
         if coordinate.symbol in mechanism.fundamental_motion:
             desired = mechanism.fundamental_motion[coordinate.symbol]
@@ -149,10 +149,10 @@ def _sketches(mechanism: MechanismStatement) -> Iterator[_Statement]:
     never = {s for q in (*moving, *local) for s in q.motion[1:]}
     if mechanism.declared_field:
         never |= {*mechanism.declared_field.points, mechanism.declared_field.tension}
-    own = {AROUND: ONE, METRE: parse("m")}
+    symbols = {AROUND: ONE, METRE: parse("m")}
     for sketch in mechanism.declared_sketches:
         for number in sketch.numbers:
-            yield _Statement(f"sketch {sketch.name}", number, sketch.unit, never, own)
+            yield _Statement(f"sketch {sketch.name}", number, sketch.unit, never, symbols)
 
 
 def _kinematic_statements(mechanism: MechanismStatement) -> Iterator[_Statement]:

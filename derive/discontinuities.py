@@ -17,7 +17,7 @@ import sympy
 from sympy.core.relational import Relational
 
 from derive.declarations import Condition
-from derive.domains import Signs, at_rest, is_finite, margin_of, substituted
+from derive.domains import Signs, is_finite, margin_of, substituted, value_at_rest
 from derive.errors import ExpansionError, UnsupportedExpressionError
 from derive.printer import CasadiPrinter
 from derive.switches import (
@@ -29,10 +29,10 @@ from derive.switches import (
     in_order,
     jumps,
     outermost,
-    places,
     sides_differ,
     switch_location,
     switches,
+    zeros_of,
 )
 from derive.symbols import PHASE, SPEED, Moving
 from derive.units import short
@@ -43,17 +43,17 @@ SMOOTHED = "smooth it by a velocity v0, a parameter: v/sqrt(v**2 + v0**2) in pla
 def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]) -> None:
     """Raise ExpansionError if a switch leaves the residual without a tangent at the fundamental motion.
 
-    jacobian: derivatives of the residual with respect to all moving symbols, away from the switches.
+    jacobian: derivatives of the residual with respect to all time-varying symbols, away from the switches.
     """
     for switch in switches(residual, moving):
-        at_rest = substituted(switch, resting(moving))
-        if vanishes(at_rest):
+        resting_value = substituted(switch, resting(moving))
+        if vanishes(resting_value):
             parts, where = [*residual, *jacobian], f"{short(switch)} is 0 during the whole motion"
-        elif PHASE in at_rest.free_symbols:
+        elif PHASE in resting_value.free_symbols:
             parts, where = [*residual], f"it passes {switch_location(switch, [*residual])}"
         else:
             continue
-        if _is_discontinuous(parts, at_rest, moving):
+        if _is_discontinuous(parts, resting_value, moving):
             coordinates = {
                 symbol for symbol in moving if symbol.rate in moving and symbol.rate.rate in moving
             }
@@ -76,7 +76,7 @@ def open_clearances(
     parts: list[Any] = [*residual, *jacobian]
     values = [substituted(part, rest) for part in parts]
     pairs = zip(parts, values, strict=True)
-    linear = [value if is_finite(value) else at_rest(part, rest, signs)[0] for part, value in pairs]
+    linear = [value if is_finite(value) else value_at_rest(part, rest, signs)[0] for part, value in pairs]
     for switch in switches(residual, moving):
         clearance = substituted(switch, rest)
         symbols = in_order(clearance)
@@ -90,7 +90,7 @@ def open_clearances(
 
 
 def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
-    """Matrix with zero substituted for all moving symbols.
+    """Matrix with zero substituted for all time-varying symbols.
 
     At switches that are zero in the fundamental motion, both sides have the same value. Singular pieces are
     assumed inactive, see `inactive`.
@@ -103,7 +103,9 @@ def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | Non
     ]
     beside = matrix.xreplace({node: _chosen(node, moving) for node in at_switch})
     value = beside.applyfunc(lambda entry: substituted(entry, rest))
-    return value if is_finite(value) else beside.applyfunc(lambda entry: at_rest(entry, rest, signs or {})[0])
+    if is_finite(value):
+        return value
+    return beside.applyfunc(lambda entry: value_at_rest(entry, rest, signs or {})[0])
 
 
 def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
@@ -115,7 +117,7 @@ def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Itera
     for part in parts:
         if is_finite(substituted(part, rest)):
             continue
-        for condition in at_rest(part, rest, signs)[1]:
+        for condition in value_at_rest(part, rest, signs)[1]:
             margin = margin_of(condition)
             if margin is None or margin.xreplace(dict(signs)).is_positive:
                 continue
@@ -125,7 +127,7 @@ def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Itera
 
 
 def resting(moving: Sequence[Any]) -> dict[Any, Any]:
-    """Substitution of zero for all moving symbols."""
+    """Substitution of zero for all time-varying symbols."""
     return dict.fromkeys(moving, sympy.S.Zero)
 
 
@@ -137,13 +139,13 @@ def vanishes(expression: Any) -> bool:
     return all(value is not None and abs(value[0]) < 1e-40 for value in values)
 
 
-def _is_discontinuous(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
+def _is_discontinuous(parts: Sequence[Any], resting_value: Any, moving: Sequence[Any]) -> bool:
     """Whether the expressions have different values on the two sides of the fundamental motion, at zeros of
     the switch."""
-    symbols = in_order(*parts, at_rest, *moving)
+    symbols = in_order(*parts, resting_value, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
     other = {symbol: -value for symbol, value in side.items()}
-    along = arbitrary_points(symbols) if vanishes(at_rest) else places(at_rest, PHASE, symbols)
+    along = arbitrary_points(symbols) if vanishes(resting_value) else zeros_of(resting_value, PHASE, symbols)
     return any(
         sides_differ(numbers({**place, **side}), numbers({**place, **other}), numbers(place))
         for place in along

@@ -190,11 +190,11 @@ class Selected(sympy.Function):
 
 def guarded(expression: Any, signs: Signs) -> Any:
     """Expression whose possibly singular pieces are replaced by selections that are finite on both sides."""
-    return _Selection(signs, True).of(sympy.sympify(expression))
+    return _Selection(signs, True).selected(sympy.sympify(expression))
 
 
-def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
-    """Expression at the values `rest` of the moving symbols, and conditions under which singular pieces are
+def value_at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
+    """Expression at the values `rest` of the time-varying symbols, and conditions under which singular pieces
     inactive."""
     conditions: list[Any] = []
 
@@ -217,7 +217,7 @@ def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any
         conditions.append(demand)
         return chosen
 
-    return value(_Selection(signs, False).of(expression)), conditions
+    return value(_Selection(signs, False).selected(expression)), conditions
 
 
 def is_finite(expression: Any) -> bool:
@@ -249,7 +249,7 @@ class _Selection:
     signs: Signs
     safe: bool
 
-    def of(self, part: Any) -> Any:
+    def selected(self, part: Any) -> Any:
         if not part.has(*PIECEWISE):
             return part
         arguments: Any = part.args
@@ -274,13 +274,13 @@ class _Selection:
             split = self._split(part)
             if split is not None:
                 return split
-        args = [self.of(argument) for argument in arguments]
+        args = [self.selected(argument) for argument in arguments]
         return part if args == list(arguments) else part.func(*args)
 
     def _product(self, product: sympy.Mul, gates: Mapping[Any, Any]) -> Any:
         # Max(0, x) is x where its condition holds.
         factors = [_opened(argument) if argument in gates else argument for argument in product.args]
-        value, condition = sympy.Mul(*map(self.of, factors)), sympy.And(*gates.values())
+        value, condition = sympy.Mul(*map(self.selected, factors)), sympy.And(*gates.values())
         return Selected(condition, self._finite(value, condition), sympy.S.Zero)
 
     def _split(self, part: Any) -> Any:
@@ -302,16 +302,16 @@ class _Selection:
             for value, other, condition in ((above, below, x > 0), (below, above, x < 0)):
                 left = sympy.expand(other)
                 if not self._is_singular(left):
-                    value = self._finite(self.of(value), condition)
+                    value = self._finite(self.selected(value), condition)
                     chosen: Any = Selected(condition, value, left)
-                    return sympy.Add(chosen, *map(self.of, others))
+                    return sympy.Add(chosen, *map(self.selected, others))
         return None
 
     def _extreme(self, extreme: Any) -> Any:
         """Selection that makes singular arguments of Max or Min inactive unless they are the extremum."""
         if not any(map(self._is_singular, extreme.args)):
             return extreme
-        value, *others = map(self.of, sorted(extreme.args, key=sympy.default_sort_key))
+        value, *others = map(self.selected, sorted(extreme.args, key=sympy.default_sort_key))
         for other in others:
             condition = value > other if isinstance(extreme, sympy.Max) else value < other
             beyond = self._finite(other, sympy.Not(condition))
@@ -322,7 +322,7 @@ class _Selection:
         """Selections for the pieces of a piecewise function, or of its product with a factor."""
         if not any(self._is_singular(value) for value, _ in pieces):
             return stated
-        values = [self._finite(self.of(value), condition) for value, condition in branches(pieces)]
+        values = [self._finite(self.selected(value), condition) for value, condition in branches(pieces)]
         result = values[-1]
         for value, (_, condition) in reversed([*zip(values[:-1], pieces[:-1], strict=True)]):
             result = Selected(condition, value, result)

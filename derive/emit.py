@@ -1,6 +1,5 @@
 """Text of a generated module: constants, and functions that build CasADi functions."""
 
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from derive.constants import constants, literal
 from derive.declarations import AROUND, RUNNING, Condition, Output
 from derive.discontinuities import ANGLES, PASSES, Passage, passages
 from derive.equations import (
@@ -31,10 +31,9 @@ from derive.function_text import (
     tuple_lines,
     varying_text,
 )
-from derive.functions import PeriodicFunction
 from derive.galerkin import Projection, along, definitions, field_functions, field_tools, project
 from derive.mechanism import MechanismStatement
-from derive.printer import COMPONENTS, FOURIER, CasadiPrinter, loop_orders, loop_text
+from derive.printer import COMPONENTS, FOURIER, loop_orders, loop_text
 from derive.reading import Equation, mathml, read
 from derive.symbols import steady
 from derive.units import size
@@ -345,69 +344,3 @@ def _in_its_unit(output: Output, expression: Any) -> Output:
 
 def _torque(expression: Any) -> Output:
     return Output("drive_torque", expression, "N m", "torque of the drive")
-
-
-def constants(
-    mechanism: MechanismStatement,
-    outputs: list[Output],
-    operations: dict[str, int],
-    conditions: Sequence[Condition],
-) -> str:
-    """Constants of a generated module, without its hashes."""
-    names = {parameter.symbol.name for parameter in mechanism.declared_parameters}
-    rows = {
-        "COORDINATES": [
-            (coordinate.symbol.name, coordinate.unit, coordinate.meaning)
-            for coordinate in mechanism.declared_coordinates
-        ],
-        "PARAMETERS": [
-            (parameter.symbol.name, parameter.unit, parameter.meaning, parameter.bound)
-            for parameter in mechanism.declared_parameters
-        ],
-        "OPTIONS": [(option.name, option.values, option.default) for option in mechanism.declared_options],
-        "OUTPUTS": [(output.name, output.unit, output.meaning) for output in outputs],
-        "LIMITS": mechanism.limits,
-    }
-    if mechanism.declared_inputs:
-        rows["INPUTS"] = [(each.name, each.unit, each.meaning) for each in mechanism.declared_inputs]
-    if conditions:
-        rows["CONDITIONS"] = [
-            (condition.text, condition.meaning, tuple(name for name in condition.parameters if name in names))
-            for condition in conditions
-        ]
-    if mechanism.declared_series:
-        rows["SERIES"] = [_series(series) for series in mechanism.declared_series]
-    if mechanism.declared_bodies:
-        rows["BODIES"] = [body.row for body in mechanism.declared_bodies]
-    if mechanism.declared_field:
-        deflection = mechanism.declared_field
-        rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
-    if mechanism.declared_sketches:
-        rows["SKETCH"] = [(sketch.name, sketch.unit, sketch.kind) for sketch in mechanism.declared_sketches]
-    lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
-    for name, tuples in rows.items():
-        lines += tuple_lines(name, [*map(literal, tuples)])
-    lines += [
-        f"VALIDITY = {json.dumps(mechanism.validity)}",
-        f"PERIOD = {CasadiPrinter().doprint(sympy.sympify(mechanism.period))}",
-        f"OPERATIONS = {json.dumps(operations)}",
-    ]
-    return "\n".join(lines)
-
-
-def _series(series: type[PeriodicFunction]) -> tuple:
-    """Entry for a series in the constant SERIES.
-
-    The entry contains: name, form, whether the coefficients are those of the derivative, mean, prefixes of
-    the two kinds of coefficients, number of harmonics.
-    """
-    prefixes = (family[0].name.removesuffix("1") for family in (series.first, series.second))
-    mean = series.mean.name if series.mean else ""
-    return series.__name__, series.form, series.integrated, mean, *prefixes, len(series.first)
-
-
-def literal(value: str | float | range | tuple) -> str:
-    """Value as Python source with double quotes."""
-    if isinstance(value, tuple):
-        return "(" + ", ".join(map(literal, value)) + ("," if len(value) == 1 else "") + ")"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -235,7 +235,7 @@ class Field:
 
     @property
     def symbols(self) -> list[Moving]:
-        """All moving symbols, without their rates and accelerations."""
+        """All time-varying symbols, without their rates and accelerations."""
         return [*self.derivatives, self.shortening, self.total_shortening, self.tension, *self.points]
 
     def dimensions(self, length: Dimension, energy: Dimension) -> dict[Any, Dimension]:
@@ -297,8 +297,8 @@ class Field:
         return expression.xreplace(values)
 
     def _point(self, local: Moving, position: sympy.Expr) -> Any:
-        places = list(dict.fromkeys(place for _, place in self.points.values()))
-        number = places.index(position) if position in places else len(places)
+        positions = list(dict.fromkeys(place for _, place in self.points.values()))
+        number = positions.index(position) if position in positions else len(positions)
         point = Moving(f"{local.name}_at_{number + 1}")
         self.points[point] = (local, position)
         return point

@@ -172,7 +172,7 @@ def lower_orders(orders: Iterable[Order]) -> list[Order]:
 
 
 def at_fundamental_motion(expression: Any) -> Any:
-    """Expression at the fundamental motion, where all moving symbols except the phase are zero."""
+    """Expression at the fundamental motion, where all time-varying symbols except the phase are zero."""
     moving = expression.atoms(Moving) - {PHASE}
     return substituted(expression, dict.fromkeys(moving, sympy.S.Zero))
 

@@ -92,8 +92,8 @@ def _entries(name: str, matrix: Any) -> Iterator[Equation]:
         equal = j != i and columns > 1 and matrix[i, j] == matrix[j, i]
         if matrix[i, j] == 0 or (equal and j < i):
             continue
-        places = [(i, j), (j, i)] if equal else [(i, j)]
-        indices = [f"{a + 1}{comma}{b + 1}" if columns > 1 else f"{a + 1}" for a, b in places]
+        positions = [(i, j), (j, i)] if equal else [(i, j)]
+        indices = [f"{a + 1}{comma}{b + 1}" if columns > 1 else f"{a + 1}" for a, b in positions]
         yield Equation(tuple(sympy.Symbol(f"{name}_{index}") for index in indices), matrix[i, j])
 
 

@@ -6,14 +6,13 @@ from typing import NamedTuple
 
 import sympy
 
+from derive.constants import constants, literal
 from derive.declarations import Output
 from derive.emit import (
     TOOLS,
     condition_functions,
-    constants,
     equations_text,
     functions_text,
-    literal,
     module_text,
     sketch_functions,
 )

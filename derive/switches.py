@@ -224,11 +224,11 @@ def jumps(expressions: Sequence[Any], switch: Any, moving: Any) -> bool:
 
     return any(
         sides_differ(*(at(place, side) for side in (-BESIDE, BESIDE, -_AWAY, _AWAY)))
-        for place in places(switch, moving, symbols)
+        for place in zeros_of(switch, moving, symbols)
     )
 
 
-def places(switch: Any, moving: Any, symbols: Sequence[Any]) -> Iterator[dict[Any, Any]]:
+def zeros_of(switch: Any, moving: Any, symbols: Sequence[Any]) -> Iterator[dict[Any, Any]]:
     """Values of all symbols at zeros of the switch, found by varying one symbol at a time."""
     for point, roots in zip(arbitrary_points(symbols), _roots(switch, moving), strict=True):
         for root in roots:

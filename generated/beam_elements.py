@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "9af0f1973df8476eb0f41bce9f7ac84e8a0cebba3b17322e78c89f2c33d43f18"
-DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
+MECHANISM_SHA256 = "272bf05eaa304c83aedcbc40c694e93cacc77f69ac9f19f1d62753a1f4915dd6"
+DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "32ee4d602ebcd58fd3006f33ffdd5164b7b11588901d4c3bb7217143806c603e"
+FILE_SHA256 = "4a9d8eac3bd8eef14041a82e8b68f2a55de17b9443ba89597e2ad24abe243036"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
+DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2b54c3b9dbaa365e210b6dc54a30fc2328ddfe2bb732ee87ee4dd8d77b0db3e4"
+FILE_SHA256 = "576dc6ae04c551d8780e25db65c4111634abe21dbcb5dfd0abd10d72492b4aad"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

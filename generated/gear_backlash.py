@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "31bfb0baebfe5e8dc5aee591b9099cffab629d45336469c6a6aa4c747a80df34"
-DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
+DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "bf13c485f9d1399fe630c002373b701f51a4e6eb0221ef2de7866730f1396d26"
+FILE_SHA256 = "0785d70bf87c6c2db8d8c621fbb2a73c8c8f3a71b307e85662ae07c8c01d4ccf"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "c12755996ca9b47b53f92fff68d7971f6c2b96cf190b7e40eab89b10e48878d2"
+DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8ba5925ca08c61a88d67ae3722fb5e81a3c451fbe9974104fa15e83c414a53da"
+FILE_SHA256 = "06bd819fed5851cb0aa8cea4bb468dd8f2632439eaca015faa5f6cf57d280ab2"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -35,14 +35,14 @@ class RigidModel(Model):
     _FEWEST = 0
 
     @classmethod
-    def of(cls, setup: Setup) -> Self:
-        made = cls(setup, _no_matrices, ())
+    def from_setup(cls, setup: Setup) -> Self:
+        model = cls(setup, _no_matrices, ())
         reason = (
             f"{setup.module.NAME} has no coordinates, so that nothing vibrates; use periodic, sweep or "
             "animate for its outputs over a revolution"
         )
-        made.labels = replace(made.labels, vibrates=False, no_motion=reason)
-        return made
+        model.labels = replace(model.labels, vibrates=False, no_motion=reason)
+        return model
 
     @property
     def assembled(self) -> bool:
@@ -159,11 +159,11 @@ def setup_of(
 def model_of(setup: Setup) -> Model:
     """Model of a setup, whose class depends on the kind of the generated module."""
     if kind_of(setup.module) == EQUATIONS:
-        return Model.of(setup) if setup.module.COORDINATES else RigidModel.of(setup)
+        return Model.from_setup(setup) if setup.module.COORDINATES else RigidModel.from_setup(setup)
     from solve.beams.reduced import ReducedStructure
     from solve.beams.structure import StructureModel
 
-    return (ReducedStructure if REDUCE in setup.options else StructureModel).of(setup)
+    return (ReducedStructure if REDUCE in setup.options else StructureModel).from_setup(setup)
 
 
 def _module_and_cases(model: str | Derivable | Callable[[], Derivable]) -> tuple[ModuleType, Path | None]:

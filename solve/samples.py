@@ -63,7 +63,7 @@ class Samples:
     given: tuple[Array, tuple[Array, ...]] | None = None
 
     @classmethod
-    def of(
+    def from_arrays(
         cls, arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
     ) -> "Samples":
         """Samples at uniform azimuths from 0, or at other `phases` (k,).
@@ -197,12 +197,12 @@ class Samples:
                 return replace(self, arrays=tuple(means), given=None)
             some = np.round(np.linspace(0, len(azimuths), 2 * harmonics + 1, endpoint=False)).astype(int)
             return self._fitted(azimuths[some], [array[some] for array in arrays], harmonics, self.period)
-        made = []
+        shortened = []
         for array in self.arrays:
             spectrum = np.fft.rfft(array, axis=0)
             spectrum[harmonics + 1 :] = 0.0
-            made.append(np.fft.irfft(spectrum, len(array), axis=0))
-        return Samples(tuple(made), self.period, self.azimuths, self.amplification)
+            shortened.append(np.fft.irfft(spectrum, len(array), axis=0))
+        return Samples(tuple(shortened), self.period, self.azimuths, self.amplification)
 
 
 def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float) -> Array:
@@ -269,7 +269,9 @@ def sampled(
     arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
 ) -> Samples:
     """Samples of matrices with these symbols. Raises MatricesError, ValueOutOfBoundsError."""
-    return Samples.of(real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases)
+    return Samples.from_arrays(
+        real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases
+    )
 
 
 def checked_period(period: float) -> float:

@@ -12,7 +12,7 @@ from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
 from solve.results.stability import Stability
@@ -84,7 +84,7 @@ def periodic(
     omega = speed_in_si(speed)
     system = shown_in(system, omega)
     if not system.labels.vibrates:
-        return RigidOrbit.of(system, omega)
+        return RigidOrbit.at_speed(system, omega)
     used, notes = chosen_engine(engine)
     solve_request = request(steps, rtol, used, orbit=True)
     return Orbit(system, omega, *_solve(system, omega, method, solve_request, all_multipliers), notes)
@@ -163,7 +163,7 @@ def _solve(
     tolerance."""
     rule = chosen(method)
     check(system, omega)
-    point = OnePoint(system, omega)
+    point = SinglePoint(system, omega)
     with one_thread(system.n):
         ((method_used, _),) = chosen_for(rule, point)
         if all_multipliers:

@@ -245,18 +245,18 @@ System = TypeVar("System", bound=PeriodicSystem)
 
 def relabelled(system: System, **labels: Any) -> System:
     """Copy of a system with some labels changed."""
-    made = copy(system)
-    made.labels = replace(system.labels, **labels)
-    return made
+    labelled = copy(system)
+    labelled.labels = replace(system.labels, **labels)
+    return labelled
 
 
 def built_by(
     system: System, builder: Callable[[Mapping[str, float]], Any], parameters: Mapping[str, float]
 ) -> System:
     """Copy of a system that a function built for values of its parameters."""
-    made = relabelled(system, parameters=dict(parameters))
-    made._builder = builder
-    return made
+    built = relabelled(system, parameters=dict(parameters))
+    built._builder = builder
+    return built
 
 
 def shown_in(system: System, speed: float) -> System:
@@ -296,9 +296,9 @@ def check(system: PeriodicSystem, speed: float) -> None:
 
 def with_samples(system: System, samples: Samples) -> System:
     """Copy of a system with other samples of its matrices."""
-    made = copy(system)
-    made._matrices = samples
-    return made
+    sampled = copy(system)
+    sampled._matrices = samples
+    return sampled
 
 
 of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")

@@ -46,7 +46,7 @@ class ShownUnit(NamedTuple):
     name: str
     size: float
 
-    def of(self, values: Any) -> Any:
+    def from_si(self, values: Any) -> Any:
         """Convert numbers from SI units to the display unit."""
         return values / self.size
 
@@ -65,7 +65,7 @@ class ShownUnit(NamedTuple):
         >>> RPM.text(math.pi)
         '30 rpm'
         """
-        return f"{self.of(value):{form}} {self.name}".removesuffix(" 1").rstrip()
+        return f"{self.from_si(value):{form}} {self.name}".removesuffix(" 1").rstrip()
 
     def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
         """Text of a range between two numbers in SI units, with more digits if both would look the same.
@@ -75,7 +75,7 @@ class ShownUnit(NamedTuple):
         """
         if self.text(low, form) == self.text(high, form):
             form = ".10g"
-        return f"{self.of(low):{form}} {word} {self.text(high, form)}"
+        return f"{self.from_si(low):{form}} {word} {self.text(high, form)}"
 
     def spans(self, ranges: Iterable[tuple[float, float]]) -> str:
         """Text of several ranges of numbers in SI units, of which a few are listed. A range with equal ends

@@ -20,7 +20,7 @@ def command(
 ) -> None:
     """Draw the vibrating coupler at several crank positions, with magnified deflection."""
     (file, _) = Results(plot=plot).files()
-    model = numbers.of("coupler")
+    model = numbers.named_model("coupler")
     omega = speed.omega(model)
     checked_positions(positions)
     if magnification is not None:

@@ -144,5 +144,5 @@ def _draw_position(axes: Axes, deformed: BentCoupler, k: int) -> None:
     axes.grid(visible=False)
 
 
-def _xy(places: NDArray[np.complex128]) -> tuple[Array, Array]:
-    return places.real, places.imag
+def _xy(points: NDArray[np.complex128]) -> tuple[Array, Array]:
+    return points.real, points.imag

@@ -121,7 +121,7 @@ class Design:
 def designed(stresses: DesignMap) -> Design:
     """Design from a map of stresses."""
     needed, peaks = _needed(stresses), _peaks(stresses)
-    own_ratio = stresses.ratios[:, stresses.own]
+    own_ratio = stresses.ratios[:, stresses.own_index]
     return Design(
         stresses,
         needed,
@@ -135,7 +135,7 @@ def designed(stresses: DesignMap) -> Design:
 def _needed(stresses: DesignMap) -> NeededRatios:
     reached = arrival(stresses.ratio)
     fixed = np.maximum.accumulate(stresses.own_ratio)
-    return NeededRatios(fixed, reached.min(axis=1), reached[:, stresses.own])
+    return NeededRatios(fixed, reached.min(axis=1), reached[:, stresses.own_index])
 
 
 def _peaks(stresses: DesignMap) -> list[Peak]:
@@ -222,7 +222,7 @@ def default_target(design: Design) -> float:
 def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
     """Smallest value that the largest stress ratio can have on a plan up to the last speed of a map, if L4
     changes by at most `rate` (m per rad/s)."""
-    return least_cap(until.speeds, until.L4, until.ratio, until.own, rate, returns)
+    return least_cap(until.speeds, until.L4, until.ratio, until.own_index, rate, returns)
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
@@ -237,7 +237,7 @@ def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
     if best > 1:
         return None
     cap = best + (1 - _MARGIN_FRACTION) * (1 - best)
-    plan = plan_below(until.speeds, until.L4, until.ratio, cap, until.own, rate, returns)
+    plan = plan_below(until.speeds, until.L4, until.ratio, cap, until.own_index, rate, returns)
     assert plan is not None
     return Plan(plan.speed, plan.L4, _ROUNDED * float(until.speeds[-1]))
 
@@ -353,7 +353,9 @@ class Outcome(Serializable):
     @stored_property
     def warnings(self) -> list[str]:
         stresses, texts = self.map, []
-        linkage = Linkage.of(stresses.model.labels.parameters, str(stresses.model.labels.options["branch"]))
+        linkage = Linkage.from_parameters(
+            stresses.model.labels.parameters, str(stresses.model.labels.options["branch"])
+        )
         for L4 in (stresses.L4[0], stresses.L4[-1]):
             ends = transmission_warnings(replace(linkage, L4=float(L4)))
             texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]

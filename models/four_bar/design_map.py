@@ -62,7 +62,7 @@ class DesignMap(Serializable):
         return self.model.labels.parameters["L4"]
 
     @cached_property
-    def own(self) -> int:
+    def own_index(self) -> int:
         """Index of the mechanism's own L4."""
         return int(np.searchsorted(self.L4, self.own_L4))
 
@@ -79,12 +79,12 @@ class DesignMap(Serializable):
     @property
     def own_ratio(self) -> Array:
         """Largest ratio (P,) for the mechanism's own L4."""
-        return self.ratio[:, self.own]
+        return self.ratio[:, self.own_index]
 
     def worst_link(self, speed: float) -> str:
         """Link with the largest ratio at a speed of the map, for the mechanism's own L4."""
         at = int(np.searchsorted(self.speeds, speed))
-        return self.links[int(self.ratios[at, self.own].argmax())]
+        return self.links[int(self.ratios[at, self.own_index].argmax())]
 
     def error_until(self, target: float) -> float:
         """Relative error of the stresses for speeds up to the target, at and between the points of the

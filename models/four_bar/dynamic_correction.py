@@ -19,7 +19,7 @@ import numpy as np
 
 from solve.approximation import interpolated
 from solve.arrays import Array, LazyMapping
-from solve.beams.elements import EXACT
+from solve.beams.element import EXACT
 from solve.beams.frequencies import exact_frequencies
 from solve.beams.motion import modal_damping
 from solve.beams.structure import StructureModel

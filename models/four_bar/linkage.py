@@ -60,7 +60,7 @@ class Linkage:
     branch: str = "open"
 
     @classmethod
-    def of(cls, parameters: Mapping[str, float], branch: str) -> "Linkage":
+    def from_parameters(cls, parameters: Mapping[str, float], branch: str) -> "Linkage":
         """Linkage with lengths from the parameters of a model."""
         return cls(*(parameters[name] for name in _LENGTHS), branch=branch)
 

@@ -136,7 +136,12 @@ def _edge(L4: Array, ratio: Array, cap: float, inner: int, outer: int) -> float:
 
 
 def least_change(
-    speeds: Array, low: Array, high: Array, own: float, rate: float, ends: tuple[float | None, float | None]
+    speeds: Array,
+    low: Array,
+    high: Array,
+    own_L4: float,
+    rate: float,
+    ends: tuple[float | None, float | None],
 ) -> Plan | None:
     """Plan within a corridor, by linear programming, that minimises the distance from the mechanism's own L4
     (m) and the bends.
@@ -162,7 +167,7 @@ def least_change(
         )
         for sign in (1, -1)
     ]
-    limits = [np.full(2 * (P - 1), rate), np.full(P, own), np.full(P, -own), np.zeros(2 * (P - 2))]
+    limits = [np.full(2 * (P - 1), rate), np.full(P, own_L4), np.full(P, -own_L4), np.zeros(2 * (P - 2))]
     speed_range = speeds[-1] - speeds[0]
     cost = np.concatenate(
         (np.zeros(P), np.gradient(speeds) / speed_range, np.full(P - 2, _BENDING * speed_range))
@@ -182,28 +187,28 @@ def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
 
 
 def plan_below(
-    speeds: Array, L4: Array, ratio: Array, cap: float, own: int, rate: float, returns: bool
+    speeds: Array, L4: Array, ratio: Array, cap: float, own_index: int, rate: float, returns: bool
 ) -> Plan | None:
     """Plan from the lowest to the highest speed with ratios up to the cap, starting at the L4 with index
-    `own`.
+    `own_index`.
 
     returns: whether L4 must be able to return to this initial value at the highest speed. None if no such
     plan exists.
     """
-    passage = corridor(L4, ratio, cap, own if returns else None)
+    passage = corridor(L4, ratio, cap, own_index if returns else None)
     if passage is None:
         return None
-    return least_change(speeds, *passage, float(L4[own]), rate, (float(L4[own]), None))
+    return least_change(speeds, *passage, float(L4[own_index]), rate, (float(L4[own_index]), None))
 
 
-def least_cap(speeds: Array, L4: Array, ratio: Array, own: int, rate: float, returns: bool) -> float:
+def least_cap(speeds: Array, L4: Array, ratio: Array, own_index: int, rate: float, returns: bool) -> float:
     """Smallest cap for which `plan_below` returns a plan, approximated from above with a relative error of
     1e-3."""
     reached = arrival(ratio)[-1]
-    low = float(max(reached[own] if returns else reached.min(), ratio[0, own]))
+    low = float(max(reached[own_index] if returns else reached.min(), ratio[0, own_index]))
     high, best = low, np.inf
     while not np.isfinite(best):
-        if plan_below(speeds, L4, ratio, high, own, rate, returns):
+        if plan_below(speeds, L4, ratio, high, own_index, rate, returns):
             best = high
         elif high > 1e3 * low:
             return np.inf
@@ -211,7 +216,7 @@ def least_cap(speeds: Array, L4: Array, ratio: Array, own: int, rate: float, ret
             low, high = high, 1.1 * high
     while best - low > 1e-3 * best and low < best:
         middle = (low + best) / 2
-        if plan_below(speeds, L4, ratio, middle, own, rate, returns):
+        if plan_below(speeds, L4, ratio, middle, own_index, rate, returns):
             best = middle
         else:
             low = middle

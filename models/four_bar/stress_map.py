@@ -51,7 +51,7 @@ class Peaks:
     radius_bound: Array
 
 
-def places(beams: Beams) -> list[Array]:
+def stress_positions(beams: Beams) -> list[Array]:
     """Positions on each link, as fractions of its length, at which stresses are evaluated.
 
     These are the clamped root or the midpoint, as in the thesis, and two points within each element.
@@ -71,7 +71,7 @@ def stress_rows(beams: Beams, angle: Array) -> Array:
     S: positions on all links in sequence; angle (k, links): angles of the links.
     """
     rows = []
-    for member, fractions in zip(beams.members, places(beams), strict=True):
+    for member, fractions in zip(beams.members, stress_positions(beams), strict=True):
         turned = member.rotations(angle)
         for fraction in fractions:
             first, xi = member.place(fraction)
@@ -93,8 +93,8 @@ class StressMap:
         if high == low:
             self.nodes = np.array([low])
         self.links = [link.name for link in model.beams.freedoms.links]
-        self.places = places(model.beams)
-        self._ends = np.cumsum([0, *map(len, self.places)])
+        self.positions = stress_positions(model.beams)
+        self._ends = np.cumsum([0, *map(len, self.positions)])
         self.lengths = [StressesAtLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
 
     def weights(self, L4: Array) -> Array:
@@ -125,7 +125,7 @@ class StressMap:
         error = np.max([error for _, error, _ in solved], axis=0)
         for point, values in enumerate(stresses):
             histories = _surfaces(np.tensordot(weights, values, axes=1))
-            for link, fractions in enumerate(self.places):
+            for link, fractions in enumerate(self.positions):
                 of_link = histories[:, self._ends[link] : self._ends[link + 1]]
                 stress[point, :, link], row, phase[point, :, link] = _highest(of_link)
                 place[point, :, link] = fractions[row]
@@ -137,8 +137,8 @@ class StressMap:
         count = len(values)
         if count < 3:
             return 0.0
-        places = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
-        last = np.linalg.inv(np.polynomial.chebyshev.chebvander(places, count - 1))[-2:]
+        nodes = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        last = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, count - 1))[-2:]
         return float(np.abs(np.tensordot(last, values, axes=1)).sum(axis=0).max() / np.abs(values).max())
 
 

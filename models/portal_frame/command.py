@@ -20,13 +20,13 @@ def command(
 ) -> None:
     """Draw the determinant of the frame's dynamic stiffness, with one and with two exact elements per bar."""
     (file, _) = Results(plot=plot).files()
-    model = numbers.of("portal_frame", still=True)
+    model = numbers.named_model("portal_frame", still=True)
     if not 1.0 <= most <= 1e5:
         raise ValueOutOfBoundsError(f"--most is {most}; allowed: 1 … 100000 rad/s, such as {_MOST:g}")
     assert isinstance(model, StructureModel)
     result = determinants(model, most)
     assert file is not None
-    save_figure(determinants_figure(result, "Portal frame: determinant of the dynamic stiffness"), file)
+    save_figure(determinants_figure(result), file)
     try:
         print(
             f"natural frequencies (rad/s): {', '.join(f'{value:.3f}' for value in result.found)}", flush=True

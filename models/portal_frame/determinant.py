@@ -55,9 +55,9 @@ def determinants(model: StructureModel, most: float) -> Determinants:
     return Determinants(omega, _ELEMENTS, logarithms, found[found < most])
 
 
-def determinants_figure(result: Determinants, title: str) -> Figure:
+def determinants_figure(result: Determinants) -> Figure:
     """Figure with one curve per number of elements, and the natural frequencies as vertical lines."""
-    with page(3.4, title) as figure:
+    with page(3.4, "Portal frame: determinant of the dynamic stiffness") as figure:
         axes = figure.subplots()
         for value in result.found:
             axes.axvline(value, color=GREY, linewidth=0.7, linestyle=":")

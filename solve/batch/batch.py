@@ -15,7 +15,7 @@ from solve.certify.refinement import certified, on_one_grid
 from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
-from solve.period.points import OnePoint, Points
+from solve.period.points import Points, SinglePoint
 from solve.system import check, multiplier_count
 from solve.terminal import progress
 from solve.threads import one_thread
@@ -130,7 +130,7 @@ class Batch:
             check(system, speed)
         except SolveError as refusal:
             return Failed(at, refusal)
-        return OnePoint(system, speed)
+        return SinglePoint(system, speed)
 
     def _supports_batches(self, points: Array) -> bool:
         """Whether the points can be solved in batches."""

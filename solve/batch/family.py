@@ -16,7 +16,7 @@ from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.labels import SPEED
 from solve.model.many_points import ModelPoints
-from solve.period.points import AtSpeeds
+from solve.period.points import SpeedPoints
 from solve.system import PeriodicSystem
 
 _CACHED_SYSTEMS = 8
@@ -66,7 +66,7 @@ class Family:
         """Whether the phases of the breaks may differ between points."""
         return True
 
-    def at_speeds(self, points: Array) -> AtSpeeds | None:
+    def at_speeds(self, points: Array) -> SpeedPoints | None:
         """Points (P, v) as speeds of one system, if only the speed varies and the system provides `terms`;
         None otherwise."""
         return None
@@ -139,11 +139,11 @@ class SystemFamily(Family):
         variation = self.example.capabilities.variation
         return bool(self._free) and variation is not None and variation.moves_breaks
 
-    def at_speeds(self, points: Array) -> AtSpeeds | None:
+    def at_speeds(self, points: Array) -> SpeedPoints | None:
         speeds = self.speeds(points)
         if self._free or terms_of(self.example, np.zeros(1), speeds[:1]) is None:
             return None
-        return AtSpeeds(self.example, speeds)
+        return SpeedPoints(self.example, speeds)
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
         if self.moves_breaks:

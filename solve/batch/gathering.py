@@ -131,8 +131,8 @@ class _ResultWriter:
         outputs = (lambda phase, *state: family.outputs(needed, phase, points, *state)) if needed else None
         engine = self.batch.request.engine
         formulas = family.output_formulas(points) if needed and engine == COMPILED else None
-        places = [system.outputs.index(name) for name in needed]
-        quantities = Quantities(curve, family.speeds(points), outputs, engine, formulas, places)
+        output_indices = [system.outputs.index(name) for name in needed]
+        quantities = Quantities(curve, family.speeds(points), outputs, engine, formulas, output_indices)
         self.results.figures[at] = quantities.figures()[:, [order.index(name) for name in kept.names]]
         if kept.spectra:
             chosen = [order.index(name) for name in kept.spectra]

@@ -180,7 +180,9 @@ class Sampled:
 
     def tables(self, phase: Array) -> Tables:
         """Tables of the entries at phases (k,)."""
-        return Tables.of(self.family.entries(phase, self.points, self.engine), self.n, self.first_order)
+        return Tables.from_entries(
+            self.family.entries(phase, self.points, self.engine), self.n, self.first_order
+        )
 
 
 def training(points: Array) -> Array:
@@ -226,7 +228,7 @@ def _pivots(samples: Array) -> tuple[Array, Array, Array]:
     return rows, columns, active.astype(bool)
 
 
-def _numbered(places: Array) -> tuple[Array, Array]:
-    """Unique rows of `places`, and the index of each row among them."""
-    unique, number = np.unique(places, return_inverse=True)
-    return unique, number.reshape(places.shape)
+def _numbered(rows: Array) -> tuple[Array, Array]:
+    """Unique numbers in `rows`, and the index of each row among them."""
+    unique, number = np.unique(rows, return_inverse=True)
+    return unique, number.reshape(rows.shape)

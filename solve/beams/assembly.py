@@ -15,7 +15,7 @@ import numpy as np
 
 from solve.arrays import Array, Latest
 from solve.beams import dynamic_stiffness as exact
-from solve.beams.elements import HELD, Freedoms, Member
+from solve.beams.links import HELD, Freedoms, Member
 from solve.errors import StructureError
 from solve.model.sampling import Sampler, symbol
 from solve.model.setup import Setup
@@ -264,17 +264,17 @@ class Positions:
         vector of the first joint with a rigid or elastic support is 0."""
         joints, anchored = self.beams.freedoms.joints, self.beams.freedoms.anchored
         still = np.zeros(len(self.phase), dtype=complex)
-        places = {next((number for number, (name, _) in enumerate(joints) if name in anchored), 0): still}
-        while len(places) < len(joints):
-            before = len(places)
+        located = {next((number for number, (name, _) in enumerate(joints) if name in anchored), 0): still}
+        while len(located) < len(joints):
+            before = len(located)
             for member, span in zip(self.beams.members, spans.T, strict=True):
-                if member.start in places and member.end not in places:
-                    places[member.end] = places[member.start] + span
-                elif member.end in places and member.start not in places:
-                    places[member.start] = places[member.end] - span
-            if len(places) == before:
-                places[next(number for number in range(len(joints)) if number not in places)] = still
-        return np.stack([places[number] for number in range(len(joints))], axis=1)
+                if member.start in located and member.end not in located:
+                    located[member.end] = located[member.start] + span
+                elif member.end in located and member.start not in located:
+                    located[member.start] = located[member.end] - span
+            if len(located) == before:
+                located[next(number for number in range(len(joints)) if number not in located)] = still
+        return np.stack([located[number] for number in range(len(joints))], axis=1)
 
     @property
     def _spans(self) -> Array:
@@ -307,8 +307,8 @@ class Positions:
                     f"link {member.link.name} misses joint {member.link.end} by {missed:.3g} m; "
                     "lengths and angles of the links must close every loop"
                 )
-        for (name, _), places in zip(freedoms.joints, self.joints.T, strict=True):
-            moved = np.abs(places - places[0]).max()
+        for (name, _), positions in zip(freedoms.joints, self.joints.T, strict=True):
+            moved = np.abs(positions - positions[0]).max()
             if name in freedoms.anchored and moved > allowed and not self.beams.carried:
                 raise StructureError(
                     f"joint {name} is supported, but the angles of the links move it by {moved:.3g} m; "

@@ -168,11 +168,11 @@ def shape(positions: Positions, vector: Array, mass: float, omega: float) -> Mod
     """Mode shape from a vector (N,) of all degrees of freedom, with its modal mass and frequency."""
     curves = [_curve(positions, number, vector, omega) for number in range(len(positions.beams.members))]
     largest = max(np.linalg.norm(displacement, axis=1).max() for _, displacement, _ in curves)
-    places, displacements, transverse = zip(*curves, strict=True)
+    points, displacements, transverse = zip(*curves, strict=True)
     return ModeShape(
         omega,
         mass / largest**2,
-        places,
+        points,
         tuple(displacement / largest for displacement in displacements),
         tuple(across / largest for across in transverse),
     )
@@ -188,5 +188,5 @@ def _curve(positions: Positions, number: int, vector: Array, omega: float) -> tu
     )
     along = np.concatenate([member.L * (first + xi) for first in range(member.count)])
     direction = np.exp(1j * positions.angle[0, number])
-    places, moved = positions.joints[0, member.start] + along * direction, (u + 1j * v) * direction
-    return np.column_stack((places.real, places.imag)), np.column_stack((moved.real, moved.imag)), v
+    points, moved = positions.joints[0, member.start] + along * direction, (u + 1j * v) * direction
+    return np.column_stack((points.real, points.imag)), np.column_stack((moved.real, moved.imag)), v

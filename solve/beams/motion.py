@@ -20,7 +20,8 @@ import numpy as np
 from solve.approximation import interpolated
 from solve.arrays import Array, Latest
 from solve.beams.assembly import POSITIONS, Beams, Positions
-from solve.beams.elements import AXIAL, HELD, Member
+from solve.beams.element import AXIAL
+from solve.beams.links import HELD, Member
 from solve.model.modes import lowest_frequencies, modal_damping
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arrays import Array
-from solve.beams.elements import AXIAL, BENDING, Freedom, Member
+from solve.beams.element import AXIAL, BENDING, Freedom
+from solve.beams.links import Member
 from solve.beams.motion import State
 from solve.errors import require_name
 from solve.model.modes import Modes, modes

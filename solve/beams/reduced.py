@@ -19,7 +19,7 @@ import numpy as np
 from solve.approximation import interpolated
 from solve.arrays import Array, Latest
 from solve.beams.assembly import POSITIONS, Positions
-from solve.beams.elements import EXACT
+from solve.beams.element import EXACT
 from solve.beams.frequencies import shape
 from solve.beams.motion import Motion, State, inertia_load
 from solve.beams.reduction import Basis, basis
@@ -184,7 +184,7 @@ class ReducedStructure(StructureModel):
             self.labels = replace(self.labels, equation_warnings=sentences)
 
     @classmethod
-    def of(cls, setup: Setup) -> Self:
+    def from_setup(cls, setup: Setup) -> Self:
         """Reduced structure from a setup. Raises ValueOutOfBoundsError if the reduction error cannot be
         estimated, or for more modes than the links have; StructureError as for the full structure."""
         motion = cls._motion(setup)
@@ -204,7 +204,7 @@ class ReducedStructure(StructureModel):
     @cached_property
     def enriched(self) -> "EnrichedStructure":
         """Structure with additional coordinates: the static shapes of the discarded modes."""
-        return EnrichedStructure.of(self.setup)
+        return EnrichedStructure.from_setup(self.setup)
 
     @property
     def full_coordinates(self) -> int:

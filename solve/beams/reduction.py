@@ -18,7 +18,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.assembly import TERMS, Beams, Positions
-from solve.beams.elements import AXIAL, Freedoms, Member
+from solve.beams.element import AXIAL
+from solve.beams.links import Freedoms, Member
 from solve.errors import ValueOutOfBoundsError
 from solve.model.craig_bampton import craig_bampton, static_shapes
 
@@ -27,17 +28,17 @@ from solve.model.craig_bampton import craig_bampton, static_shapes
 class Body:
     """Matrices of a link in link axes, for its degrees of freedom that are not fixed.
 
-    own (k,): indices of the link's degrees of freedom in the structure. axes (3, k, k): R = axes[0] + c
-    axes[1] + s axes[2]. interface (b,): positions in `own` of the retained coordinates.
+    freedoms (k,): indices of the link's degrees of freedom in the structure. axes (3, k, k): R = axes[0] + c
+    axes[1] + s axes[2]. interface (b,): positions in `freedoms` of the retained coordinates.
     """
 
     member: Member
-    own: Array
+    freedoms: Array
     axes: Array
     interface: Array
 
     @classmethod
-    def of(cls, member: Member, retained: Array) -> "Body":
+    def from_member(cls, member: Member, retained: Array) -> "Body":
         """Body from a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
         the structure."""
         indices = np.unique(member.indices[member.indices >= 0])
@@ -54,7 +55,7 @@ class Body:
 
     def assembled_singly(self, local: Array) -> Array:
         """Contribution (elements, k, k) of each element to the matrix (k, k) of the link."""
-        matrices = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
+        matrices = np.zeros((self.member.count, len(self.freedoms) + 1, len(self.freedoms) + 1))
         for matrix, (rows, _) in zip(matrices, self._rows(), strict=True):
             matrix[rows[:, None], rows] += local
         return matrices[:, :-1, :-1]
@@ -63,7 +64,7 @@ class Body:
     def loads(self) -> Array:
         """Inertia loads (k, 4) of rigid motions: uniform and linearly increasing, along the link and across
         it."""
-        member, loads = self.member, np.zeros((len(self.own) + 1, 4))
+        member, loads = self.member, np.zeros((len(self.freedoms) + 1, 4))
         for number, (rows, _) in enumerate(self._rows()):
             shapes = np.zeros((len(rows), 4))
             for i, freedom in enumerate(member.element.freedoms):
@@ -77,11 +78,12 @@ class Body:
         return loads[:-1]
 
     def _rows(self) -> list[tuple[Array, Array]]:
-        """For each element, the indices in `own` of its degrees of freedom (len(own) for fixed ones), and a
-        mask of the fixed ones."""
+        """For each element, the positions in `freedoms` of its degrees of freedom (len(freedoms) for fixed
+        ones), and a mask of the fixed ones."""
         indices = self.member.indices
         return [
-            (np.where(row < 0, len(self.own), np.searchsorted(self.own, row)), row < 0) for row in indices
+            (np.where(row < 0, len(self.freedoms), np.searchsorted(self.freedoms, row)), row < 0)
+            for row in indices
         ]
 
 
@@ -170,7 +172,7 @@ class Basis:
         """Tables (links, 5, n, r) of T, B and B₂ for each link."""
         tables = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
         for number, link in enumerate(self.links):
-            rows, columns = link.body.own[:, None], link.at
+            rows, columns = link.body.freedoms[:, None], link.at
             for table, local in zip(tables, (link.local, *link.turned), strict=True):
                 table[number][:, rows, columns] += link.expanding(local)
         # Retained coordinates are identical in q and p.
@@ -204,8 +206,8 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
     """Basis with `modes` modes per link, or with all modes of a link that has fewer. static: whether to add
     the static shapes of the discarded modes. Raises ValueOutOfBoundsError if no link has that many modes."""
     retained = retained_freedoms(beams.freedoms)
-    bodies = [Body.of(member, retained) for member in beams.members]
-    most = max(len(body.own) - len(body.interface) for body in bodies)
+    bodies = [Body.from_member(member, retained) for member in beams.members]
+    most = max(len(body.freedoms) - len(body.interface) for body in bodies)
     if not 1 <= modes <= most:
         raise ValueOutOfBoundsError(
             f"reduce is {modes} modes per link; allowed: 1 to {most} for these elements; {most} retains all "
@@ -214,7 +216,9 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
     interface = np.flatnonzero(retained)
     links, end = [], len(interface)
     for body in bodies:
-        link = _link_basis(body, modes, static, np.searchsorted(interface, body.own[body.interface]), end)
+        link = _link_basis(
+            body, modes, static, np.searchsorted(interface, body.freedoms[body.interface]), end
+        )
         links.append(link)
         end += len(link.at) - len(body.interface)
     return Basis(beams, interface, links)
@@ -224,7 +228,7 @@ def _link_basis(body: Body, modes: int, static: bool, at: Array, end: int) -> Li
     """Basis of a link. at (b,): indices of the interface among the reduced coordinates; end: index of the
     first mode."""
     M, K = body.assembled(body.member.mass), body.assembled(body.member.stiffness)
-    reduced = craig_bampton(M, K, body.interface, min(modes, len(body.own) - len(body.interface)))
+    reduced = craig_bampton(M, K, body.interface, min(modes, len(body.freedoms) - len(body.interface)))
     local, b = reduced.basis, len(body.interface)
     if static:
         loads = np.concatenate((M @ local[:, :b], body.loads), axis=1)

@@ -11,8 +11,9 @@ import numpy as np
 from solve.arguments import SMALL
 from solve.arrays import Array, LazyMapping, Plane, Recent
 from solve.beams.assembly import POSITIONS, Beams, Kinematics, Positions
-from solve.beams.elements import EXACT, Freedoms, Member, freedoms
+from solve.beams.element import EXACT
 from solve.beams.frequencies import lowest, shapes
+from solve.beams.links import Freedoms, Member, freedoms
 from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
 from solve.capabilities import Capabilities, Outputs
@@ -93,7 +94,7 @@ class StructureModel(Model, Outputs):
         return replace(labels, largest_of=largest_of, units=units, meanings=meanings)
 
     @classmethod
-    def of(cls, setup: Setup) -> Self:
+    def from_setup(cls, setup: Setup) -> Self:
         """Model from a setup. Raises StructureError if the links cannot be assembled at all phases."""
         if REDUCE in setup.options:
             raise ValueOutOfBoundsError(

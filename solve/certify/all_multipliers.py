@@ -23,7 +23,7 @@ from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
 from solve.period.logarithms import UNKNOWN, exponential, log_distances, matched_logarithms
 from solve.period.multipliers import matched
-from solve.period.points import OnePoint, Points, state_size
+from solve.period.points import Points, SinglePoint, state_size
 from solve.period.product_eigenvalues import ProductEigenvalues, eigenvalue_logarithms, product_eigenvalues
 from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
@@ -65,7 +65,7 @@ class Spectrum:
     stage. If `rtol` applies to each multiplier, all multipliers are taken from `refined`. Multipliers of
     rigid-body modes are exactly +1. each: whether `rtol` applies to each multiplier."""
 
-    point: OnePoint
+    point: SinglePoint
     certified: Certified
     refined: RefinedMultipliers | None = None
     each: bool = False
@@ -169,7 +169,10 @@ class Spectrum:
         elif is_refused or has_failed:
             reason = "the eigenvalues of the product of the steps did not converge"
         elif isinstance(self.certified.method, OneStep) and self._is_long:
-            reason = "for so many coordinates and steps, small multipliers require all_multipliers"
+            reason = (
+                f"with {self.point.n} coordinates and {self.certified.steps} steps, small multipliers "
+                "require all_multipliers"
+            )
         else:
             return []
         missing = ["rtol is not applied to each multiplier"] if is_refused else []
@@ -303,7 +306,7 @@ def require_step_maps(method: Method) -> None:
 
 
 def refined_multipliers(
-    point: OnePoint, method: Method, request: SolveRequest, steps: int, rigid: int = 0
+    point: SinglePoint, method: Method, request: SolveRequest, steps: int, rigid: int = 0
 ) -> RefinedMultipliers | None:
     """All multipliers of a point, of which `rigid` belong to rigid-body modes. Steps are doubled until each
     error, twice the difference from a better method, is at most `rtol`, or until doubling gains nothing or
@@ -318,7 +321,7 @@ def refined_multipliers(
 
 
 def _refined_multipliers(
-    point: OnePoint, method: Method, request: SolveRequest, steps: int, rigid: int
+    point: SinglePoint, method: Method, request: SolveRequest, steps: int, rigid: int
 ) -> RefinedMultipliers:
     max_steps, points = _MAX_WORK[2] / state_size(point) ** 2, balanced(point, frozen(point))
     rigid_modes = free(point) if method.linear else None

@@ -55,14 +55,14 @@ def harmonics(points: Points, loads: bool) -> Array:
         return np.ones((len(points), 1))
     count = min(PHASES, _MEMORY // (8 * _entry_count(points.n)) | 1)
     tables = points.tables(_fixed_phases(points.period, count))
-    spectrum = _spectrum(tables.table) if tables.own else _cached_spectrum(tables.table)
+    spectrum = _spectrum(tables.table) if tables.per_point else _cached_spectrum(tables.table)
     # Loads are the last entries.
     terms = slice(None if loads else int((tables.entry < 3 * points.n**2).sum()))
     entries, starts = _entries(tables.entry[terms])
     relative = np.empty((len(points), spectrum.shape[-2]))
     chunk = max(1, _MEMORY // (16 * spectrum.shape[-2] * len(tables.entry)))
     for rows in (slice(first, first + chunk) for first in range(0, len(points), chunk)):
-        parts = (spectrum[rows] if tables.own else spectrum) * tables.coefficients[rows, None]
+        parts = (spectrum[rows] if tables.per_point else spectrum) * tables.coefficients[rows, None]
         amplitudes = np.abs(np.add.reduceat(parts[..., terms], starts, axis=-1))
         relative[rows] = _relative(amplitudes, amplitudes.max(axis=1), entries, points.n)
     return relative
@@ -154,7 +154,7 @@ class SampledPhases:
     weights: Array
 
     @classmethod
-    def of(cls, grid: Grid, lower: Collocation, higher: Collocation) -> "SampledPhases":
+    def on_grid(cls, grid: Grid, lower: Collocation, higher: Collocation) -> "SampledPhases":
         """Sampled and compared phases on a grid for two methods, the first of which computes the solution."""
         nodes = np.union1d(lower.c, higher.c)
         compared, step = _compared_phases(grid)
@@ -216,8 +216,8 @@ class SampledPhases:
         the largest differences (…, R) and the largest coefficients (…, R)."""
         terms = points.tables(self.compared)
         lower, higher = (points.tables(phase.ravel()).table for phase in (self.lower, self.higher))
-        of = _differences if terms.own else _cached_differences
-        return terms, of(terms.table, lower, higher, self)
+        compute = _differences if terms.per_point else _cached_differences
+        return terms, compute(terms.table, lower, higher, self)
 
     def increments(self, differences: Array) -> Array:
         """Increments (…, m s, R) of the coefficients at the stages due to the differences (…, Q, R)."""

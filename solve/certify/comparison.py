@@ -21,8 +21,8 @@ from solve.period.curve import Curve, PeriodicCurve
 from solve.period.eigenvalues import EPS, roundoff_growth
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
-from solve.period.period_map import at_rest
-from solve.period.points import Points, Scaled
+from solve.period.period_map import rest_threshold
+from solve.period.points import Points, ScaledEntries
 from solve.period.rigid_body import Free
 
 PHASES_PER_STEP = 4
@@ -105,7 +105,7 @@ class Comparison(PointSolver, ABC):
             return roundoff
         equations = self.method.linearised(self.equations[positions[rows]], solutions[rows])
         rigid = self._linear_modes(positions[rows], equations)
-        changed = Scaled(equations, 1 + ROUND_OFF * _signs(equations.n))
+        changed = ScaledEntries(equations, 1 + ROUND_OFF * _signs(equations.n))
         if rigid is None:
             change = self._change(changed, rigid, steps, positions[rows], solutions[rows])
             change = np.where(change < NO_DIGIT, EPS / ROUND_OFF * change, np.inf)
@@ -206,7 +206,7 @@ def _sampled_phases(
     steps: int, period: float, breaks: tuple[float, ...], lower: Collocation, higher: Collocation
 ) -> SampledPhases:
     """Phases that two methods sample on a grid, and phases at which the coefficients are compared."""
-    return SampledPhases.of(Grid.uniform(steps, period, breaks), lower, higher)
+    return SampledPhases.on_grid(Grid.uniform(steps, period, breaks), lower, higher)
 
 
 def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: str = NUMPY) -> Array:
@@ -257,7 +257,7 @@ def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> A
     If forces on a coordinate cancel, the condition number contains the ratio of these forces to the
     coordinate. The `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if
     `roundoff` is below `NO_DIGIT`."""
-    limit = np.maximum(roundoff, at_rest(roundoff))[:, None]
+    limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
     is_small = largest <= limit * largest.max(axis=1, keepdims=True)
     if not is_small.any():
         return largest

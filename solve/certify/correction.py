@@ -19,7 +19,7 @@ from solve.methods.method import Method, Solutions
 from solve.period.frozen import PHASES
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
-from solve.period.points import Multiplied, OnePoint
+from solve.period.points import ScaledEquations, SinglePoint
 from solve.system import PeriodicSystem, in_phase
 
 CANCELLED = 1e-3
@@ -55,7 +55,7 @@ class CoordinateScale:
     speed: float
     steps: int
 
-    def of(self, largest: Array, fraction: float = CANCELLED, roundoff: bool = False) -> Array:
+    def scales(self, largest: Array, fraction: float = CANCELLED, roundoff: bool = False) -> Array:
         """Scales (n,) of coordinates with these largest moduli (n,); 1 if no force acts.
 
         roundoff: whether the scale of coordinates that are zero within the round-off of the loads is that of
@@ -138,8 +138,8 @@ def solved_along(
     along: PeriodicSystem, speed: float, method: Method, grid: Grid, engine: str, factors: Array | None = None
 ) -> Solutions:
     """Periodic solution of a system that is linearised along a motion; see `corrected`."""
-    point = OnePoint(along, speed)
-    scaled = point if factors is None else Multiplied(point, factors)
+    point = SinglePoint(along, speed)
+    scaled = point if factors is None else ScaledEquations(point, factors)
     solutions = solutions_on(method, scaled, grid, True, engine, free(point))
     for reason in solutions.failures.values():
         raise reason
@@ -170,8 +170,8 @@ def linearisation_error(
     scale = CoordinateScale(
         nonlinear_of(system).along(motion, columns_by(engine)), motion, speed, solutions.grid.steps
     )
-    error = change / scale.of(largest)
-    return change / scale.of(largest, roundoff=True) if error.max() > _MAY_BE_ROUND_OFF else error
+    error = change / scale.scales(largest)
+    return change / scale.scales(largest, roundoff=True) if error.max() > _MAY_BE_ROUND_OFF else error
 
 
 def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions) -> float:

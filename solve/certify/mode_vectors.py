@@ -17,7 +17,7 @@ from solve.period.blocks import Blocks, balanced_blocks
 from solve.period.eigenvalues import EPS
 from solve.period.floquet_modes import ALIASED, periodic_parts
 from solve.period.frozen import FrozenModes, balanced, frozen
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.period.product_eigenvalues import (
     ProductEigenvalues,
     eigenvalue_logarithms,
@@ -112,7 +112,7 @@ class ModeVectors:
         return self.distances(self.exponents) <= limit
 
 
-def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engine: str) -> ModeVectors:
+def mode_vectors(point: SinglePoint, method: Method, steps: int, rtol: float, engine: str) -> ModeVectors:
     """Modes of a point by a method with step maps. Errors are estimated by one more stage per step and
     correspond to relative errors of the multipliers of at least `rtol`. Raises SolveError subclasses."""
     finer = method.with_another_stage
@@ -142,14 +142,14 @@ def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engin
     )
 
 
-def _rigid(point: OnePoint, logarithms: Array) -> Array:
+def _rigid(point: SinglePoint, logarithms: Array) -> Array:
     """Indices of the multipliers of rigid-body modes, which are those nearest to +1."""
     held = free(point)
     count = 0 if held is None else int(held.modes.multiplicity[0])
     return np.argsort(np.abs(logarithms), kind="stable")[:count]
 
 
-def _inertia(point: OnePoint, modes: FrozenModes, units: Array) -> Array:
+def _inertia(point: SinglePoint, modes: FrozenModes, units: Array) -> Array:
     """Mean of the diagonal of M (n,), relative to its largest entry. For systems with first-order states,
     which have no inertia, the squares of the units (N,) that balance the step maps."""
     if point.first_order:

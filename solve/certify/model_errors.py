@@ -40,7 +40,7 @@ from solve.methods.free import free, solutions_on
 from solve.methods.method import Solutions
 from solve.period.curve import PeriodicCurve
 from solve.period.multipliers import matched
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.samples import Samples
 from solve.system import PeriodicSystem, with_samples
 from solve.terminal import progress
@@ -106,7 +106,7 @@ def _reduction_at(
     try:
         reduced = _reduced_solutions(result, row, system, speed)
         enriched = result.request.reduction_method.solutions(
-            OnePoint(reduction.enriched, speed),
+            SinglePoint(reduction.enriched, speed),
             reduced.grid,
             reduced.curve is not None,
             result.request.engine,
@@ -145,7 +145,7 @@ def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, spee
     if result.method.name == method.name:
         return result.solutions[np.array([row])]
     request = replace(result.request, rtol=max(result.request.rtol, 1e-7), steps=None)
-    (solved,) = certified(OnePoint(system, speed), method, request)
+    (solved,) = certified(SinglePoint(system, speed), method, request)
     if isinstance(solved, Failed):
         raise solved.reason
     return solved.solutions
@@ -230,12 +230,12 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
     """Relative differences (2,) of a point's orbit and multipliers with other samples. Raises SolveError."""
     system, speed = point
     solutions = result.solutions[np.array([row])]
-    fewer = OnePoint(with_samples(system, samples), speed)
+    fewer = SinglePoint(with_samples(system, samples), speed)
     orbit, engine = solutions.curve is not None, result.request.engine
-    made = solutions_on(result.method, fewer, solutions.grid, orbit, engine, free(fewer))
-    for reason in made.failures.values():
+    other = solutions_on(result.method, fewer, solutions.grid, orbit, engine, free(fewer))
+    for reason in other.failures.values():
         raise reason
-    return differences(made, solutions, result.modes[np.array([row])])[0]
+    return differences(other, solutions, result.modes[np.array([row])])[0]
 
 
 def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:

@@ -31,6 +31,9 @@ _AMPLIFIED = 32.0
 bound on 430 grids of systems of both populations, of systems with stiff modes in rotated axes, and of models.
 With 16 and 64, 80 estimates of stiff modes do not fall below the errors."""
 
+_STEADY = 0.02
+"""Fraction of the median of det M below which a phase with singular M is searched. A choice."""
+
 _DRIVEN = 1e-9
 """Mean acceleration of a free machine, relative to its accelerations, that counts as zero. Measured round-off
 for chains whose loads have zero mean: 1e-13."""
@@ -184,9 +187,9 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
     """Positions of the points whose M is singular at some phase, including phases that no step samples, and
     the exceptions.
 
-    The phase is searched if det M falls below 2 % of its median at a sampled phase: a choice.
+    The phase is searched if det M falls below `_STEADY` of its median at a sampled phase.
     """
-    for position in (~modes.has_steady_inertia(0.02)).nonzero()[0].tolist():
+    for position in (~modes.has_steady_inertia(_STEADY)).nonzero()[0].tolist():
         phase = _singular_phase(points[np.array([position])], modes.phases)
         if phase is not None:
             yield position, singular_inertia_error(f"near phase {phase:.6g}", points.first_order)

@@ -320,8 +320,8 @@ def _certify_approximation(solver: PointSolver, positions: Array) -> Iterator[Ce
                 if isinstance(better, Failed):
                     yield _at_positions(better, chunk[rows])
                     continue
-                own = rows[better.positions]
-                errors = differences(solutions[own], better.solutions, better.modes, request.engine)
-                errors = np.maximum(errors, roundoff_errors(solutions[own]))
+                answered = rows[better.positions]
+                errors = differences(solutions[answered], better.solutions, better.modes, request.engine)
+                errors = np.maximum(errors, roundoff_errors(solutions[answered]))
                 radius = better.solutions.multipliers.spectral_radius
-                yield from solver.certify(chunk[own], solutions[own], errors, errors[:, 1] * radius)
+                yield from solver.certify(chunk[answered], solutions[answered], errors, errors[:, 1] * radius)

@@ -30,9 +30,6 @@ from solve.units import speeds_in_si
 
 if TYPE_CHECKING:
     from solve.proof.result import Proof
-    from solve.results.bands import Bands
-    from solve.results.critical_speeds import CriticalSpeeds
-    from solve.results.result import Result
     from solve.results.stability import Stability
 
 
@@ -105,7 +102,9 @@ class Numbers(CaseNumbers):
         int | None, Flag("Beam structures: retain K modes per link; the error is estimated.", "K")
     ] = None
 
-    def of(self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
+    def named_model(
+        self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE
+    ) -> Model:
         """Model with the given name. Raises NoMotionError for a model without equations of motion and
         NoVibrationError for one without coordinates, unless the study permits them."""
         model = self._first_model(name, varied)
@@ -161,10 +160,10 @@ class Problem(Numbers):
     ]
 
     def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
-        """Model named by the user, see `Numbers.of`, or system read from other files, see `solve.load`.
+        """Model named by the user, see `named_model`, or system read from other files, see `solve.load`.
         Raises SolveError subclasses."""
         if not is_system_file(self.model):
-            return self.of(self.model, still, rigid, varied)
+            return self.named_model(self.model, still, rigid, varied)
         if self.cases is not None:
             raise ValueOutOfBoundsError(f"'{self.model}' has no cases; leave out --cases")
         options = assignments("--option", self.option or [])
@@ -269,7 +268,7 @@ class Steps(Accuracy):
 
 
 @dataclass(frozen=True)
-class OnePoint(Steps):
+class PointAccuracy(Steps):
     """Flags for method, tolerance and steps at a single speed."""
 
     all_multipliers: Annotated[bool, Flag("Apply --rtol to each multiplier individually.")] = False
@@ -322,33 +321,6 @@ class Proving:
 
         with nullcontext() if self.workers is None else processes(self.workers) as executor:
             return prove(result, digits=self.digits, rounded=self.rounded, executor=executor)
-
-
-@dataclass(frozen=True)
-class SpeedDerivatives:
-    """Parameters with respect to which derivatives of computed speeds are requested."""
-
-    by: Annotated[
-        list[str] | None,
-        Flag(
-            "Compute instead the derivatives of these speeds with respect to a parameter; repeatable.", "NAME"
-        ),
-    ] = None
-
-    def require_known(self, model: "Model") -> None:
-        """Raise SolveError subclasses, before the calculation, for names that are not parameters."""
-        if self.by:
-            from solve.studies.sensitivities import moving_parameters
-
-            moving_parameters(model, self.by)
-
-    def of(self, result: "Bands | CriticalSpeeds", accuracy: Accuracy) -> "Result":
-        """Derivatives of the result's speeds if requested, otherwise the result."""
-        if not self.by:
-            return result
-        from solve.studies.sensitivities import speed_sensitivities
-
-        return speed_sensitivities(result, self.by, accuracy.rule, accuracy.rtol)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -15,7 +16,6 @@ from solve.commands.groups import (
     Problem,
     Results,
     Speed,
-    SpeedDerivatives,
     Speeds,
     Steps,
 )
@@ -23,6 +23,9 @@ from solve.commands.parse import assignments, fraction, harmonic_count, points, 
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.labels import in_own_unit
 from solve.model.model import Model
+from solve.results.bands import Bands
+from solve.results.critical_speeds import CriticalSpeeds
+from solve.results.result import Result
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 from solve.units import speed_in_si, speeds_in_si
@@ -33,6 +36,33 @@ from solve.views.style import Figure
 from solve.views.sweep import labelled_by, moving
 
 _RANGE = '"NAME=A:B:N unit"'
+
+
+@dataclass(frozen=True)
+class SpeedDerivatives:
+    """Parameters with respect to which derivatives of computed speeds are requested."""
+
+    by: Annotated[
+        list[str] | None,
+        Flag(
+            "Compute instead the derivatives of these speeds with respect to a parameter; repeatable.", "NAME"
+        ),
+    ] = None
+
+    def require_known(self, model: Model) -> None:
+        """Raise SolveError subclasses, before the calculation, for names that are not parameters."""
+        if self.by:
+            from solve.studies.sensitivities import moving_parameters
+
+            moving_parameters(model, self.by)
+
+    def requested(self, result: Bands | CriticalSpeeds, accuracy: Accuracy) -> Result:
+        """Derivatives of the result's speeds if requested, otherwise the result."""
+        if not self.by:
+            return result
+        from solve.studies.sensitivities import speed_sensitivities
+
+        return speed_sensitivities(result, self.by, accuracy.rule, accuracy.rtol)
 
 
 def sweep(
@@ -213,7 +243,7 @@ def bands(
     omegas, model = speeds.omegas(), problem.loaded()
     derivatives.require_known(model)
     result = solve.bands(model, omegas, accuracy.rule, accuracy.rtol)
-    deliver_result(results, derivatives.of(result, accuracy), problem.choices, result.notes)
+    deliver_result(results, derivatives.requested(result, accuracy), problem.choices, result.notes)
 
 
 def critical(
@@ -234,7 +264,9 @@ def critical(
     derivatives.require_known(model)
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
     drawn = None if derivatives.by else partial(result.plot, campbell=campbell)
-    deliver_result(results, derivatives.of(result, accuracy), problem.choices, result.notes, figure=drawn)
+    deliver_result(
+        results, derivatives.requested(result, accuracy), problem.choices, result.notes, figure=drawn
+    )
 
 
 def modes(

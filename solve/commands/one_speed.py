@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Loop, OnePoint, Problem, Proving, Results, Settings, Speed
+from solve.commands.groups import Flag, Loop, PointAccuracy, Problem, Proving, Results, Settings, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import NoResultError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import METHODS, Rule, chosen, settings_of
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def periodic(
     problem: Loop,
     speed: Speed,
-    accuracy: OnePoint,
+    accuracy: PointAccuracy,
     proving: Proving,
     results: Results,
     harmonics: Annotated[int | None, Flag("Harmonics of the spectrum; 60 by default.", "N")] = None,
@@ -123,7 +123,7 @@ def _with_measured(
     )
 
 
-def floquet(problem: Loop, speed: Speed, accuracy: OnePoint, proving: Proving, results: Results) -> None:
+def floquet(problem: Loop, speed: Speed, accuracy: PointAccuracy, proving: Proving, results: Results) -> None:
     """Floquet multipliers, exponents and the stability verdict."""
     model = problem.loaded()
     proving.require_provable(model)

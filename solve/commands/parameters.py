@@ -135,7 +135,7 @@ def optimise(
         names += model.gains
     elif gain_harmonics or delay is not None or notch:
         raise ValueOutOfBoundsError(
-            "--gain-harmonics, --delay and --notch are of a feedback; add --feedback NAME"
+            "--gain-harmonics, --delay and --notch require a feedback; add --feedback NAME"
         )
     if missing := [name for name in names if name not in limits]:
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")

@@ -125,8 +125,8 @@ class Figures:
         period, nodes = self.orbit.system.period, self.orbit.problem.grid.nodes
         a_step = -(-count // (len(nodes) - 1))
         if self.orbit.system.breaks:
-            places, weights = np.polynomial.legendre.leggauss(a_step)
-            fractions, weights = (places + 1) / 2, weights / 2
+            in_step, weights = np.polynomial.legendre.leggauss(a_step)
+            fractions, weights = (in_step + 1) / 2, weights / 2
         else:
             fractions, weights = np.arange(a_step) / a_step, np.full(a_step, 1 / a_step)
         width = np.diff(nodes)[:, None]

@@ -23,7 +23,7 @@ from solve.methods.free import mean_weights
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.period.quantities import samples_a_step
 from solve.results.stability import Stability
 
@@ -57,7 +57,7 @@ class GridDerivatives:
         """Linear periodic problem of the orbit; for a free machine, that of the anchored system."""
         system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
-        point = OnePoint(system, self.solved.speed)
+        point = SinglePoint(system, self.solved.speed)
         free = self.solved.certified.solutions.free
         known = None if free is not None else self._curve(grid, point, engine)
         return PeriodicProblem(point, self.rule, grid, engine, known, free)
@@ -70,7 +70,7 @@ class GridDerivatives:
             return problem
         return PeriodicProblem(problem.point, self.rule, problem.grid, self.solved.certified.request.engine)
 
-    def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
+    def _curve(self, grid: Grid, point: SinglePoint, engine: str) -> Curve | None:
         """Periodic solution on a grid, if it is available or inexpensive to compute; otherwise None."""
         solutions = self.solved.certified.solutions
         if self.steps != self.solved.steps or self.rule != self.solved.certified.method:
@@ -106,9 +106,9 @@ class GridDerivatives:
         def weights(name: str, value: float) -> Array:
             try:
                 at = (system, value) if name == SPEED else (system.varied({name: value}), speed)
-                return mean_weights(OnePoint(*at), free.modes)
+                return mean_weights(SinglePoint(*at), free.modes)
             except ValueOutOfBoundsError:
-                return mean_weights(OnePoint(system, speed), free.modes)
+                return mean_weights(SinglePoint(system, speed), free.modes)
 
         values = [speed if name == SPEED else system.labels.parameters[name] for name in self.names]
         levels = np.zeros((free.modes.references.shape[1], len(values)))
@@ -187,7 +187,9 @@ class GridDerivatives:
         if at:
             adjoint = self.adjoint and not self.nodes.any()
             solver = Adjoint(self.orbit, self.dependence) if adjoint else self.forward
-            for place, slopes in zip(at, solver.of([derivatives[k] for k in at], sizes), strict=True):
+            for place, slopes in zip(
+                at, solver.derivatives_of([derivatives[k] for k in at], sizes), strict=True
+            ):
                 derivatives[place] = np.where(self.jumps(quantities[place].subject), np.nan, slopes)
         return derivatives
 

@@ -108,8 +108,8 @@ class GridMultipliers:
         # The inverse of the right vectors gives no accurate left vectors if any two right vectors are nearly
         # parallel.
         adjoint_values, left = np.linalg.eig(Phi.conj().T)
-        places = np.abs(adjoint_values.conj() - values[:, None]).argmin(axis=1)
-        return values.astype(complex), right, left[:, places]
+        nearest = np.abs(adjoint_values.conj() - values[:, None]).argmin(axis=1)
+        return values.astype(complex), right, left[:, nearest]
 
     def _of_product(self, at: int) -> Vectors:
         if not slicot.available():

@@ -113,7 +113,7 @@ class Forward:
             name, phase, self.orbit.speed, self.orbit.states(phase), derivatives
         ).T
 
-    def of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
+    def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
         """Derivatives (r,) of statistics; with `sizes`, the sizes of the terms that are summed."""
         whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
         from_signal = [whole_outputs and figure.name in self.orbit.system.outputs for figure in figures]
@@ -140,7 +140,7 @@ class Adjoint:
     orbit: GridOrbit
     dependence: Dependence
 
-    def of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
+    def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
         """Derivatives (r,) of statistics; with `sizes`, the sizes of the terms that are summed."""
         term = np.abs if sizes else np.asarray
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, figures, term)

@@ -23,7 +23,7 @@ from solve.methods.collocation import Collocated, Collocation
 from solve.period.anchored import Anchored
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.points import OnePoint, matrices, rate_of
+from solve.period.points import SinglePoint, matrices, rate_of
 from solve.period.rigid_body import Free
 
 
@@ -55,7 +55,7 @@ class PeriodicProblem:
 
     def __init__(
         self,
-        point: OnePoint,
+        point: SinglePoint,
         method: Collocated,
         grid: Grid,
         engine: str,
@@ -268,7 +268,7 @@ class PeriodicProblem:
     def curves(self, motions: Motions) -> Curve:
         """Continuous curves (r, n, …) of solutions."""
         data = self.data(motions)
-        return Curve.of(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
+        return Curve.from_steps(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
 
     def data(self, motions: Motions) -> Array:
         """Data (m, 2 + k, n, r) that define the curves of solutions: q, h q′ and h² q″ at the phases of each

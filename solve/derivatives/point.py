@@ -8,6 +8,7 @@ import numpy as np
 
 from solve.arguments import unique_names
 from solve.arrays import Array
+from solve.certify.comparison import SAFETY
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of, multiplier_position
 from solve.equations import derivatives_of
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
@@ -22,9 +23,6 @@ from solve.results.stability import Stability
 from solve.single import floquet, periodic
 from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
-
-_SAFETY = 2.0
-"""Ratio of the error estimate to the difference from derivatives with one more stage, as for solutions."""
 
 _COARSENING = 4
 """Ratio of the number of steps to that of the coarser grid on which the sizes of the terms of derivatives are
@@ -131,7 +129,7 @@ def quantities_by(
     """Requested quantities, and names of the parameters for differentiation, without duplicates. Raises
     UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
     texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
-    quantities = [Named.of(system, text) for text in texts]
+    quantities = [Named.parse(system, text) for text in texts]
     derivatives_of(system).by(names)
     return quantities, names
 
@@ -211,7 +209,7 @@ def _with_errors(
             found[quantity.text] = _without(quantity, failures[0], grid)
             continue
         by_method, better = map(np.asarray, results)
-        error = _SAFETY * np.abs(by_method - better)
+        error = SAFETY * np.abs(by_method - better)
         error += _multiplier_error(grid.solved, quantity) * np.abs(by_method)
         error = np.maximum(error, _ROUNDOFF * np.asarray(size))
         found[quantity.text] = _sensitivity(quantity, by_method, error, grid)

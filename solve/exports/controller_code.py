@@ -26,7 +26,7 @@ class Tables(NamedTuple):
     L: Array
 
     @classmethod
-    def of(cls, result: Controller, phase: Array) -> "Tables":
+    def at_phases(cls, result: Controller, phase: Array) -> "Tables":
         count, N = len(phase), len(result.states)
         A, b, L = np.zeros((count, N, N)), np.zeros((count, N)), np.zeros((count, N, 0))
         if result.compensator is not None:
@@ -45,7 +45,7 @@ def controller_mat(result: Controller, samples: int) -> bytes:
     the last index."""
     from scipy.io import savemat
 
-    tables = Tables.of(result, np.arange(samples) * (result.system.period / samples))
+    tables = Tables.at_phases(result, np.arange(samples) * (result.system.period / samples))
     content = {name: np.moveaxis(array, 0, -1) for name, array in tables._asdict().items()}
     if result.compensator is None:
         content = {name: content[name] for name in ("phase", "K", "f")}
@@ -70,7 +70,10 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
     and Kutta of order 4 with constant measured quantities."""
     period = result.system.period
     phase = np.arange(samples) * (period / samples)
-    tables, between = Tables.of(result, phase), Tables.of(result, phase + period / (2 * samples))
+    tables, between = (
+        Tables.at_phases(result, phase),
+        Tables.at_phases(result, phase + period / (2 * samples)),
+    )
     error = max(interpolation_error(a, b) for a, b in zip(tables[1:], between[1:], strict=True))
     name = controller_name(result)
     observer = result.compensator is not None

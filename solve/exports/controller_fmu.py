@@ -22,7 +22,10 @@ def controller_fmu(result: Controller, samples: int) -> tuple[bytes, list[str]]:
     equal names."""
     tools, system, period = Tools.found(), result.system, result.system.period
     phase = np.arange(samples + 1) * (period / samples)
-    tables, between = Tables.of(result, phase), Tables.of(result, phase + period / (2 * samples))
+    tables, between = (
+        Tables.at_phases(result, phase),
+        Tables.at_phases(result, phase + period / (2 * samples)),
+    )
     error = max(interpolation_error(a[:-1], b[:-1]) for a, b in zip(tables[1:], between[1:], strict=True))
     units, sizes = result.closed.labels.units, _sizes(result)
 

@@ -93,7 +93,7 @@ class HarmonicTransfer:
 
     @cached_property
     def _spectra(self) -> "_Spectra":
-        return _Spectra.of(self.system, self.speed, 4 * self.orders)
+        return _Spectra.from_system(self.system, self.speed, 4 * self.orders)
 
     @cached_property
     def error(self) -> float:
@@ -325,7 +325,7 @@ class _Spectra:
     b: Array
 
     @classmethod
-    def of(cls, system: PeriodicSystem, speed: float, highest: int) -> "_Spectra":
+    def from_system(cls, system: PeriodicSystem, speed: float, highest: int) -> "_Spectra":
         """Spectra by Gauss quadrature in steps that end at the jumps of the matrices."""
         grid = Grid.uniform(highest + 1, system.period, system.breaks)
         nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)

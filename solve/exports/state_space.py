@@ -112,18 +112,22 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
     return _with_signals(system, result, phase, speed) if isinstance(system, FirstOrderSystem) else result
 
 
-def _with_signals(system: FirstOrderSystem, made: Coefficients, phase: Array, speed: float) -> Coefficients:
+def _with_signals(
+    system: FirstOrderSystem, coefficients: Coefficients, phase: Array, speed: float
+) -> Coefficients:
     """Coefficients for the named inputs and outputs of a system, if it has any."""
     if not (system.inputs or system.outputs):
-        return made
+        return coefficients
     _, b, B, C, D = system.equations_at(phase, speed)
     if system.inputs:
         without = np.zeros((len(phase), len(system.inputs)))
-        made = made._replace(B=B, D=np.zeros((len(phase), made.C.shape[1], B.shape[2])), d=without, b=b)
+        coefficients = coefficients._replace(
+            B=B, D=np.zeros((len(phase), coefficients.C.shape[1], B.shape[2])), d=without, b=b
+        )
     if system.outputs:
-        D = D if system.inputs else np.zeros((*C.shape[:2], made.B.shape[2]))
-        made = made._replace(C=C, D=D, y0=np.zeros(C.shape[:2]))
-    return made
+        D = D if system.inputs else np.zeros((*C.shape[:2], coefficients.B.shape[2]))
+        coefficients = coefficients._replace(C=C, D=D, y0=np.zeros(C.shape[:2]))
+    return coefficients
 
 
 def _coefficient(name: str, description: str) -> Any:

@@ -34,13 +34,13 @@ class Samples(NamedTuple):
         return Samples(table, np.ones((len(table), len(first))), self.entry[first])
 
     @property
-    def own(self) -> bool:
+    def per_point(self) -> bool:
         return self.table.ndim == 3
 
     def of_point(self, at: int) -> "Samples":
         """Samples of one point."""
         at_point = slice(at, at + 1)
-        table = self.table[at_point] if self.own else self.table
+        table = self.table[at_point] if self.per_point else self.table
         return Samples(table, self.coefficients[at_point], self.entry)
 
 
@@ -91,7 +91,7 @@ def solved(
         assert Phi is not None
         return Periods(Phi, units, curves, condition, None)
     groups, steps = -(-points // width), m // width if segments else m
-    if stages.own and not segments:
+    if stages.per_point and not segments:
         stages, nodes = stages.summed, nodes and nodes.summed
     n, N, D = size.n, 2 * size.n - size.first_order, len(weights["powers"])
     Phi, condition = np.empty((groups * width, N, N)), np.empty(groups * width)
@@ -109,8 +109,14 @@ def solved(
         arrays["units"] = np.empty((groups * width, N))
     if points == 1 and size.orbit:
         arrays["maps"] = np.empty((width, steps, N, N + 1))
-    own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
-    numbers = {"groups": groups, "steps": steps, "jumps": jumps, "terms": len(stages.entry), "own": own}
+    tables = _SEGMENTS if segments else _POINT_TABLES if stages.per_point else 0
+    numbers = {
+        "groups": groups,
+        "steps": steps,
+        "jumps": jumps,
+        "terms": len(stages.entry),
+        "own": tables,
+    }
     run("segments" if segments else "level", size, weights, arrays, stages.entry, **numbers)
     units = arrays["units"][:points] if N > 2 else None
     if not size.orbit:
@@ -128,7 +134,7 @@ def _joined(parts: Sequence[Array | None]) -> Array | None:
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:
     """Table of the samples. Tables per point (P, k, R) are rearranged to groups (groups, k, R, width)."""
-    if samples.own and not segments:
+    if samples.per_point and not segments:
         return _grouped(samples.table, groups, width)
     return np.ascontiguousarray(samples.table)
 

@@ -80,8 +80,10 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
         if not _is_valid(library):
-            of = f" of {sizes['N']} coordinates" if "N" in sizes else ""
-            _LOGGER.warning("compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), of)
+            size_text = f" of {sizes['N']} coordinates" if "N" in sizes else ""
+            _LOGGER.warning(
+                "compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), size_text
+            )
             command = [*compiler.command, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
             _compile(command, library, formulas)
         return library

@@ -24,22 +24,22 @@ _TRIANGULAR = 1e-12
 1000 blocks is 1e-13."""
 
 
-def cyclic(own: Array, following: Array, right: Array) -> Array:
-    """Solution x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
+def cyclic(blocks: Array, following: Array, right: Array) -> Array:
+    """Solution x (r, m, b) of block_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
 
-    own (r, m, b, b): blocks; following (r, m): scalars; right (r, m, b): right-hand sides. x is 0 for systems
+    blocks (r, m, b, b); following (r, m): scalars; right (r, m, b): right-hand sides. x is 0 for systems
     that remain singular under a perturbation by round-off.
 
     Elimination with pivots is stable whether x grows or decays along the chain.
     """
-    x = (_dense if right[0].size <= _FEW else _banded)(own, following, right)
+    x = (_dense if right[0].size <= _FEW else _banded)(blocks, following, right)
     if x is not None:
         return x
-    if len(own) > 1:
-        one_by_one = zip(own[:, None], following[:, None], right[:, None], strict=True)
+    if len(blocks) > 1:
+        one_by_one = zip(blocks[:, None], following[:, None], right[:, None], strict=True)
         return np.concatenate([cyclic(*system) for system in one_by_one])
     for times in _PERTURBATIONS:
-        changed = own.copy()
+        changed = blocks.copy()
         changed[:, 0] *= 1 + times * EPS
         x = _banded(changed, following, right)
         if x is not None:
@@ -47,11 +47,11 @@ def cyclic(own: Array, following: Array, right: Array) -> Array:
     return np.zeros(right.shape)
 
 
-def _dense(own: Array, following: Array, right: Array) -> Array | None:
+def _dense(blocks: Array, following: Array, right: Array) -> Array | None:
     r, m, b = right.shape
     k, inner = np.arange(m)[:, None], np.arange(b)
     matrix = np.zeros((r, m, b, m, b), dtype=complex)
-    matrix[:, k[:, 0], :, k[:, 0]] = own.swapaxes(0, 1)
+    matrix[:, k[:, 0], :, k[:, 0]] = blocks.swapaxes(0, 1)
     matrix[:, k, inner, (k + 1) % m, inner] += following[..., None]
     try:
         return np.linalg.solve(matrix.reshape(r, m * b, -1), right.reshape(r, -1, 1)).reshape(right.shape)
@@ -59,7 +59,7 @@ def _dense(own: Array, following: Array, right: Array) -> Array | None:
         return None
 
 
-def _banded(own: Array, following: Array, right: Array) -> Array | None:
+def _banded(blocks: Array, following: Array, right: Array) -> Array | None:
     """Solve the cyclic systems as one banded system. The blocks are in the order 0, m-1, 1, m-2, …, in which
     neighbours are at most two positions apart, so that the matrix is banded."""
     r, m, b = right.shape
@@ -70,10 +70,10 @@ def _banded(own: Array, following: Array, right: Array) -> Array | None:
     offset = place[before] - np.arange(m)
     # A column of the banded matrix in Fortran order is a row here.
     columns = np.zeros((r, m, b, 3 * width + 1), dtype=complex)
-    own, following = own[:, order], following[:, before]
+    blocks, following = blocks[:, order], following[:, before]
     for a in range(b):
         for c in range(b):
-            columns[:, :, c, 2 * width + a - c] = own[:, :, a, c]
+            columns[:, :, c, 2 * width + a - c] = blocks[:, :, a, c]
         for distance in set(offset.tolist()):
             some = offset == distance
             columns[:, some, a, 2 * width + distance * b] += following[:, some]

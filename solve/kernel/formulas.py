@@ -14,7 +14,7 @@ from solve.kernel.engines import COMPILED
 from solve.kernel.library import addresses, loaded
 
 _FIGURES = 7
-_WIDEST = 8
+WIDEST = 8
 """Largest number of values per vector register."""
 
 
@@ -58,12 +58,12 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
     library = loaded("pointwise.c", sizes, formulas.text)
     if library is None:
         return None
-    made = np.empty((len(speeds), len(phase), formulas.outputs))
-    given = {"phase": phase, "speeds": speeds, "parameters": parameters, "values": made}
+    result = np.empty((len(speeds), len(phase), formulas.outputs))
+    given = {"phase": phase, "speeds": speeds, "parameters": parameters, "values": result}
     arrays = {name: np.ascontiguousarray(each, dtype=float) for name, each in given.items()}
     problem = _Phases(points=len(speeds), phases=len(phase), **addresses(arrays))
     library.pointwise(ctypes.byref(problem))
-    return made
+    return result
 
 
 def columns(
@@ -80,20 +80,20 @@ def columns(
     library = loaded("columns.c", sizes, formulas.text)
     if library is None:
         return None
-    given = np.empty((rows, -(-count // _WIDEST) * _WIDEST))
-    np.concatenate(inputs, out=given[:, :count])
-    given[:, count:] = given[:, count - 1 : count]
-    first, width = np.cumsum([0, *widths[:-1]], dtype=np.intc), given.shape[-1]
-    made = np.empty((formulas.outputs, width if along is None else along[1].shape[1]))
-    arrays = {"first": first, "given": given, "shared": shared, "values": made}
+    padded = np.empty((rows, -(-count // WIDEST) * WIDEST))
+    np.concatenate(inputs, out=padded[:, :count])
+    padded[:, count:] = padded[:, count - 1 : count]
+    first, width = np.cumsum([0, *widths[:-1]], dtype=np.intc), padded.shape[-1]
+    result = np.empty((formulas.outputs, width if along is None else along[1].shape[1]))
+    arrays = {"first": first, "given": padded, "shared": shared, "values": result}
     if along is None:
         library.columns(ctypes.byref(_Columns(columns=width, **addresses(arrays))))
-        return made[:, :count]
+        return result[:, :count]
     weights = np.zeros((*along[1].shape[:2], width))
     weights[..., :count] = along[1]
     arrays |= {"row": np.ascontiguousarray(along[0], dtype=np.intc), "weights": weights}
-    problem = _Columns(columns=width, sums=made.shape[-1], **addresses(arrays))
-    return made if library.sums(ctypes.byref(problem)) else None
+    problem = _Columns(columns=width, sums=result.shape[-1], **addresses(arrays))
+    return result if library.sums(ctypes.byref(problem)) else None
 
 
 def columns_by(engine: str) -> Columns | None:
@@ -130,11 +130,11 @@ def figures(
     library = loaded("figures.c", sizes, text)
     if library is None:
         return None
-    made = np.zeros((points, len(wanted), _FIGURES))
-    given = {"curves": curves, "speeds": speeds, "parameters": parameters, "parts": parts, "figures": made}
+    result = np.zeros((points, len(wanted), _FIGURES))
+    given = {"curves": curves, "speeds": speeds, "parameters": parameters, "parts": parts, "figures": result}
     arrays = {name: np.ascontiguousarray(each, dtype=float) for name, each in given.items()}
     arrays["quantity"] = np.ascontiguousarray(wanted, dtype=np.intc)
     numbers = {"points": points, "steps": m, "samples": samples, "wanted": len(wanted)}
     numbers |= {"zooms": zooms[0], "rough": zooms[1], "around": len(parts)}
     problem = _Turn(**numbers, period=period, tie=tie, **addresses(arrays))
-    return None if library.turn(ctypes.byref(problem)) else made
+    return None if library.turn(ctypes.byref(problem)) else result

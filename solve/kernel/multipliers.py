@@ -50,6 +50,6 @@ def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
     given = {"matrices": np.ascontiguousarray(matrices)}
     if units is not None and N > 2:
         given["units"] = np.ascontiguousarray(units)
-    made = Conditioned(np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N)))
-    library.multipliers(ctypes.byref(_Problem(P, **addresses({**given, **made._asdict()}))))
-    return made
+    result = Conditioned(np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N)))
+    library.multipliers(ctypes.byref(_Problem(P, **addresses({**given, **result._asdict()}))))
+    return result

@@ -8,13 +8,12 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.kernel.collocation import Samples
+from solve.kernel.formulas import WIDEST
 from solve.kernel.library import address, addresses, loaded
 
 _MOST_ROWS = 64
 """Number of accelerations per step above which compiled code is not faster than LAPACK."""
 
-_WIDEST = 8
-"""Largest number of values per vector register."""
 
 _NUMBERS = "A", "A2", "b", "bA", "c"
 
@@ -52,8 +51,8 @@ class FactorisedStages:
         self._arrays |= {
             "table": table[:, stages],
             "entry": np.ascontiguousarray(samples.entry, dtype=np.intc),
-            "factors": np.empty((m + _WIDEST, rows, rows)),
-            "order": np.empty((m + _WIDEST, rows), dtype=np.int64),
+            "factors": np.empty((m + WIDEST, rows, rows)),
+            "order": np.empty((m + WIDEST, rows), dtype=np.int64),
             "by_state": self.by_state,
             "maps": self.maps,
         }

@@ -178,8 +178,8 @@ class Collocation:
             at, size = (point, step), h[step]
             for term, part in enumerate((M, C, K)):
                 np.multiply(size**term, np.swapaxes(part[at], 1, 2), out=terms[:, term])
-            made = (self.stage_weights @ terms.reshape(s, 3, n * n)).reshape(s, s + 2, n, n)
-            blocks[:] = np.moveaxis(made, 0, 2)
+            products = (self.stage_weights @ terms.reshape(s, 3, n * n)).reshape(s, s + 2, n, n)
+            blocks[:] = np.moveaxis(products, 0, 2)
             columns[(s + 2) * n :] = loads[at].T
             _, _, x, singular = dgesv(
                 columns[: s * n].T, columns[s * n :].T, overwrite_a=True, overwrite_b=True
@@ -198,8 +198,8 @@ class Collocation:
         system = np.empty((P, m, s, n, s + 2, n))
         for i in range(s):
             rows = np.concatenate((M[:, :, i], h * C[:, :, i], h**2 * K[:, :, i]), axis=-1)
-            made = rows.reshape(P, m * n, 3 * n) @ _of_rows(self, i, n)
-            system[:, :, i] = made.reshape(P, m, n, s + 2, n)
+            products = rows.reshape(P, m * n, 3 * n) @ _of_rows(self, i, n)
+            system[:, :, i] = products.reshape(P, m, n, s + 2, n)
         return system.reshape(P, m, s * n, (s + 2) * n)
 
     @cached_property
@@ -241,11 +241,11 @@ class Collocation:
         h = np.diff(nodes)[:, None]
         accelerations = [a_start, *np.moveaxis(a, 2, 0), a_end][: len(self.curve_nodes)]
         data = [x[:, :-1, :p], h * x[:, :-1, n:], *(h**2 * part[..., :p] for part in accelerations)]
-        curve = Curve.of(nodes, np.stack(data, axis=-1), self.curve_powers)
+        curve = Curve.from_steps(nodes, np.stack(data, axis=-1), self.curve_powers)
         if p == n:
             return curve
         data = [x[:, :-1, p:n], *(h * part[..., p:] for part in accelerations)]
-        return curve.joined(Curve.of(nodes, np.stack(data, axis=-1), self.rate_powers))
+        return curve.joined(Curve.from_steps(nodes, np.stack(data, axis=-1), self.rate_powers))
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:
@@ -342,10 +342,10 @@ class Collocated(OneStep):
     def with_another_stage(self) -> Self:
         """Method of the same family with s + 1 stages. Its order is higher by two and may exceed those in
         `orders`."""
-        made = object.__new__(type(self))
-        made._set(order=self.order + 2)
-        made._state_facts()
-        return made
+        method = object.__new__(type(self))
+        method._set(order=self.order + 2)
+        method._state_facts()
+        return method
 
     @property
     def nodes(self) -> Array:
@@ -394,7 +394,7 @@ class Collocated(OneStep):
         stages = points.tables(grid.stages(method.weights["c"]).ravel())
         # One of many takes the library and the lanes of these, so that its numbers do not depend on how they
         # are parted; another takes the library with orbits for its multipliers too: one less to compile.
-        alone = (n >= _ALONE and grid.smooth) or (len(points) == 1 and (stages.own or points.alone))
+        alone = (n >= _ALONE and grid.smooth) or (len(points) == 1 and (stages.per_point or points.alone))
         with_orbit = orbit or alone
         numbers = n, len(method.c), len(method.curve_nodes)
         size = Size(*numbers, method.stiffly_accurate, with_orbit, points.first_order)
@@ -406,16 +406,16 @@ class Collocated(OneStep):
         elif with_orbit and not method.stiffly_accurate:
             nodes = _samples(points.tables(grid.nodes[:-1]))
         h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
-        made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
-        steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
-        if not orbit or made.curves is None or made.condition is None:
-            return self.sound(points, grid, made.Phi, steps=steps, units=made.units, engine=engine)
-        finite = np.isfinite(made.condition)
-        curve, lost = Curve(grid.nodes, made.curves, finite), ~finite
-        if lost.any() and (np.isfinite(made.Phi).all(axis=(1, 2)) & lost).any():
+        periods = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
+        steps = None if periods.maps is None else Steps(periods.maps[..., :-1], periods.maps[..., -1])
+        if not orbit or periods.curves is None or periods.condition is None:
+            return self.sound(points, grid, periods.Phi, steps=steps, units=periods.units, engine=engine)
+        finite = np.isfinite(periods.condition)
+        curve, lost = Curve(grid.nodes, periods.curves, finite), ~finite
+        if lost.any() and (np.isfinite(periods.Phi).all(axis=(1, 2)) & lost).any():
             # Units so far apart that squares overflow in the lanes; NumPy's closing balances them.
             return super().solutions(points, grid, orbit)
-        return self.sound(points, grid, made.Phi, curve, made.condition, steps, made.units, engine)
+        return self.sound(points, grid, periods.Phi, curve, periods.condition, steps, periods.units, engine)
 
 
 @cache

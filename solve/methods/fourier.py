@@ -119,9 +119,9 @@ class Fourier(Method):
 def in_balance(sizes: Array) -> tuple[Array, Array]:
     """Factors of the equations and units of the coordinates (n,) that scale coefficients of sizes (n, n) to 1
     on the diagonal and to similar sizes elsewhere."""
-    own = np.where(np.diag(sizes) > 0, np.diag(sizes), 1.0)
-    units = balance_matrices(sizes / own[:, None])[1]
-    return 1.0 / (own * units), units
+    diagonal = np.where(np.diag(sizes) > 0, np.diag(sizes), 1.0)
+    units = balance_matrices(sizes / diagonal[:, None])[1]
+    return 1.0 / (diagonal * units), units
 
 
 def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:

@@ -178,8 +178,8 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
     """Mean over the period (r,) of the generalised force gᵀd along each rigid-body mode of one point, with
     gᵀK = 0 (g = e if K is symmetric)."""
     grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
-    places, weights = np.polynomial.legendre.leggauss(_PLACES)
-    M, C, K, d = matrices(point, grid.stages((places + 1) / 2).ravel())
+    nodes, weights = np.polynomial.legendre.leggauss(_PLACES)
+    M, C, K, d = matrices(point, grid.stages((nodes + 1) / 2).ravel())
     left = rigid_body_modes(np.swapaxes(K, -1, -2), 0 * C, M)
     vectors = modes.vectors[0]
     if left.vectors[0].shape == vectors.shape:
@@ -210,6 +210,6 @@ def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
     if found is None:
         return np.zeros((modes.references.shape[1], point.n))
     vectors, mass = found.modes.vectors[0], found.mass[0]
-    own = vectors[modes.references[0]]
-    vectors = vectors @ np.linalg.inv(own) @ modes.vectors[0][modes.references[0]]
+    reference_rows = vectors[modes.references[0]]
+    vectors = vectors @ np.linalg.inv(reference_rows) @ modes.vectors[0][modes.references[0]]
     return replace(found.modes, vectors=vectors[None]).weighted(mass[None])[0]

@@ -13,7 +13,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.methods.fourier import Fourier, from_exponents, in_balance, solved_balance
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
-from solve.period.points import OnePoint, Points, matrices, state_rate, state_size
+from solve.period.points import Points, SinglePoint, matrices, state_rate, state_size
 from solve.system import PeriodicSystem
 
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128
@@ -74,7 +74,7 @@ def _sign_and_logarithm(
     matrix."""
     if multiplier not in (1, -1):
         raise ValueOutOfBoundsError(f"multiplier is {multiplier}; allowed: 1 (period T) or -1 (period 2T)")
-    matrix = _hill_matrix(OnePoint(system, speed), orders, 0.0 if multiplier == 1 else 0.5)
+    matrix = _hill_matrix(SinglePoint(system, speed), orders, 0.0 if multiplier == 1 else 0.5)
     sign, logarithm = np.linalg.slogdet(matrix)
     return float(np.real(sign)), float(logarithm), len(matrix)
 

@@ -116,7 +116,7 @@ class Solutions:
     @cached_property
     def multipliers(self) -> Multipliers:
         """Floquet multipliers, the eigenvalues of Φ."""
-        return Multipliers.of(self.Phi, self.units, self._conditioned)
+        return Multipliers.from_matrices(self.Phi, self.units, self._conditioned)
 
     @cached_property
     def multiplier_rounding(self) -> Array:
@@ -349,8 +349,8 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
     if len(points) == 1:
         return solved[0]
     # Failed points contain the values of another point, except for Φ.
-    places = np.cumsum([at not in failures for at in range(len(points))]) - 1
-    parts = [solved[max(place, 0)] for place in places.tolist()]
+    positions = np.cumsum([at not in failures for at in range(len(points))]) - 1
+    parts = [solved[max(place, 0)] for place in positions.tolist()]
 
     def concatenated(field: Callable[[Any], Array]) -> Array:
         return np.concatenate([field(part) for part in parts])

@@ -104,7 +104,7 @@ class _Uncoupled:
         raise NotImplementedError
 
     def tables(self, phase: Array) -> Tables:
-        return Tables.of(self._entries, self.n)
+        return Tables.from_entries(self._entries, self.n)
 
 
 def _of_states(coordinates: Array) -> Array:

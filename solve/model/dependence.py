@@ -297,9 +297,9 @@ class AssembledDependence:
     @property
     def less_accurate(self) -> "AssembledDependence":
         """Derivatives computed without the smallest step of the finite differences."""
-        made = AssembledDependence(self._system, self._names)
-        made._less, made._interpolants = 1, self._interpolants
-        return made
+        coarser = AssembledDependence(self._system, self._names)
+        coarser._less, coarser._interpolants = 1, self._interpolants
+        return coarser
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         n, entries = self._system.n, self._entries(phase, speed)

@@ -153,9 +153,9 @@ class EventFinder:
         if not len(at):
             return [np.zeros(0)] * len(columns)
 
-        def switch(places: Array, column: Array) -> Array:
-            rows = self._values(motion, speed, places.ravel())
-            return rows[np.arange(len(rows)), column.astype(int).ravel()].reshape(places.shape)
+        def switch(positions: Array, column: Array) -> Array:
+            rows = self._values(motion, speed, positions.ravel())
+            return rows[np.arange(len(rows)), column.astype(int).ravel()].reshape(positions.shape)
 
         found = find_root(switch, (phase[at], phase[at + 1]), args=(columns[which],))
         return [found.x[which == column] for column in range(len(columns))]

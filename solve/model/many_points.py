@@ -42,8 +42,8 @@ class ModelPoints:
             by_time = self._matrices(phases, np.repeat(speeds, k), parameters)
         entries = by_time.reshape(P * k, 3 * n**2 + n)
         if self._setup.ratios is not None:
-            at_rest = self._matrices(phases, np.zeros(P * k), parameters)
-            entries[:, n**2 : 2 * n**2] += damped(at_rest, n, self._ratios(parameters)).reshape(P * k, n**2)
+            still = self._matrices(phases, np.zeros(P * k), parameters)
+            entries[:, n**2 : 2 * n**2] += damped(still, n, self._ratios(parameters)).reshape(P * k, n**2)
         entries = by_the_phase(entries.reshape(P, k, 3 * n**2 + n), speeds, n)
         if self._names:
             entries[~self._admitted(values)] = np.nan

@@ -68,7 +68,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
 
     @classmethod
-    def of(cls, setup: Setup) -> Self:
+    def from_setup(cls, setup: Setup) -> Self:
         """Model from a setup."""
         linearised, p, ratios = setup.function("linearised"), setup.p, setup.ratios
         sampler = MatrixSampler(linearised, p) if ratios is None else DampedSampler(linearised, p, ratios)
@@ -105,7 +105,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         ------
         UnknownNameError, ValueOutOfBoundsError
         """
-        model = self.of(self.setup.varied(parameters or {}, options or {}))
+        model = self.from_setup(self.setup.varied(parameters or {}, options or {}))
         model.labels = replace(model.labels, speed_unit=self.labels.speed_unit)
         if not options:
             model.slopes = self.slopes
@@ -403,4 +403,4 @@ class LinearisedModel(Model):
 
 def _rebuilt(kind: type[Model], origin: str | Path, case: Case, options: Mapping[str, Any]) -> Model:
     module = model_module(origin) if isinstance(origin, Path) else module_of(origin)
-    return kind.of(Setup.checked(module, case, options))
+    return kind.from_setup(Setup.checked(module, case, options))

@@ -163,7 +163,7 @@ def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Arr
     """Angles in rad and values in `unit`."""
     sizes = [size_in_header(name, column, to) for column, to in zip(columns, ("rad", unit), strict=True)]
     header, *rows = cells_of(name, path)
-    places = []
+    positions = []
     for column in columns:
         if header.count(column) != 1:
             given = "several columns" if column in header else "no column"
@@ -171,8 +171,8 @@ def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Arr
                 f"{name}: {path.name} has {given} '{column}'; one is required, and its header has: "
                 + ", ".join(header)
             )
-        places.append(header.index(column))
-    numbers = np.array([[number_in(name, path, row, place) for place in places] for row in rows])
+        positions.append(header.index(column))
+    numbers = np.array([[number_in(name, path, row, place) for place in positions] for row in rows])
     return tuple(numbers.reshape(-1, 2).T * np.array(sizes)[:, None])
 
 

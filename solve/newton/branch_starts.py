@@ -43,7 +43,7 @@ def first_value(
     system, name, ends = parameters.task.system, parameters.names[0], parameters.ranges[0]
     if isinstance(start, Scatter):
         if begin is not None:
-            raise ValueOutOfBoundsError("begin is given with scattered starts, which have their own; omit it")
+            raise ValueOutOfBoundsError("begin is given together with scattered starts; omit begin")
         one, other = ({**each.labels.parameters, name: 0.0} for each in (start.system, system))
         if one != other or (name != SPEED and start.speed != parameters.task.speed):
             raise ValueOutOfBoundsError(

@@ -23,7 +23,7 @@ from solve.newton.saltation import event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
-from solve.period.points import Multiplied, OnePoint, Points
+from solve.period.points import Points, ScaledEquations, SinglePoint
 from solve.period.rigid_body import RigidBodyModes
 from solve.system import PeriodicSystem
 from solve.terminal import progress
@@ -125,7 +125,7 @@ def zero_motion(n: int, grid: Grid) -> Curve:
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
     """Rigid-body modes of a system linearised about the fundamental motion; None if it has none."""
     free_machine = free(
-        OnePoint(nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period))), speed)
+        SinglePoint(nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period))), speed)
     )
     return None if free_machine is None else free_machine.modes
 
@@ -205,9 +205,9 @@ class _CorrectionNorm:
         along = nonlinear_of(task.system).along(curve, columns_by(task.engine))
         scale = CoordinateScale(along, curve, task.speed, self._grid.steps)
         change, largest = correction(curve, solutions)
-        self._floor, self._roundoff = scale.of(largest), np.zeros_like(largest)
+        self._floor, self._roundoff = scale.scales(largest), np.zeros_like(largest)
         if self._relative(change, largest) > _STALLED:
-            self._floor, self._roundoff = scale.of(largest, roundoff=True), scale.roundoff
+            self._floor, self._roundoff = scale.scales(largest, roundoff=True), scale.roundoff
         return True
 
     def converged(self, curve: Curve, solutions: Solutions, count: int) -> Converged:
@@ -292,7 +292,7 @@ def _correct(
     jumps = event_jumps(along, curve, task.speed, grid) if through_jumps else []
     if not jumps:
         return otherwise or solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
-    point = OnePoint(along, task.speed)
+    point = SinglePoint(along, task.speed)
     solutions = solutions_with_jumps(task.method, point, grid, task.engine, free(point), jumps)
     for reason in solutions.failures.values():
         raise reason
@@ -351,7 +351,7 @@ class Newton(Method):
         """Equations linearised along the solution of the only point."""
         assert isinstance(solutions.curve, Curve)
         curve, speed = solutions.curve[0], self.task.speed
-        return OnePoint(_without_roundoff(self.task.along(curve), curve), speed)
+        return SinglePoint(_without_roundoff(self.task.along(curve), curve), speed)
 
     @property
     def corrector(self) -> Collocated:
@@ -373,7 +373,7 @@ class Newton(Method):
 
     def _converged(self, point: Points, grid: Grid) -> Solutions:
         found, task = self.found, self.task
-        if isinstance(point, Multiplied):
+        if isinstance(point, ScaledEquations):
             found, task = None, replace(task, factors=point.factors)
         try:
             if found is None or not np.array_equal(found.solutions.grid.nodes, grid.nodes):
@@ -389,6 +389,6 @@ class Newton(Method):
         defect = max(found.last, scale.load_roundoff(np.abs(found.curve.sampled(1)).max(axis=1)))
         return replace(found.solutions, defect=np.array([defect]))
 
-    def point(self) -> OnePoint:
+    def point(self) -> SinglePoint:
         """The system linearised along the curve from which the iteration starts."""
-        return OnePoint(self.task.along(self.start), self.task.speed)
+        return SinglePoint(self.task.along(self.start), self.task.speed)

@@ -24,7 +24,7 @@ from solve.newton.saltation import EventJump, event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.system import PeriodicSystem, in_phase
 
 _BLOCKS, _MANY_STATES = 8, 24
@@ -58,7 +58,7 @@ class LinearFamily:
         """Floquet multipliers (2n,), largest modulus first."""
         if not np.isfinite(self.Phi).all():
             raise NoOrbitError("the multipliers overflow")
-        return Multipliers.of(self.Phi[None]).values[0]
+        return Multipliers.from_matrices(self.Phi[None]).values[0]
 
 
 def linear_family(
@@ -251,10 +251,10 @@ def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid
     """Compute the solutions as periodic responses, one per load, in compiled code. Used for machines with
     rigid-body modes, and wherever I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
-    held = free(OnePoint(along, task.speed)) if equations.free else None
+    held = free(SinglePoint(along, task.speed)) if equations.free else None
     systems = [along, *map(equations.under, range(len(equations.names)))]
     found = [
-        solutions_on(task.method, OnePoint(system, task.speed), grid, True, task.engine, held)
+        solutions_on(task.method, SinglePoint(system, task.speed), grid, True, task.engine, held)
         for system in systems
     ]
     for solutions in found:
@@ -274,7 +274,7 @@ def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid:
     if task.engine != COMPILED or parameters.task.rigid is not None:
         return linear_family(parameters, unknowns, grid, sizes).multipliers
     along, grid = linearised_along(task, unknowns.curve, grid)
-    point = OnePoint(along, task.speed)
+    point = SinglePoint(along, task.speed)
     jumps = event_jumps(along, unknowns.curve, task.speed, grid)
     if jumps:
         found = solutions_with_jumps(task.method, point, grid, task.engine, None, jumps)

@@ -201,7 +201,7 @@ class Manifold:
             fine = self.parameters.task.grid(_finer(grid.steps))
             directions = held or tangents
             better, _ = self._corrected(unknowns, unknowns, directions, [0.0] * len(directions), sizes, fine)
-            scale = self._scale(better, fine).of(better.largest, roundoff=self.resting)
+            scale = self._scale(better, fine).scales(better.largest, roundoff=self.resting)
             (one, other), _ = sampled_together(unknowns, better)
             off = np.abs(other - one).max(axis=1) / scale + _ORBIT_ROUNDOFF
             moved = np.abs(better.values - unknowns.values)
@@ -262,7 +262,7 @@ class Manifold:
     def _sizes(self, scale: CoordinateScale, unknowns: Unknowns) -> Array:
         """Scales (n,) of the coordinates for step lengths."""
         self.largest = np.maximum(self.largest, unknowns.amplitudes)
-        return np.maximum(scale.of(unknowns.amplitudes, 1.0, self.resting), _MIN_SIZE * self.largest)
+        return np.maximum(scale.scales(unknowns.amplitudes, 1.0, self.resting), _MIN_SIZE * self.largest)
 
     def _scale(self, unknowns: Unknowns, grid: Grid) -> CoordinateScale:
         task = self.parameters.task_at(unknowns.values)

@@ -24,7 +24,7 @@ from solve.newton.iteration import Converged, Newton, Task, iterate, zero_motion
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.results.special_orbits import NonlinearOrbit
 from solve.single import request
 from solve.system import PeriodicSystem, check, of_system, shown_in
@@ -117,7 +117,7 @@ def nonlinear(
 
 def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
     rest = zero_motion(system.n, Grid.uniform(1, system.period))
-    ((method, _),) = chosen_for(rule, OnePoint(nonlinear_of(system).along(rest), speed))
+    ((method, _),) = chosen_for(rule, SinglePoint(nonlinear_of(system).along(rest), speed))
     if not isinstance(method, Collocated):
         raise ValueOutOfBoundsError(
             f"method is {method.name}; nonlinear orbits support radau, gauss and auto"
@@ -226,7 +226,7 @@ class _Search:
             linearised,
             task.speed,
             result,
-            Spectrum(OnePoint(linearised, task.speed), result, spectrum, self.all_multipliers),
+            Spectrum(SinglePoint(linearised, task.speed), result, spectrum, self.all_multipliers),
             self.notes,
             iterations=found.iterations,
             found_by=strategy,

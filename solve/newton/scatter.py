@@ -110,8 +110,8 @@ def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Sc
                 leads[number] = _orbit_index(task, motions, sizes, orbits, states)
             count.add()
     order = sorted(range(len(orbits)), key=lambda number: -int((leads == number).sum()))
-    places = {old: new for new, old in enumerate(order)}
-    leads = np.array([places.get(int(lead), -1) for lead in leads])
+    ranks = {old: new for new, old in enumerate(order)}
+    leads = np.array([ranks.get(int(lead), -1) for lead in leads])
     return Scatter(task.system, task.speed, starts, leads, [orbits[k] for k in order], seed, _TURNS)
 
 

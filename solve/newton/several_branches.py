@@ -32,17 +32,22 @@ def follow_orbits(
     each direction."""
     followed, crossings = list[Followed](), list[tuple[int, list[Point]]]()
     for periods, start in starts:
-        own = parameters.over_periods(periods)
+        by_periods = parameters.over_periods(periods)
         if followed:
             orbit = start()
             if any(
                 _is_one(point, orbit) for count, points in crossings if count == periods for point in points
             ):
                 continue
-        branch = _both_ways(own, lambda own=own, start=start: first_point(own, start(), value), most, store)
+        branch = _both_ways(
+            by_periods,
+            lambda by_periods=by_periods, start=start: first_point(by_periods, start(), value),
+            most,
+            store,
+        )
         followed.append(branch)
         if len(starts) > 1:
-            crossings.append((periods, orbits_at(own, branch[1], value)))
+            crossings.append((periods, orbits_at(by_periods, branch[1], value)))
     return followed
 
 

@@ -71,13 +71,13 @@ class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         # Both residuals are linearised in the same way, so that without load rest is an orbit to the last
         # digit.
-        tangent, at_rest = (
+        tangent, rest_tangent = (
             nonlinear_of(self._system).along(curve, compiled) for curve in (motion, self._rest)
         )
 
         def matrices(phase: Array, speed: float) -> Matrices:
             M, C, K, d = tangent.at(phase, speed)
-            return M, C, K, d - (1 - self._fraction) * at_rest.at(phase, speed)[3]
+            return M, C, K, d - (1 - self._fraction) * rest_tangent.at(phase, speed)[3]
 
         return PeriodicSystem(matrices, tangent.coordinates, tangent.period, tangent.breaks)
 

@@ -25,7 +25,7 @@ from solve.newton.starts import state_of
 from solve.period.curve import interpolation_error, interpolation_tolerance
 from solve.period.frozen import frozen
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
@@ -128,7 +128,10 @@ def transient(
     2
     """
     if (speed is None) == (speeds is None):
-        raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
+        raise ValueOutOfBoundsError(
+            f"{'neither speed nor speeds is' if speed is None else 'speed and speeds are both'} given; give "
+            "one speed, or two speeds between which it changes"
+        )
     rtol = checked_rtol(rtol)
     require_integer("turns", turns)
     require_size("turns", turns, 3 * system.n * _COUNT)
@@ -374,13 +377,13 @@ class _PeriodSteps:
         return _METHOD.discretise(self._point, grid)
 
     @cached_property
-    def _point(self) -> OnePoint:
+    def _point(self) -> SinglePoint:
         if self.ends[0] == self.ends[1]:
-            return OnePoint(self._system, self._mean_speed)
+            return SinglePoint(self._system, self._mean_speed)
         system = self._system
         inertial, states = system.coordinates[: system.n - len(system.states)], system.states
-        made = MixedSystem(self._matrices, inertial, states, system.period, self._breaks)
-        return OnePoint(made, self._mean_speed)
+        varying = MixedSystem(self._matrices, inertial, states, system.period, self._breaks)
+        return SinglePoint(varying, self._mean_speed)
 
     @cached_property
     def phase_advance(self) -> float:

@@ -76,10 +76,10 @@ def energy(system: PeriodicSystem, curve: Curve, speed: float) -> float:
     equations = nonlinear_of(system)
     M = equations.along(curve).at(zero, speed)[0][0]
     nodes, weights = np.polynomial.legendre.leggauss(2)
-    places = ((np.arange(_PANELS)[:, None] + (nodes + 1) / 2) / _PANELS).ravel()
+    fractions = ((np.arange(_PANELS)[:, None] + (nodes + 1) / 2) / _PANELS).ravel()
     line = _Line(q, system.period)
-    _, _, K, d = equations.along(line).at(places * system.period, speed)
-    forces = np.einsum("kij,kj->ki", K, places[:, None] * q) - d
+    _, _, K, d = equations.along(line).at(fractions * system.period, speed)
+    forces = np.einsum("kij,kj->ki", K, fractions[:, None] * q) - d
     return float(v @ M @ v / 2 + np.tile(weights / 2 / _PANELS, _PANELS) @ forces @ q)
 
 

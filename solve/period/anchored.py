@@ -80,13 +80,13 @@ class Anchored:
         by_first = np.einsum("pjr,pr,prk->pjk", along, alpha + twice, measures)
         of_damping = np.einsum("pjr,pr,prk->pjk", along, alpha * modes.damped, measures)
         by_second = np.einsum("pjr,pr,prk->pjk", along, alpha * twice, measures)
-        places = (0, n**2, by_first), (n**2, 2 * n**2, of_damping), (0, 2 * n**2, by_second)
-        made = [_moved(tables, first, target, factors, n) for first, target, factors in places]
+        substitutions = (0, n**2, by_first), (n**2, 2 * n**2, of_damping), (0, 2 * n**2, by_second)
+        changes = [_moved(tables, first, target, factors, n) for first, target, factors in substitutions]
         if self.drift is not None:
-            made.append(_moved(tables, n**2, 3 * n**2, -self.drift[..., None], n))
-        terms = np.concatenate([np.arange(len(tables.entry)), *(each[0] for each in made)])
-        entry = np.concatenate([tables.entry, *(each[1] for each in made)])
-        parts = [tables.coefficients, *(each[2] for each in made)]
+            changes.append(_moved(tables, n**2, 3 * n**2, -self.drift[..., None], n))
+        terms = np.concatenate([np.arange(len(tables.entry)), *(each[0] for each in changes)])
+        entry = np.concatenate([tables.entry, *(each[1] for each in changes)])
+        parts = [tables.coefficients, *(each[2] for each in changes)]
         order = np.argsort(entry, kind="stable")
         coefficients = np.concatenate(parts, axis=1)[:, order]
         return Tables(tables.table[..., terms[order]], coefficients, entry[order], n, tables.first_order)
@@ -109,9 +109,9 @@ class Anchored:
         """One-step maps (P, m, N, N) in the coordinates of `quotient`, with 1 on the diagonal where
         `quotient` has zeros. The multipliers of rigid-body modes are then exactly 1."""
         left, right = self._projection(whole=False)
-        made = left[:, None] @ A @ right[:, None]
+        maps = left[:, None] @ A @ right[:, None]
         ones = 1.0 - (right != 0).any(axis=-2)
-        return made + ones[:, None, :, None] * np.eye(A.shape[-1])
+        return maps + ones[:, None, :, None] * np.eye(A.shape[-1])
 
     def _projection(self, whole: bool) -> tuple[Array, Array]:
         """Projection of states (P, N, N) onto the motion relative to the modes, and the embedding back.
@@ -157,7 +157,7 @@ class Anchored:
         phase: a steady velocity, included in the `drift` of the curve, if C e ≠ 0; otherwise an
         acceleration, which the curve excludes."""
         modes, (alpha, beta) = self.modes, self._rates
-        shares = _Shares.of(curve, self.measures)
+        shares = _Shares.from_curve(curve, self.measures)
         first = shares.integrated()
         second = first.integrated()
         undamped = ~modes.damped & modes.present
@@ -168,7 +168,7 @@ class Anchored:
         if self.drift is not None:
             drift = drift + self.drift
             secular = secular + np.where(undamped, 0.0, np.squeeze(self.measures @ self.drift[..., None], -1))
-        level = np.einsum("pjr,pr->pj", modes.vectors, _Shares.of(raised, modes.weighted(mass)).means)
+        level = np.einsum("pjr,pr->pj", modes.vectors, _Shares.from_curve(raised, modes.weighted(mass)).means)
         return _lowered(raised, level, drift), secular
 
 
@@ -197,12 +197,12 @@ class _Shares:
     coefficients: Array
 
     @classmethod
-    def of(cls, curve: PeriodicCurve, rows: Array) -> "_Shares":
+    def from_curve(cls, curve: PeriodicCurve, rows: Array) -> "_Shares":
         """Amplitudes from rows (P, r, n) applied to curves (P, n, …)."""
         assert isinstance(curve, Curve | FourierCurve)
         parts = curve.coefficients
-        made = rows @ parts.reshape(*parts.shape[:2], -1)
-        shares = made.reshape(*made.shape[:2], *parts.shape[2:])
+        amplitudes = rows @ parts.reshape(*parts.shape[:2], -1)
+        shares = amplitudes.reshape(*amplitudes.shape[:2], *parts.shape[2:])
         return (_Pieces if isinstance(curve, Curve) else _Series)(curve.nodes, shares)
 
     @property
@@ -217,12 +217,12 @@ class _Shares:
         """Curve plus vectors (P, n, r) multiplied by these functions and by factors (P, r)."""
         assert isinstance(curve, Curve | FourierCurve)
         degrees = max(curve.coefficients.shape[-1], *(each.coefficients.shape[-1] for each, _ in parts))
-        made = np.zeros((*curve.coefficients.shape[:-1], degrees), dtype=curve.coefficients.dtype)
-        made[..., : curve.coefficients.shape[-1]] = curve.coefficients
+        total = np.zeros((*curve.coefficients.shape[:-1], degrees), dtype=curve.coefficients.dtype)
+        total[..., : curve.coefficients.shape[-1]] = curve.coefficients
         for each, factors in parts:
             added = np.einsum("pjr,pr,pr...->pj...", vectors, factors, each.coefficients)
-            made[..., : added.shape[-1]] += added
-        return type(curve)(curve.nodes, made)
+            total[..., : added.shape[-1]] += added
+        return type(curve)(curve.nodes, total)
 
 
 class _Pieces(_Shares):
@@ -242,12 +242,12 @@ class _Pieces(_Shares):
         h, count = np.diff(self.nodes), self.coefficients.shape[-1]
         left = self.coefficients.copy()
         left[..., 0] -= self.means[..., None]
-        made = np.zeros((*left.shape[:-1], count + 1))
-        made[..., 1:] = left * h[:, None] / np.arange(1, count + 1)
-        gained = made.sum(axis=-1)
-        made[..., 0] = np.cumsum(gained, axis=-1) - gained
-        found = _Pieces(self.nodes, made)
-        made[..., 0] -= found.means[..., None]
+        coefficients = np.zeros((*left.shape[:-1], count + 1))
+        coefficients[..., 1:] = left * h[:, None] / np.arange(1, count + 1)
+        gained = coefficients.sum(axis=-1)
+        coefficients[..., 0] = np.cumsum(gained, axis=-1) - gained
+        found = _Pieces(self.nodes, coefficients)
+        coefficients[..., 0] -= found.means[..., None]
         return found
 
 
@@ -267,9 +267,9 @@ class _Series(_Shares):
 def _lowered(curve: PeriodicCurve, level: Array, drift: Array) -> PeriodicCurve:
     """Curves minus constants (P, n), with a drift (P, n) unless it is zero."""
     assert isinstance(curve, Curve | FourierCurve)
-    made = curve.coefficients
+    coefficients = curve.coefficients
     if isinstance(curve, Curve):
-        made[..., 0] -= level[..., None]
+        coefficients[..., 0] -= level[..., None]
     else:
-        made[..., 0] -= level
-    return type(curve)(curve.nodes, made, drift=drift if drift.any() else None)
+        coefficients[..., 0] -= level
+    return type(curve)(curve.nodes, coefficients, drift=drift if drift.any() else None)

@@ -38,15 +38,15 @@ class Blocks:
         return np.sqrt(self.variance.sum(axis=(-2, -1)))
 
 
-def balanced_blocks(steps: Array, rounding: float = EPS / 2, first: int = 0, loss: float = LOSS) -> Blocks:
+def balanced_blocks(steps: Array, first: int = 0, loss: float = LOSS) -> Blocks:
     """Blocks of the one-step maps (P, m, N, N), in order of application, balanced by common units.
     Neighbouring maps are multiplied as long as the product is accurate in every direction at every point.
 
-    rounding: relative error of the entries of the maps; first: first steps of the blocks in the period; loss:
-    as `LOSS`.
+    The entries of the maps are assumed to have the relative error of round-off. first: first steps of the
+    blocks in the period; loss: as `LOSS`.
     """
     starts = first + np.arange(steps.shape[1])
-    return _multiplied(Blocks(steps, (rounding * steps) ** 2, np.ones(steps.shape[::2]), starts), loss)
+    return _multiplied(Blocks(steps, (EPS / 2 * steps) ** 2, np.ones(steps.shape[::2]), starts), loss)
 
 
 def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:

@@ -98,7 +98,7 @@ class Curve:
         h = np.diff(nodes)[:, None]
         starts, ends = np.s_[..., :-1, :], np.s_[..., 1:, :]
         data = (q[starts], h * v[starts], h**2 * a_start, q[ends], h * v[ends], h**2 * a_end)
-        return cls.of(nodes, np.stack(data, axis=-1), _QUINTIC)
+        return cls.from_steps(nodes, np.stack(data, axis=-1), _QUINTIC)
 
     @classmethod
     def cubic(cls, nodes: Array, q: Array, v_start: Array, v_end: Array) -> "Curve":
@@ -106,10 +106,10 @@ class Curve:
         of each step (…, m, n). It has as many powers as `quintic`."""
         h = np.diff(nodes)[:, None]
         data = (q[..., :-1, :], h * v_start, q[..., 1:, :], h * v_end)
-        return cls.of(nodes, np.stack(data, axis=-1), _CUBIC)
+        return cls.from_steps(nodes, np.stack(data, axis=-1), _CUBIC)
 
     @classmethod
-    def of(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
+    def from_steps(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
         """Curve from data (…, m, n, r) of each step and the matrix (D, r) that maps them to coefficients of
         powers of θ."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)

@@ -23,7 +23,7 @@ from solve.period.pencils import (
     quadratic_roots,
     spectral_radius_within_one,
 )
-from solve.period.points import Multiplied, Points, Tables, rate_of
+from solve.period.points import Points, ScaledEquations, Tables, rate_of
 from solve.period.rigid_body import ROUNDING, RigidBodyModes, may_be_singular, rigid_body_modes
 
 PHASES = 128
@@ -78,7 +78,7 @@ class FrozenModes:
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
         """Rigid-body modes at these phases; None if no point has one."""
-        if self._n == 1 and not self._tables.own:
+        if self._n == 1 and not self._tables.per_point:
             low, high = self._ranges
             M, C, K = np.maximum(-low[:3], high[:3])
             if (K > ROUNDING * (M + C)).all():
@@ -137,7 +137,7 @@ class FrozenModes:
     def has_steady_inertia(self, fraction: float) -> Array:
         """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `fraction` of its
         median."""
-        if self._is_oscillator and not self._tables.own:
+        if self._is_oscillator and not self._tables.per_point:
             low, high = self._ranges
             steady = (low[0] > fraction * high[0]) | (high[0] < fraction * low[0])
             if steady.all():
@@ -372,7 +372,7 @@ class FrozenModes:
     def _bounded_by_ranges(self, rate: Array | float) -> Array:
         """Whether (P,) the ranges of the shared terms imply |C/M| + |K/M|/rate ≤ rate for a system with one
         coordinate."""
-        if not self._is_oscillator or self._tables.own:
+        if not self._is_oscillator or self._tables.per_point:
             return np.zeros(len(self), dtype=bool)
         low, high = self._ranges
         C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3]))
@@ -381,7 +381,9 @@ class FrozenModes:
 
     def _at_phase(self, phase: int) -> "FrozenModes":
         entries = np.moveaxis(self._fields[..., phase : phase + 1], 0, -1)
-        return FrozenModes(Tables.of(entries, self._n, self._first_order), self.period, self._engine)
+        return FrozenModes(
+            Tables.from_entries(entries, self._n, self._first_order), self.period, self._engine
+        )
 
     def _largest_rates(self) -> Array:
         """Maximum (P, k) of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C)."""
@@ -417,4 +419,4 @@ def balanced(points: Points, modes: FrozenModes) -> Points:
     """Points with balanced equations. Without balancing, elimination would choose pivots by the units of the
     equations."""
     factors = modes.equation_factors()
-    return points if factors is None else Multiplied(points, factors)
+    return points if factors is None else ScaledEquations(points, factors)

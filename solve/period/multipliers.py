@@ -57,7 +57,9 @@ class Multipliers:
     bound: Array
 
     @classmethod
-    def of(cls, Phi: Array, units: Array | None = None, known: Conditioned | None = None) -> "Multipliers":
+    def from_matrices(
+        cls, Phi: Array, units: Array | None = None, known: Conditioned | None = None
+    ) -> "Multipliers":
         """Eigenvalues of finite monodromy matrices (…, N, N).
 
         The bound is 8 eps‖Φ‖ of the balanced matrix, so that it does not depend on the units of Φ, or 1e-100.
@@ -102,12 +104,12 @@ class Multipliers:
             return pair_distance(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
         nearest, smallest = distance.argmin(axis=-1), distance.min(axis=-1)
-        largest, places = np.asarray(smallest.max(axis=-1)), np.arange(nearest.shape[-1])
-        if (nearest == places).all():
+        largest, indices = np.asarray(smallest.max(axis=-1)), np.arange(nearest.shape[-1])
+        if (nearest == indices).all():
             return largest
         # No matching has a smaller largest distance. If two multipliers have the same nearest neighbour,
         # matching by index may still attain this distance.
-        is_shared = (np.sort(nearest, axis=-1) != places).any(axis=-1)
+        is_shared = (np.sort(nearest, axis=-1) != indices).any(axis=-1)
         is_shared &= np.abs(self.values - other.values).max(axis=-1) > largest
         for index in zip(*np.nonzero(np.atleast_1d(is_shared)), strict=True) if is_shared.any() else ():
             point = index if largest.ndim else ()
@@ -137,11 +139,11 @@ class Multipliers:
 def matched(distance: Array) -> tuple[Array, Array]:
     """Indices of rows and columns of a distance matrix (k, N), k ≤ N, matched so that the sum of distances is
     smallest."""
-    nearest, places = distance.argmin(axis=1), np.arange(len(distance))
+    nearest, indices = distance.argmin(axis=1), np.arange(len(distance))
     if len(set(nearest.tolist())) == len(nearest):
-        return places, nearest
+        return indices, nearest
     if len(distance) == distance.shape[1] and _is_matched_by_places(distance):
-        return places, places
+        return indices, indices
     # Importing SciPy's optimisation package takes longer than many commands.
     from scipy.optimize import linear_sum_assignment
 

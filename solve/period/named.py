@@ -66,7 +66,7 @@ class Named:
     number: int = 0
 
     @classmethod
-    def of(cls, system: PeriodicSystem, text: str) -> "Named":
+    def parse(cls, system: PeriodicSystem, text: str) -> "Named":
         """Quantity of a system from its name. Raises UnknownNameError, ValueOutOfBoundsError."""
         subject, dot, figure = text.partition(".")
         known = (*system.coordinates, *system.outputs)

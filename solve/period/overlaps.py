@@ -53,7 +53,7 @@ class Overlaps:
     backward: Array
 
     @classmethod
-    def of(cls, first: Modes, second: Modes) -> "Overlaps":
+    def between(cls, first: Modes, second: Modes) -> "Overlaps":
         """Overlaps between two points on the same grid, by left inverses of their mode vectors."""
         largest = min(_MAX_SHIFT, (len(first.nodes) - 1) // 2)
         shifts = np.arange(-largest, largest + 1)

@@ -204,7 +204,7 @@ def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
     return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0))
 
 
-def at_rest(rounding: Array) -> Array:
+def rest_threshold(rounding: Array) -> Array:
     """Threshold (...): terms whose relative sum is below it count as round-off. rounding: relative round-off
     (...)."""
     return np.minimum(_ROUNDING * rounding, _RESTS)
@@ -213,7 +213,7 @@ def at_rest(rounding: Array) -> Array:
 def _cancellation(acting: Array, size: Array, rounding: Array) -> Array:
     """Largest ratio (...) of the sum of a state's terms `acting` to its value `size`, both (..., N) in the
     units of the chain. States within round-off (...) of their terms are excluded."""
-    moving = size > at_rest(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
+    moving = size > rest_threshold(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
     return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
 
 

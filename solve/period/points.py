@@ -41,14 +41,14 @@ class Tables:
     first_order: int = 0
 
     @classmethod
-    def of(cls, entries: Array, n: int, first_order: int = 0) -> "Tables":
+    def from_entries(cls, entries: Array, n: int, first_order: int = 0) -> "Tables":
         """Tables from entries (P, k, 3n² + n) that are sampled separately for each point."""
         count = entries.shape[-1]
         return cls(entries, np.ones((len(entries), count)), np.arange(count), n, first_order)
 
     def __getitem__(self, points: Array) -> "Tables":
         """Tables of the selected points."""
-        table = self.table[points] if self.own else self.table
+        table = self.table[points] if self.per_point else self.table
         return Tables(table, self.coefficients[points], self.entry, self.n, self.first_order)
 
     def multiplied(self, factors: Array) -> "Tables":
@@ -59,12 +59,12 @@ class Tables:
     def scaled(self, factors: Array) -> "Tables":
         """Tables with the entries multiplied by factors (P, 3n² + n), or by (1, 3n² + n) for all points."""
         factors = factors[:, self.entry]
-        if self.own:
+        if self.per_point:
             return replace(self, table=self.table * factors[:, None])
         return replace(self, coefficients=self.coefficients * factors)
 
     @property
-    def own(self) -> bool:
+    def per_point(self) -> bool:
         """Whether each point has its own terms instead of shared ones."""
         return self.table.ndim == 3
 
@@ -72,10 +72,10 @@ class Tables:
         """All entries (3n² + n, P, k), with points and phases last."""
         if self._is_entries:
             return np.ascontiguousarray(np.moveaxis(self.table, -1, 0))
-        if len(self.coefficients) == 1 and not self.own:
+        if len(self.coefficients) == 1 and not self.per_point:
             return (self._weights @ self.table.T)[:, None]
         fields = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
-        if self.own and (np.diff(self.entry) > 0).all() and (self.coefficients == 1).all():
+        if self.per_point and (np.diff(self.entry) > 0).all() and (self.coefficients == 1).all():
             fields[self.entry] = np.moveaxis(self.table, -1, 0)
             return fields
         last = -1
@@ -103,7 +103,7 @@ class Tables:
         """All entries (P, k, 3n² + n)."""
         if self._is_entries:
             return self.table
-        if len(self.coefficients) == 1 and not self.own:
+        if len(self.coefficients) == 1 and not self.per_point:
             return (self.table @ self._weights.T)[None]
         return np.moveaxis(self.fields(), 0, -1)
 
@@ -115,8 +115,8 @@ class Tables:
 
     @property
     def _is_entries(self) -> bool:
-        """Whether the terms are the entries themselves, as in `of`."""
-        return self.own and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n
+        """Whether the terms are the entries themselves, as in `from_entries`."""
+        return self.per_point and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n
 
 
 class Points(Protocol):
@@ -178,7 +178,7 @@ class _OfSystem:
 
 
 @dataclass(frozen=True)
-class OnePoint(_OfSystem):
+class SinglePoint(_OfSystem):
     """One system at one speed in rad/s."""
 
     speed: float
@@ -187,7 +187,7 @@ class OnePoint(_OfSystem):
     def __len__(self) -> int:
         return 1
 
-    def __getitem__(self, positions: Array) -> "OnePoint":
+    def __getitem__(self, positions: Array) -> "SinglePoint":
         return self
 
     def tables(self, phase: Array) -> Tables:
@@ -200,7 +200,7 @@ class OnePoint(_OfSystem):
 
 
 @dataclass(frozen=True)
-class AtSpeeds(_OfSystem):
+class SpeedPoints(_OfSystem):
     """One system at speeds (P,) in rad/s; its entries must be sums of terms."""
 
     speeds: Array
@@ -209,8 +209,8 @@ class AtSpeeds(_OfSystem):
     def __len__(self) -> int:
         return len(self.speeds)
 
-    def __getitem__(self, positions: Array) -> "AtSpeeds":
-        return AtSpeeds(self.system, self.speeds[positions])
+    def __getitem__(self, positions: Array) -> "SpeedPoints":
+        return SpeedPoints(self.system, self.speeds[positions])
 
     def tables(self, phase: Array) -> Tables:
         assert self.evaluation is not None
@@ -235,29 +235,29 @@ class DerivedPoints:
         return len(self.points)
 
 
-class Multiplied(DerivedPoints):
+class ScaledEquations(DerivedPoints):
     """Points whose equations are multiplied by factors (P, n), which do not change the solutions."""
 
     def __init__(self, points: Points, factors: Array):
         super().__init__(points)
         self.factors = factors
 
-    def __getitem__(self, positions: Array) -> "Multiplied":
-        return Multiplied(self.points[positions], self.factors[positions])
+    def __getitem__(self, positions: Array) -> "ScaledEquations":
+        return ScaledEquations(self.points[positions], self.factors[positions])
 
     def tables(self, phase: Array) -> Tables:
         return self.points.tables(phase).multiplied(self.factors)
 
 
-class Scaled(DerivedPoints):
+class ScaledEntries(DerivedPoints):
     """Points whose entries are multiplied by factors (1, 3n² + n)."""
 
     def __init__(self, points: Points, factors: Array):
         super().__init__(points)
         self.factors = factors
 
-    def __getitem__(self, positions: Array) -> "Scaled":
-        return Scaled(self.points[positions], self.factors)
+    def __getitem__(self, positions: Array) -> "ScaledEntries":
+        return ScaledEntries(self.points[positions], self.factors)
 
     def tables(self, phase: Array) -> Tables:
         return self.points.tables(phase).scaled(self.factors)

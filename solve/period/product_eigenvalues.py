@@ -112,13 +112,13 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
     X = np.zeros((m, N, N), dtype=complex)
     X[:, range(N), range(N)] = 1.0
     for j in range(N - 2, -1, -1):
-        own = np.repeat(diagonal[j][None], N - 1 - j, axis=0)
+        repeated = np.repeat(diagonal[j][None], N - 1 - j, axis=0)
         with np.errstate(invalid="ignore"):
             apart = np.abs(logarithms[j + 1 :] - logarithms[j])
         # Exact zeros count as equal, although their difference is NaN.
-        own[(logarithms[j + 1 :] == logarithms[j]) | (apart < EPS), 0] *= 1 + 2 * EPS
+        repeated[(logarithms[j + 1 :] == logarithms[j]) | (apart < EPS), 0] *= 1 + 2 * EPS
         right = np.squeeze(F[:, j, None, j + 1 :] @ X[:, j + 1 :, j + 1 :], 1)
-        entries = cyclic(own[..., None, None], -diagonal[j + 1 :], -right.T[..., None])
+        entries = cyclic(repeated[..., None, None], -diagonal[j + 1 :], -right.T[..., None])
         X[:, j, j + 1 :] = entries[..., 0].T
     return X
 

@@ -62,7 +62,7 @@ def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array
 def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
     width = period / values.shape[-1]
     (high_at, high), (low_at, low) = _extremes(values, at, width)
-    made = {
+    statistics = {
         "max": high,
         "min": -low,
         "max_abs": np.maximum(high, low),
@@ -71,7 +71,7 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
         "min_phase": low_at % period,
         "rms": np.sqrt(np.mean(values**2, axis=-1)),
     }
-    found = np.stack([made[name] for name in FIGURES], axis=-1)
+    found = np.stack([statistics[name] for name in FIGURES], axis=-1)
     # Without −0.0, which records would show.
     return np.where(np.isnan(values[..., :1]), np.nan, found) + 0.0
 
@@ -117,8 +117,8 @@ def _above(
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
         return centre, highest
-    places = np.argpartition(-reach, rivals - 1, axis=-1)[..., :rivals]
-    for some in np.array_split(places, math.ceil(rivals / _TOGETHER), axis=-1):
+    candidates = np.argpartition(-reach, rivals - 1, axis=-1)[..., :rivals]
+    for some in np.array_split(candidates, math.ceil(rivals / _TOGETHER), axis=-1):
         phase, found = _highest(some * width, at, width, sign, _ROUGH)
         if (found > highest + _TIE * size).any():
             phase, found = _highest(phase[..., None], at, width, sign, _ZOOMS)
@@ -381,9 +381,9 @@ def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve
     state = q, speed * v, speed**2 * a
     formulas = output_formulas(system) if engine == COMPILED else None
     if formulas is not None:
-        made = kernel.columns(formulas, (phase[None], np.full((1, len(phase)), speed), *state))
-        if made is not None:
-            return made
+        columns = kernel.columns(formulas, (phase[None], np.full((1, len(phase)), speed), *state))
+        if columns is not None:
+            return columns
     values = output_values(system, phase, speed, *state)
     return np.array([values[name] for name in system.outputs])
 

@@ -195,11 +195,11 @@ def with_unit_states(mass: Array, first_order: int) -> Array:
     if not first_order:
         return mass
     n, p = mass.shape[-1], mass.shape[-1] - first_order
-    made = np.broadcast_to(np.eye(n), mass.shape).copy()
+    filled = np.broadcast_to(np.eye(n), mass.shape).copy()
     symmetric = (mass[:, :p, :p] + np.swapaxes(mass[:, :p, :p], 1, 2)) / 2
     positive = (np.linalg.eigvalsh(symmetric) > 0).all(axis=1) if p else np.ones(len(mass), dtype=bool)
-    made[positive, :p, :p] = mass[positive, :p, :p]
-    return made
+    filled[positive, :p, :p] = mass[positive, :p, :p]
+    return filled
 
 
 def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, period: float) -> Array:
@@ -267,15 +267,15 @@ def _of_point(K: Array, C: Array, noise: Array, damping_noise: Array) -> RigidBo
     vectors = vectors[:, verified(vectors)]
     if not vectors.shape[1]:
         return RigidBodyModes.none(1, n)
-    undamped, places = _reduced(_undamped(vectors, C, damping_noise))
-    rest = vectors - undamped @ vectors[places]
+    undamped, rows = _reduced(_undamped(vectors, C, damping_noise))
+    rest = vectors - undamped @ vectors[rows]
     damped, others = _reduced(_independent(rest, vectors.shape[1] - undamped.shape[1]))
     vectors = np.concatenate((undamped, damped), axis=1)
     residual, scale = np.abs(K @ vectors).max(axis=0), size @ np.abs(vectors)
     errors = (residual / np.where(scale > 0, scale, 1.0)).max(axis=0)
-    references = np.concatenate((places, others))
+    references = np.concatenate((rows, others))
     return RigidBodyModes(
-        vectors[None], references[None], (np.arange(len(references)) >= len(places))[None], errors[None]
+        vectors[None], references[None], (np.arange(len(references)) >= len(rows))[None], errors[None]
     )
 
 
@@ -329,7 +329,7 @@ def _independent(vectors: Array, count: int) -> Array:
 def _reduced(vectors: Array) -> tuple[Array, Array]:
     """Basis (n, r) of the column space with the identity in r rows, by complete pivoting, and the indices
     (r,) of these rows."""
-    basis, places = vectors.copy(), np.zeros(vectors.shape[1], dtype=int)
+    basis, rows = vectors.copy(), np.zeros(vectors.shape[1], dtype=int)
     for column in range(basis.shape[1]):
         sizes = np.abs(basis[:, column:])
         place, pivot = np.unravel_index(int(sizes.argmax()), sizes.shape)
@@ -337,8 +337,8 @@ def _reduced(vectors: Array) -> tuple[Array, Array]:
         basis[:, column] /= basis[place, column]
         others = np.arange(basis.shape[1]) != column
         basis[:, others] -= basis[:, [column]] * basis[place, others]
-        places[column] = place
+        rows[column] = place
     rounded = np.round(basis)
     is_integer = np.abs(basis - rounded) <= _INTEGER * np.maximum(np.abs(rounded), 1.0)
     # Without −0.0, which records would show.
-    return np.where(is_integer, rounded, basis) + 0.0, places
+    return np.where(is_integer, rounded, basis) + 0.0, rows

@@ -102,9 +102,9 @@ def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_
     found, without, pending = [], [], [whole]
     while pending:
         box = pending.pop()
-        made = polynomials(plane, box, executor)
-        if made is not None:
-            found.append(_Piece(box, made.coefficients, made.errors, made.conservative))
+        pieces = polynomials(plane, box, executor)
+        if pieces is not None:
+            found.append(_Piece(box, pieces.coefficients, pieces.errors, pieces.conservative))
             continue
         widths = [(side[1] - side[0]) / (all_[1] - all_[0]) for side, all_ in zip(box, whole, strict=True)]
         axis = axis_to_halve(plane, box, widths)
@@ -122,7 +122,7 @@ def _halves(piece: _Piece) -> list[_Piece]:
         (size[:, :, 1:].sum(axis=(1, 2)) / size.sum(axis=(1, 2))).max()
         > (size[:, 1:].sum(axis=(1, 2)) / size.sum(axis=(1, 2))).max()
     )
-    made = []
+    halves = []
     for box, side in zip(piece.box.halved(axis), (-1, 1), strict=True):
         by = _halving(piece.coefficients.shape[1 + axis], side)
         if axis == 0:
@@ -132,8 +132,8 @@ def _halves(piece: _Piece) -> list[_Piece]:
             coefficients = piece.coefficients @ by.T
             bounds = size @ np.abs(by).T
         rounding = (len(by) + 3) * _UNIT * bounds.sum(axis=(1, 2))
-        made.append(_Piece(box, coefficients, piece.errors + 2 * rounding, piece.conservative))
-    return made
+        halves.append(_Piece(box, coefficients, piece.errors + 2 * rounding, piece.conservative))
+    return halves
 
 
 @cache
@@ -144,14 +144,14 @@ def _halving(count: int, side: int) -> Array:
     for _ in range(2, count):
         # T_k+1(z) = 2 z T_k(z) − T_k−1(z), 2z = x ± 1, and x T_j = (T_j+1 + T_|j−1|)/2.
         last, before = rows[-1], rows[-2]
-        made = [Fraction(0)] * (len(last) + 1)
+        coefficients = [Fraction(0)] * (len(last) + 1)
         for j, c in enumerate(last):
-            made[j] += side * c
-            made[j + 1] += c / 2
-            made[abs(j - 1)] += c / 2
+            coefficients[j] += side * c
+            coefficients[j + 1] += c / 2
+            coefficients[abs(j - 1)] += c / 2
         for j, c in enumerate(before):
-            made[j] -= c
-        rows.append(made)
+            coefficients[j] -= c
+        rows.append(coefficients)
     matrix = np.zeros((count, count))
     for k, row in enumerate(rows[:count]):
         matrix[: len(row), k] = [float(c) for c in row]

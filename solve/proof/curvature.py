@@ -48,7 +48,7 @@ class Curvature:
     cells: list[Cell]
 
     @classmethod
-    def of(cls, equation: Equation, second: Instructions, turn: Turn, rate: Ball) -> "Curvature":
+    def from_equation(cls, equation: Equation, second: Instructions, turn: Turn, rate: Ball) -> "Curvature":
         """Compute the bounds for the motion of an equation. Raises StepsError where M may be singular, or
         where the branch of a piecewise operation is undecided. rate: κ₂."""
         cells = []

@@ -86,7 +86,9 @@ def enclosed(
             try:
                 enclosures = states(found.turn, equation.n, found.Phi)
                 bounds, orbit_error = _orbit(result, equation, found, enclosures)
-                bounds |= _outputs(system, Outputs.of(system, equation, found.turn, enclosures, rounded))
+                bounds |= _outputs(
+                    system, Outputs.from_system(system, equation, found.turn, enclosures, rounded)
+                )
             except ResonanceError as error:
                 warnings.append(str(error))
         errors = {"multipliers": true_error(result, found.discs), "orbit": orbit_error}
@@ -147,14 +149,14 @@ def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Enclosed:
-    """Steps of a period, their product (2n+1, 2n+1), its multipliers and verdict. at_rest: whether the load
+    """Steps of a period, their product (2n+1, 2n+1), its multipliers and verdict. unloaded: whether the load
     is zero."""
 
     turn: Turn
     Phi: Matrix
     discs: list[Multiplier]
     verdict: int
-    at_rest: bool
+    unloaded: bool
 
 
 def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, rounded: bool) -> _Enclosed:
@@ -164,13 +166,13 @@ def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, ro
         Phi = found.levels()[-1][0]
         homogeneous = arb_mat([row[:-1] for row in Phi.table()[:-1]])
         discs = multipliers(homogeneous)
-        conservative, at_rest = equation.vanishes(period)
-        return _Enclosed(found, Phi, discs, verdict(homogeneous, discs, conservative), at_rest)
+        conservative, unloaded = equation.vanishes(period)
+        return _Enclosed(found, Phi, discs, verdict(homogeneous, discs, conservative), unloaded)
 
 
 def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation:
     """Equation of a system at a speed in rad/s, in ball arithmetic. rounded: see `solve.prove`."""
-    instructions = Instructions.of(linearised(system), partial(number, rounded=rounded))
+    instructions = Instructions.from_function(linearised(system), partial(number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)
     samples = M, C / omega, K / omega**2, d / omega**2
@@ -201,7 +203,7 @@ def _orbit(
 ) -> tuple[dict[str, tuple[float, float]], float]:
     """Bounds on max|q| of each coordinate, and the error of the ordinary orbit relative to max|q|. Zero
     without load."""
-    if found.at_rest:
+    if found.unloaded:
         return dict.fromkeys(result.coordinates, (0.0, 0.0)), 0.0
     q = result.at(np.array([float(start) for start in found.turn.starts]))
     bounds, worst, resting = {}, 0.0, 0.0

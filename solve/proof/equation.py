@@ -163,14 +163,14 @@ class Equation:
     ) -> tuple[list[Matrix], list[Matrix]]:
         """Taylor coefficients of m and r at a phase."""
         found = self._entries(arb_series([phase, arb(1)]), outcomes)
-        made = []
+        coefficients = []
         for term in range(terms):
             M, C, K, d = (
                 self._filled(arb_mat, arb(0), [(i, j, coefficient(x, term)) for i, j, x in entries], columns)
                 for entries, columns in found
             )
-            made.append(self._scaled(arb_mat, M, C, K, d, P))
-        return [m for m, _ in made], [r for _, r in made]
+            coefficients.append(self._scaled(arb_mat, M, C, K, d, P))
+        return [m for m, _ in coefficients], [r for _, r in coefficients]
 
     def inputs(self, phase: Ball) -> list[Sequence[Ball]]:
         """Inputs of the instructions at real or complex phases, or at power series in the phase."""

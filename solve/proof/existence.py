@@ -75,7 +75,7 @@ class Linear:
     eta: Ball
 
     @classmethod
-    def of(cls, turn: Turn, Phi: Matrix, bounds: Transitions, states: list[Matrix]) -> "Linear":
+    def from_maps(cls, turn: Turn, Phi: Matrix, bounds: Transitions, states: list[Matrix]) -> "Linear":
         """Compute the bounds from the maps of the steps and the states (2n+1, 1) of (y¹, z¹) at their starts.
         Raises ZeroDivisionError if 1 − Φ may be singular."""
         size = Phi.nrows()
@@ -99,7 +99,7 @@ def existence(
     equation: Equation, second: Instructions, turn: Turn, linear: Linear, bounds: Transitions
 ) -> Existence:
     """Compute the radii of existence and uniqueness. Raises StepsError if existence is not proved."""
-    curvature = Curvature.of(equation, second, turn, linear.rate)
+    curvature = Curvature.from_equation(equation, second, turn, linear.rate)
     radius = (2 * linear.eta).upper()
     Lambda = curvature.over(radius)
     product = linear.gamma * Lambda

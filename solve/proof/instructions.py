@@ -230,16 +230,18 @@ class Instructions:
     """
 
     lines: tuple[tuple[int, tuple[int, ...], Any, Any], ...]
-    places: int
+    storage: int
     entries: tuple[int, ...]
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the table of functions, which other processes rebuild."""
         lines = [line if line[0] not in _SMOOTH else (*line[:3], None) for line in self.lines]
-        return _instructions, (lines, self.places, self.entries)
+        return _instructions, (lines, self.storage, self.entries)
 
     @classmethod
-    def of(cls, function: casadi.Function, number: Callable[[float], Ball] = arb) -> "Instructions":
+    def from_function(
+        cls, function: casadi.Function, number: Callable[[float], Ball] = arb
+    ) -> "Instructions":
         """Instructions of a CasADi function, with its constants converted to balls by `number`. Raises
         LinearModelError for an operation without an enclosure rule."""
         function = function if function.is_a("SXFunction") else function.expand()
@@ -248,13 +250,15 @@ class Instructions:
         lines = []
         for k in range(function.n_instructions()):
             operation = function.instruction_id(k)
-            given, made = function.instruction_input(k), function.instruction_output(k)
+            operands, results = function.instruction_input(k), function.instruction_output(k)
             if operation == casadi.OP_OUTPUT:
-                lines.append((operation, tuple(given), (made[0], *triplets[made[0]][made[1]]), None))
+                lines.append(
+                    (operation, tuple(operands), (results[0], *triplets[results[0]][results[1]]), None)
+                )
             elif operation == casadi.OP_CONST:
-                lines.append((operation, (), made[0], number(function.instruction_constant(k))))
+                lines.append((operation, (), results[0], number(function.instruction_constant(k))))
             elif operation == casadi.OP_INPUT or operation in _SMOOTH or operation in _PIECES:
-                lines.append((operation, tuple(given), made[0], _SMOOTH.get(operation)))
+                lines.append((operation, tuple(operands), results[0], _SMOOTH.get(operation)))
             else:
                 raise LinearModelError(
                     f"the equations contain {_NAMES.get(operation, operation)}, for which no enclosure is "
@@ -276,26 +280,26 @@ class Instructions:
         ------
         UndecidedError if an outcome is not the same for all numbers of the inputs.
         """
-        work: list[Any] = [None] * self.places
+        work: list[Any] = [None] * self.storage
         values: list[Entries] = [[] for _ in self.entries]
         recorded: list[Any] = []
         replayed = None if outcomes is None or outcomes is ANY else iter(outcomes)
-        for operation, places, result, known in self.lines:
+        for operation, positions, result, known in self.lines:
             if operation in _SMOOTH:
-                if len(places) == 2:
-                    work[result] = known(work[places[0]], work[places[1]])
+                if len(positions) == 2:
+                    work[result] = known(work[positions[0]], work[positions[1]])
                 else:
-                    work[result] = known(work[places[0]])
+                    work[result] = known(work[positions[0]])
             elif operation == casadi.OP_CONST:
                 work[result] = known
             elif operation == casadi.OP_OUTPUT:
                 output, row, column = result
-                values[output].append((row, column, work[places[0]]))
+                values[output].append((row, column, work[positions[0]]))
             elif operation == casadi.OP_INPUT:
-                work[result] = inputs[places[0]][places[1]]
+                work[result] = inputs[positions[0]][positions[1]]
             else:
                 decide, apply = _PIECES[operation]
-                operands = [work[place] for place in places]
+                operands = [work[place] for place in positions]
                 try:
                     outcome = _decided(decide, operands) if replayed is None else next(replayed)
                 except UndecidedError:
@@ -308,6 +312,6 @@ class Instructions:
         return values, tuple(recorded)
 
 
-def _instructions(lines: Sequence[tuple[Any, ...]], places: int, entries: tuple[int, ...]) -> Instructions:
+def _instructions(lines: Sequence[tuple[Any, ...]], storage: int, entries: tuple[int, ...]) -> Instructions:
     known = ((*line[:3], _SMOOTH.get(line[0], line[3])) for line in lines)
-    return Instructions(tuple(known), places, entries)
+    return Instructions(tuple(known), storage, entries)

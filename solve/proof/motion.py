@@ -22,7 +22,7 @@ from solve.methods.fourier import Fourier
 from solve.model.model import LinearisedModel
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.proof.balls import (
     Ball,
     Matrix,
@@ -77,7 +77,7 @@ class TrigonometricMotion:
     period: Ball
 
     @classmethod
-    def of(cls, curve: FourierCurve, period: Ball) -> "TrigonometricMotion":
+    def from_curve(cls, curve: FourierCurve, period: Ball) -> "TrigonometricMotion":
         """Motion with the Fourier coefficients of a curve, without harmonics far below round-off."""
         c = curve.coefficients
         limits = _DROPPED * np.abs(c).max(axis=1, keepdims=True)
@@ -183,7 +183,7 @@ def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
         phases = grid.nodes[:-1]
         curve = FourierCurve.through(grid.nodes, system.motion(phases, 0).T)
         for _ in range(_CORRECTIONS):
-            q, _ = Fourier().collocated(OnePoint(nonlinear_of(system).along(curve), speed), phases)
+            q, _ = Fourier().collocated(SinglePoint(nonlinear_of(system).along(curve), speed), phases)
             curve = FourierCurve.through(grid.nodes, q)
         sizes = np.abs(curve.coefficients).max(axis=0)
         last = sizes[-max(1, int(_TAIL * len(sizes))) :]
@@ -206,11 +206,11 @@ def corrected(
     matrices = [np.array(part) for part in zip(*map(at, phases), strict=True)]
     names = [f"q{i}" for i in range(motion.cosines.shape[0])]
     system = PeriodicSystem(lambda phase, speed: matrices, names, float(nodes[-1]))
-    q, _ = Fourier().collocated(OnePoint(system, 1.0), nodes[:-1])
+    q, _ = Fourier().collocated(SinglePoint(system, 1.0), nodes[:-1])
     correction, c = FourierCurve.through(nodes, q).coefficients, motion.curve.coefficients
     whole = correction.copy()
     whole[:, : c.shape[1]] += c
-    return TrigonometricMotion.of(FourierCurve(nodes, whole), motion.period)
+    return TrigonometricMotion.from_curve(FourierCurve(nodes, whole), motion.period)
 
 
 def _residual(residual: casadi.Function) -> tuple[list[Any], Any, list[Any]]:

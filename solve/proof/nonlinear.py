@@ -107,7 +107,7 @@ def _prove_existence(
     whole = turned.levels()[-1][0]
     Phi = arb_mat([row[:-1] for row in whole.table()[:-1]])
     bounds = transitions(turned)
-    linear = Linear.of(turned, Phi, bounds, states(turned, equation.n, whole))
+    linear = Linear.from_maps(turned, Phi, bounds, states(turned, equation.n, whole))
     second = _instructions(model, second_derivatives, rounded)
     proved = existence(equation, second, turned, linear, bounds)
     return _LinearisedProof(equation, motion, len(turned.steps), widened(Phi, proved.change), proved)
@@ -116,7 +116,9 @@ def _prove_existence(
 def _instructions(
     model: Model, derived: Callable[[casadi.Function], casadi.Function], rounded: bool
 ) -> Instructions:
-    return Instructions.of(derived(model.setup.function("residual")), partial(number, rounded=rounded))
+    return Instructions.from_function(
+        derived(model.setup.function("residual")), partial(number, rounded=rounded)
+    )
 
 
 def _equation(
@@ -136,7 +138,7 @@ def _equation(
         m, r = map(_doubles, unscaled.at(phase, None))
         return [m, r[:, n : 2 * n], r[:, :n], -r[:, 2 * n]]
 
-    motion = TrigonometricMotion.of(curve, period)
+    motion = TrigonometricMotion.from_curve(curve, period)
     motion = corrected(motion, curve.nodes, partial(plain, motion))
     phases = [period * k / _SAMPLES for k in range(_SAMPLES)]
     M, C, K, _ = (np.array(part) for part in zip(*(plain(motion, phase) for phase in phases), strict=True))
@@ -190,9 +192,9 @@ def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> Pro
         )
         factors.append(scale / largest(by_row))
     for a, name in enumerate(names):
-        own = [sizes[order * n + a] for order in range(3)]
-        radius[name] = tuple(above(proved.radius * s) for s in own)
-        unique[name] = tuple(below(proved.unique * s * c) for s, c in zip(own, factors, strict=True))
+        radii = [sizes[order * n + a] for order in range(3)]
+        radius[name] = tuple(above(proved.radius * s) for s in radii)
+        unique[name] = tuple(below(proved.unique * s * c) for s, c in zip(radii, factors, strict=True))
     return ProvedOrbit(motion.cosines - 1j * motion.sines, radius, unique)
 
 

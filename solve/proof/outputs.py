@@ -46,7 +46,7 @@ class Outputs:
     _found: dict[tuple[int, float, float], list[Ball]] = field(default_factory=dict)
 
     @classmethod
-    def of(
+    def from_system(
         cls, system: PeriodicSystem, equation: Equation, turn: Turn, states: list[Matrix], rounded: bool
     ) -> "Outputs | None":
         """Outputs of a model; None if it has no outputs, if its matrices jump, or if an output contains an
@@ -54,7 +54,9 @@ class Outputs:
         if not isinstance(system, Model) or not system.outputs or not all(step.load for step in turn.steps):
             return None
         try:
-            instructions = Instructions.of(system.setup.function("outputs"), partial(number, rounded=rounded))
+            instructions = Instructions.from_function(
+                system.setup.function("outputs"), partial(number, rounded=rounded)
+            )
         except LinearModelError:
             return None
         return cls(instructions, equation, turn, states)

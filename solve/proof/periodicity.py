@@ -43,16 +43,16 @@ Change = Shift | str | None
 def repeats(instructions: Instructions, period: Fraction) -> bool:
     """Whether all outputs have the period `period`·π in the first input. The other inputs are constants or
     functions with this period."""
-    work: list[tuple[Change, Fraction | None]] = [(None, None)] * instructions.places
-    for operation, places, result, constant in instructions.lines:
-        operands = [work[place] for place in places] if operation != casadi.OP_INPUT else []
+    work: list[tuple[Change, Fraction | None]] = [(None, None)] * instructions.storage
+    for operation, positions, result, constant in instructions.lines:
+        operands = [work[place] for place in positions] if operation != casadi.OP_INPUT else []
         if operation == casadi.OP_OUTPUT:
             if operands[0][0] != PERIODIC:
                 return False
         elif operation == casadi.OP_CONST:
             work[result] = PERIODIC, _rational(constant)
         elif operation == casadi.OP_INPUT:
-            work[result] = (Shift(b=period) if places[0] == 0 else PERIODIC), None
+            work[result] = (Shift(b=period) if positions[0] == 0 else PERIODIC), None
         else:
             work[result] = _changed(operation, operands), None
     return True

@@ -136,9 +136,9 @@ def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Periodi
     from solve.proof.symbolic import linearised
 
     if nonlinear and isinstance(system, Model):
-        Instructions.of(system.setup.function("residual"))
+        Instructions.from_function(system.setup.function("residual"))
     else:
-        Instructions.of(linearised(system))
+        Instructions.from_function(linearised(system))
     return system
 
 

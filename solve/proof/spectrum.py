@@ -65,10 +65,12 @@ def _similar(Phi: Matrix) -> list[Matrix]:
 def _discs(D: Matrix) -> list[Multiplier]:
     size = D.nrows()
     moduli = [[D[i, j].abs_upper() for j in range(size)] for i in range(size)]
-    own = [_radius(D[i, i]) for i in range(size)]
-    radii = [largest([sum((moduli[i][j] for j in range(size) if j != i), own[i])]) for i in range(size)]
+    diagonal_radii = [_radius(D[i, i]) for i in range(size)]
+    radii = [
+        largest([sum((moduli[i][j] for j in range(size) if j != i), diagonal_radii[i])]) for i in range(size)
+    ]
     centers = [D[i, i].mid() for i in range(size)]
-    isolated = {i: _isolated(i, centers, radii, moduli, own[i]) for i in range(size)}
+    isolated = {i: _isolated(i, centers, radii, moduli, diagonal_radii[i]) for i in range(size)}
     found = [Multiplier(centers[i], disc[0], 1, True, disc[1]) for i, disc in isolated.items() if disc]
     for some in _connected(centers, radii):
         count = sum(isolated[i] is None for i in some)
@@ -81,15 +83,15 @@ def _discs(D: Matrix) -> list[Multiplier]:
 def _with_real(discs: list[Multiplier]) -> list[Multiplier]:
     """Discs, with centers made real if the multiplier is proved real: it is alone in a disc symmetric about
     the real axis, which also contains its conjugate."""
-    made = list(discs)
+    result = list(discs)
     for at, disc in enumerate(discs):
         if not disc.isolated or disc.center.imag.is_zero() or abs(disc.center.imag) > disc.radius:
             continue
         center, radius = acb(disc.center.real), (disc.radius + abs(disc.center.imag)).upper()
         others = [abs(center - other.center) - other.radius for other in discs if other is not disc]
         if all(distance > radius for distance in others):
-            made[at] = Multiplier(center, radius, 1, True, _least(others))
-    return made
+            result[at] = Multiplier(center, radius, 1, True, _least(others))
+    return result
 
 
 def _radius(x: Ball) -> Ball:
@@ -102,7 +104,7 @@ def _least(distances: list[Ball]) -> Ball:
 
 
 def _isolated(
-    i: int, centers: list[Ball], radii: list[Ball], moduli: list[list[Ball]], own: Ball
+    i: int, centers: list[Ball], radii: list[Ball], moduli: list[list[Ball]], own_radius: Ball
 ) -> tuple[Ball, Ball] | None:
     """Radius of a disc about center i that contains exactly one eigenvalue, and a lower bound on the distance
     of all other eigenvalues; None if no such disc is found."""
@@ -120,7 +122,7 @@ def _isolated(
     # With σ < 1 the disc would not lie within the unscaled disc, for which the multipliers were counted.
     if not sigma >= 1:
         return None
-    radius = ((radii[i] - own) / sigma + own).upper()
+    radius = ((radii[i] - own_radius) / sigma + own_radius).upper()
     distances = [gaps[j] - radii[j] - sigma * moduli[j][i] for j in others]
     return (radius, _least(distances)) if all(radius < distance for distance in distances) else None
 

@@ -33,7 +33,7 @@ _MOST_TERMS = 8
 """Largest number of terms of the solution per term of the coefficients. A choice: convergent Taylor series of
 solutions require up to three terms per term of the coefficients."""
 
-_BOUNDS = 64
+BOUNDS = 64
 """Precision in bits with which bounds are computed. A choice."""
 
 
@@ -75,7 +75,7 @@ def step(
         P = equation.at(start, outcomes)[0].mid().inv().mid()
     except (UndecidedError, ZeroDivisionError):
         raise StepTooLongError from None
-    with precision(_BOUNDS):
+    with precision(BOUNDS):
         advance, inverse = _bounds_on_step(equation, start, length, outcomes, P, most)
         amplified = advance.exp() * inverse
         aim = arb(2) ** -bits / amplified / 4
@@ -85,7 +85,7 @@ def step(
     with precision(bits + math.ceil(3 * float(advance)) + 40, order + 1):
         m, r = equation.series(start, outcomes, P, order + 1)
         terms, defect = _polynomial(n, arb_mat(_diagonal(equation.frequencies)) * length, length, m, r, aim)
-        with precision(_BOUNDS):
+        with precision(BOUNDS):
             sizes = [norm(term) for term in terms]
             rates = [k * size for k, size in enumerate(sizes)]
             defect += tail[1] * (sum(sizes, arb(1))) + tail[0] * sum(rates, arb(0))
@@ -186,7 +186,7 @@ def _polynomial(
             exact = term * (k + 1)
             inertial = inertial + m[0] * _half(n, exact)
             position_rates = _first(n, exact) - position_rates
-        with precision(_BOUNDS):
+        with precision(BOUNDS):
             defect += largest((norm(position_rates), norm(inertial)))
         k += 1
     return terms, defect
@@ -214,8 +214,8 @@ def _stacked(n: int, k: int, term: Matrix) -> Matrix:
 
 def _joined(first: Matrix, second: Matrix, divisor: int) -> Matrix:
     """Midpoints of the first matrix stacked above the second, divided by an integer, as an exact matrix."""
-    made = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
-    return (made / divisor).mid()
+    stacked = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
+    return (stacked / divisor).mid()
 
 
 def _first(n: int, term: Matrix) -> Matrix:
@@ -227,7 +227,7 @@ def _half(n: int, term: Matrix) -> Matrix:
 
 
 def _below(term: Matrix, limit: Ball) -> bool:
-    with precision(_BOUNDS):
+    with precision(BOUNDS):
         return bool(norm(term) < limit)
 
 

@@ -144,20 +144,20 @@ def _called(system: PeriodicSystem, phase: casadi.SX, speed: casadi.SX) -> list[
     given = np.empty(_PLACES, dtype=object)
     given[:] = [Symbol(x) for x in phases]
     try:
-        made = list(system._matrices(given, Symbol(speed)))  # type: ignore[arg-type]
-        arrays = [np.asarray(array) for array in made[: len(made) - bool(system.inputs)]]
-        places = [_matrices(system, [array[k] for array in arrays]) for k in range(_PLACES)]
+        returned = list(system._matrices(given, Symbol(speed)))  # type: ignore[arg-type]
+        arrays = [np.asarray(array) for array in returned[: len(returned) - bool(system.inputs)]]
+        by_phase = [_matrices(system, [array[k] for array in arrays]) for k in range(_PLACES)]
     except (ArithmeticError, AttributeError, IndexError, RuntimeError, TypeError, ValueError) as error:
         first = str(error).partition("\n")[0]
         raise LinearModelError(
             "the function of the matrices cannot be evaluated at symbolic phases, as a proof requires: "
             f"{first}; docs/proof.md lists the operations that are allowed"
         ) from None
-    for k, matrices in enumerate(places):
+    for k, matrices in enumerate(by_phase):
         others = casadi.vertcat(*(phases[:k] + phases[k + 1 :]))
         if any(casadi.depends_on(matrix, others) for matrix in matrices):
             raise LinearModelError("the matrices at one phase depend on other phases of the array")
-    return places[0]
+    return by_phase[0]
 
 
 def _matrices(system: PeriodicSystem, arrays: list[np.ndarray]) -> list[casadi.SX]:
@@ -177,9 +177,9 @@ def _interpolated(samples: Samples, phase: casadi.SX) -> list[np.ndarray]:
 
 def _matrix(array: np.ndarray, shape: tuple[int, int]) -> casadi.SX:
     """Symbolic matrix from an array; entries that are the number zero become structural zeros."""
-    made = casadi.SX(*shape)
+    matrix = casadi.SX(*shape)
     for (i, j), x in np.ndenumerate(np.reshape(array, shape)):
         value = _plain(x)
         if isinstance(x, Symbol) or value != 0.0:
-            made[i, j] = value
-    return made
+            matrix[i, j] = value
+    return matrix

@@ -14,11 +14,8 @@ from dataclasses import dataclass
 
 from solve.errors import StepsError
 from solve.proof.balls import Ball, Matrix, arb, arb_mat, largest, norm, precision, widened
-from solve.proof.step import Step
+from solve.proof.step import BOUNDS, Step
 from solve.proof.turn import Turn
-
-_BOUNDS = 64
-"""Precision in bits with which bounds are computed. A choice."""
 
 _CELL = 0.5
 """Largest ∫‖A‖ of a cell. A choice: bounds are too large by at most a factor e^0.5 for each end of Ψ."""
@@ -77,7 +74,7 @@ def _norms(maps: list[Matrix]) -> dict[tuple[int, int], Ball]:
         fill(first, middle)
         fill(middle, last)
 
-    with precision(_BOUNDS):
+    with precision(BOUNDS):
         fill(0, len(maps))
     return found
 

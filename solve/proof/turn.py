@@ -91,9 +91,9 @@ def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Ma
     )
     found = []
     with progress.task("% of the period", 100) as done:
-        for made in itertools.chain.from_iterable(lists):
-            found.append(made)
-            done.add(100 * float(made[1]) / float(period))
+        for piece in itertools.chain.from_iterable(lists):
+            found.append(piece)
+            done.add(100 * float(piece[1]) / float(period))
     starts, lengths, steps = zip(*found, strict=True)
     return Turn(period, starts, lengths, steps)
 
@@ -166,7 +166,7 @@ def _between(
         following = stop if last else phase + h
         length = (end if last else arb(following)) - arb(phase)
         try:
-            made = step(equation, arb(phase), length, marching.bits, marching.most, marching.allowed)
+            taken = step(equation, arb(phase), length, marching.bits, marching.most, marching.allowed)
         except StepTooLongError:
             h = (following - phase) / 2
             if h < _SHORTEST * period:
@@ -175,7 +175,7 @@ def _between(
                     "the equations have a jump that is not declared; declare the jump as a break"
                 ) from None
             continue
-        yield arb(phase), length, made
+        yield arb(phase), length, taken
         phase, h = following, _GROWTH * (following - phase)
 
 

@@ -39,17 +39,17 @@ _ALLOWED = "give a PeriodicSystem, FirstOrderSystem or MixedSystem, or a functio
 
 def _built(file: Path, function: Callable[..., Any], values: Mapping[str, float]) -> PeriodicSystem:
     """System that a function returns for values of its arguments, which can be varied."""
-    made = _called(file, partial(function, **values))
-    if not isinstance(made, PeriodicSystem):
-        raise ModelFileError(f"system() of '{file}' returns {type(made).__name__}; {_ALLOWED}")
-    made = built_by(made, partial(_built, file, function), values)
-    return _labelled(made, file)
+    system = _called(file, partial(function, **values))
+    if not isinstance(system, PeriodicSystem):
+        raise ModelFileError(f"system() of '{file}' returns {type(system).__name__}; {_ALLOWED}")
+    system = built_by(system, partial(_built, file, function), values)
+    return _labelled(system, file)
 
 
 def _labelled(system: PeriodicSystem, file: Path) -> PeriodicSystem:
     """System, named after its file unless it already has a name."""
-    own = system.labels.name != PeriodicSystem.labels.name
-    return system if own else relabelled(system, name=file.stem)
+    is_labelled = system.labels.name != PeriodicSystem.labels.name
+    return system if is_labelled else relabelled(system, name=file.stem)
 
 
 def _values(file: Path, function: Callable[..., Any], given: Mapping[str, float | str]) -> dict[str, float]:

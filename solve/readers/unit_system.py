@@ -58,8 +58,8 @@ class UnitSystem(OfSource, FirstOrderSystem, Validity):
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
         found = super().warnings(speed, linear)
-        made, is_resolved = self._at(speed)
+        frequency_range, is_resolved = self._at(speed)
         if not is_resolved:
-            count = len(made.source.operating_points[made.states[0]])
+            count = len(frequency_range.source.operating_points[frequency_range.states[0]])
             found.append(f"{count} azimuths do not resolve the harmonics of the matrices along the motion")
         return found

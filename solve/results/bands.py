@@ -99,8 +99,8 @@ class Bands(Sequence[Band], Result):
         """Columns of the table, with one row per band."""
         unit = self.system.labels.speed_unit
         low, high = [band.low for band in self], [band.high for band in self]
-        lows = [f"{'< ' * band.open_low}{unit.of(band.low):.3f}" for band in self]
-        highs = [f"{'< ' * band.open_high}{unit.of(band.high):.3f}" for band in self]
+        lows = [f"{'< ' * band.open_low}{unit.from_si(band.low):.3f}" for band in self]
+        highs = [f"{'< ' * band.open_high}{unit.from_si(band.high):.3f}" for band in self]
         widths, radii = [band.high - band.low for band in self], [band.spectral_radius for band in self]
         kinds, motions = [band.kind for band in self], [_MEANINGS[band.kind] for band in self]
         return {

@@ -313,8 +313,10 @@ class Chart(ChartPoints):
             ("stable", f"{share:.4g} % of {decided.size} points; largest |ρ| {np.nanmax(radius):.6g}")
         )
         if self.proved is not None:
-            of = self.proved.record()["proved"]
-            parts = (f"{100 * of[name]:.4g} % {name}" for name in ("stable", "unstable", "undecided"))
+            proved_areas = self.proved.record()["proved"]
+            parts = (
+                f"{100 * proved_areas[name]:.4g} % {name}" for name in ("stable", "unstable", "undecided")
+            )
             rows.append(("proved", f"{', '.join(parts)}, of the area"))
         if open_:
             rows.append(("undetermined", f"{open_} points, within their error of the unit circle"))

@@ -62,9 +62,9 @@ class Row:
     reason: str | None = None
     warnings: list[str] = field(default_factory=list)
 
-    def error(self, of: str) -> float:
-        """Relative error of the orbit or of the multipliers. of: ORBIT or MULTIPLIERS."""
-        return self.orbit_error if of == ORBIT else self.multiplier_error
+    def error(self, kind: str) -> float:
+        """Relative error of the orbit or of the multipliers. kind: ORBIT or MULTIPLIERS."""
+        return self.orbit_error if kind == ORBIT else self.multiplier_error
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,10 @@ class Comparison(Result):
             "asked": ("", "requested steps"),
             "warnings": ("", "", "", str, ()),
         }
-        return {name: Column([getattr(row, name) for row in rows], *of) for name, of in labels.items()}
+        return {
+            name: Column([getattr(row, name) for row in rows], *arguments)
+            for name, arguments in labels.items()
+        }
 
     def header_rows(self) -> HeaderRows:
         """Heading rows on the reference solution and its errors."""

@@ -96,17 +96,17 @@ def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
 
 
 def sized(
-    values: Any, unit: str, meaning: str, heading: str, places: int, largest: float | None = None
+    values: Any, unit: str, meaning: str, heading: str, significant: int, largest: float | None = None
 ) -> Column:
     """Column of values in SI units. Tables show the values with the unit prefix and the decimals that give
-    the largest modulus `places` significant digits."""
+    the largest modulus `significant` digits."""
     if largest is None:
         numbers = np.array([math.nan if value is None else value for value in values], dtype=float)
         largest = float(np.nanmax(np.abs(numbers), initial=0.0))
     factor, shown = prefixed(unit, largest)
 
     def text(value: float) -> str:
-        return fixed(value * factor, largest * factor, places)
+        return fixed(value * factor, largest * factor, significant)
 
     return Column(values, unit, meaning, headed(heading, shown), text)
 
@@ -123,17 +123,20 @@ def speeds_of(
     "{}" in the heading."""
     unit = system.labels.speed_unit
     return Column(
-        speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes
+        speeds,
+        "rad/s",
+        meaning,
+        heading.format(unit.name),
+        lambda value: f"{unit.from_si(value):{form}}",
+        axes,
     )
 
 
-def varied_column(
-    system: PeriodicSystem, name: str, values: Any, form: str = ".7g", axes: tuple[str, ...] = ("row",)
-) -> Column:
+def varied_column(system: PeriodicSystem, name: str, values: Any, form: str = ".7g") -> Column:
     """Column of values of the speed (rad/s) or of a parameter."""
     if name == SPEED:
-        return speeds_of(system, values, heading="{}", form=form, axes=axes)
-    return Column(values, *system.labels.parameter_labels[name], name, digits(form), axes)
+        return speeds_of(system, values, heading="{}", form=form)
+    return Column(values, *system.labels.parameter_labels[name], name, digits(form))
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:

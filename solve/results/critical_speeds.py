@@ -139,7 +139,7 @@ class SolvedSpeeds(Result):
     def decimals(self) -> str:
         """Number format of speeds: three decimals, or fewer if the number would have more than seven digits,
         to which speeds are accurate."""
-        before = math.floor(math.log10(self.system.labels.speed_unit.of(float(self.speeds[-1]))))
+        before = math.floor(math.log10(self.system.labels.speed_unit.from_si(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 
     @property
@@ -280,7 +280,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def _of_maxima(self) -> Columns:
-        def of(way: str, name: str) -> list[float | None]:
+        def values(way: str, name: str) -> list[float | None]:
             maxima = (getattr(row, way) for row in self.rows)
             return [maximum and getattr(maximum, name) for maximum in maxima]
 
@@ -290,13 +290,17 @@ class CriticalSpeeds(SolvedSpeeds):
         either = [(row.multiplier or row.radius or _NOWHERE).speed for row in rows]
         real_part, height = "maximum of the dominant multiplier's real part", "its height"
         return {
-            "response": self._speeds(of("response", "speed"), "maximum of the response", "response"),
-            "response_height": _height(of("response", "height"), unit, f"{self.figure} of {self.quantity}"),
+            "response": self._speeds(values("response", "speed"), "maximum of the response", "response"),
+            "response_height": _height(
+                values("response", "height"), unit, f"{self.figure} of {self.quantity}"
+            ),
             "unbounded": Column([row.unbounded for row in rows], "", "whether the response is unbounded"),
-            "multiplier": self._speeds(of("multiplier", "speed"), real_part, "multiplier", either),
-            "multiplier_real_part": Column(of("multiplier", "height"), "1", height, "Re ρ", digits(".2e")),
-            "radius": self._speeds(of("radius", "speed"), "maximum of the spectral radius"),
-            "radius_height": Column(of("radius", "height"), "1", height, "|ρ|" * raised, digits(".3f")),
+            "multiplier": self._speeds(values("multiplier", "speed"), real_part, "multiplier", either),
+            "multiplier_real_part": Column(
+                values("multiplier", "height"), "1", height, "Re ρ", digits(".2e")
+            ),
+            "radius": self._speeds(values("radius", "speed"), "maximum of the spectral radius"),
+            "radius_height": Column(values("radius", "height"), "1", height, "|ρ|" * raised, digits(".3f")),
         }
 
     @property

@@ -181,8 +181,8 @@ class FollowedModes(ModesOver):
         pairs = [pair for pair in self.ambiguous if pair.kind == kind]
         if not pairs:
             return []
-        places = [f"{pair.modes[0]} and {pair.modes[1]} at {self.text_of(pair.low)}" for pair in pairs]
-        return [f"the identity of modes {listed(places)} is undetermined: {reason}"]
+        texts = [f"{pair.modes[0]} and {pair.modes[1]} at {self.text_of(pair.low)}" for pair in pairs]
+        return [f"the identity of modes {listed(texts)} is undetermined: {reason}"]
 
     def text_of(self, value: float) -> str:
         """Text of a value of the varied quantity: the speed, given in rad/s, or a parameter."""

@@ -75,7 +75,7 @@ def _roots_of(frequencies: Array, growth_rates: Array | None) -> NaturalFrequenc
     return NaturalFrequencies(frequencies, rates)
 
 
-def _growing(rows: Roots, places: str) -> list[str]:
+def _growing(rows: Roots, positions: str) -> list[str]:
     """Sentence that names the modes that grow in the given rows of a result; empty if none grows."""
     frequencies, rates = rows._roots
     grows = np.isfinite(rates)
@@ -84,7 +84,7 @@ def _growing(rows: Roots, places: str) -> list[str]:
     lost = "symmetric" if np.isfinite(frequencies[grows]).any() else "positive"
     count = np.count_nonzero(grows.reshape(len(grows), -1).any(axis=1))
     highest = int(np.nonzero(grows)[-1].max()) + 1
-    where = f" at {count} of {len(grows)} {places}" if len(grows) > 1 else ""
+    where = f" at {count} of {len(grows)} {positions}" if len(grows) > 1 else ""
     named = "mode 1 grows" if highest == 1 else f"modes up to {highest} grow"
     return [
         f"the static stiffness is not {lost}{where}: "

@@ -109,9 +109,9 @@ class NonlinearOrbit(Orbit):
                 "start to find an orbit of longer period"
             )
         if self.grazing:
-            places = listed([f"{phase:.4g}" for phase in self.grazing])
+            phases = listed([f"{phase:.4g}" for phase in self.grazing])
             sentences.append(
-                f"the orbit grazes a switch of the equations, such as a stop, at phase {places} rad: its "
+                f"the orbit grazes a switch of the equations, such as a stop, at phase {phases} rad: its "
                 "multipliers change abruptly nearby, and the verdict is undetermined"
             )
         if len(self.events) > _MOST_EVENTS * self.periods:
@@ -184,7 +184,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     exponents or verdict."""
 
     @classmethod
-    def of(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
+    def at_speed(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
         """Prescribed motion at a speed in rad/s. Raises DesiredMotionError if it does not exist."""
         check(system, speed)
         no_solution: Any = None

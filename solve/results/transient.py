@@ -176,8 +176,8 @@ class TransientMotion(Result):
     def _figures_of_states(self) -> Array:
         """Maximum, minimum and largest modulus of the states; other statistics are NaN."""
         names, last = (*self.system.coordinates, *self.system.outputs), len(self.nodes) - 1
-        places = np.arange(self.turns)[:, None] * last + np.arange(last + 1)
-        values = np.stack([self.values(name)[places] for name in names], axis=1)
+        columns = np.arange(self.turns)[:, None] * last + np.arange(last + 1)
+        values = np.stack([self.values(name)[columns] for name in names], axis=1)
         figures = np.full((*values.shape[:2], len(Statistics._fields)), np.nan)
         figures[..., 0], figures[..., 1] = values.max(axis=-1), values.min(axis=-1)
         figures[..., 2] = np.abs(values).max(axis=-1)

@@ -24,7 +24,7 @@ from solve.methods.radau import Radau
 from solve.period.frozen import frozen
 from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.pencils import residual_amplitude
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, LEFT_OUT, Kept
 from solve.studies.boundaries import BoundarySearch, Brackets
@@ -149,7 +149,7 @@ def bands(
     system, omegas = shown_in(system, given_speeds[0]), np.array(given_speeds)
     ends = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
-    if free(OnePoint(system, ends[0])) is not None:
+    if free(SinglePoint(system, ends[0])) is not None:
         notes = [*notes, f"rigid-body modes: {LEFT_OUT}"]
     coarse = _subdivide(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _MIN_INTERVALS)
     constant = constant_coefficients(task.batch(coarse[:, None]))
@@ -313,9 +313,9 @@ class _UnstableRuns:
         unknown = (state[changes] == _UNKNOWN) | (state[changes + 1] == _UNKNOWN)
         borders[unknown] = unstable.points[unknown, 0]
         crossed = ~(kind_only | unknown)
-        places, _ = search.edges(stable[crossed], unstable[crossed])
-        borders[crossed] = np.where(np.isnan(places), unstable.points[crossed], places)[:, 0]
-        unknown[crossed] = np.isnan(places[:, 0])
+        edges, _ = search.edges(stable[crossed], unstable[crossed])
+        borders[crossed] = np.where(np.isnan(edges), unstable.points[crossed], edges)[:, 0]
+        unknown[crossed] = np.isnan(edges[:, 0])
         if kind_only.any():
             kinds = state[changes][kind_only]
 
@@ -336,7 +336,7 @@ def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int
     """Number of modes that are too fast to be resolved at this speed and above. It is 0 if all modes can be
     resolved, if the unresolved modes decay within a period, if the user chose a method, or if no mode
     would remain."""
-    values = frozen(OnePoint(system, speed)).eigenvalues()[0]
+    values = frozen(SinglePoint(system, speed)).eigenvalues()[0]
     reach = np.abs(values).max(axis=0) * system.period
     fast = int((np.sort(reach)[::2] > _MAX_PHASE_ADVANCE).sum())
     survives = float(residual_amplitude(values, system.period, RESOLVABLE)) > _RESIDUAL

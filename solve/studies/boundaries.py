@@ -224,11 +224,11 @@ class BoundarySearch:
         """
         changes = [lines.changes() for lines in sets_of_lines]
         ends = zip(*(brackets for _, brackets in changes), strict=True)
-        places, kinds = self.edges(*(functools.reduce(StabilitySamples.__add__, end) for end in ends))
+        points, kinds = self.edges(*(functools.reduce(StabilitySamples.__add__, end) for end in ends))
         splits = np.cumsum([len(line) for line, _ in changes])[:-1]
         crossings = []
         for lines, (line, _), place, kind in zip(
-            sets_of_lines, changes, np.split(places, splits), np.split(kinds, splits), strict=True
+            sets_of_lines, changes, np.split(points, splits), np.split(kinds, splits), strict=True
         ):
             neighbour, other_place, other_kind = self._stable_stretches(lines.samples, *lines.neighbours)
             is_located = ~np.isnan(place).any(axis=1)
@@ -272,13 +272,13 @@ class BoundarySearch:
         is_stretch &= middles.stable
         middles, kinds = middles[is_stretch], np.repeat([0, 1], is_stretch.sum())
         middles, ends = middles + middles, start[is_stretch] + end[is_stretch]
-        places = np.concatenate((leave[is_stretch], enter[is_stretch]))
+        points = np.concatenate((leave[is_stretch], enter[is_stretch]))
         inward = 2 * self.tolerance * self.scale
-        beside = self.evaluate(places + np.clip(middles.points - places, -inward, inward))
+        beside = self.evaluate(points + np.clip(middles.points - points, -inward, inward))
         other = beside.unstable
-        places[other], kinds[other] = self.edges(middles[other], ends[other])
-        is_located = ~np.isnan(places).any(axis=1)
-        return np.tile(first[is_stretch], 2)[is_located], places[is_located], kinds[is_located]
+        points[other], kinds[other] = self.edges(middles[other], ends[other])
+        is_located = ~np.isnan(points).any(axis=1)
+        return np.tile(first[is_stretch], 2)[is_located], points[is_located], kinds[is_located]
 
 
 def _trial_distances(predicted: Array) -> Array:

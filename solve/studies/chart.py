@@ -125,7 +125,7 @@ def chart(
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
     points = np.column_stack([coordinate.ravel() for coordinate in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
-    quantity = None if of is None else _Quantity(Named.of(family.example, of))
+    quantity = None if of is None else _Quantity(Named.parse(family.example, of))
     of_orbit = quantity is not None and quantity.of_orbit
     stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     task = stability
@@ -167,7 +167,7 @@ def _provable(model: object) -> Model:
     require_provable(model)
     if not isinstance(model, Model):
         raise LinearModelError(
-            "prove requires a generated model, whose parameters are variables of its formulas"
+            f"{model.labels.name} has no generated equations, which prove requires; leave out prove"
         )
     return model
 

@@ -18,7 +18,7 @@ from solve.methods.choice import METHODS, Rule, chosen, chosen_for
 from solve.methods.method import Method, Solutions
 from solve.period.frozen import frozen
 from solve.period.multipliers import VERDICTS
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row
 from solve.results.orbit import Orbit
 from solve.single import periodic, request
@@ -113,7 +113,7 @@ def compare(
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
     """Four numbers of steps from the series 1, 2, 5, 10, … around ω_max T, the number at which ω_max h =
     1."""
-    phase_advance = max(float(frozen(OnePoint(system, speed)).phase_advance[0]), 100.0)
+    phase_advance = max(float(frozen(SinglePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * phase_advance)
     return series[first : first + 4]
@@ -130,7 +130,7 @@ class _AgainstReference:
     """Comparison of one method with the reference solution."""
 
     def __init__(self, reference: Orbit, rule: Rule, judged_by: str):
-        self.point = OnePoint(reference.system, reference.speed)
+        self.point = SinglePoint(reference.system, reference.speed)
         self.reference = reference.certified.solutions
         self.judged_by = judged_by
         self._modes = reference.certified.modes

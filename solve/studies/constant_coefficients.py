@@ -16,6 +16,7 @@ from solve.batch.gathering import gathered
 from solve.matrices import inertia_units, split_entries
 from solve.methods.method import Method
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CIRCLE, UNSTABLE
+from solve.period.natural import PERTURBATION
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
 from solve.results.points import Kept, PointResults
 from solve.studies.stability_samples import StabilitySamples, evaluator
@@ -31,9 +32,6 @@ _CONSTANT = 1e-13
 """Variation of an entry, relative to its size, that counts as round-off. Parametric excitation of this size
 changes a mode by less than 1e-13 ω T / 2 per period, far below the growth that makes a band."""
 
-_PERTURBATION = 16.0
-"""Error bound of an eigenvalue, divided by n eps, the condition number of the eigenvalue and the norm of the
-matrix; as in `solve.period.natural`."""
 
 _ROUNDING = 64 * EPS
 """Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
@@ -131,9 +129,9 @@ class ConstantCoefficients:
         for at in np.flatnonzero(modes.multiplicity == self.multiplicity).tolist():
             same_references.setdefault(tuple(modes.references[at][modes.present[at]].tolist()), []).append(at)
         where = np.flatnonzero(is_constant)
-        for places, at in same_references.items():
+        for references, at in same_references.items():
             exponents[:, where[at]] = _exponents(
-                M[at], C[at], K[at], modes[np.array(at)], list(places), self.multiplicity
+                M[at], C[at], K[at], modes[np.array(at)], list(references), self.multiplicity
             )
         return Exponents(*exponents)
 
@@ -202,29 +200,30 @@ def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
 
 
 def _exponents(
-    M: Array, C: Array, K: Array, modes: RigidBodyModes, places: list[int], multiplicity: int
+    M: Array, C: Array, K: Array, modes: RigidBodyModes, references: list[int], multiplicity: int
 ) -> Array:
-    """Growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n). places: reference
-    coordinates of the rigid-body modes. The states are the other coordinates, relative to these modes, and
-    all velocities."""
-    n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
+    """Growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n).
+
+    references: reference coordinates of the rigid-body modes. The states are the other coordinates, relative
+    to these modes, and all velocities."""
+    n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in references]
     unit = inertia_units(M)
     unit[~np.isfinite(unit)] = 1.0
     M, C, K = (matrix * unit[:, :, None] * unit[:, None] for matrix in (M, C, K))
-    vectors = modes.vectors[:, :, : len(places)]
-    vectors = vectors / unit[:, :, None] * unit[:, places][:, None]
+    vectors = modes.vectors[:, :, : len(references)]
+    vectors = vectors / unit[:, :, None] * unit[:, references][:, None]
     rate_scale = np.sqrt(np.abs(K).max(axis=(1, 2))) + np.abs(C).max(axis=(1, 2))
     rate_scale = np.where(rate_scale > 0, rate_scale, 1.0)[:, None, None]
     size = len(remaining)
     A = np.zeros((len(M), size + n, size + n))
     A[:, :size, size:] = rate_scale * np.eye(n)[remaining]
-    if places:
-        A[:, :size, [size + at for at in places]] -= rate_scale * vectors[:, remaining]
+    if references:
+        A[:, :size, [size + at for at in references]] -= rate_scale * vectors[:, remaining]
     A[:, size:, :size] = -solved(M, K)[:, :, remaining] / rate_scale
     A[:, size:, size:] = -solved(M, C)
     values, errors = _eigenvalues(A)
     # The smallest eigenvalues belong to rigid-body modes without drag.
-    elastic = np.argsort(np.abs(values), axis=1, kind="stable")[:, multiplicity - len(places) :]
+    elastic = np.argsort(np.abs(values), axis=1, kind="stable")[:, multiplicity - len(references) :]
     values, errors = (np.take_along_axis(matrix, elastic, axis=1) for matrix in (values, errors))
     bound = _energy_bound(M, C, K, remaining)[:, None]
     growth = np.minimum(np.real(values), bound)
@@ -241,7 +240,7 @@ def _eigenvalues(A: Array) -> tuple[Array, Array]:
     left = solved(right, np.broadcast_to(np.eye(A.shape[1]), A.shape))
     condition = np.linalg.norm(left, axis=2)
     norms = np.linalg.norm(A, axis=(1, 2))[:, None]
-    errors = _PERTURBATION * A.shape[1] * EPS * norms * np.nan_to_num(condition, nan=np.inf)
+    errors = PERTURBATION * A.shape[1] * EPS * norms * np.nan_to_num(condition, nan=np.inf)
     return np.where(finite[:, None], values, np.nan), errors
 
 

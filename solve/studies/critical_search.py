@@ -104,11 +104,11 @@ class CriticalSearch:
         """Orbits at speeds (P,); orbits of the sweep are reused."""
         if self.sweep is None:
             return gathered(self.batch, speeds[:, None], self.kept)
-        _, in_sweep, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
+        _, in_sweep, known = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
         unsolved = np.setdiff1d(np.arange(len(speeds)), in_sweep)
         results = PointResults.blank(len(speeds), multiplier_count(self.system), self.kept)
         results.insert(unsolved, gathered(self.batch, speeds[unsolved, None], self.kept))
-        results.insert(in_sweep, selected(self.sweep.results, places, self.kept))
+        results.insert(in_sweep, selected(self.sweep.results, known, self.kept))
         return results
 
     def solve_multipliers(self, speeds: Array) -> PointResults:
@@ -126,28 +126,28 @@ class CriticalSearch:
         self, speeds: Array, values: Array, results: PointResults, value: Callable[[PointResults], Array]
     ) -> list[Maximum]:
         """Maxima of a function `value` of the multipliers, from its values (P,) at the speeds (P,)."""
-        places = peaks(values, results.errors[:, 1] * results.spectral_radius)
-        trials = Trials(self.multipliers, Kept(warnings=False), results, places)
+        maxima = peaks(values, results.errors[:, 1] * results.spectral_radius)
+        trials = Trials(self.multipliers, Kept(warnings=False), results, maxima)
 
         def values_at(speeds: Array, numbers: Array) -> tuple[Array, Array]:
             solved = trials.solve(speeds, numbers)
             return value(solved), _coalescence(solved)
 
-        brackets, guides = Brackets(speeds[places], values[places]), _coalescence(results)[places]
+        brackets, guides = Brackets(speeds[maxima], values[maxima]), _coalescence(results)[maxima]
         return narrow_to_tolerance(brackets, guides, values_at, self.tolerance).maxima
 
     def response_maxima(self, speeds: Array, results: PointResults, resolved: Array) -> Brackets:
         """Brackets of the maxima of the response among the speeds (P,). resolved (P,): whether the orders are
         resolved."""
         values = np.where(resolved, self.response(results), np.nan)
-        places = peaks(values, results.errors[:, 0] * np.abs(values))
-        trials = Trials(self.batch, self.kept, results, places)
+        maxima = peaks(values, results.errors[:, 0] * np.abs(values))
+        trials = Trials(self.batch, self.kept, results, maxima)
 
         def values_at(speeds: Array, numbers: Array) -> tuple[Array, Array]:
             return self.response(trials.solve(speeds, numbers)), np.full(len(speeds), np.nan)
 
-        brackets = Brackets(speeds[places], values[places])
-        return narrow_to_tolerance(brackets, np.full(places.shape, np.nan), values_at, self.tolerance)
+        brackets = Brackets(speeds[maxima], values[maxima])
+        return narrow_to_tolerance(brackets, np.full(maxima.shape, np.nan), values_at, self.tolerance)
 
     def add_crossings(
         self, speeds: Array, results: PointResults, others: Array

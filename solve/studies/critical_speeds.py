@@ -137,8 +137,8 @@ def _critical_speeds(
     system, omegas, orders = shown_in(system, speeds[0]), np.array(speeds), settings.orders
     (name,) = known_quantities(system, settings.quantity or system.coordinates[0])
     require_size("orders", orders, len(omegas) * system.n**2)
-    at_rest = MeanFrequencies(system, np.array([0.0]))
-    search, grid, notes = _prepare(at_rest, omegas, name, settings, sweep)
+    rest_frequencies = MeanFrequencies(system, np.array([0.0]))
+    search, grid, notes = _prepare(rest_frequencies, omegas, name, settings, sweep)
     constant = search.constant is not None
     with progress.steps(4) as step:
         step("all speeds")
@@ -159,7 +159,7 @@ def _critical_speeds(
         of_response = search.response_maxima(grid, results, resolved)
         values = np.where(resolved, radius(results), np.nan)
         of_radius = search.multiplier_maxima(grid, values, results, radius)
-        rows = _divisions(frequencies, at_rest, orders)
+        rows = _divisions(frequencies, rest_frequencies, orders)
         rows = assign(rows, search.label_response_maxima(of_response), frequencies, "response")
         rows = assign(rows, search.label_real_part_maxima(of_real_part), frequencies, "multiplier")
         rows = assign(rows, search.label_radius_maxima(of_radius), frequencies, "radius")

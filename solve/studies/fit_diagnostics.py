@@ -12,10 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.fit import Channel
-
-_EXACT = 1e-5
-"""Relative residual up to which errors of the orbits (tolerance 1e-7) and of finite differences explain the
-residuals. A choice."""
+from solve.studies.least_squares import EXACT
 
 _FALSE_ALARMS = 0.003
 """Probability of a warning for residuals that are noise. A choice."""
@@ -40,7 +37,7 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
     from scipy.stats import chi2
 
     warnings = [
-        f"{name} is measured {ratio:.2g} times as large as computed at the start; check its unit"
+        f"{name}: the measured values are {ratio:.2g} times those computed at the start; check the unit"
         for name, ratio in ratios.items()
         if not 1 / _UNIT_RATIO < ratio < _UNIT_RATIO
     ]
@@ -65,14 +62,14 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
                 f"typical sensor errors; {len(residuals)} values are too few to distinguish noise from "
                 "model error"
             )
-        elif noise < _FALSE_ALARMS / len(ratios) and size > _EXACT:
+        elif noise < _FALSE_ALARMS / len(ratios) and size > EXACT:
             correlation = max((correlation for _, correlation in pairs), key=abs)
             warnings.append(
                 f"{name}: neighbouring residuals have a correlation of {correlation:+.2f}: the model "
                 "does not describe the data, or the noise is not independent; the 95 % intervals "
                 "assume a correct model and independent noise, and are not valid"
             )
-        if 2 * len(np.unique(np.stack((at, measured)), axis=1).T) <= len(at) and size > _EXACT:
+        if 2 * len(np.unique(np.stack((at, measured)), axis=1).T) <= len(at) and size > EXACT:
             warnings.append(
                 f"{name}: the data contain duplicate rows; the 95 % intervals count every row and are too "
                 "narrow"

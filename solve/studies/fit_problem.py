@@ -155,7 +155,7 @@ def _amplitudes(grid: GridDerivatives, name: str, orders: Array, with_angles: bo
     returned, except that the mean keeps its sign."""
     pairs = [grid.figures.harmonic(name, round(order)) for order in orders.tolist()]
     amplitudes = np.array([amplitude for amplitude, _ in pairs])
-    derivatives = np.array(grid.forward.of([sums for _, sums in pairs])).T
+    derivatives = np.array(grid.forward.derivatives_of([sums for _, sums in pairs])).T
     if with_angles:
         return amplitudes, derivatives
     size = np.abs(amplitudes)

@@ -16,7 +16,7 @@ from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED, speed_or_usual, unit_of
 from solve.methods.choice import Rule, chosen, damping
 from solve.methods.method import Method
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.results.followed_modes import FollowedModes
 from solve.studies.mode_identity import Identities, identified
 from solve.studies.mode_tracks import Sample, Tracks
@@ -54,7 +54,7 @@ class _Solver:
         system, speed = self.at(x)
         check(system, speed)
         with one_thread(system.n):
-            return mode_vectors(OnePoint(system, speed), self.method, self.steps, self.rtol, self.engine)
+            return mode_vectors(SinglePoint(system, speed), self.method, self.steps, self.rtol, self.engine)
 
     def __call__(self, x: float) -> ModeVectors | None:
         """Modes at a value of the parameter; None if there is no solution."""
@@ -152,7 +152,7 @@ def follow_modes(
     >>> followed.frequencies.round(6).tolist(), followed.damping.round(6).tolist()
     ([[1.999375], [1.999375]], [[0.025], [0.025]])
     """
-    points = _Points.of(system, speeds, over)
+    points = _Points.from_arguments(system, speeds, over)
     engine_used, notes = chosen_engine(engine)
     solver = _Solver(points.at, _method(method, system.n), checked_rtol(rtol), engine_used, _FEWEST_STEPS)
     if steps is not None:
@@ -188,7 +188,7 @@ class _Points:
     speeds: Array
 
     @classmethod
-    def of(cls, system: PeriodicSystem, speeds: Any, over: Over | None) -> Self:
+    def from_arguments(cls, system: PeriodicSystem, speeds: Any, over: Over | None) -> Self:
         """Points from the arguments of `follow_modes`. Raises SolveError subclasses."""
         if over is None:
             omegas = speeds_between([] if speeds is None else speeds, "followed modes")
@@ -205,7 +205,7 @@ class _Points:
         given_speeds = speeds_given(speed_or_usual(system, None) if speeds is None else speeds)
         if len(given_speeds) != 1:
             raise ValueOutOfBoundsError(
-                f"speeds are {len(given_speeds)} values, and over varies {name}; give one speed together "
+                f"{len(given_speeds)} speeds are given, and over varies {name}; give one speed together "
                 "with over"
             )
         require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
@@ -262,9 +262,9 @@ def _unresolved(points: _Points, solver: _Solver, samples: Sequence[Sample]) -> 
     values = [sample.x for sample in samples if not sample.modes.resolved]
     if not values:
         return []
-    places = points.text(values[0]) + (f" and {len(values) - 1} more values" if len(values) > 1 else "")
+    where = points.text(values[0]) + (f" and {len(values) - 1} more values" if len(values) > 1 else "")
     return [
-        f"{solver.steps} steps do not resolve the harmonics of all modes at {places}: their frequencies and "
+        f"{solver.steps} steps do not resolve the harmonics of all modes at {where}: their frequencies and "
         "identities are unreliable; give more steps"
     ]
 

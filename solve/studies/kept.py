@@ -61,7 +61,7 @@ class KeptValues:
         if each.phases is not None:
             return Curve(design, at, each.name, each.phases)
         if not {*each.figures} <= {"max", "min"}:
-            return Single(design, at, Named.of(design.model, f"{each.name}.{each.figures[0]}"))
+            return Single(design, at, Named.parse(design.model, f"{each.name}.{each.figures[0]}"))
         sides = (1.0 if figure == "max" else -1.0 for figure in each.figures)
         return Differences([equal_extrema(design, design.start, at, each.name, side) for side in sides])
 

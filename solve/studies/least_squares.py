@@ -33,7 +33,7 @@ _OFFSET = 0.1
 then a tenth of the standard error or more. Bates and Watts stop at 0.001; SciPy's ftol of 1e-8 gives 1e-4
 √(n/p), 0.01 for 10 000 values."""
 
-_EXACT = 1e-5
+EXACT = 1e-5
 """Relative residual up to which errors of the orbits (tolerance 1e-7) and of finite differences explain the
 residuals. A choice."""
 
@@ -89,7 +89,7 @@ def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -
             solution = least_squares(trials.residuals, solution.x, loss="soft_l1", f_scale=scale, **settings)
     left = len(solution.fun) - len(solution.x)
     sigma = _spread(solution.fun) if robust else float(np.sqrt(2 * solution.cost / left))
-    exact = np.sqrt(np.mean(solution.fun**2)) <= _EXACT
+    exact = np.sqrt(np.mean(solution.fun**2)) <= EXACT
     stationary = bool(robust or exact or _offset(solution) <= _OFFSET)
     doubts = [] if exact else _doubts(problem, solution, trials, stationary)
     return Minimum(solution.x, solution.fun, solution.jac, sigma, stationary, doubts)

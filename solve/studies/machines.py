@@ -51,7 +51,7 @@ class Event(NamedTuple):
     failed: Array
 
     @classmethod
-    def of(cls, margins: Array, occurs: Array, is_open: Array, failed: Array) -> "Event":
+    def from_points(cls, margins: Array, occurs: Array, is_open: Array, failed: Array) -> "Event":
         """Event from arrays (P, k) over points and speeds: margins, and whether the event occurs, is open, or
         has no result."""
         any_occurs, any_open, any_failed = (
@@ -117,7 +117,7 @@ class Machines:
             return values.reshape(-1, count)
 
         verdicts = by_speed(results.verdicts)
-        unstable = Event.of(
+        unstable = Event.from_points(
             by_speed(results.spectral_radius - 1),
             verdicts == UNSTABLE,
             verdicts == UNDETERMINED,
@@ -130,7 +130,7 @@ class Machines:
             margins = bound.sign * by_speed(values - bound.value)
             # An infinite error leaves the event open.
             is_open = ~(np.abs(margins) > errors) & ~np.isnan(margins)
-            beyond.append(Event.of(margins, (margins > 0) & ~is_open, is_open, np.isnan(margins)))
+            beyond.append(Event.from_points(margins, (margins > 0) & ~is_open, is_open, np.isnan(margins)))
         every = [by_speed(values_of(each.named, results, speeds, period)) for each in self.quantities]
         return Outcome(unstable, beyond, np.array(every))
 
@@ -138,8 +138,8 @@ class Machines:
         """Worst values (P, q) over the speeds, and indices (P, q) of the speeds at which they occur; NaN if a
         value is NaN."""
         signs = np.array([each.sign for each in self.quantities])[:, None, None]
-        places = (signs * values).argmax(axis=2)
-        return np.take_along_axis(values, places[..., None], axis=2)[..., 0].T, places.T
+        speed_indices = (signs * values).argmax(axis=2)
+        return np.take_along_axis(values, speed_indices[..., None], axis=2)[..., 0].T, speed_indices.T
 
     def design(self, speed: float) -> Design:
         """Model at one speed with variables x from 0 to 1, which cover all values of nonnegligible

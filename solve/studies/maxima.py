@@ -76,14 +76,14 @@ class Trials:
     middle.
 
     Errors are the largest errors at the ends and the middle, and are not estimated again by a second grid.
-    results: solutions on the original grid; `places` (k, 3): indices of the brackets' speeds among these
+    results: solutions on the original grid; `brackets` (k, 3): indices of the brackets' speeds among these
     solutions.
     """
 
-    def __init__(self, batch: Batch, kept: Kept, results: PointResults, places: Array):
+    def __init__(self, batch: Batch, kept: Kept, results: PointResults, brackets: Array):
         self._batch, self._kept = batch, kept
-        self._steps, self._errors = results.steps[places].max(axis=1), results.errors[places].max(axis=1)
-        self._on_one_grid = bool(np.isin(results.methods[places], _SAME_GRID).all())
+        self._steps, self._errors = results.steps[brackets].max(axis=1), results.errors[brackets].max(axis=1)
+        self._on_one_grid = bool(np.isin(results.methods[brackets], _SAME_GRID).all())
 
     def solve(self, speeds: Array, numbers: Array) -> PointResults:
         """Solutions at speeds (m,) in the brackets with the indices `numbers` (m,)."""

@@ -66,11 +66,11 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     inverse = np.linalg.pinv(shapes)
     rates = np.real(np.einsum("kij,kji->ki", inverse @ np.linalg.solve(M, C), shapes)) / 2
     values = np.stack((np.sqrt(np.maximum(real, 0.0)), rates), axis=1)
-    ranks, places, log_unchanged = _follow(values[:, 0], shapes, inverse, speed / step)
+    ranks, next_modes, log_unchanged = _follow(values[:, 0], shapes, inverse, speed / step)
     means, exchanged = values.mean(axis=0), (ranks != np.arange(system.n)).any(axis=0)
     if exchanged.any():
         followed = np.take_along_axis(values, ranks[:, None], axis=2).mean(axis=0)
-        followed = _mean_over_cycles(followed, places)
+        followed = _mean_over_cycles(followed, next_modes)
         faster = followed[1, exchanged].min() - means[1, exchanged].min()
         if speed == 0 or faster * system.period / speed <= -log_unchanged:
             means = followed
@@ -173,13 +173,13 @@ def _overlaps(left: Array, shapes: Array, others_left: Array, others: Array) -> 
     return np.abs((left @ others) * np.swapaxes(others_left @ shapes, -1, -2))
 
 
-def _mean_over_cycles(means: Array, places: Array) -> Array:
+def _mean_over_cycles(means: Array, next_modes: Array) -> Array:
     """Means (2, n) over as many periods as each mode needs to return to its rank, from the means over one
-    period. places (n,): index of the mode whose rank each mode takes after a period."""
+    period. next_modes (n,): index of the mode whose rank each mode takes after a period."""
     averaged = means.copy()
-    for mode in range(len(places)):
+    for mode in range(len(next_modes)):
         cycle = [mode]
-        while places[cycle[-1]] != mode:
-            cycle.append(int(places[cycle[-1]]))
+        while next_modes[cycle[-1]] != mode:
+            cycle.append(int(next_modes[cycle[-1]]))
         averaged[:, mode] = means[:, cycle].mean(axis=1)
     return averaged

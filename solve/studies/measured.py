@@ -193,8 +193,8 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     first = next((place for place, name in enumerate(names) if name != _SPEED), 0)
     axis = names[first]
     require_name(f"first column of {read.path.name}", axis, AXES)
-    places = [place for place, name in enumerate(names) if place == first or name not in AXES]
-    columns = {names[place]: _column(read, names, system, axis, place) for place in places}
+    kept = [place for place, name in enumerate(names) if place == first or name not in AXES]
+    columns = {names[place]: _column(read, names, system, axis, place) for place in kept}
     at = columns.pop(axis)
     if axis == "mode":
         return _frequencies(read, at, columns, system)

@@ -51,7 +51,7 @@ class _Path:
     states: Sequence[State]
 
     @classmethod
-    def of(cls, branches: tuple[Tracks, Tracks]) -> "_Path":
+    def from_branches(cls, branches: tuple[Tracks, Tracks]) -> "_Path":
         down, up = branches
         pairs = [*zip(down.samples[:0:-1], down.states[:0:-1], strict=True)]
         pairs += zip(up.samples, up.states, strict=True)
@@ -89,7 +89,7 @@ class _Path:
 
 def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Identities:
     """Modes at the given values, from the tracks downwards and upwards from one sample."""
-    path = _Path.of(branches)
+    path = _Path.from_branches(branches)
     indices = np.searchsorted(path.x, values)
     main = np.array([_main_harmonic(path, indices, track) for track in range(len(path.states[0].modes))])
     shifts = np.array([state.shifts for state in path.states]) + main
@@ -173,9 +173,9 @@ def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> t
         power /= power.sum(axis=(1, 2), keepdims=True)
         for column, track in enumerate(tracks.tolist()):
             if state.modes[track] >= 0:
-                places = window + shifts[at, track] - harmonics[0]
-                is_inside = (places >= 0) & (places < len(harmonics))
-                picked = power[state.modes[track]][:, np.where(is_inside, places, 0)]
+                indices = window + shifts[at, track] - harmonics[0]
+                is_inside = (indices >= 0) & (indices < len(harmonics))
+                picked = power[state.modes[track]][:, np.where(is_inside, indices, 0)]
                 values[row, column] = np.where(is_inside, picked, 0.0)
     sums = np.nan_to_num(values.sum(axis=2), nan=1.0)
     covers = [
@@ -228,7 +228,7 @@ def _veerings(approaches: Sequence[Approach], label_of: Mapping[int, str], x: Ar
         if all(abs(place - other) > 2 * max(width, wide) for other, wide, _ in listed):
             listed.append((place, width, approach.gap))
     return [
-        Meeting(pair, place, VEERING, gap) for pair, places in by_pair.items() for place, _, gap in places
+        Meeting(pair, place, VEERING, gap) for pair, minima in by_pair.items() for place, _, gap in minima
     ]
 
 
@@ -245,8 +245,8 @@ def _crossings(
         difference, pair = frequencies[:, first] - frequencies[:, second], (labels[first], labels[second])
         growth = np.real(exponents[:, first] - exponents[:, second])
         with np.errstate(invalid="ignore"):
-            places = np.flatnonzero(difference[:-1] * difference[1:] < 0)
-        for at in places.tolist():
+            changes = np.flatnonzero(difference[:-1] * difference[1:] < 0)
+        for at in changes.tolist():
             t = difference[at] / (difference[at] - difference[at + 1])
             value = float(x[at] + t * (x[at + 1] - x[at]))
             is_ambiguous = any(one.modes == pair and one.low <= value <= one.high for one in ambiguous)

@@ -169,7 +169,7 @@ class Step:
     def __init__(self, tracks: Tracks, sample: Sample, level: int):
         self.tracks, self.sample, self.level = tracks, sample, level
         self.before = tracks.samples[tracks.base]
-        self.overlaps = Overlaps.of(self.before.modes, sample.modes)
+        self.overlaps = Overlaps.between(self.before.modes, sample.modes)
         self.references, products = self._references()
         largest = products.max(axis=-1)
         self.modes = _assigned(largest)
@@ -184,7 +184,7 @@ class Step:
         modes, shifts = (values.copy() for values in tracks.states[tracks.base])
         products = np.where((modes >= 0)[:, None, None], self.overlaps.products[modes], 0.0)
         for track, at in tracks.held.items():
-            earlier = Overlaps.of(tracks.samples[at].modes, self.sample.modes).products
+            earlier = Overlaps.between(tracks.samples[at].modes, self.sample.modes).products
             modes[track], shifts[track] = (values[track] for values in tracks.states[at])
             # The last sample decides between modes that overlap equally with the earlier sample.
             products[track] = earlier[modes[track]] + _TIE * products[track]
@@ -205,7 +205,7 @@ class Step:
         return quality
 
     @cached_property
-    def own(self) -> Array:
+    def self_overlap(self) -> Array:
         """Overlap (T,) of each track with its mode, without coincident and conjugate modes."""
         return np.where(self.modes >= 0, self.products[np.arange(len(self.modes)), self.modes], 0.0)
 
@@ -224,9 +224,9 @@ class Step:
     def pairs(self) -> CoupledPairs:
         """Exceptional points between the compared tracks."""
         at, base = self.compared, self.tracks.states[self.tracks.base]
-        places, points = (base.modes[at], self.modes[at]), (self.before.modes, self.sample.modes)
+        mode_indices, points = (base.modes[at], self.modes[at]), (self.before.modes, self.sample.modes)
         shifts = self.references.shifts + self.shifts - base.shifts
-        return exceptional_points(self.overlaps, points, places, shifts[at], self.noise[at])
+        return exceptional_points(self.overlaps, points, mode_indices, shifts[at], self.noise[at])
 
     @cached_property
     def twins(self) -> Array:
@@ -308,8 +308,8 @@ class Step:
         for track in [track for track in tracks.held if self._is_released(track, near)]:
             del tracks.held[track]
         locked = {track for pair in self.locked_pairs for track in pair}
-        mixed = {track for track in tracks.twins if 0 < self.own[track] < _ACCEPTED}
-        for track in near | mixed | {track for track in locked if self.own[track] < _ACCEPTED}:
+        mixed = {track for track in tracks.twins if 0 < self.self_overlap[track] < _ACCEPTED}
+        for track in near | mixed | {track for track in locked if self.self_overlap[track] < _ACCEPTED}:
             tracks.held.setdefault(track, tracks.base)
 
     def _is_locked(self, first: int, second: int) -> bool:
@@ -332,7 +332,7 @@ class Step:
             return False
         if is_real or track in near:
             return bool(self.quality[track] < _ACCEPTED)
-        return bool(self.own[track] >= _ACCEPTED)
+        return bool(self.self_overlap[track] >= _ACCEPTED)
 
     def _coincidence_is_new(self) -> bool:
         """Whether modes coincide at this sample but not at the previous one."""

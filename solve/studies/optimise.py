@@ -126,7 +126,7 @@ def optimise(
     named = [each.quantity for each in bounds] + ([objective] if isinstance(objective, Named) else [])
     orbits = not isinstance(objective, Named) or bool(kept) or any(each.of_orbit for each in named)
     design = Design(model, names, low, high, sorted(map(float, given)), rule, rtol, orbits)
-    statistic = None if robust is None else Statistic.of(robust)
+    statistic = None if robust is None else Statistic.parse(robust)
     machines = _machines(design, objective, statistic, vary, is_range)
     search = Search(design, objective, bounds, kept, machines, statistic)
     with progress.task(ROUNDS):

@@ -115,7 +115,7 @@ class Search:
         repeated."""
         if isinstance(self.minimise, Named):
             return np.array([point.value(self.minimise) for point in points])
-        return np.full(len(points), Function(self.design, self.minimise).of(points))
+        return np.full(len(points), Function(self.design, self.minimise).value(points))
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
         """Objective (k,) at each speed, over the deviating machines if it is robust. points: the solutions at
@@ -204,8 +204,8 @@ class Search:
                 Robust(self.machines, at, self.minimise, self.statistic)
                 for at in range(len(self.design.speeds))
             ]
-        places = range(len(self.design.speeds))
-        return [self._at_speed(tracked(self.design, x, at, self.minimise)) for at in places]
+        speed_indices = range(len(self.design.speeds))
+        return [self._at_speed(tracked(self.design, x, at, self.minimise)) for at in speed_indices]
 
     def _at_speed(self, values: Single | Extrema) -> Tracked:
         """Values at a speed of the design, or their local maximum about it if it is followed.

@@ -41,7 +41,7 @@ class Bound:
     value: float
 
     @classmethod
-    def of(cls, system: PeriodicSystem, text: str) -> "Bound":
+    def parse(cls, system: PeriodicSystem, text: str) -> "Bound":
         """Bound from a text such as "spectral_radius < 0.9". Raises ValueOutOfBoundsError, UnknownNameError,
         UnitError."""
         parts = _RELATION.fullmatch(text)
@@ -68,7 +68,7 @@ class Kept:
     tolerance: float | None = None
 
     @classmethod
-    def of(cls, system: PeriodicSystem, text: str) -> "Kept":
+    def parse(cls, system: PeriodicSystem, text: str) -> "Kept":
         """Quantity to be kept unchanged, from a text such as "lift.range", "lift@80:100 deg" or "lift.max
         within 0.1 mm". Raises ValueOutOfBoundsError, UnknownNameError, UnitError."""
         what, within, width = (part.strip() for part in text.partition(" within "))
@@ -99,7 +99,7 @@ class Kept:
 
 def real_quantity(system: PeriodicSystem, text: str) -> Named:
     """Quantity with real values, from its name. Raises UnknownNameError, ValueOutOfBoundsError."""
-    named = Named.of(system, text)
+    named = Named.parse(system, text)
     if named.figure == "" and named.subject != RADIUS:
         raise ValueOutOfBoundsError(f"'{text}' is complex; give a part, such as {text}.re")
     if named.figure.endswith("_phase"):
@@ -111,13 +111,13 @@ def real_quantity(system: PeriodicSystem, text: str) -> Named:
 
 
 def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:
-    """Bounds from texts; see `Bound.of`."""
-    return [Bound.of(system, text) for text in unique_names(texts)]
+    """Bounds from texts; see `Bound.parse`."""
+    return [Bound.parse(system, text) for text in unique_names(texts)]
 
 
 def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
-    """Kept quantities from texts; see `Kept.of`."""
-    return [Kept.of(system, text) for text in unique_names(texts)]
+    """Kept quantities from texts; see `Kept.parse`."""
+    return [Kept.parse(system, text) for text in unique_names(texts)]
 
 
 def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:

@@ -37,11 +37,11 @@ class Statistic(NamedTuple):
     is_quantile: bool
 
     @classmethod
-    def of(cls, given: float | str) -> "Statistic":
+    def parse(cls, given: float | str) -> "Statistic":
         """Statistic of a multiple such as 3, or of a percentage such as "95 %". Raises
         ValueOutOfBoundsError.
 
-        >>> Statistic.of("95 %").text, Statistic.of(3).text
+        >>> Statistic.parse("95 %").text, Statistic.parse(3).text
         ('95 % quantile', 'mean + 3 σ')
         """
         text = str(given).strip()

@@ -16,7 +16,7 @@ from solve.labels import SPEED
 from solve.methods.choice import Rule
 from solve.methods.free import free
 from solve.period.named import RADIUS
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.period.rigid_body import before_rigid
 from solve.results.bands import Bands
 from solve.results.critical_speeds import CriticalSpeeds, Maximum
@@ -174,8 +174,8 @@ def speed_sensitivities(
     system = found.system
     names = moving_parameters(system, by)
 
-    def derivatives(of: str, speed: float) -> Sensitivity:
-        return sensitivities(system, speed, of, [*names, SPEED], method, rtol=rtol).found[of]
+    def derivatives(quantity: str, speed: float) -> Sensitivity:
+        return sensitivities(system, speed, quantity, [*names, SPEED], method, rtol=rtol).found[quantity]
 
     is_bands = isinstance(found, Bands)
     marked_speeds = _edges(found) if is_bands else _maxima(found)
@@ -187,10 +187,12 @@ def speed_sensitivities(
         )
     by_name = {}
     with progress.task("speeds", len(marked_speeds)):
-        for name, of, speed in marked_speeds:
+        for name, quantity, speed in marked_speeds:
             with progress.subtask("speeds"):
                 sensitivity = (
-                    differentiate(of, speed, derivatives) if of else _none(speed, len(names), _UNBOUNDED)
+                    differentiate(quantity, speed, derivatives)
+                    if quantity
+                    else _none(speed, len(names), _UNBOUNDED)
                 )
             by_name[name] = (
                 replace(sensitivity, reason=f"{name}: {sensitivity.reason}")
@@ -227,10 +229,10 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
     """Name, quantity and speed of each maximum. The quantity is empty if the response is unbounded."""
     ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "", "radius": RADIUS}
 
-    def quantity(of: str, maximum: Maximum) -> str:
+    def quantity(stated: str, maximum: Maximum) -> str:
         if maximum.height == np.inf:
             return ""
-        return of or _dominant(found.system, maximum)
+        return stated or _dominant(found.system, maximum)
 
     return [
         (f"{way}{number}", quantity(of, maximum), maximum.speed)
@@ -243,7 +245,7 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
 
 def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
     """Name of the real part of the largest multiplier, excluding the multipliers +1 of rigid-body modes."""
-    rigid = free(OnePoint(system, maximum.speed))
+    rigid = free(SinglePoint(system, maximum.speed))
     largest = np.array([maximum.height])
     before = 0 if rigid is None or before_rigid(largest) else int(rigid.modes.multiplicity[0])
     return f"rho{before + 1}.re"
@@ -252,14 +254,14 @@ def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
 Derivatives = Callable[[str, float], Sensitivity]
 
 
-def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
-    of_radius = derivatives(of, speed)
+def _of_edge(quantity: str, speed: float, derivatives: Derivatives) -> Sensitivity:
+    of_radius = derivatives(quantity, speed)
     for _ in range(_NEWTON_STEPS):
         moved = (1 - float(np.real(of_radius.value))) / of_radius.derivatives[-1]
         if not abs(moved) < _MAX_SHIFT * speed:
             break
         speed += moved
-        of_radius = derivatives(of, speed)
+        of_radius = derivatives(quantity, speed)
     *by, along = of_radius.derivatives
     *off, off_along = of_radius.errors
     if not off_along < _MAX_ERROR * abs(along):
@@ -270,13 +272,13 @@ def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
     )
 
 
-def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
+def _of_maximum(quantity: str, speed: float, derivatives: Derivatives) -> Sensitivity:
     # The differences below use all but one of their points in common.
     @functools.cache
     def gradient(omega: float) -> Array:
-        return derivatives(of, omega).derivatives
+        return derivatives(quantity, omega).derivatives
 
-    value, start = derivatives(of, speed), speed
+    value, start = derivatives(quantity, speed), speed
     if value.reason:
         return _none(speed, len(value.derivatives) - 1, value.reason)
 

@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array, runs
 from solve.errors import SolveError
 from solve.period.frozen import frozen
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.studies.stability_samples import Evaluate, StabilitySamples, crossing_function
 from solve.system import PeriodicSystem, check
 from solve.units import ShownUnit
@@ -55,7 +55,7 @@ def multiplier_rotation(
     Ignored are modes that are damped out within a period, and modes whose phase advance per period exceeds
     `max_angle` at the lowest speed.
     """
-    values = [omega * frozen(OnePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
+    values = [omega * frozen(SinglePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
     exponents = np.concatenate(values) * system.period
     exponents = exponents[np.abs(np.imag(exponents)) <= max_angle * ends[0]]
 

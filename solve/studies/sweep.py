@@ -188,7 +188,7 @@ def _rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
         for at, point in enumerate(points):
             try:
                 system, speed = family.system(point)
-                _keep_rigid(results, at, RigidOrbit.of(system, speed))
+                _keep_rigid(results, at, RigidOrbit.at_speed(system, speed))
             except SolveError as error:
                 results.failures[at] = str(error)
             count.add(1)

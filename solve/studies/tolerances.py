@@ -251,13 +251,13 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
     last point is the nominal one."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
-    worst, places = machines.worst(values)
+    worst, speed_index = machines.worst(values)
     found = {}
     for at, quantity in enumerate(machines.quantities):
         known = np.where(np.isnan(worst[:, at]), -np.inf, quantity.sign * worst[:, at])
         climbed = []
         for start in known.argsort()[-_STARTS:].tolist():
-            speed = machines.speeds[int(places[start, at])]
+            speed = machines.speeds[int(speed_index[start, at])]
             value, parameters = _local_worst_point(machines, quantity, speed, points[start], (low, high))
             climbed.append((quantity.sign * value, value, speed, parameters))
         _, value, speed, parameters = max(climbed, key=lambda each: each[0])

@@ -156,9 +156,9 @@ class Function:
     function: Callable[[Sequence[Orbit]], float]
 
     def values(self, x: Array) -> Array:
-        return np.array([self.of(self.design.points(x))])
+        return np.array([self.value(self.design.points(x))])
 
-    def of(self, points: Sequence[DesignPoint]) -> float:
+    def value(self, points: Sequence[DesignPoint]) -> float:
         """Value of the function."""
         return float(self.function([point.orbit for point in points]))
 
@@ -166,7 +166,7 @@ class Function:
         points, slopes = self.design.points(x), np.empty((1, len(x)))
 
         def value(place: int, end: float) -> float:
-            return self.of(self.design.on_grids_of(points, np.r_[x[:place], end, x[place + 1 :]]))
+            return self.value(self.design.on_grids_of(points, np.r_[x[:place], end, x[place + 1 :]]))
 
         for place, at in enumerate(x.tolist()):
             # At a bound the difference is one-sided and is corrected by the second difference.
@@ -216,13 +216,13 @@ def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> 
 def _maxima(values: Array, least: float, period: float) -> Array:
     """Phases (k,) of the local maxima of samples over a period that are at least `least`."""
     before, after = np.roll(values, 1), np.roll(values, -1)
-    places = np.flatnonzero((values >= before) & (values > after) & (values >= least))
-    if not len(places):
+    indices = np.flatnonzero((values >= before) & (values > after) & (values >= least))
+    if not len(indices):
         # A constant has no maxima in this design, but may have maxima at any phase in the next design.
-        places = np.arange(0, len(values), len(values) // _OF_CONSTANT)
-    neighbours = np.stack((before, values, after), axis=1)[places]
-    phases = (places[:, None] + np.array([-1, 0, 1])) * (period / len(values))
-    return _refined(neighbours, np.ones(len(places), dtype=int), phases)
+        indices = np.arange(0, len(values), len(values) // _OF_CONSTANT)
+    neighbours = np.stack((before, values, after), axis=1)[indices]
+    phases = (indices[:, None] + np.array([-1, 0, 1])) * (period / len(values))
+    return _refined(neighbours, np.ones(len(indices), dtype=int), phases)
 
 
 def _half_widths(phases: Array, period: float) -> Array:
@@ -233,14 +233,14 @@ def _half_widths(phases: Array, period: float) -> Array:
     return np.minimum(np.minimum(gaps, np.roll(gaps, 1)) / 2, _WIDEST * period)
 
 
-def _refined(values: Array, places: Array, phases: Array) -> Array:
-    """Phases (k,) of the vertices of parabolas through three samples with the middle one at `places` (k,).
+def _refined(values: Array, indices: Array, phases: Array) -> Array:
+    """Phases (k,) of the vertices of parabolas through three samples with the middle one at `indices` (k,).
     Where the middle one is the first or the last sample, its phase in `phases` (k, j) is returned."""
-    rows, inner = np.arange(len(places)), np.clip(places, 1, values.shape[1] - 2)
+    rows, inner = np.arange(len(indices)), np.clip(indices, 1, values.shape[1] - 2)
     below, top, above = (values[rows, inner + shift] for shift in (-1, 0, 1))
     bend = 2 * top - below - above
     spacing = phases[rows, inner] - phases[rows, inner - 1]
     shift = np.where(bend > 0, (above - below) / (2 * np.where(bend > 0, bend, 1.0)), 0.0)
     return np.where(
-        places == inner, phases[rows, inner] + np.clip(shift, -1, 1) * spacing, phases[rows, places]
+        indices == inner, phases[rows, inner] + np.clip(shift, -1, 1) * spacing, phases[rows, indices]
     )

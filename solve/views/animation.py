@@ -299,9 +299,9 @@ def _scaled(animation: Animation, scale: float | None) -> Animation:
     if scale is None:
         phase = np.linspace(0.0, animation.span, SAMPLES // 4)
         rigid, moved = animation.lines(phase, 0.0), animation.lines(phase, 1.0)
-        points = np.concatenate([places.ravel() for places in rigid.values()])
+        points = np.concatenate([line.ravel() for line in rigid.values()])
         size = max(np.ptp(points.real), np.ptp(points.imag))
-        largest = max(float(np.abs(moved[name] - places).max()) for name, places in rigid.items())
+        largest = max(float(np.abs(moved[name] - line).max()) for name, line in rigid.items())
         scale = round_magnification(VISIBLE * size / largest) if largest > 0 else 1.0
     return replace(animation, scale=float(scale))
 

@@ -64,7 +64,7 @@ def branch_figure(branch: Branch) -> Figure:
 
 def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
     """Draw the sections of a branch, each with one verdict, and the special points."""
-    places, labelled = unit_of(branch.system, branch.over).of(branch.values), set[str]()
+    x, labelled = unit_of(branch.system, branch.over).from_si(branch.values), set[str]()
     for number in range(int(branch.numbers.max()) + 1):
         in_branch = np.flatnonzero(branch.numbers == number)
         first = 0
@@ -73,22 +73,22 @@ def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
             color, line = _LINES[verdict]
             style = {"color": color, "linestyle": line, "marker": ".", "markersize": 4}
             style["label"] = None if verdict in labelled else verdict
-            axes.plot(places[in_branch[first : last + 1]], values[in_branch[first : last + 1]], **style)
+            axes.plot(x[in_branch[first : last + 1]], values[in_branch[first : last + 1]], **style)
             labelled.add(verdict)
             first = last
     for kind, (marker, label) in _MARKS.items():
         special = branch.kinds == KINDS.index(kind)
         if special.any():
             style = {"color": BLACK, "markersize": 4.5, "label": label, "clip_on": False}
-            axes.plot(places[special], values[special], marker, linestyle="none", **style)
+            axes.plot(x[special], values[special], marker, linestyle="none", **style)
 
 
-def _verdicts_between(branch: Branch, own: Array) -> list[str]:
+def _verdicts_between(branch: Branch, points: Array) -> list[str]:
     """Verdict of each segment between neighbouring points of one branch; undetermined if the verdicts at its
     ends differ. Special points are ignored, because they lie on the stability boundary."""
     verdicts = [
         None if branch.kinds[at] else verdict
-        for at, verdict in zip(own.tolist(), np.array(branch.verdicts)[own].tolist(), strict=True)
+        for at, verdict in zip(points.tolist(), np.array(branch.verdicts)[points].tolist(), strict=True)
     ]
     both = ({verdict for verdict in pair if verdict is not None} for pair in pairwise(verdicts))
     return [pair.pop() if len(pair) == 1 else UNDETERMINED for pair in both]
@@ -101,7 +101,7 @@ def special_curves_figure(curves: SpecialCurves) -> Figure:
     with page(4.2, f"{title_of(curves.system)}: {curves.kind}s in two parameters") as sheet:
         axes, count = sheet.subplots(), int(curves.numbers.max(initial=-1)) + 1
         units = [unit_of(curves.system, name) for name in curves.names]
-        x, y = (unit.of(values) for unit, values in zip(units, curves.values.T, strict=True))
+        x, y = (unit.from_si(values) for unit, values in zip(units, curves.values.T, strict=True))
         for number, shade in enumerate(shades(count)):
             in_curve = curves.numbers == number
             axes.plot(

@@ -59,8 +59,8 @@ def chart_figure(chart: Chart) -> Figure:
     with np.errstate(divide="ignore"):
         growth = np.log(chart.spectral_radius)
     field = Field(
-        units[0].of(chart.x),
-        units[1].of(chart.y),
+        units[0].from_si(chart.x),
+        units[1].from_si(chart.y),
         growth,
         chart.kinds,
         np.isnan(chart.stable),
@@ -202,11 +202,11 @@ def _plane(field: Field, values: Array) -> _Plane:
     unstable = field.kinds.ravel() != ""
     few = values.size <= _FEW
     curves = [curve for _, curve in field.boundaries] if few else []
-    places = np.concatenate([points, *curves])
+    corners = np.concatenate([points, *curves])
     flat = np.concatenate([values.ravel(), *(np.zeros(len(curve)) for curve in curves)])
-    kinds = np.full(len(places), "", dtype=field.kinds.dtype)
+    kinds = np.full(len(corners), "", dtype=field.kinds.dtype)
     if unstable.any():
-        _, nearest = KDTree(points[unstable] / spacing).query(places / spacing)
+        _, nearest = KDTree(points[unstable] / spacing).query(corners / spacing)
         kinds = field.kinds.ravel()[unstable][nearest]
     if not few:
         shape = values.shape
@@ -214,8 +214,10 @@ def _plane(field: Field, values: Array) -> _Plane:
         return _Plane(flat, kinds, lambda axes, z, **how: axes.contourf(x, y, z.reshape(shape), **how))
     from matplotlib.tri import Triangulation
 
-    _, first = np.unique(places, axis=0, return_index=True)
-    triangles = Triangulation(places[first, 0], places[first, 1], Delaunay(places[first] / spacing).simplices)
+    _, first = np.unique(corners, axis=0, return_index=True)
+    triangles = Triangulation(
+        corners[first, 0], corners[first, 1], Delaunay(corners[first] / spacing).simplices
+    )
     return _Plane(flat[first], kinds[first], lambda axes, z, **how: axes.tricontourf(triangles, z, **how))
 
 

@@ -161,8 +161,8 @@ def newmark_region_figure() -> Figure:
         coarse, beta = np.linspace(0.5, 1.0, 151), np.linspace(0.0, 0.5, 151)
         limit = np.array([[stability_limit(g, b) for g in coarse] for b in beta])
         lines = axes.contour(coarse, beta, limit, levels=_LEVELS, colors=GREY, linewidths=0.7)
-        places = [(0.86, 0.86 / 2 - 1 / level**2) for level in _LEVELS]
-        axes.clabel(lines, fmt="%g", fontsize=7.5, manual=places)
+        label_points = [(0.86, 0.86 / 2 - 1 / level**2) for level in _LEVELS]
+        axes.clabel(lines, fmt="%g", fontsize=7.5, manual=label_points)
         offset: dict[str, Any] = {"textcoords": "offset fontsize"}
         for name, place in _POINTS.items():
             axes.plot(*place, "o", color=BLACK, clip_on=False, zorder=3)

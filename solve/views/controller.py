@@ -32,15 +32,15 @@ def controller_figure(result: Controller) -> Figure:
     gains = gains.swapaxes(0, 1) if result.kind == "kalman" else gains
     rows = min(len(gains), _MOST_ROWS)
     heights = [0.7 + _ROW * rows, CIRCLE_ROW]
-    with page(sum(heights), titled(result.system, result.speed)) as made:
-        grid = made.add_gridspec(2, 1, height_ratios=heights)
-        upper, lower = (made.add_subfigure(grid[row]) for row in range(2))
+    with page(sum(heights), titled(result.system, result.speed)) as sheet:
+        grid = sheet.add_gridspec(2, 1, height_ratios=heights)
+        upper, lower = (sheet.add_subfigure(grid[row]) for row in range(2))
         panels = upper.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
         for axes, name, curves in zip(panels, result.signals, gains, strict=False):
             _draw_gains(axes, result, name, np.degrees(phase), curves)
         label_phases(panels[-1], result.system.period)
         draw_stability(lower, result.stability)
-    return made
+    return sheet
 
 
 def _draw_gains(axes: Axes, result: Controller, name: str, degrees: np.ndarray, curves: np.ndarray) -> None:

@@ -66,8 +66,8 @@ def _rows_table(found: CriticalSpeeds) -> Table:
     heights = columns["response_height"]
     # The table fits 80 columns if the unit is in the title.
     columns["response_height"] = heights._replace(heading="height")
-    of = heights.heading.replace("height", named(found.figure, found.quantity))
-    title = f"Critical speeds in {found.system.labels.speed_unit.name}; height: {of}"
+    heading = heights.heading.replace("height", named(found.figure, found.quantity))
+    title = f"Critical speeds in {found.system.labels.speed_unit.name}; height: {heading}"
     caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
     for sign, rule in _CAPTIONS.items():
         if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in found.rows):
@@ -119,13 +119,13 @@ def _draw_marks(
     if marks:
         speeds, heights = np.array(marks).T
         style = {"color": color, "markersize": 4.5, "zorder": 4, "label": label}
-        axes.plot(unit.of(speeds), heights * factor, "v", **style)
+        axes.plot(unit.from_si(speeds), heights * factor, "v", **style)
 
 
 def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
     """Shade intervals around unstable speeds, up to half way to the neighbouring speeds. unstable (P,): mask
     of the ascending speeds (P,)."""
-    shown = unit.of(speeds)
+    shown = unit.from_si(speeds)
     between = np.concatenate((shown[:1], (shown[1:] + shown[:-1]) / 2, shown[-1:]))
     style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0}
     for at, (first, last) in enumerate(runs(unstable).tolist()):
@@ -145,12 +145,12 @@ def _label_order(
     free &= np.minimum(speeds - speeds[0], speeds[-1] - speeds) > _ASIDE * span
     for other in axes.texts:
         x, y = other.get_position()
-        beside = np.abs(unit.of(speeds) - x) > _BESIDE * unit.of(span)
+        beside = np.abs(unit.from_si(speeds) - x) > _BESIDE * unit.from_si(span)
         free &= beside | (np.abs(ray / (2 * math.pi) - y) > _CLEAR * top)
     if free.any():
         at = speeds[free][-1]
         box = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
-        place = unit.of(at), order * at / (2 * math.pi)
+        place = unit.from_si(at), order * at / (2 * math.pi)
         axes.text(*place, str(order), color=GREY, fontsize=7, ha="center", va="center", bbox=box, zorder=2)
 
 
@@ -162,7 +162,7 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     speeds, response = _curve(
         found.speeds, stable, [*maxima, *_near_poles(found.speeds, stable, found.unbounded)]
     )
-    axes.plot(found.system.labels.speed_unit.of(speeds), response * factor, color=BLUE)
+    axes.plot(found.system.labels.speed_unit.from_si(speeds), response * factor, color=BLUE)
     bounded = [(speed, height) for speed, height in maxima if math.isfinite(height)]
     shown_heights = np.abs([*stable[np.isfinite(stable)], *(height for _, height in bounded)])
     largest, least = shown_heights.max(initial=0.0) * factor, shown_heights.min(initial=np.inf) * factor
@@ -172,7 +172,7 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     _draw_marks(axes, found.system.labels.speed_unit, bounded, factor, BLUE, "maximum")
     for at, speed in enumerate(found.unbounded):
         style = {"color": BLUE, "linewidth": 0.9, "linestyle": ":", "marker": "^", "markevery": [1]}
-        axes.axvline(found.system.labels.speed_unit.of(speed), label="" if at else "unbounded", **style)
+        axes.axvline(found.system.labels.speed_unit.from_si(speed), label="" if at else "unbounded", **style)
     _shade(axes, found.system.labels.speed_unit, found.speeds, found.unstable)
     legend_above(axes, 5)
 
@@ -189,7 +189,7 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
     # If only resonances of higher orders occur, the speeds do not resolve the rotation of the multiplier.
     seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
     speeds, real_part = _curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
-    shown = found.system.labels.speed_unit.of
+    shown = found.system.labels.speed_unit.from_si
     axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
     at, radius = _curve(found.speeds, found.radius, found.maxima("radius"))
     for sign, label in ((1, "±|ρ|"), (-1, None)):
@@ -201,8 +201,10 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
         _draw_marks(axes, found.system.labels.speed_unit, marks, 1, color, name)
     reach = float(np.nanmax(found.radius, initial=1e-12))
     ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
-    places = [0.0, *ticks, *(-size for size in ticks)]
-    axes.set_yticks([float(rooted(np.array(place))) for place in places], [f"{place:g}" for place in places])
+    ticks_both = [0.0, *ticks, *(-size for size in ticks)]
+    axes.set_yticks(
+        [float(rooted(np.array(place))) for place in ticks_both], [f"{place:g}" for place in ticks_both]
+    )
     axes.set_ylabel("dominant\nmultiplier")
     axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
     _shade(axes, found.system.labels.speed_unit, found.speeds, found.unstable)
@@ -213,7 +215,7 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     from matplotlib.ticker import MaxNLocator
 
     unit, divided = found.system.labels.speed_unit, found.divided
-    speeds = unit.of(found.speeds)
+    speeds = unit.from_si(found.speeds)
     orders = sorted({order for *_, order in divided})
     shown = sorted({mode for _, mode, _ in divided}) or [1 + int(found.frequencies.any(axis=0).argmax())]
     top = HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
@@ -228,7 +230,7 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     for mode in shown:
         label = "mean natural frequency" if mode == shown[0] else None
         axes.plot(speeds, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3, label=label)
-    crossed = [(unit.of(speed), order * speed / (2 * math.pi)) for speed, _, order in divided]
+    crossed = [(unit.from_si(speed), order * speed / (2 * math.pi)) for speed, _, order in divided]
     if crossed:
         axes.plot(*zip(*crossed, strict=True), "o", color=GREEN, zorder=4, label="integer division")
     axes.set_ylim(0.0, top)

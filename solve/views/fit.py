@@ -145,14 +145,14 @@ def sensitivities_figure(result: Sensitivities) -> Figure:
         for axes, (quantity, names) in zip(panels, ranked.items(), strict=True):
             elasticities = result.elasticities(quantity)
             sizes: Any = np.array([elasticities[name] for name in names])
-            places = np.arange(len(names))
+            rows = np.arange(len(names))
             if np.iscomplexobj(sizes):
-                axes.barh(places - 0.2, sizes.real, 0.4, color=BLUE, label="real part")
-                axes.barh(places + 0.2, sizes.imag, 0.4, color=VERMILION, label="imaginary part")
+                axes.barh(rows - 0.2, sizes.real, 0.4, color=BLUE, label="real part")
+                axes.barh(rows + 0.2, sizes.imag, 0.4, color=VERMILION, label="imaginary part")
                 axes.legend()
             else:
-                axes.barh(places, sizes, 0.6, color=np.where(sizes < 0, VERMILION, BLUE))
-            axes.set_yticks(places, names)
+                axes.barh(rows, sizes, 0.6, color=np.where(sizes < 0, VERMILION, BLUE))
+            axes.set_yticks(rows, names)
             axes.invert_yaxis()
             axes.axvline(0.0, color="black", linewidth=0.7)
             axes.set_title(quantity, loc="left")
@@ -189,7 +189,7 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
 def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
     """Figure of the largest elasticities over speed, one panel per quantity; moduli for complex
     quantities."""
-    count, speeds = len(result.quantities), result.system.labels.speed_unit.of(result.speeds)
+    count, speeds = len(result.quantities), result.system.labels.speed_unit.from_si(result.speeds)
     with panels_over(
         result.system, result.speeds, "what matters most", 0.7 + 2.2 * count, count, align=False
     ) as (page, panels):
@@ -220,7 +220,7 @@ def _over_table(result: SensitivitiesOver, place: int) -> RenderableType:
         *(unit.name, quantity, *(result.by[k] for k in ranked)),
         left=0,
         rows=[
-            (f"{unit.of(speed):.6g}", _size(value), *map(_size, row))
+            (f"{unit.from_si(speed):.6g}", _size(value), *map(_size, row))
             for speed, value, row in zip(result.speeds, values, elasticities, strict=True)
         ],
     )

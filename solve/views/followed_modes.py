@@ -106,7 +106,7 @@ def _draw_damping(axes: Axes, followed: FollowedModes) -> None:
 
 def _places(followed: FollowedModes, values: Array) -> Array:
     """Values of the varied quantity in the displayed unit."""
-    return unit_of(followed.system, followed.over).of(values)
+    return unit_of(followed.system, followed.over).from_si(values)
 
 
 def _styles(followed: FollowedModes) -> Sequence[dict[str, Any]]:
@@ -132,7 +132,7 @@ def _frequency_table(followed: FollowedModes) -> Table:
     step = math.ceil(len(followed.values) / MOST_ROWS)
     hertz = followed.frequencies / (2 * math.pi)
     rows = [
-        [f"{unit.of(float(followed.values[row])):.6g}"]
+        [f"{unit.from_si(float(followed.values[row])):.6g}"]
         + [
             "–" if np.isnan(hertz[row, k]) else f"{hertz[row, k]:.5g}  {100 * followed.damping[row, k]:.3f}"
             for k in shown
@@ -162,7 +162,7 @@ def _mode_table(followed: FollowedModes) -> Table:
             for row, number in zip(*np.unravel_index(largest, parts.shape), strict=True)
             if parts[row, number] >= _LEAST_NAMED
         ]
-        place = f"{unit.of(float(followed.values[least])):.6g}"
+        place = f"{unit.from_si(float(followed.values[least])):.6g}"
         while len(", ".join(names)) > _WIDTH and len(names) > 1:
             names.pop()
         rows.append((label, f"{100 * ratios[least]:.3f}", place, ", ".join(names)))
@@ -178,11 +178,16 @@ def _meeting_table(followed: FollowedModes) -> Table:
     """Table with one row per crossing, veering and ambiguous pair."""
     unit = unit_of(followed.system, followed.over)
     rows = [
-        (meeting.kind, " and ".join(meeting.modes), f"{unit.of(meeting.value):.8g}", f"{meeting.gap:.4g}")
+        (
+            meeting.kind,
+            " and ".join(meeting.modes),
+            f"{unit.from_si(meeting.value):.8g}",
+            f"{meeting.gap:.4g}",
+        )
         for meeting in followed.meetings
     ]
     rows += [
-        (f"ambiguous: {pair.kind}", " and ".join(pair.modes), f"{unit.of(pair.low):.8g}", "–")
+        (f"ambiguous: {pair.kind}", " and ".join(pair.modes), f"{unit.from_si(pair.low):.8g}", "–")
         for pair in followed.ambiguous
     ]
     shown = rows[:MOST_ROWS]

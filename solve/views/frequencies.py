@@ -201,11 +201,11 @@ def _label_frequencies(axes: Axes) -> None:
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
     """Table with one row per position, and statistics."""
     listed = _lowest(min(found.values.shape[1], MOST_SHOWN), most_frequencies(found.system))
-    made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
-    made.add_section()
+    table = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
+    table.add_section()
     for name, values in found.statistics(0).items():
-        made.add_row(name, *map(found.text_of, values[:MOST_SHOWN]))
-    return [made]
+        table.add_row(name, *map(found.text_of, values[:MOST_SHOWN]))
+    return [table]
 
 
 @tables.register(Variation)

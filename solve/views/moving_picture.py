@@ -75,11 +75,11 @@ class Mover(NamedTuple):
     """Line of the figure with its points x + iy (points, frames) in axes units."""
 
     artist: "Line2D"
-    places: Plane
+    points: Plane
 
     def show(self, frame: int) -> None:
         """Move the line to its position in a frame."""
-        self.artist.set_data(self.places[:, frame].real, self.places[:, frame].imag)
+        self.artist.set_data(self.points[:, frame].real, self.points[:, frame].imag)
 
 
 class Scene(NamedTuple):
@@ -150,21 +150,21 @@ def gif(drawn: Drawn) -> bytes:
     return stream.getvalue()
 
 
-def _images(made: Scene) -> Iterator:
+def _images(scene: Scene) -> Iterator:
     """Images of the frames with a common palette. The fixed background is drawn only once."""
     from PIL import Image
 
-    artists = [*(mover.artist for mover in made.movers), made.label]
-    made.figure.set_dpi(100)
-    canvas, palette = made.figure.canvas, None
+    artists = [*(mover.artist for mover in scene.movers), scene.label]
+    scene.figure.set_dpi(100)
+    canvas, palette = scene.figure.canvas, None
     with styled():
         for artist in artists:
             artist.set_animated(True)
         canvas.draw()
-        still = canvas.copy_from_bbox(made.figure.bbox)  # type: ignore[attr-defined]
-        for frame in range(len(made.labels)):
+        still = canvas.copy_from_bbox(scene.figure.bbox)  # type: ignore[attr-defined]
+        for frame in range(len(scene.labels)):
             canvas.restore_region(still)  # type: ignore[attr-defined]
-            made.show(frame)
+            scene.show(frame)
             for artist in sorted(artists, key=lambda artist: artist.get_zorder()):
                 artist.axes.draw_artist(artist)
             pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
@@ -200,7 +200,7 @@ def meeting_ends(
 ) -> list[tuple[str, int]]:
     """Line and end (0 or -1) of each joint, where ends of two moving lines coincide in all frames. size: size
     of the mechanism."""
-    open_lines = [name for name, places in rigid.items() if not is_closed(places, size)]
+    open_lines = [name for name, line in rigid.items() if not is_closed(line, size)]
     ends = [(name, end) for name in open_lines for end in (0, -1)]
     meeting = []
     for number, (name, end) in enumerate(ends):
@@ -211,14 +211,14 @@ def meeting_ends(
     return meeting
 
 
-def is_still(places: Plane, size: float) -> bool:
+def is_still(line: Plane, size: float) -> bool:
     """Whether a line is at the same position in all frames."""
-    return bool(np.abs(places - places[:, :1]).max() < _SAME * size)
+    return bool(np.abs(line - line[:, :1]).max() < _SAME * size)
 
 
-def is_closed(places: Plane, size: float) -> bool:
+def is_closed(line: Plane, size: float) -> bool:
     """Whether a line ends where it begins."""
-    return bool(np.abs(places[0] - places[-1]).max() < _SAME * size)
+    return bool(np.abs(line[0] - line[-1]).max() < _SAME * size)
 
 
 def _panel(axes: Axes, drawn: Drawn, panel: Panel) -> list[Mover]:
@@ -243,15 +243,15 @@ def _panel(axes: Axes, drawn: Drawn, panel: Panel) -> list[Mover]:
     ]
 
 
-def _mover(axes: Axes, places: Plane, style: Mapping) -> Mover:
-    (artist,) = axes.plot(places[:, 0].real, places[:, 0].imag, **style)
-    return Mover(artist, places)
+def _mover(axes: Axes, points: Plane, style: Mapping) -> Mover:
+    (artist,) = axes.plot(points[:, 0].real, points[:, 0].imag, **style)
+    return Mover(artist, points)
 
 
 def _frame(drawn: Drawn) -> tuple[complex, complex]:
     """Lower left and upper right corner of the area that contains all frames."""
     lines = (*drawn.rigid.values(), *drawn.moved.values())
-    return frame_of(np.concatenate([places.ravel() for places in lines]))
+    return frame_of(np.concatenate([line.ravel() for line in lines]))
 
 
 def _framed(axes: Axes, low: complex, high: complex, unit: str) -> None:
@@ -306,60 +306,60 @@ const data = {json.dumps(data, ensure_ascii=False, separators=(",", ":"))};
     return document(drawn.title, _POLICY, _STYLE, body)
 
 
-def _picture(made: Scene) -> tuple[str, list[dict]]:
+def _picture(scene: Scene) -> tuple[str, list[dict]]:
     """SVG picture with its moving lines, and for each moving line an attribute and its value in each
     frame."""
-    figure = made.figure
+    figure = scene.figure
     with styled():
         # SVG pictures of matplotlib have 72 points per inch.
         figure.set_dpi(72)
         figure.canvas.draw()
     figure.set_layout_engine("none")
     height = figure.bbox.height
-    x, y = made.label.get_transform().transform(made.label.get_position())
-    for artist in (*(mover.artist for mover in made.movers), made.label):
+    x, y = scene.label.get_transform().transform(scene.label.get_position())
+    for artist in (*(mover.artist for mover in scene.movers), scene.label):
         artist.set_visible(False)
     texts, parts = [], []
-    for mover in sorted(made.movers, key=lambda mover: mover.artist.get_zorder()):
-        text, moved = _part(mover.artist, _on_paper(mover.artist, mover.places, height))
+    for mover in sorted(scene.movers, key=lambda mover: mover.artist.get_zorder()):
+        text, moved = _part(mover.artist, _on_paper(mover.artist, mover.points, height))
         texts.append(text)
         parts.append(moved)
-    size = made.label.get_fontsize()
+    size = scene.label.get_fontsize()
     place = f'x="{x:.1f}" y="{height - y + size:.1f}"'
     label = f'<text id="label" {place} font-size="{size}" font-family="sans-serif"/>'
     return svg_of(figure).replace("</svg>", "".join([*texts, label, "</svg>"])), parts
 
 
-def _on_paper(artist, places: Plane, height: float) -> Plane:
+def _on_paper(artist, points: Plane, height: float) -> Plane:
     """Points x + iy converted to the units of the picture, with y downwards."""
-    pairs = np.stack((places.real, places.imag), axis=-1).reshape(-1, 2)
+    pairs = np.stack((points.real, points.imag), axis=-1).reshape(-1, 2)
     x, y = artist.axes.transData.transform(pairs).T
-    return (x + 1j * (height - y)).reshape(places.shape)
+    return (x + 1j * (height - y)).reshape(points.shape)
 
 
-def _part(artist, places: Plane) -> tuple[str, dict]:
+def _part(artist, line: Plane) -> tuple[str, dict]:
     """SVG path of a line and its motion: transformations if the line is rigid, otherwise its points in each
     frame."""
     width = artist.get_linewidth() if artist.get_linestyle() != "None" else artist.get_markersize()
     style = f'class="mover" stroke="{artist.get_color()}" stroke-width="{width}"'
-    first = places[:, 0]
+    first = line[:, 0]
     middle = first.mean()
     arms, size = first - middle, np.abs(first - middle).max()
-    means = places.mean(axis=0)
-    turns = np.ones(places.shape[1], dtype=complex)
+    means = line.mean(axis=0)
+    turns = np.ones(line.shape[1], dtype=complex)
     if size > 0:
-        turns = (arms.conj()[:, None] * (places - means)).sum(axis=0) / (np.abs(arms) ** 2).sum()
-    error = np.abs(places - means - turns * arms[:, None]).max() + size * np.abs(np.abs(turns) - 1).max()
+        turns = (arms.conj()[:, None] * (line - means)).sum(axis=0) / (np.abs(arms) ** 2).sum()
+    error = np.abs(line - means - turns * arms[:, None]).max() + size * np.abs(np.abs(turns) - 1).max()
     if error <= _RIGID_TOLERANCE * max(size, 1.0):
         moves = [
             f"matrix({b.real:.5g} {b.imag:.5g} {-b.imag:.5g} {b.real:.5g} {a.real:.2f} {a.imag:.2f})"
             for a, b in zip(means, turns, strict=True)
         ]
         return f'<path {style} d="{_path(arms)}"/>', {"name": "transform", "values": moves}
-    return f"<path {style}/>", {"name": "d", "values": [_path(points) for points in places.T]}
+    return f"<path {style}/>", {"name": "d", "values": [_path(points) for points in line.T]}
 
 
-def _path(places: Plane) -> str:
+def _path(points: Plane) -> str:
     """SVG path through points; a single point is drawn as a dot."""
-    numbers = [f"{place.real:.2f} {place.imag:.2f}" for place in places]
+    numbers = [f"{place.real:.2f} {place.imag:.2f}" for place in points]
     return f"M{numbers[0]}" + ("L" + " ".join(numbers[1:]) if len(numbers) > 1 else "h0")

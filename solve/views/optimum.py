@@ -59,7 +59,7 @@ def _draw_curves(axes: Axes, optimum: Optimum, curves: Curves) -> None:
 
 
 def _draw_over_speed(axes: Axes, optimum: Optimum) -> None:
-    speeds = optimum.system.labels.speed_unit.of(optimum.speeds)
+    speeds = optimum.system.labels.speed_unit.from_si(optimum.speeds)
     for values, colour in ((optimum.values_before, GREY), (optimum.values, BLUE)):
         draw_through(axes, speeds, values, color=colour)
     axes.set_ylabel(labelled(optimum.minimised, optimum.unit if optimum.unit != "1" else ""))
@@ -68,16 +68,16 @@ def _draw_over_speed(axes: Axes, optimum: Optimum) -> None:
 
 def _draw_parameters(axes: Axes, optimum: Optimum, names: Sequence[str]) -> None:
     """Draw the positions of the parameters between their bounds, for the initial design and the optimum."""
-    places = np.arange(len(names))
+    rows = np.arange(len(names))
     shown = [optimum.parameters[name] for name in names]
     before, after = (
         np.array([(getattr(each, field) - each.low) / (each.high - each.low) for each in shown])
         for field in ("before", "value")
     )
-    axes.hlines(places, before, after, color=VERMILION, linewidth=1.0)
-    axes.plot(before, places, "o", color=GREY)
-    axes.plot(after, places, "o", color=BLUE)
-    axes.set_yticks(places, names)
+    axes.hlines(rows, before, after, color=VERMILION, linewidth=1.0)
+    axes.plot(before, rows, "o", color=GREY)
+    axes.plot(after, rows, "o", color=BLUE)
+    axes.set_yticks(rows, names)
     axes.set_xticks([0.0, 0.5, 1.0], ["lower bound", "middle", "upper bound"])
     axes.set_xlim(-0.03, 1.03)
     axes.invert_yaxis()

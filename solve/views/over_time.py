@@ -63,7 +63,7 @@ def transient_figure(transient: Transient, names: Sequence[str] | None = None) -
 
 def _add_speeds(axes: Axes, transient: Transient) -> None:
     """Add an axis of speed at the top. The speed is linear in time."""
-    first, last = transient.system.labels.speed_unit.of(transient.ends[[0, -1]])
+    first, last = transient.system.labels.speed_unit.from_si(transient.ends[[0, -1]])
     slope = (last - first) / transient.time[-1]
     above = axes.secondary_xaxis(
         "top", functions=(lambda t: first + slope * t, lambda speed: (speed - first) / slope)
@@ -124,7 +124,7 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     ordered = sorted(orbits, key=lambda orbit: orbit.speed)
     unit = orbits[0].system.labels.speed_unit
     speeds = [orbit.speed for orbit in ordered]
-    labels = distinct_labels(speeds, lambda speed, form: f"{unit.of(speed):{form}}")
+    labels = distinct_labels(speeds, lambda speed, form: f"{unit.from_si(speed):{form}}")
     by_speed = dict(zip(labels, ordered, strict=True))
     return turns_figure(by_speed, name, axis_label(orbits[0].system, SPEED), reverse=True)
 

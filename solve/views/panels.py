@@ -101,7 +101,7 @@ def axis_label(system: PeriodicSystem, name: str) -> str:
 
 def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = SPEED) -> None:
     """Label the horizontal axis with ascending speeds (k,) in rad/s, or with values of a parameter."""
-    shown = unit_of(system, name).of(values)
+    shown = unit_of(system, name).from_si(values)
     if shown[0] < shown[-1]:
         axes.set_xlim(shown[0], shown[-1])
     axes.set_xlabel(axis_label(system, name))
@@ -161,11 +161,11 @@ def through(x: Array, y: Array) -> tuple[Array, Array]:
     curves, (x, first) = [], np.unique(x, return_index=True)
     y = np.where(np.isfinite(y), y, np.nan)[first]
     for section in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.isfinite(y))) + 1):
-        places, values, last = x[section], y[section], len(section) - 1
+        points, values, last = x[section], y[section], len(section) - 1
         if np.isfinite(values).all() and last:
-            fine = np.interp(np.linspace(0, last, _BETWEEN * last + 1), np.arange(last + 1), places)
-            places, values = fine, PchipInterpolator(places, values)(fine)
-        curves.append((places, values))
+            fine = np.interp(np.linspace(0, last, _BETWEEN * last + 1), np.arange(last + 1), points)
+            points, values = fine, PchipInterpolator(points, values)(fine)
+        curves.append((points, values))
     x_curves, y_curves = zip(*curves, strict=True)
     return np.concatenate(x_curves), np.concatenate(y_curves)
 
@@ -190,10 +190,10 @@ def shades(count: int) -> list[dict[str, Any]]:
     return [{"color": colour, "dashes": _DASHES[k % len(_DASHES)]} for k, colour in enumerate(colours)]
 
 
-def frame_of(places: Plane) -> tuple[complex, complex]:
+def frame_of(points: Plane) -> tuple[complex, complex]:
     """Lower left and upper right corner around points x + iy, with a margin."""
-    low = complex(places.real.min(), places.imag.min())
-    high = complex(places.real.max(), places.imag.max())
+    low = complex(points.real.min(), points.imag.min())
+    high = complex(points.real.max(), points.imag.max())
     room = 0.07 * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
     return low - room, high + room
 

@@ -206,7 +206,7 @@ def _modes(system: PeriodicSystem) -> list[Request]:
     mechanisms."""
     place = " with the drive at the beginning of the turn" if system.labels.moves else ""
 
-    def at_rest() -> Findings:
+    def at_start() -> Findings:
         here = frequencies(system)
         return Findings(here, shapes=here.shapes())
 
@@ -217,7 +217,7 @@ def _modes(system: PeriodicSystem) -> list[Request]:
     over = "Undamped natural frequencies with the drive held still at positions of the turn."
     requests = []
     if system.labels.links:
-        requests.append(Request(Part("Natural frequencies and modes", about), at_rest))
+        requests.append(Request(Part("Natural frequencies and modes", about), at_start))
     if system.labels.moves:
         requests.append(Request(Part("Natural frequencies over the turn", over), over_turn))
     return requests

@@ -67,13 +67,13 @@ class ByClass(Generic[T]):
 @ByClass
 def figure(result: Result, *_: Any, **__: Any) -> Figure:
     """Figure (matplotlib) of a result. Raises NotImplementedError for a class without a figure."""
-    raise NotImplementedError(f"no figure of {type(result).__name__}")
+    raise NotImplementedError(f"{type(result).__name__} has no figure")
 
 
 @ByClass
 def waterfall(result: Result, name: str) -> Figure:
     """Figure of the spectrum of a quantity over the varying quantity."""
-    raise NotImplementedError(f"no spectra over speed of {type(result).__name__}")
+    raise NotImplementedError(f"{type(result).__name__} has no spectra over the speed")
 
 
 @ByClass

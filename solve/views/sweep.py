@@ -117,7 +117,7 @@ def response_figure(
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
-    x = unit_of(system, along).of(varied[along])
+    x = unit_of(system, along).from_si(varied[along])
     rows = len(responses) + (radius is not None)
     title = f"response over {along}"
     with panels_over(system, varied[along], title, 1.4 + 1.35 * rows, rows, along) as (page, panels):
@@ -203,7 +203,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
             "no harmonics above the mean are stored; repeat the sweep with harmonics, such as harmonics=60"
         )
     order = np.argsort(varied[along])
-    x, label = unit_of(system, along).of(varied[along][order]), axis_label(system, along)
+    x, label = unit_of(system, along).from_si(varied[along][order]), axis_label(system, along)
     heights = amplitudes[order, 1:].T
     rotation = 2 * math.pi / system.period
     largest = float(np.nanmax(heights, initial=0.0)) or 1.0
@@ -239,7 +239,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
         speeds, radius = sweep.speeds, sweep.spectral_radius
     order = np.argsort(speeds)
     with panels_over(system, speeds, "unstable bands", 2.9, 1) as (page, (axes,)):
-        _draw_radius(axes, system.labels.speed_unit.of(speeds[order]), radius[order], color=BLUE)
+        _draw_radius(axes, system.labels.speed_unit.from_si(speeds[order]), radius[order], color=BLUE)
         _name_bands(axes, system, edges)
     return page
 
@@ -279,7 +279,7 @@ def _shade(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
     for low, high, kind in bands:
         # Each kind appears once in the legend.
         style = {"color": KIND_COLORS[kind], "alpha": 0.3, "linewidth": 0.8, "label": names.pop(kind, None)}
-        axes.axvspan(unit.of(low), unit.of(high), **style)
+        axes.axvspan(unit.from_si(low), unit.from_si(high), **style)
 
 
 @figure.register(Sweeps)
@@ -289,7 +289,7 @@ def sweeps_figure(
     """Figure with one panel per quantity and one curve per system; see `Sweeps.plot`."""
     responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
     order, count = np.argsort(sweeps.speeds), len(responses)
-    speeds = sweeps.system.labels.speed_unit.of(sweeps.speeds[order])
+    speeds = sweeps.system.labels.speed_unit.from_si(sweeps.speeds[order])
     with panels_over(sweeps.system, sweeps.speeds, "response over speed", 1.1 + 1.9 * count, count) as (
         page,
         panels,
@@ -314,11 +314,11 @@ def validity_figure(validity: Validity) -> Figure:
         (axes,),
     ):
         for name, row, shade in zip(names, validity.errors.T, shades(len(names)), strict=False):
-            draw_through(axes, unit.of(validity.speeds), 100 * row, True, label=name, **shade)
+            draw_through(axes, unit.from_si(validity.speeds), 100 * row, True, label=name, **shade)
         limit = {"color": GREY, "linewidth": 0.8}
         axes.axhline(100 * validity.allowed, linestyle="--", label=f"{100 * validity.allowed:g} %", **limit)
         if validity.trusted_to is not None:
-            axes.axvline(unit.of(validity.trusted_to), linestyle=":", label="valid up to here", **limit)
+            axes.axvline(unit.from_si(validity.trusted_to), linestyle=":", label="valid up to here", **limit)
         axes.set_yscale("log")
         axes.set_ylabel("max|difference| / max|q| (%)")
         axes.legend()
@@ -348,7 +348,7 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
         left=2,
         rows=[
             *(
-                [f"{speed_unit.of(speed):.2f}", kind, *numbers(responses)]
+                [f"{speed_unit.from_si(speed):.2f}", kind, *numbers(responses)]
                 for speed, kind, responses in extremes
             ),
             ["largest", "", *numbers(np.nanmax(values, axis=1).tolist())],

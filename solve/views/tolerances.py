@@ -34,8 +34,8 @@ def tolerances_figure(result: Tolerances) -> Figure:
     bars = min(len(result.spreads), _MOST_BARS)
     with page(
         0.7 + len(names) * max(2.0, 0.7 + 0.28 * bars), f"{title_of(result.system)}: tolerances"
-    ) as made:
-        panels = made.subplots(len(names), columns, squeeze=False)
+    ) as sheet:
+        panels = sheet.subplots(len(names), columns, squeeze=False)
         for row, name in zip(panels, names, strict=True):
             _draw_distribution(row[0], result, name)
             if result.sobol:
@@ -44,7 +44,7 @@ def tolerances_figure(result: Tolerances) -> Figure:
         if result.sobol:
             panels[0, 1].set_title("Sobol indices", loc="left", color=GREY)
             panels[-1, 1].legend(loc="lower right", fontsize="small")
-    return made
+    return sheet
 
 
 def _shown(result: Tolerances) -> list[str]:
@@ -82,12 +82,12 @@ def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
     """Draw first-order and total indices of the parameters, the largest at the top."""
     indices = result.sobol[name]
     ranked = sorted(indices, key=lambda parameter: -indices[parameter].total)[:_MOST_BARS]
-    places = np.arange(len(ranked))
+    rows = np.arange(len(ranked))
     for shift, field, colour, label in ((-0.2, "total", GREY, "total"), (0.2, "first", BLUE, "first order")):
         sizes = [max(0.0, np.nan_to_num(getattr(indices[parameter], field))) for parameter in ranked]
         errors = [getattr(indices[parameter], f"{field}_error") for parameter in ranked]
-        axes.barh(places + shift, sizes, 0.4, xerr=errors, color=colour, label=label, error_kw={"lw": 0.8})
-    axes.set_yticks(places, ranked)
+        axes.barh(rows + shift, sizes, 0.4, xerr=errors, color=colour, label=label, error_kw={"lw": 0.8})
+    axes.set_yticks(rows, ranked)
     axes.invert_yaxis()
     axes.set_xlim(left=0.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import solve
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from tests.benchmarks import casadi_peers, peers
 from tests.benchmarks.timing import REPEATS
 
@@ -54,7 +54,7 @@ def orbit_alone(engine: str) -> Result:
 def one_grid(engine: str) -> Result:
     """The same method on one grid, its error unjudged as the peers' are."""
     grid = Grid.uniform(304, cam().period)
-    solutions = solve.Radau().solutions(OnePoint(cam(), peers.SPEED), grid, True, engine)
+    solutions = solve.Radau().solutions(SinglePoint(cam(), peers.SPEED), grid, True, engine)
     assert solutions.curve is not None
     phase = grid.nodes[:-1]
     return phase, solutions.curve(phase)[0], solutions.multipliers.values[0]

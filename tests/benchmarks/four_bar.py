@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 import solve
 from solve.arrays import Array
-from solve.period.points import OnePoint, state_rate
+from solve.period.points import SinglePoint, state_rate
 from solve.system import PeriodicSystem
 from tests.benchmarks.timing import median
 
@@ -34,7 +34,7 @@ class Marching:
 
     def __init__(self, system: PeriodicSystem, speed: float, rtol: float):
         phase = np.linspace(0.0, system.period, _NODES + 1)
-        rate = state_rate(OnePoint(system, speed), phase)[0]
+        rate = state_rate(SinglePoint(system, speed), phase)[0]
         rate[-1] = rate[0]
         self.spline, self.period = CubicSpline(phase, rate, bc_type="periodic"), system.period
         self.rtol = rtol

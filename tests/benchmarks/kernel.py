@@ -17,7 +17,7 @@ from solve.kernel import collocation, compiler
 from solve.kernel.library import Size
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from tests.benchmarks.timing import best
 
 STEPS, POINTS = 256, 64
@@ -114,7 +114,7 @@ def one_grid(n: int, steps: int) -> Callable[[], object]:
 
     system = solve.PeriodicSystem(matrices, [f"q{k}" for k in range(n)])
     grid = Grid.uniform(steps, system.period)
-    return lambda: solve.Radau().solutions(OnePoint(system, 1.0), grid, True)
+    return lambda: solve.Radau().solutions(SinglePoint(system, 1.0), grid, True)
 
 
 def main() -> None:

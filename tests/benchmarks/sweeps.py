@@ -16,7 +16,7 @@ from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import gathered
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.period.points import OnePoint, state_rate
+from solve.period.points import SinglePoint, state_rate
 from solve.results.points import Kept
 from solve.single import request
 from tests.benchmarks.kernel import exponent
@@ -41,7 +41,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 def dop853(system, speed: float, rtol: float) -> np.ndarray:
     """Φ by time-stepping the matrix equation in phase."""
-    n, point = system.n, OnePoint(system, speed)
+    n, point = system.n, SinglePoint(system, speed)
 
     def rate(phase, y):
         P = state_rate(point, np.array([phase]))[0, 0, :, :-1]

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from solve import PeriodicSystem
 from solve.period.frozen import PHASES, frozen
 from solve.period.period_map import Steps
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 
 CAM = {
     "I1": 0.12, "m2": 28.0, "m3": 50.0, "F": 100.0,
@@ -146,13 +146,13 @@ def meissner(delta=1.3, epsilon=0.7, zeta=0.05, load=1.0):
 
 def chain_of(method, system, speed, grid):
     """The affine maps A (m, N, N), b (m, N) of a method's steps."""
-    steps = method.discretise(OnePoint(system, speed), grid).steps
+    steps = method.discretise(SinglePoint(system, speed), grid).steps
     return Steps(steps.A[0], steps.b[0])
 
 
 def frozen_modes(system, speed, phases=PHASES):
     """Modes of a system with its coefficients frozen."""
-    return frozen(OnePoint(system, speed), phases)
+    return frozen(SinglePoint(system, speed), phases)
 
 
 def swelling(m, decades):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from solve import PeriodicSystem, floquet, periodic
 from solve.errors import MatricesError, ValueOutOfBoundsError
-from solve.period.points import OnePoint, affine, state_rate
+from solve.period.points import SinglePoint, affine, state_rate
 from solve.system import check
 from tests.solve.systems import cam, frozen_modes, random_matrices, random_system, seeds, system
 
@@ -221,7 +221,7 @@ def test_state_rate_and_frozen_eigenvalues_satisfy_eq_5(seed, n, speed):
     given_system = random_system(seed, n)
     phase = np.linspace(0.1, 6.0, 7)
     M, C, K, d = given_system.at(phase, speed)
-    rate = state_rate(OnePoint(given_system, speed), phase)[0]
+    rate = state_rate(SinglePoint(given_system, speed), phase)[0]
     x = np.random.default_rng(seed).standard_normal((7, 2 * n))
     q, v, a = x[:, :n], x[:, n:], affine(rate, x)[:, n:]
     for k in range(7):

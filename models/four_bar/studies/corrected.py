@@ -157,10 +157,10 @@ def corrections(
     return Corrections(model, speed, of, models)
 
 
-def _solved(system: PeriodicSystem, speed: float, of: str, drawn: str | None, rtol: float) -> OneModel:
+def _solved(system: PeriodicSystem, speed: float, quantity: str, drawn: str | None, rtol: float) -> OneModel:
     """Result of one model. drawn: output to sample (default: the one with the largest value)."""
     orbit = solve.periodic(system, speed, rtol=rtol)
-    figures = {name: orbit.statistics(name) for name in parts_of(system, of)}
+    figures = {name: orbit.statistics(name) for name in parts_of(system, quantity)}
     largest = max(figures, key=lambda name: figures[name].max_abs)
     phase = np.linspace(0.0, system.period, SAMPLES)
     return OneModel(

@@ -125,7 +125,7 @@ class DesignResult(Outcome, Result):
         needed, stresses, axes = self.design.needed, self.map, ("speed",)
         columns = {"speed": Column(stresses.speeds, "rad/s", "speed of the crank", axes=axes)}
         for number, link in enumerate(stresses.links):
-            own_stress = stresses.stress[:, stresses.own, number]
+            own_stress = stresses.stress[:, stresses.own_index, number]
             columns[f"{link}_stress"] = Column(
                 own_stress, "Pa", f"largest of the {link} at its own L4", axes=axes
             )
@@ -288,7 +288,7 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
 def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, float], int]:
     """Smallest and largest L4 (m), and number of lengths. Raises LinkageError if the crank cannot rotate
     fully."""
-    linkage = Linkage.of(model.parameters, str(model.labels.options["branch"]))
+    linkage = Linkage.from_parameters(model.parameters, str(model.labels.options["branch"]))
     if text is None:
         return allowed_lengths(linkage), _LENGTHS
     usage = f'--L4 is \'{text}\'; write "A:B:N unit", N lengths from A to B, such as --L4 "0.52:0.63:48 m"'

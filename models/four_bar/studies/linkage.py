@@ -288,7 +288,7 @@ def rigid_motion(
 
     Raises SolveError subclasses.
     """
-    linkage = Linkage.of(parameters, branch)
+    linkage = Linkage.from_parameters(parameters, branch)
     return RigidMotion(case, parameters, linkage, speed, position, points or [complex(linkage.L2 / 2)])
 
 

@@ -15,7 +15,7 @@ import solve
 from models.four_bar.studies.shared import AtOneSpeed, FourBar, Tolerance
 from solve import frequencies
 from solve.arrays import Array
-from solve.beams.elements import EXACT
+from solve.beams.element import EXACT
 from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result

@@ -24,7 +24,7 @@ class FourBar(Numbers):
     def loaded(self) -> StructureModel:
         """Model of the four-bar linkage with these arguments. Raises SolveError subclasses for invalid
         input."""
-        model = StructureModel.of(self.setup("four_bar"))
+        model = StructureModel.from_setup(self.setup("four_bar"))
         require_motion(model)
         return model
 

@@ -119,8 +119,8 @@ def _legend() -> list[Patch]:
 
 def _flat(points: Array) -> Array:
     """Positions (k, 2) in the drawn triangle, from λ2, λ3, λ4 (k, 3)."""
-    places = points @ _CORNERS / points.sum(axis=1)
-    return np.column_stack((places.real, places.imag))
+    flat = points @ _CORNERS / points.sum(axis=1)
+    return np.column_stack((flat.real, flat.imag))
 
 
 def _clipped(polygon: Array, link: int, limit: float, side: int) -> Array:

@@ -151,8 +151,8 @@ def _draw_linkage(axes: Axes, motion: Motion, points: Sequence[complex]) -> None
         axes.add_patch(Polygon(_xy(corners), facecolor=LIGHT, edgecolor=BLACK, linewidth=0.8, zorder=4))
 
 
-def _xy(places: Plane) -> Array:
-    return np.column_stack((places.real, places.imag))
+def _xy(points: Plane) -> Array:
+    return np.column_stack((points.real, points.imag))
 
 
 def _draw_transmission(axes: Axes, linkage: Linkage, t1: Array) -> None:
@@ -222,7 +222,7 @@ def design_figure(result: Outcome) -> Figure:
 
 def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
     stresses, unit = result.map, result.map.model.labels.speed_unit
-    speeds, lengths, own_L4 = unit.of(stresses.speeds), stresses.L4 * 1e3, stresses.own_L4 * 1e3
+    speeds, lengths, own_L4 = unit.from_si(stresses.speeds), stresses.L4 * 1e3, stresses.own_L4 * 1e3
     ratio, norm = np.nan_to_num(stresses.ratio, posinf=1e9), BoundaryNorm(_LEVELS, 256, extend="max")
     filled = axes.contourf(speeds, lengths, ratio.T, levels=_LEVELS, cmap="RdYlBu_r", norm=norm, extend="max")
     axes.contour(speeds, lengths, ratio.T, levels=[1.0], colors=BLACK, linewidths=1.3)
@@ -231,13 +231,16 @@ def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
     axes.axhline(own_L4, color=GREY, linewidth=0.8, linestyle=":")
     for band in result.design.quiet:
         axes.plot(
-            [max(unit.of(band.start), speeds[0]), unit.of(band.end)], [own_L4, own_L4], color=GREEN, lw=2.5
+            [max(unit.from_si(band.start), speeds[0]), unit.from_si(band.end)],
+            [own_L4, own_L4],
+            color=GREEN,
+            lw=2.5,
         )
     if result.plan is not None:
-        along, target = np.linspace(stresses.speeds[0], result.target, 600), unit.of(result.target)
+        along, target = np.linspace(stresses.speeds[0], result.target, 600), unit.from_si(result.target)
         last = result.plan.L4[-1] * 1e3
         for color, width in (("white", 3.2), (BLACK, 1.6)):
-            axes.plot(unit.of(along), result.plan.rounded(along)[0] * 1e3, color=color, linewidth=width)
+            axes.plot(unit.from_si(along), result.plan.rounded(along)[0] * 1e3, color=color, linewidth=width)
         axes.plot(target, last, "o", color=BLACK)
         if result.returns:
             axes.annotate("", (target, own_L4), (target, last), arrowprops={"arrowstyle": "->", "lw": 1.6})
@@ -253,13 +256,13 @@ def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
 
 def _draw_needed(axes: Axes, result: Outcome) -> None:
     needed, unit = result.design.needed, result.map.model.labels.speed_unit
-    speeds = unit.of(result.map.speeds)
+    speeds = unit.from_si(result.map.speeds)
     axes.plot(speeds, result.map.own_ratio, color=GREY, linewidth=0.8, label="steady, $L_4$ fixed")
     axes.plot(speeds, needed.fixed, color=VERMILION, label="run-up, $L_4$ fixed")
     axes.plot(speeds, needed.returning, color=BLUE, label="$L_4$ moves and returns")
     axes.plot(speeds, needed.moving, color=GREEN, label="$L_4$ moves")
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
-    axes.axvline(unit.of(result.target), color=GREY, linewidth=0.8, linestyle="--")
+    axes.axvline(unit.from_si(result.target), color=GREY, linewidth=0.8, linestyle="--")
     axes.set_yscale("log")
     axes.set_ylim(bottom=min(0.1, 0.1 * float(needed.fixed[-1])))
     axes.yaxis.set_major_locator(FixedLocator(_TICKS))
@@ -283,7 +286,7 @@ def _draw_simulated(axes: Axes, result: Outcome) -> None:
     axes.set_xlabel(f"time (s) at {unit.per_second.text(run_up.acceleration, '.3g')}")
     axes.set_ylabel("simulated stress\n/ allowable, a turn")
     right = axes.twinx()
-    right.plot(simulated.time, unit.of(simulated.speed), color=GREY, linestyle="--", linewidth=1.0)
+    right.plot(simulated.time, unit.from_si(simulated.speed), color=GREY, linestyle="--", linewidth=1.0)
     right.set_ylabel(f"speed ({unit.name}), dashed")
     right.grid(False)
     right.set_ylim(bottom=0)

@@ -61,8 +61,8 @@ def _extremes(record: Mapping[str, Any]) -> Table:
     extremes = table("Over one turn", "quantity", "unit", "max", "at t1", "min", "at t1", "mean", left=2)
 
     def add(label: str, unit: str, figures: Mapping[str, float], high: str, low: str, mean: str) -> None:
-        places = _degrees(figures["max_position"]), _degrees(figures["min_position"])
-        extremes.add_row(label, unit, high, places[0], low, places[1], mean)
+        positions = _degrees(figures["max_position"]), _degrees(figures["min_position"])
+        extremes.add_row(label, unit, high, positions[0], low, positions[1], mean)
 
     gamma = record["transmission_angle"]
     high, low = (f"{math.degrees(gamma[key]):.4f}" for key in ("max", "min"))

@@ -167,16 +167,17 @@ def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> 
             f"{controller!r} holds no feedback; allowed: a controller of solve.lqr, solve.lqg or "
             "solve.control with lqr, or the .npz or .nc file of one"
         )
-    own, of_design = (
+    system_text, design_text = (
         f"the states {', '.join(states)}, the inputs {', '.join(inputs)} and the period {period:.6g}"
         for states, inputs, period in (
             (state_names(system), system.inputs or ("(none)",), system.period),
             (found.states, found.signals, found.system.period),
         )
     )
-    if own != of_design:
+    if system_text != design_text:
         raise ControlError(
-            f"the controller of {found.system.labels.name} is for {of_design}; {system.labels.name} has {own}"
+            f"the controller of {found.system.labels.name} is for {design_text}; {system.labels.name} has "
+            f"{system_text}"
         )
     observer = found.observer and Observer(found.observer.gains, found.observer.signals)
     labels, given = found.system.labels, system.labels

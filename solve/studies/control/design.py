@@ -85,8 +85,8 @@ def lqr(
     plant.require_inputs()
     solved, gain, ahead = regulator(plant, Q, R, rtol, feedforward)
     closed = ClosedLoop(plant.system, gain, None, ahead)
-    made = _controller("lqr", plant, solved, gain, plant.system.inputs, closed, rtol)
-    return replace(made, ahead=ahead)
+    controller = _controller("lqr", plant, solved, gain, plant.system.inputs, closed, rtol)
+    return replace(controller, ahead=ahead)
 
 
 @of_system
@@ -202,8 +202,8 @@ def lqg(
     errors = error_equations(plant, observer_gain, measured)
     observer = _controller("kalman", plant, filtered, observer_gain, measured, errors, rtol)
     closed = ClosedLoop(plant.system, gain, Observer(observer_gain, measured), ahead)
-    made = _controller("lqg", plant, solved, gain, plant.system.inputs, closed, rtol)
-    return replace(made, ahead=ahead, observer=observer, compensator=Compensator(closed))
+    controller = _controller("lqg", plant, solved, gain, plant.system.inputs, closed, rtol)
+    return replace(controller, ahead=ahead, observer=observer, compensator=Compensator(closed))
 
 
 @of_system
@@ -272,29 +272,33 @@ def control(
                 'a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman'
             )
         if margin or norms or vibration or samples is not None:
-            raise ValueOutOfBoundsError("vibration, margin, norms and samples are of a closed loop; give lqr")
-        return _OF["kalman"](system, speed, *noise, rtol)
+            raise ValueOutOfBoundsError(
+                "vibration, margin, norms and samples require a closed loop; give lqr"
+            )
+        return _DESIGNS["kalman"](system, speed, *noise, rtol)
     if noise is None:
-        made = _OF["lqr"](system, speed, *weights, rtol, feedforward)
+        controller = _DESIGNS["lqr"](system, speed, *weights, rtol, feedforward)
     else:
-        made = _OF["lqg"](system, speed, *weights, *noise, rtol, feedforward)
+        controller = _DESIGNS["lqg"](system, speed, *weights, *noise, rtol, feedforward)
     if margin:
-        made = replace(made, margin=stability_margin(made.closed, speed, margin))
+        controller = replace(controller, margin=stability_margin(controller.closed, speed, margin))
     if samples is not None:
-        made = replace(made, sampled=sampled(made.closed, speed, samples))
+        controller = replace(controller, sampled=sampled(controller.closed, speed, samples))
     if norms:
-        made = replace(made, norms={name: _norms(made, name) for name in unique_names(norms)})
-    return replace(made, vibration=_vibration(made)) if vibration else made
+        controller = replace(
+            controller, norms={name: _norms(controller, name) for name in unique_names(norms)}
+        )
+    return replace(controller, vibration=_vibration(controller)) if vibration else controller
 
 
-def _norms(made: Controller, name: str) -> Norms:
+def _norms(controller: Controller, name: str) -> Norms:
     """Norms from the inputs to a state or output, with feedback and without it. Raises SolveError."""
-    speed, rtol = made.speed, max(made.rtol, _NORM_RTOL)
-    h2, hinf = (norm(made.closed, speed, [name], rtol=rtol) for norm in (h2_norm, hinf_norm))
+    speed, rtol = controller.speed, max(controller.rtol, _NORM_RTOL)
+    h2, hinf = (norm(controller.closed, speed, [name], rtol=rtol) for norm in (h2_norm, hinf_norm))
     h2_before = hinf_before = None
-    if floquet(made.system, speed, rtol=rtol).verdict == "asymptotically stable":
+    if floquet(controller.system, speed, rtol=rtol).verdict == "asymptotically stable":
         h2_before, hinf_before = (
-            norm(made.system, speed, [name], rtol=rtol) for norm in (h2_norm, hinf_norm)
+            norm(controller.system, speed, [name], rtol=rtol) for norm in (h2_norm, hinf_norm)
         )
     every = [each for each in (h2, hinf, h2_before, hinf_before) if each is not None]
     return Norms(
@@ -311,20 +315,22 @@ def _norms(made: Controller, name: str) -> Norms:
 _NORM_RTOL = 1e-6
 """Smallest tolerance of norms. A choice: H∞ norms are found by bisection."""
 
-_OF = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
+_DESIGNS = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
 """Design functions by name: inside `control`, its arguments have the same names."""
 
 
-def _vibration(made: Controller) -> dict[str, Vibration]:
+def _vibration(controller: Controller) -> dict[str, Vibration]:
     """Periodic vibration of coordinates and inputs, without and with feedback; empty without a load.
 
     Raises SolveError if an orbit does not exist."""
-    system = made.system
+    system = controller.system
     try:
-        require_load(system, made.speed)
+        require_load(system, controller.speed)
     except NoLoadError:
         return {}
-    before, after = (periodic(each, made.speed, rtol=made.rtol) for each in (system, made.closed))
+    before, after = (
+        periodic(each, controller.speed, rtol=controller.rtol) for each in (system, controller.closed)
+    )
     found = {}
     for name in (*system.coordinates, *system.inputs):
         without = before.statistics(name).max_abs if name in system.coordinates else 0.0
@@ -339,7 +345,9 @@ def _pair(
     """Weights (Q, R), or noise intensities (W, V), from numbers given by name. Raises MissingValueError."""
     if not isinstance(given, Mapping):
         if not isinstance(given, tuple) or len(given) != 2:
-            raise ValueOutOfBoundsError(f"{name} is {given!r}; allowed: numbers by name, or two weights")
+            raise ValueOutOfBoundsError(
+                f"{name} is {given!r}; allowed: a mapping of names to numbers, or a pair of weights"
+            )
         return given
     inputs = {key: value for key, value in given.items() if key in system.inputs}
     others = {key: value for key, value in given.items() if key not in system.inputs}

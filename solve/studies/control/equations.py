@@ -126,12 +126,12 @@ def _state_noise(plant: Plant, W: Weight) -> Function:
     inputs, states = plant.system.inputs, plant.states
     numbers = named_numbers("W", W, [*inputs, *states], positive=False)
     along = np.sqrt([numbers[name] for name in inputs if name in numbers])
-    of = [inputs.index(name) for name in inputs if name in numbers]
+    columns = [inputs.index(name) for name in inputs if name in numbers]
     direct = np.diag(np.sqrt([numbers.get(name, 0.0) for name in states]))
     direct = direct[:, direct.any(axis=0)]
 
     def noise(phase: Array) -> Array:
-        B = plant.input_matrix(phase)[..., of] * along
+        B = plant.input_matrix(phase)[..., columns] * along
         return np.concatenate((B, np.broadcast_to(direct, (len(phase), *direct.shape))), axis=-1)
 
     return noise
@@ -158,6 +158,6 @@ def error_equations(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> Per
         A = here.dynamics(phase)[0] - L @ here.rows(measured, phase)
         return A, np.zeros((len(phase), plant.N))
 
-    made = FirstOrderSystem(matrices, plant.states, plant.system.period, plant.system.breaks)
+    system = FirstOrderSystem(matrices, plant.states, plant.system.period, plant.system.breaks)
     labels = plant.system.labels
-    return relabelled(made, name=f"error of the estimates of {labels.name}", speed_unit=labels.speed_unit)
+    return relabelled(system, name=f"error of the estimates of {labels.name}", speed_unit=labels.speed_unit)

@@ -109,15 +109,15 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
 
     @property
     def capabilities(self) -> Capabilities:
-        own = self.model.capabilities
+        model_capabilities = self.model.capabilities
         return super().capabilities._replace(
             outputs=self,
-            nonlinear=None if own.nonlinear is None else self,
+            nonlinear=None if model_capabilities.nonlinear is None else self,
             linearisation=self,
             variation=self,
-            domain=own.domain,
-            sketch=None if own.sketch is None else self._sketched,
-            varying=None if own.varying is None else self._varying_at,
+            domain=model_capabilities.domain,
+            sketch=None if model_capabilities.sketch is None else self._sketched,
+            varying=None if model_capabilities.varying is None else self._varying_at,
         )
 
     def _varying_at(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
@@ -162,9 +162,9 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Closed loop of the system with some parameters and options changed, and the same feedback."""
-        made = copy(self)
-        made._take(self.model.varied(parameters, options))
-        return made
+        changed = copy(self)
+        changed._take(self.model.varied(parameters, options))
+        return changed
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         require_bounds(self.model, parameters)
@@ -193,13 +193,13 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
 
     def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
         n = self.n_open
-        own = event_normals(self.open_loop, self._of_system(motion), speed, names)
-        normals = np.zeros((len(own), 1 + 2 * self.n + len(names)))
+        open_loop_normals = event_normals(self.open_loop, self._of_system(motion), speed, names)
+        normals = np.zeros((len(open_loop_normals), 1 + 2 * self.n + len(names)))
         normals[:, : n + 1], normals[:, self.n + 1 : self.n + 1 + n] = (
-            own[:, : n + 1],
-            own[:, n + 1 : 2 * n + 1],
+            open_loop_normals[:, : n + 1],
+            open_loop_normals[:, n + 1 : 2 * n + 1],
         )
-        normals[:, 2 * self.n + 1 :] = own[:, 2 * n + 1 :]
+        normals[:, 2 * self.n + 1 :] = open_loop_normals[:, 2 * n + 1 :]
         return normals
 
     def roundoff(self, phase: Array, speed: float) -> Array:
@@ -209,10 +209,10 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
 
     def _about(self, linearised: PeriodicSystem) -> "FeedbackLoop":
         """Closed loop with the equations linearised about a motion; the feedback is linear already."""
-        made = copy(self)
-        made.open_loop, made.events, made._kept = linearised, events_of(linearised), {}
-        made.breaks, made.period = linearised.breaks, linearised.period
-        return made
+        loop = copy(self)
+        loop.open_loop, loop.events, loop._kept = linearised, events_of(linearised), {}
+        loop.breaks, loop.period = linearised.breaks, linearised.period
+        return loop
 
     def _of_system(self, motion: Motion) -> Motion:
         """Motion of the coordinates of the system, without those that the feedback adds."""

@@ -172,9 +172,9 @@ def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
     T = np.diagonal(A[:, 0, :p, p:], axis1=1, axis2=2)[:, None, :, None]
     by_q, by_v = T * A[..., p:, :p], T * A[..., p:, p:] / np.swapaxes(T, 2, 3)
     rates = _accelerations(by_q, by_v, _by_inputs(T * E[..., p:, :]), method)
-    rows, own = np.vstack((weights, method.b)), np.eye(p, rates.shape[-1], p)
-    velocities = own + _summed(rows, rates, p)
-    positions = own * rows.sum(axis=1)[:, None, None] + _summed(rows @ weights, rates, p)
+    rows, identity = np.vstack((weights, method.b)), np.eye(p, rates.shape[-1], p)
+    velocities = identity + _summed(rows, rates, p)
+    positions = identity * rows.sum(axis=1)[:, None, None] + _summed(rows @ weights, rates, p)
     states = np.concatenate((positions + np.eye(p, rates.shape[-1]), velocities / T), axis=2)
     states[..., p:N] *= np.swapaxes(T, 2, 3)
     return states

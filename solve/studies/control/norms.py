@@ -98,7 +98,7 @@ def h2_norm(
     >>> round(norm.value**2, 9)
     0.625
     """
-    transfer = _Transfer.of(system, speed, outputs, inputs, checked_rtol(rtol))
+    transfer = _Transfer.from_system(system, speed, outputs, inputs, checked_rtol(rtol))
     equation = transfer.riccati(lambda B, C: (B, 0 * np.swapaxes(C, 1, 2) @ C), 1.0, True, rtol)
     solved, rule = solve_riccati(equation), Gauss(8).collocation
     phase = solved.grid.stages(np.array(rule.c))
@@ -164,7 +164,7 @@ def hinf_norm(
     >>> bool(abs(norm.value - 1 / np.sqrt(0.1596)) < 1e-6)
     True
     """
-    transfer = _Transfer.of(system, speed, outputs, inputs, checked_rtol(rtol))
+    transfer = _Transfer.from_system(system, speed, outputs, inputs, checked_rtol(rtol))
     low, high = transfer.enclosure()
     while high - low > rtol * low:
         middle = (low + high) / 2
@@ -182,7 +182,7 @@ class _Transfer(NamedTuple):
     inputs: list[int]
 
     @classmethod
-    def of(
+    def from_system(
         cls,
         system: PeriodicSystem,
         speed: float | str,
@@ -239,7 +239,7 @@ class _Transfer(NamedTuple):
                 return (gain, gain * _GROWTH) if above else (gain / _GROWTH, gain)
         if above:
             return 0.0, 0.0
-        raise ControlError("the H-infinity norm is not found: every gain that was tried is exceeded")
+        raise ControlError("the H-infinity norm was not found: it exceeds every bound that was tried")
 
     def frequency(self, gain: float) -> float | None:
         """Frequency at which a gain just below the norm is a singular value; None if it is not found."""

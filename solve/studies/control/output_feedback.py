@@ -147,11 +147,11 @@ class OutputFeedback(FeedbackLoop):
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Closed loop with some gains, and parameters and options of the system, changed."""
-        given = dict(parameters or {})
-        gains = {name: float(given.pop(name)) for name in self.gains if name in given}
-        made = super().varied(given, options)
-        made.gains = {**self.gains, **gains}
-        return relabelled(made, parameters={**made.labels.parameters, **made.gains})
+        changes = dict(parameters or {})
+        gains = {name: float(changes.pop(name)) for name in self.gains if name in changes}
+        changed = super().varied(changes, options)
+        changed.gains = {**self.gains, **gains}
+        return relabelled(changed, parameters={**changed.labels.parameters, **changed.gains})
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         super().require_bounds({name: value for name, value in parameters.items() if name not in self.gains})
@@ -159,8 +159,10 @@ class OutputFeedback(FeedbackLoop):
     def bounds_of_gains(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
         """Bounds of all gains. Bounds of u_by_q1 apply to all gains from q1 to u for which no bounds are
         given."""
-        own = {name: bounds[gain.base] for name, gain in self.gain_terms.items() if gain.base in bounds}
-        return {**own, **bounds}
+        of_families = {
+            name: bounds[gain.base] for name, gain in self.gain_terms.items() if gain.base in bounds
+        }
+        return {**of_families, **bounds}
 
     @property
     def derivatives(self) -> ParameterDerivatives:
@@ -333,8 +335,8 @@ class GainDependence:
         loop, n = self._loop, self._loop.model.n
         by, by_states = np.zeros((len(phase), len(self._input))), np.zeros((len(phase), 3, loop.n))
         if name not in loop.model.inputs:
-            own = derivatives_of(loop.model).by(())
-            by_states[..., :n] = own.output(name, phase, speed, states[..., :n])[1]
+            open_loop = derivatives_of(loop.model).by(())
+            by_states[..., :n] = open_loop.output(name, phase, speed, states[..., :n])[1]
             return by, by_states
         at = loop.model.inputs.index(name)
         by = np.where(np.array(self._input) == at, self._of_input(phase, speed, states), 0.0)

@@ -239,14 +239,14 @@ def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve
             around = np.arange(-beside, m + 1 + beside) % m
             q, v = values[around], starts[around]
         width, h = min(_STENCIL, len(q)), grid.h[first:last]
-        places = np.arange(last - first) + (beside if grid.smooth else 0)
-        from_ = np.clip(places - beside, 0, len(q) - width)
+        steps = np.arange(last - first) + (beside if grid.smooth else 0)
+        from_ = np.clip(steps - beside, 0, len(q) - width)
         stencil = from_[:, None] + np.arange(width)
         data = np.concatenate((q[stencil], h[:, None, None] * v[stencil]), axis=1)
-        for offset in np.unique(from_ - places):
-            some = np.flatnonzero(from_ - places == offset)
-            made = np.einsum("df,sft->tsd", _hermite(int(offset), width), data[some])
-            coefficients[:, first + some, : 2 * width] = made
+        for offset in np.unique(from_ - steps):
+            some = np.flatnonzero(from_ - steps == offset)
+            powers = np.einsum("df,sft->tsd", _hermite(int(offset), width), data[some])
+            coefficients[:, first + some, : 2 * width] = powers
     return Curve(grid.nodes, coefficients)
 
 
@@ -273,7 +273,7 @@ def through_points(function: Callable[[Array], Array], grid: Grid) -> Curve:
     """Curve of a function with values (k, r) at phases (k,), through Chebyshev points of every step."""
     theta = (1 - np.cos((np.arange(_POINTS) + 0.5) * np.pi / _POINTS)) / 2
     values = function(grid.stages(theta).ravel()).reshape(grid.steps, _POINTS, -1)
-    return Curve.of(grid.nodes, np.swapaxes(values, 1, 2), _lagrange_powers(tuple(theta)))
+    return Curve.from_steps(grid.nodes, np.swapaxes(values, 1, 2), _lagrange_powers(tuple(theta)))
 
 
 @cache

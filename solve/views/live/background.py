@@ -50,11 +50,6 @@ class Background:
         self._lock = threading.Lock()
         self._running = False
 
-    @property
-    def busy(self) -> bool:
-        """Whether a calculation is running."""
-        return self._running
-
     def start(self, work: Work, report: Report) -> None:
         """Cancel the running calculation, if any, and start another."""
         self.cancel()

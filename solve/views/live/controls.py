@@ -68,7 +68,7 @@ class Control:
 def controls_of(model: Model, speed: GivenSpeed) -> list[Control]:
     """Slider of the speed, then of each parameter, in the order of the model."""
     unit = unit_given(speed, model.labels.speed_unit)
-    value = rounded(unit.of(float(speed)), 12)
+    value = rounded(unit.from_si(float(speed)), 12)
     drive = Control(SPEED, "Ω", unit.name, "speed of the drive", "> 0", value, speed_range(value))
     return [drive, *(_of_parameter(model, *row) for row in model.module.PARAMETERS)]
 
@@ -108,7 +108,7 @@ def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
         raise MissingValueError(
             f'{model.labels.name} states no speed; give a speed, such as --speed "600 rpm"'
         )
-    rpm = model.labels.speed_unit.of(_BELOW_RESONANCE * min(modes))
+    rpm = model.labels.speed_unit.from_si(_BELOW_RESONANCE * min(modes))
     return speed_in_si(f"{rounded(rpm, 2)!r} {model.labels.speed_unit.name}")
 
 
@@ -208,7 +208,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
     """
     text = text.strip()
     if name == SPEED:
-        return rounded(unit.of(float(speed_in_si(with_speed_unit(text, unit)))), 12)
+        return rounded(unit.from_si(float(speed_in_si(with_speed_unit(text, unit)))), 12)
     require_name(f"parameter of {model.labels.name}", name, model.parameters)
     try:
         value = in_own_unit(model, name, text)

@@ -86,7 +86,7 @@ def _visible_scale(
         return 1.0
     some, system, speed = slice(None, None, 3), solution.orbit.system, solution.orbit.speed
     moved = _lines(system, phase[some], speed, q[:, some], fineness)
-    largest = max(float(np.abs(moved[name] - places[:, some]).max()) for name, places in rigid.items())
+    largest = max(float(np.abs(moved[name] - points[:, some]).max()) for name, points in rigid.items())
     return float(round_magnification(VISIBLE * _size([*rigid.values()]) / largest)) if largest > 0 else 1.0
 
 
@@ -117,6 +117,6 @@ def _record(
 def _points(rigid: Mapping[str, Plane], moved: Mapping[str, Plane]) -> bytes:
     pieces = []
     for name, line in rigid.items():
-        for places in (line, moved[name]):
-            pieces.append(np.stack((np.real(places.T), np.imag(places.T)), axis=-1).ravel())
+        for points in (line, moved[name]):
+            pieces.append(np.stack((np.real(points.T), np.imag(points.T)), axis=-1).ravel())
     return np.concatenate(pieces).astype("<f4").tobytes()

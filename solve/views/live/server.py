@@ -130,8 +130,8 @@ class LiveServer:
 
     def allows(self, token: str, host: str) -> bool:
         """Whether a request contains the token and is addressed to a host name of this machine."""
-        own = {f"{name}:{self.port}" for name in (HOST, "localhost")}
-        return secrets.compare_digest(token.encode(), self.token.encode()) and host in own
+        hosts = {f"{name}:{self.port}" for name in (HOST, "localhost")}
+        return secrets.compare_digest(token.encode(), self.token.encode()) and host in hosts
 
 
 def _whole(number: object) -> int:

@@ -34,7 +34,7 @@ class Axis:
     logarithmic: bool = False
 
     @classmethod
-    def of(cls, model: Model, unit: ShownUnit, values: Mapping[str, Any], most: int) -> Self:
+    def from_request(cls, model: Model, unit: ShownUnit, values: Mapping[str, Any], most: int) -> Self:
         """Axis from the request of a page, with limits in any unit. unit: that of speeds without one.
         Raises SolveError subclasses."""
         name, count = str(values.get("name")), str(values.get("count"))
@@ -60,8 +60,8 @@ class Axis:
 
     def record(self, model: Model, unit: ShownUnit) -> dict[str, Any]:
         """Data of the axis for the page, as a JSON object."""
-        own, meaning = model.labels.parameter_labels.get(self.name, ("rad/s", "speed of the drive"))
-        shown = unit.name if self.name == SPEED else raised(own)
+        model_unit, meaning = model.labels.parameter_labels.get(self.name, ("rad/s", "speed of the drive"))
+        shown = unit.name if self.name == SPEED else raised(model_unit)
         label = "Ω" if self.name == SPEED else greek(self.name)
         return {
             "name": self.name,
@@ -90,13 +90,13 @@ class Survey:
     @classmethod
     def of_page(cls, model: Model, speed: float, unit: ShownUnit, request: Mapping[str, Any]) -> Self:
         """Survey from the request of a page. Raises SolveError subclasses."""
-        of = Named.of(model, str(request.get("of", RADIUS)))
+        quantity = Named.parse(model, str(request.get("of", RADIUS)))
         most = MOST_ACROSS if request.get("y") else MOST_POINTS
-        x = Axis.of(model, unit, request.get("x") or {}, most)
-        y = Axis.of(model, unit, request["y"], most) if request.get("y") else None
+        x = Axis.from_request(model, unit, request.get("x") or {}, most)
+        y = Axis.from_request(model, unit, request["y"], most) if request.get("y") else None
         if y is not None and x.name == y.name:
             raise ValueOutOfBoundsError(f"x and y are both {x.name}; vary two different quantities")
-        return cls(model, speed, unit, x, y, of.text)
+        return cls(model, speed, unit, x, y, quantity.text)
 
     def run(self) -> dict[str, Any]:
         """Compute the sweep or chart and convert it to a JSON object for the page. Raises SolveError
@@ -104,39 +104,43 @@ class Survey:
         return self._sweep() if self.y is None else self._chart(self.y)
 
     def _sweep(self) -> dict[str, Any]:
-        model, x, of = self.model, self.x, Named.of(self.model, self.of)
+        model, x, quantity = self.model, self.x, Named.parse(self.model, self.of)
         varies_speed = x.name == SPEED
         speeds = x.own(self.unit) if varies_speed else [self.speed]
         over = None if varies_speed else {x.name: x.values}
-        shown = [of.subject] if of.of_orbit else []
-        spectra = shown if of.figure == HARMONIC else []
-        result = sweep(model, speeds, quantities=shown, spectra=spectra, harmonics=of.number or 1, over=over)
-        if of.figure == HARMONIC:
-            values = result.spectrum(of.subject)[:, of.number]
-        elif of.of_orbit:
-            require_name(f"figure of {of.subject} in a sweep", of.figure, FIGURES)
-            values = result.figures(of.subject, of.figure)
-        elif of.subject == RADIUS:
+        shown = [quantity.subject] if quantity.of_orbit else []
+        spectra = shown if quantity.figure == HARMONIC else []
+        result = sweep(
+            model, speeds, quantities=shown, spectra=spectra, harmonics=quantity.number or 1, over=over
+        )
+        if quantity.figure == HARMONIC:
+            values = result.spectrum(quantity.subject)[:, quantity.number]
+        elif quantity.of_orbit:
+            require_name(f"figure of {quantity.subject} in a sweep", quantity.figure, FIGURES)
+            values = result.figures(quantity.subject, quantity.figure)
+        elif quantity.subject == RADIUS:
             values = result.spectral_radius
         else:
-            raise ValueOutOfBoundsError(f"a sweep cannot show {of.text}; choose another quantity")
+            raise ValueOutOfBoundsError(f"a sweep cannot show {quantity.text}; choose another quantity")
         points = result.points
         failures = [point.error for point in points]
         if all(failures):
             raise ValueOutOfBoundsError(f"no point has a result: {failures[0]}")
         return {
             "x": x.record(model, self.unit),
-            **self._values(of, values),
+            **self._values(quantity, values),
             "verdicts": [point.verdict for point in points],
             "failures": failures,
             "warnings": result.warnings,
         }
 
     def _chart(self, y: Axis) -> dict[str, Any]:
-        of = Named.of(self.model, self.of)
+        quantity = Named.parse(self.model, self.of)
         axes = [{axis.name: axis.own(self.unit)} for axis in (self.x, y)]
         speed = None if SPEED in (self.x.name, y.name) else self.speed
-        result = chart(self.model, *axes, speed=speed, of=None if of.subject == RADIUS else of.text)
+        result = chart(
+            self.model, *axes, speed=speed, of=None if quantity.subject == RADIUS else quantity.text
+        )
         values = result.spectral_radius if result.values is None else result.values
         curves = []
         for curve in result.boundaries:
@@ -146,19 +150,23 @@ class Survey:
         return {
             "x": self.x.record(self.model, self.unit),
             "y": y.record(self.model, self.unit),
-            **self._values(of, np.asarray(values).ravel()),
+            **self._values(quantity, np.asarray(values).ravel()),
             "verdicts": [str(verdict) for verdict in np.ravel(result.verdicts)],
             "boundaries": curves,
             "failures": [],
             "warnings": result.warnings,
         }
 
-    def _values(self, of: Named, values: Array) -> dict[str, Any]:
+    def _values(self, quantity: Named, values: Array) -> dict[str, Any]:
         """Values of the quantity in a unit with prefix, with their label."""
         finite = values[np.isfinite(values)]
-        factor, unit = prefixed(of.unit, float(np.abs(finite).max()) if len(finite) else 0.0)
-        label = named("max_abs", of.subject) if of.figure == "max_abs" else of.text.replace("_", " ")
-        return {"of": of.text, "label": headed(label, unit), "values": shortened(factor * values)}
+        factor, unit = prefixed(quantity.unit, float(np.abs(finite).max()) if len(finite) else 0.0)
+        label = (
+            named("max_abs", quantity.subject)
+            if quantity.figure == "max_abs"
+            else quantity.text.replace("_", " ")
+        )
+        return {"of": quantity.text, "label": headed(label, unit), "values": shortened(factor * values)}
 
 
 def choices(model: Model) -> list[str]:

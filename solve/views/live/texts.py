@@ -37,7 +37,7 @@ class Origin:
     cases: str | None = None
 
     @classmethod
-    def of(cls, model: Model) -> "Origin":
+    def from_model(cls, model: Model) -> "Origin":
         """Origin of a loaded model, determined from the path of its generated code."""
         generated = Path(getattr(model.module, "__file__", None) or "")
         for argument in (model.labels.name, (generated.parent.parent / generated.name).as_posix()):

@@ -136,7 +136,7 @@ def explore(
     """
     if isinstance(model, str):
         return LiveWindow(server(load(model), Origin(model), speed, port))
-    return LiveWindow(server(model, Origin.of(_checked(model)), speed, port))
+    return LiveWindow(server(model, Origin.from_model(_checked(model)), speed, port))
 
 
 @first_is(Model, such_as="solve.load('cam')")

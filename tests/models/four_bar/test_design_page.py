@@ -33,7 +33,7 @@ def stresses_once(monkeypatch):
     solved = StressMap.peaks
 
     def kept(stress_map, speeds, L4):
-        key = *map(len, stress_map.places), *(each.tobytes() for each in (stress_map.nodes, speeds, L4))
+        key = *map(len, stress_map.positions), *(each.tobytes() for each in (stress_map.nodes, speeds, L4))
         if key not in PEAKS:
             PEAKS[key] = solved(stress_map, speeds, L4)
         return PEAKS[key]

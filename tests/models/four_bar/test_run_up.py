@@ -72,7 +72,7 @@ def test_a_violent_run_up_agrees_with_a_structure_by_hand(stresses):
     times, q = hand.run(float(drive(np.array(2 * TURN)).time))
     computed = simulate(stresses, drive, 2).stress
     angle = np.array([hand.phi(t) for t in times])
-    for link, fractions in enumerate(stresses.places):
+    for link, fractions in enumerate(stresses.positions):
         each = np.max([hand.stress(times, q, link, fraction) for fraction in fractions], axis=0)
         for turn in range(2):
             inside = (angle >= turn * TURN) & (angle <= (turn + 1) * TURN)

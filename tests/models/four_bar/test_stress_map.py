@@ -42,7 +42,7 @@ def test_stress_map_matches_single_solutions(options):
     assert peaks.error.max() < 5e-3
     for point, speed in ((1, 24.5), (3, 30.4)):
         for place, L4 in enumerate(LENGTHS):
-            single = worst(model, speed, L4, zip(stress_map.links, stress_map.places, strict=True))
+            single = worst(model, speed, L4, zip(stress_map.links, stress_map.positions, strict=True))
             assert peaks.stress[point, place] == pytest.approx(single, rel=3e-3)
 
 
@@ -77,7 +77,7 @@ def test_rows_give_the_stresses_of_the_model():
     rows = stress_rows(model.beams, model.beams.angle(phase))
     axial, bending = np.einsum("kasn,nk->ask", rows, q)
     at = 0
-    for link, fractions in zip(stress_map.links, stress_map.places, strict=True):
+    for link, fractions in zip(stress_map.links, stress_map.positions, strict=True):
         for fraction in fractions:
             for side, sign in (("plus", 1), ("minus", -1)):
                 expected = model.stress(link, float(fraction), side, phase, q)

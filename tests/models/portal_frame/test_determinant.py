@@ -51,7 +51,7 @@ def test_with_one_element_the_fourth_is_a_pole(sides):
 
 
 def test_the_picture_and_the_command(frame, tmp_path, capsys):
-    axes = determinants_figure(frame, "title").axes[0]
+    axes = determinants_figure(frame).axes[0]
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels == ["1 element a bar", "2 elements a bar"]
     assert run(["--plot", str(tmp_path / "det.png"), "--most", "400"]) == 0

@@ -221,11 +221,14 @@ class NothingDrifts:
 def test_batched_multipliers_match_single_matrices(seed, N, decades):
     rng = np.random.default_rng(seed)
     Phi = rng.standard_normal((12, N, N)) @ np.diag(10.0 ** -np.linspace(0, decades, N))
-    ours, finer = Multipliers.of(Phi), Multipliers.of(Phi * (1 + 1e-6 * rng.standard_normal(Phi.shape)))
+    ours, finer = (
+        Multipliers.from_matrices(Phi),
+        Multipliers.from_matrices(Phi * (1 + 1e-6 * rng.standard_normal(Phi.shape))),
+    )
     judged, errors = verdicts(Phi, ours, np.full(12, 1e-9), NothingDrifts(N // 2)), multiplier_roundoff(Phi)
     differences = ours.difference(finer)
     for k, matrix in enumerate(Phi):
-        alone = Multipliers.of(matrix)
+        alone = Multipliers.from_matrices(matrix)
         np.testing.assert_array_equal(ours.values[k], alone.values)
         assert ours.resolved[k] == alone.resolved
         assert not ours.values[k, ours.resolved[k] :].any()
@@ -284,7 +287,7 @@ def test_bounds_of_frozen_modes_hold(seed, n, scale):
     )
     shared = Separated(separation, coefficients).tables(phase)
     computed = []
-    for made in (Tables.of(family.entries(phase, speeds[:, None]), n), shared):
+    for made in (Tables.from_entries(family.entries(phase, speeds[:, None]), n), shared):
         modes = FrozenModes(made, system.period)
         exceeds = modes.exceeds_rate(rate)
         # At scale 1 the rate is the median itself: equal up to round-off is decided either way.

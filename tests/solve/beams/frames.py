@@ -3,7 +3,7 @@
 import numpy as np
 
 from solve.beams.assembly import Beams, Properties
-from solve.beams.elements import freedoms
+from solve.beams.links import freedoms
 
 
 def beams(links, held, lengths, angles, kinds="cubic", counts=1, EA=1e4, EI=1.0, mu=1.0, masses=None):

@@ -5,7 +5,7 @@ import pytest
 
 import solve
 from solve.beams.assembly import Positions
-from solve.beams.elements import element
+from solve.beams.element import element
 from solve.errors import StructureError
 from tests.solve.beams.frames import beams
 

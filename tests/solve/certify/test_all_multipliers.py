@@ -120,7 +120,7 @@ def test_multipliers_left_out_for_their_work_are_noted(monkeypatch):
     found = solve.floquet(damped_pair(), 1.0)
     assert np.isnan(found.multipliers[2:]).all()
     assert [note.split("; ")[1] for note in found.notes] == [
-        "for so many coordinates and steps, small multipliers require all_multipliers"
+        f"with 2 coordinates and {found.steps} steps, small multipliers require all_multipliers"
     ]
 
 

@@ -12,7 +12,7 @@ from solve.methods.choice import chosen
 from solve.methods.gauss import Gauss
 from solve.period.frozen import frozen
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from tests.solve.references import Shooting, multiplier_error, relative_error
 from tests.solve.systems import cam, constant, random_system
 
@@ -51,7 +51,7 @@ def honest(error, estimate):
 @pytest.mark.parametrize("steps", [30, 60, 64, 100, 128])
 def test_differences_do_not_depend_on_the_steps_of_the_better_orbit(steps):
     """The better one has fewer steps than the other, in some cases a fraction of them."""
-    point = OnePoint(random_system(2, 2), 1.0)
+    point = SinglePoint(random_system(2, 2), 1.0)
     coarse, fine, finer = (
         method.solutions(point, Grid.uniform(count, point.period), True, "compiled")
         for method, count in ((Radau(3), steps), (Radau(13), 16), (Radau(13), steps))

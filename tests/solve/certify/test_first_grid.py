@@ -8,7 +8,7 @@ import pytest
 from solve import Gauss, Newmark, PeriodicSystem, Radau
 from solve.certify.resolution import first_steps
 from solve.period.frozen import frozen
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from tests.solve.systems import constant
 
 
@@ -21,7 +21,7 @@ def oscillators(*omegas, damping=0.0):
 
 
 def steps(method, system, rtol=1e-6):
-    point = OnePoint(system, 1.0)
+    point = SinglePoint(system, 1.0)
     (computed,) = first_steps(method, point, frozen(point), True, rtol).tolist()
     return computed
 

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from solve import Gauss, PeriodicSystem, floquet
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from tests.solve.references import Shooting, multiplier_error
 from tests.solve.systems import constant
 
@@ -29,7 +29,10 @@ def test_accidentally_equal_multipliers_are_detected_from_the_monodromy_matrices
     def difference(delta):
         grids = (Grid.uniform(steps, 2 * np.pi) for steps in (8, 12))
         return np.subtract(
-            *(np.trace(Gauss().solutions(OnePoint(hill(delta), 1.0), grid, False).Phi[0]) for grid in grids)
+            *(
+                np.trace(Gauss().solutions(SinglePoint(hill(delta), 1.0), grid, False).Phi[0])
+                for grid in grids
+            )
         )
 
     given = hill(brentq(difference, *between, xtol=1e-15))

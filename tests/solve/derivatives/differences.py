@@ -28,7 +28,7 @@ def differences(model, speed, name, texts, solved=solve.periodic, parts=PARTS, *
 
     def values(number):
         orbit = solved(*varied(model, speed, name, number), **settings)
-        return np.array([complex(Named.of(model, text).value(orbit)) for text in texts])
+        return np.array([complex(Named.parse(model, text).value(orbit)) for text in texts])
 
     def extrapolated(part):
         steps = part * (abs(at) or 0.1) / 2 ** np.arange(4)

@@ -11,7 +11,7 @@ import solve
 from solve.arguments import SMALL
 from solve.kernel.eigenvalues import eigenvalues
 from solve.period.frozen import frozen
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from tests.solve.kernel.test_lanes import needs_compiler
 
 pytestmark = needs_compiler
@@ -99,6 +99,6 @@ def test_large_pencils_are_left_to_others():
 
 
 def test_frozen_modes_are_alike_by_both_engines():
-    point = OnePoint(solve.load("cam", case="1"), 60.0)
+    point = SinglePoint(solve.load("cam", case="1"), 60.0)
     numpy, compiled = (frozen(point, engine=engine).eigenvalues()[0] for engine in ("numpy", "compiled"))
     assert max(map(apart, compiled, numpy)) < 1e-12

@@ -11,7 +11,7 @@ from solve.kernel import collocation, engines
 from solve.kernel.engines import COMPILED, NUMPY, EngineError, chosen_engine
 from solve.kernel.library import trouble
 from solve.period.grid import Grid
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from solve.studies.compare import compare
 from tests.solve import systems
 
@@ -35,7 +35,9 @@ def both(function):
 def test_grids_are_the_same(seed, n, method, steps):
     system = systems.random_system(seed, n)
     grid = Grid.uniform(steps, system.period)
-    truth, computed = both(lambda engine: method.solutions(OnePoint(system, 1.0), grid, True, engine).steps)
+    truth, computed = both(
+        lambda engine: method.solutions(SinglePoint(system, 1.0), grid, True, engine).steps
+    )
     for one, other in ((computed.A, truth.A), (computed.b, truth.b)):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * np.abs(other).max())
 

@@ -170,7 +170,7 @@ def test_multipliers_and_their_errors_are_alike_by_both_engines(n):
     Phi = np.random.default_rng(n).standard_normal((40, 2 * n, 2 * n))
     units = balance_matrices(Phi)[1]
     known = conditioned(Phi, units, COMPILED)
-    compiled, numpy = Multipliers.of(Phi, units, known), Multipliers.of(Phi, units)
+    compiled, numpy = Multipliers.from_matrices(Phi, units, known), Multipliers.from_matrices(Phi, units)
     assert (compiled.distance(numpy) < 1e-12 * numpy.spectral_radius).all()
     np.testing.assert_array_equal(compiled.resolved, numpy.resolved)
     np.testing.assert_allclose(

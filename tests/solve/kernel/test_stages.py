@@ -64,7 +64,7 @@ def test_units_of_equations_cost_no_digit(engine):
     s, h, rng = len(rule.c), np.full(steps, 0.3), np.random.default_rng(4)
     entries = rng.standard_normal((1, steps * s, 3 * n**2 + n))
     entries[..., : n**2] += 3 * np.eye(n).ravel()
-    tables, unit = Tables.of(entries, n), np.broadcast_to(np.eye(s * n), (steps, s * n, s * n))
+    tables, unit = Tables.from_entries(entries, n), np.broadcast_to(np.eye(s * n), (steps, s * n, s * n))
     computed, again = (
         stage_systems(rule, h, each, slice(None), engine) for each in (tables, tables.multiplied(units[None]))
     )

@@ -25,7 +25,7 @@ from solve.methods.march import March
 from solve.methods.method import OneStep
 from solve.methods.modal import Modal
 from solve.period.grid import Grid
-from solve.period.points import OnePoint, Tables
+from solve.period.points import SinglePoint, Tables
 from tests.solve.methods.meissner import EQUATION, MULTIPLIERS, TURN, generator, states
 from tests.solve.references import Shooting, multiplier_error, relative_error, slope
 from tests.solve.systems import constant, frozen_modes, random_system, system
@@ -184,7 +184,7 @@ def test_stiff_modes_are_damped_only_by_l_stable_methods(method):
     equation = stiff_direction_that_turns()
     truth = floquet(equation, 1.0, Radau(13), rtol=1e-8)
     assert truth.unresolved == 2
-    solutions = method.solutions(OnePoint(equation, 1.0), Grid.uniform(48, TURN), False)
+    solutions = method.solutions(SinglePoint(equation, 1.0), Grid.uniform(48, TURN), False)
     values = np.sort(np.abs(np.linalg.eigvals(solutions.Phi[0])))[::-1]
     damped = values[2] < 1e-9 and values[0] == pytest.approx(truth.spectral_radius, rel=0.05)
     assert damped == method.l_stable
@@ -278,7 +278,7 @@ def test_least_steps_are_stable_and_fewer_are_refused(method):
             match=rf"{method.name} with {least - 1} steps .* at least {least} steps, or .*\(radau\)",
         ):
             floquet(equation, 1.0, method, steps=int(least) - 1)
-    solutions = method.solutions(OnePoint(equation, 1.0), Grid.uniform(int(least), TURN), False)
+    solutions = method.solutions(SinglePoint(equation, 1.0), Grid.uniform(int(least), TURN), False)
     if not method.warnings:
         assert np.abs(np.linalg.eigvals(solutions.Phi[0])).max() < 1 + 1e-9
 
@@ -331,7 +331,7 @@ def test_method_attributes_are_consistent(method):
 
 
 @dataclass(frozen=True)
-class Watched(OnePoint):
+class Watched(SinglePoint):
     """A point that keeps the phases at which its matrices are asked for."""
 
     phases: tuple = ()

@@ -5,7 +5,7 @@ import pytest
 
 from solve import load, periodic
 from solve.methods.choice import RESOLVABLE, auto
-from solve.period.points import OnePoint
+from solve.period.points import SinglePoint
 from tests.solve.systems import constant
 
 
@@ -40,7 +40,7 @@ def test_the_fastest_mode_or_decay_decides(system, method):
 
 def settled(system, speed):
     """Name of the method that `auto` chooses for a system at a speed."""
-    ((method, _),) = auto(OnePoint(system, speed))
+    ((method, _),) = auto(SinglePoint(system, speed))
     return method.name
 
 

@@ -14,7 +14,7 @@ from tests.derive.modules import module_of
 
 def model_of(module, **numbers):
     """A model of a derived module with these numbers."""
-    return Model.of(Setup.checked(module, Case("", None, numbers), {}))
+    return Model.from_setup(Setup.checked(module, Case("", None, numbers), {}))
 
 
 @cache

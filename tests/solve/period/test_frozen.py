@@ -14,7 +14,9 @@ def frozen_system(n, seed):
     rng = np.random.default_rng(seed)
     M = np.eye(n) + 0.3 * rng.uniform(-1, 1, (2, 6, n, n)) / n
     C, K, d = (rng.standard_normal((2, 6, columns)) for columns in (n * n, n * n, n))
-    return FrozenModes(Tables.of(np.concatenate((M.reshape(2, 6, -1), C, K, d), axis=-1), n), 1.0), M
+    return FrozenModes(
+        Tables.from_entries(np.concatenate((M.reshape(2, 6, -1), C, K, d), axis=-1), n), 1.0
+    ), M
 
 
 @pytest.mark.parametrize("n", [2, 12])
@@ -35,7 +37,7 @@ def test_inertia_that_dips_or_changes_its_sign_is_not_steady(most, monkeypatch):
     for factor in (1e-3, -1.0, 0.0):
         changed = entries.copy()
         changed[1, 4, :12] *= factor
-        steady = FrozenModes(Tables.of(changed, 12), 1.0).has_steady_inertia(0.02)
+        steady = FrozenModes(Tables.from_entries(changed, 12), 1.0).has_steady_inertia(0.02)
         np.testing.assert_array_equal(steady, [True, False])
     assert modes.has_steady_inertia(0.02).all()
 
@@ -44,4 +46,4 @@ def test_determinants_that_underflow_are_steady():
     n = 120
     entries = np.zeros((1, 6, 3 * n * n + n))
     entries[..., : n * n] = 1e-4 * np.eye(n).ravel()
-    assert FrozenModes(Tables.of(entries, n), 1.0).has_steady_inertia(0.02).all()
+    assert FrozenModes(Tables.from_entries(entries, n), 1.0).has_steady_inertia(0.02).all()

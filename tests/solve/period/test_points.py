@@ -52,7 +52,7 @@ class Several:
 
     def tables(self, phase):
         entries = np.array([entries_of(system, phase, 1.0) for system in self.each])
-        return Tables.of(entries[self.which], self.n)
+        return Tables.from_entries(entries[self.which], self.n)
 
 
 @pytest.fixture(scope="module", params=[(1, 1000), (2, 250), (3, 250)], ids=["1", "2", "3"])

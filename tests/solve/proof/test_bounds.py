@@ -93,7 +93,7 @@ def test_the_nonlinear_remainder_lies_below_the_curvature():
         equation, motion = _equation(system, speed, period, False)
         computed = turn(equation, period, (), Marching(60, 12.0))
         second = _instructions(system.model, second_derivatives, False)
-        curvature = Curvature.of(equation, second, computed, arb(2))
+        curvature = Curvature.from_equation(equation, second, computed, arb(2))
         bound = float(curvature.over(arb(rho)))
     (T,), W, load = equation.modes[0], equation.frequencies[0], equation.load
     phases = np.linspace(0.0, 2 * np.pi, 500)

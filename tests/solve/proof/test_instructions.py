@@ -33,7 +33,7 @@ PIECES = {
 
 
 def evaluated(expression, number, outcomes=None):
-    (((_, _, value),),), computed = Instructions.of(casadi.Function("f", [x], [expression]))(
+    (((_, _, value),),), computed = Instructions.from_function(casadi.Function("f", [x], [expression]))(
         [[number]], outcomes
     )
     return value, computed
@@ -115,4 +115,4 @@ def test_an_interval_with_several_outcomes_is_undecided(name, at):
 
 def test_an_operation_without_a_rule_is_refused():
     with pytest.raises(LinearModelError, match="OP_ERF"):
-        Instructions.of(casadi.Function("f", [x], [casadi.erf(x)]))
+        Instructions.from_function(casadi.Function("f", [x], [casadi.erf(x)]))

@@ -95,10 +95,10 @@ def test_a_disturbed_polynomial_has_a_larger_radius(monkeypatch, moved):
 
 
 def test_leaving_out_the_defect_is_noticed(monkeypatch):
-    usual = of_existence.Linear.of
+    usual = of_existence.Linear.from_maps
     monkeypatch.setattr(
         of_existence.Linear,
-        "of",
+        "from_maps",
         classmethod(lambda cls, *given: dataclasses.replace(usual(*given), eta=arb(0))),
     )
     found = solve.prove(orbit())

@@ -36,7 +36,7 @@ OPEN = {
 
 
 def shown(expression, period=Fraction(2)):
-    return repeats(Instructions.of(casadi.Function("f", [x], [expression])), period)
+    return repeats(Instructions.from_function(casadi.Function("f", [x], [expression])), period)
 
 
 @pytest.mark.parametrize("name", SHOWN)

@@ -141,7 +141,7 @@ def test_harmonics_of_samples_count_by_entry():
     ],
 )
 def test_constants_are_not_combined_in_double_precision(function, exact):
-    instructions = Instructions.of(linearised(stiffness(lambda phase: function(np.cos(phase)))))
+    instructions = Instructions.from_function(linearised(stiffness(lambda phase: function(np.cos(phase)))))
     with precision(200):
         values, _ = instructions([[arb(0)], [arb(1)], []])
         ((_, _, value),) = values[2]

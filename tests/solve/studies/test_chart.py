@@ -235,7 +235,7 @@ def test_chart_quantity_matches_single_solutions():
     ):
         chart = solve.chart(cam, {"speed": speeds}, {"k1": stiff}, boundaries=False, of=of)
         orbit = solve.periodic(cam.varied({"k1": 7e4}), 60.0)
-        assert chart.values[0, 1] == pytest.approx(Named.of(cam, of).value(orbit), rel=1e-6), of
+        assert chart.values[0, 1] == pytest.approx(Named.parse(cam, of).value(orbit), rel=1e-6), of
         assert chart.record()["of"] == of
         assert chart.to_xarray()[of].sel(k1=7e4, speed=60.0) == chart.values[0, 1]
     with pytest.raises(ValueOutOfBoundsError, match="one real value"):

@@ -362,7 +362,10 @@ def test_correlated_residuals_give_a_warning(file):
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        (lambda q: 1000 * q, "q is measured 1e+03 times as large as computed at the start; check its unit"),
+        (
+            lambda q: 1000 * q,
+            "q: the measured values are 1e+03 times those computed at the start; check the unit",
+        ),
         (lambda q: 0 * q + 5, "q has the same measured value everywhere"),
         (lambda q: -q, "so the model does not describe them; check unit, sign, speed and phase origin"),
     ],

@@ -134,7 +134,7 @@ def test_maximum_over_the_speed_is_followed_with_its_derivatives(model):
         model, ["k", "c"], np.array([8.9, 0.25]), np.array([9.1, 0.35]), speeds, "auto", 1e-10, True
     )
     x = np.array([0.45, 0.55])
-    extrema = tracked(design, x, 1, Named.of(model, "q.max_abs"))
+    extrema = tracked(design, x, 1, Named.parse(model, "q.max_abs"))
     peak = Peak([replace(extrema, at=at) for at in range(3)])
     k, c = design.low + x * (design.high - design.low)
     ratio = c / (2 * np.sqrt(k * MASS))
@@ -168,7 +168,7 @@ def test_derivatives_of_extrema_equal_the_closed_form(model):
     low, high, speed = np.array([5.0, -0.5]), np.array([17.0, 0.5]), 1.1
     design = Design(model, ["k", "p2"], low, high, [speed], "auto", 1e-10, True)
     x = np.array([0.4, 0.7])
-    extrema = tracked(design, x, 0, Named.of(model, "q.max_abs"))
+    extrema = tracked(design, x, 0, Named.parse(model, "q.max_abs"))
     k, p2 = low + x * (high - low)
     first, third = response(speed, k=k), response(3 * speed, k=k)
     phase = np.linspace(0, 2 * np.pi, 200_001)
@@ -219,7 +219,7 @@ def test_gradient_of_every_objective_equals_differences(name, free, speed, quant
     low, high = np.array(list(free.values())).T
     design = Design(system, list(free), low, high, [speed], "auto", 1e-12, name == "cam")
     x = np.array([0.45, 0.55])
-    every = {text: tracked(design, x, 0, Named.of(system, text)) for text in quantities}
+    every = {text: tracked(design, x, 0, Named.parse(system, text)) for text in quantities}
     sizes = [len(each.values(x)) for each in every.values()]
 
     numeric = differences(lambda at: np.concatenate([each.values(at) for each in every.values()]), x)
@@ -231,7 +231,7 @@ def test_gradient_of_every_objective_equals_differences(name, free, speed, quant
 @pytest.mark.parametrize("at", [0.0, 0.4, 1.0])
 def test_gradient_of_a_function_equals_that_of_the_quantity(model, at):
     design = Design(model, ["k"], np.array([5.0]), np.array([17.0]), [1.5, 2.0], "auto", 1e-8, True)
-    x, rms = np.array([at]), Named.of(model, "q.rms")
+    x, rms = np.array([at]), Named.parse(model, "q.rms")
     given = Function(design, lambda orbits: sum(orbit.statistics("q").rms for orbit in orbits))
     exact = sum(design.slopes(point.slopes(rms)) for point in design.points(x))
     np.testing.assert_allclose(given.slopes(x)[0], exact, rtol=1e-6)
@@ -423,7 +423,7 @@ def test_quantile_optimum_equals_a_scan_of_quantiles(model):
 
 @pytest.mark.parametrize("percent", [1, 30, 50, 95, 99])
 def test_quantile_of_machines_is_that_of_hazen(percent):
-    statistic = Statistic.of(f"{percent} %")
+    statistic = Statistic.parse(f"{percent} %")
     values = np.random.default_rng(percent).standard_normal(statistic.machines)
     expected = np.quantile(values, percent / 100, method="hazen")
     assert statistic.weights(values) @ values == pytest.approx(expected, rel=1e-12)
@@ -435,7 +435,7 @@ def test_robust_gradient_equals_differences(model, objective):
     design = Design(model, ["k"], np.array([6.5]), np.array([16.0]), [1.5], "auto", 1e-10, True)
     spreads = {"k": spread_of("k", "±1", STIFFNESS, "N/m"), "c": spread_of("c", "±10 %", DAMPING, "N s/m")}
     machines = deviating(design, spreads, 16)
-    robust = Robust(machines, 0, Named.of(model, "q.max_abs"), Statistic.of(objective))
+    robust = Robust(machines, 0, Named.parse(model, "q.max_abs"), Statistic.parse(objective))
     x = np.array([0.4])
     np.testing.assert_allclose(robust.slopes(x), differences(robust.values, x), rtol=1e-6)
 

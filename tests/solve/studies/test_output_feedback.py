@@ -97,7 +97,7 @@ def test_derivatives_of_gains_agree_with_differences():
 
     def values(name, step):
         orbit = solve.periodic(loop.varied({name: loop.gains[name] + step}), "50 rpm", rtol=1e-11)
-        return np.array([float(Named.of(loop, text).value(orbit)) for text in OF])
+        return np.array([float(Named.parse(loop, text).value(orbit)) for text in OF])
 
     for at, name in enumerate(by):
         differences = (values(name, 0.1) - values(name, -0.1)) / 0.2

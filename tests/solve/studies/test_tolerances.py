@@ -94,7 +94,7 @@ def test_results_within_their_error_of_a_limit_are_counted_apart(model):
 
 def test_verdicts_of_several_speeds_are_combined():
     margins = np.array([[1.0, -1.0], [-1.0, 0.0], [-1.0, np.nan], [1.0, np.nan]])
-    event = Event.of(margins, margins > 0, margins == 0, np.isnan(margins))
+    event = Event.from_points(margins, margins > 0, margins == 0, np.isnan(margins))
     assert event.occurs.tolist() == [True, False, False, True]
     assert event.undetermined.tolist() == [False, True, False, False]
     assert event.failed.tolist() == [False, False, True, False]

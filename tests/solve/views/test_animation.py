@@ -226,7 +226,7 @@ def test_the_page_moves_its_lines_as_the_figure_does(coupler):
                 a, b, _, _, x, y = numbers(value)
                 places = (a + 1j * b) * places + x + 1j * y
             expected = mover.artist.axes.transData.transform(
-                np.stack((mover.places[:, frame].real, mover.places[:, frame].imag), axis=-1)
+                np.stack((mover.points[:, frame].real, mover.points[:, frame].imag), axis=-1)
             )
             expected = expected[:, 0] + 1j * (figure.bbox.height - expected[:, 1])
             np.testing.assert_allclose(places, expected, atol=0.03)

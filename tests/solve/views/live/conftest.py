@@ -73,7 +73,7 @@ class Window:
 
     def __init__(self, model, speed=None, origin=None):
         self.sent, self.points, self.waiting = [], [], []
-        origin = Origin.of(model) if origin is None else origin
+        origin = Origin.from_model(model) if origin is None else origin
         self.session = Session(model, origin, first_speed(model, speed), self._send, self._later)
 
     def _send(self, message, points):

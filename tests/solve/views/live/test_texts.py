@@ -14,7 +14,7 @@ from solve.views.live.texts import Origin, State, save_case
 
 
 def state(model, texts, speed="300 rpm", origin=None):
-    origin = Origin.of(model) if origin is None else origin
+    origin = Origin.from_model(model) if origin is None else origin
     values = {name: in_own_unit(model, name, text) for name, text in texts.items()}
     return State(origin, origin.stated(model), model.varied(values), texts, speed)
 
