@@ -8,7 +8,7 @@ from functools import cache, cached_property, lru_cache
 
 import numpy as np
 
-from solve.arrays import Array, across
+from solve.arrays import Array
 from solve.certify.certified import SolveRequest
 from solve.certify.coefficients import ResampledPoints, SampledPhases, harmonics
 from solve.certify.point_solver import PointSolver
@@ -99,8 +99,8 @@ class Comparison(PointSolver, ABC):
         The round-off of the coefficients is added to that of the maps if it may exceed the `errors` (k, 2).
         It is the difference from solutions with slightly different entries."""
         roundoff = roundoff_errors(solutions)
-        may_exceed = roundoff * self.rounding_amplification(positions)[:, None] > errors
-        rows = across(np.logical_or, may_exceed[:, 0 if self.request.orbit else 1 :]).nonzero()[0]
+        of = slice(0 if self.request.orbit else 1, 2)
+        rows = self.may_exceed(positions, roundoff[:, of], errors[:, of]).nonzero()[0]
         if not len(rows):
             return roundoff
         equations = self.method.linearised(self.equations[positions[rows]], solutions[rows])

@@ -69,12 +69,14 @@ class _Effect(NamedTuple):
 def with_model_errors(result: Certified, system_at: SystemAt) -> Certified:
     """Solved points of a system with the errors of its reduction or interpolation, which widen the margins of
     the verdicts. Points of other systems remain unchanged."""
-    system = system_at(0)[0] if len(result) else None
-    if system is not None and system.capabilities.reduction is not None:
+    if not len(result):
+        return result
+    capabilities = system_at(0)[0].capabilities
+    if capabilities.reduction is not None:
         found = list(_at_each(result, system_at, "error of the reduction", _reduction_at))
         absolute = np.maximum(result.absolute, 0.0) + np.array([margin for _, margin in found])
         result = replace(result, reduction=tuple(error for error, _ in found), absolute=absolute)
-    if system is not None and system.capabilities.samples is not None:
+    if capabilities.samples is not None:
         found = tuple(_at_each(result, system_at, "error of the interpolation", _interpolation_at))
         added = np.array([(error.orbit, error.multipliers) for error in found])
         radius = result.solutions.multipliers.spectral_radius

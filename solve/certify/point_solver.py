@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array, others
+from solve.arrays import Array, across, others
 from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.coefficients import ROUND_OFF
 from solve.errors import MatricesError, StepsError
@@ -83,20 +83,27 @@ class PointSolver:
         least, largest = self._extreme_rates
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
-    def rounding_amplification(self, positions: Array) -> Array:
-        """Bound (k,) on the round-off error due to the coefficients of points at positions (k,), relative to
-        that of the step maps.
+    def may_exceed(self, positions: Array, roundoff: Array, errors: Array) -> Array:
+        """Whether (k,) the round-off error due to the coefficients of points at positions (k,) may exceed
+        one of the errors (k, j). roundoff (k, j): that due to the step maps.
 
         The round-off of the largest rate ω₁ changes the smallest one, ω₂, by ε ω₁²/2ω₂ at most, and a
         multiplier by T times this. The change is also at most that of ω₁ T by as many ε as terms of the
         stiffness cancel. For a single coordinate the bound is zero."""
         if self.points.n == 1:
-            return np.zeros(len(positions))
-        (least, largest), T = self._extreme_rates[:, positions], self.points.period
-        bound = np.minimum(
-            largest * T / np.maximum(least * T, 1.0), self.modes[positions].cancellation(least)
-        )
-        return largest * T * bound / _AMPLIFIED
+            return np.zeros(len(positions), dtype=bool)
+        least, largest = self._extreme_rates[:, positions] * self.points.period
+
+        def exceeds(rows: Array | slice, amplification: Array) -> Array:
+            bound = roundoff[rows] * (largest[rows] * amplification / _AMPLIFIED)[:, None]
+            return across(np.logical_or, bound > errors[rows])
+
+        exceeding = exceeds(slice(None), largest / np.maximum(least, 1.0))
+        rows = exceeding.nonzero()[0]
+        if len(rows):
+            at = positions[rows]
+            exceeding[rows] = exceeds(rows, self.modes[at].cancellation(self._extreme_rates[0, at]))
+        return exceeding
 
     @cached_property
     def _extreme_rates(self) -> Array:

@@ -167,13 +167,14 @@ class _Refinement:
             failures = {**better.failures, **solutions.failures}
             rows = others(len(chunk), list(failures))
             results: list[Certified | Failed] = []
-            rest = next_steps = rows[:0]
+            next_steps = rows[:0]
             if len(rows):
                 pair = self._compare(steps, chunk[rows], solutions[rows], better[rows])
-                next_steps = self._next_steps(steps, pair)
                 accepted = self._accept(steps, pair, is_last=is_given or steps >= self.max_steps)
-                results += self._certify(pair[accepted.nonzero()[0]])
-                rest, next_steps = pair.positions[~accepted], next_steps[~accepted]
+                if accepted.any():
+                    results += self._certify(pair[accepted.nonzero()[0]])
+                if not accepted.all():
+                    next_steps = self._postpone(steps, pair[(~accepted).nonzero()[0]], pending)
         if failures and not is_given and 2 * steps <= self.max_steps:
             overflows = [row for row, reason in failures.items() if isinstance(reason, StepsError)]
             failures = {row: reason for row, reason in failures.items() if row not in overflows}
@@ -182,7 +183,6 @@ class _Refinement:
         yield from _failed(failures, chunk)
         yield from results
         progress.set_total(STEPS, steps, lambda: int(next_steps.max(initial=steps)))
-        _add(pending, next_steps, rest)
 
     def _compare(
         self, steps: int, positions: Array, solutions: Solutions, better: Solutions
@@ -201,11 +201,9 @@ class _Refinement:
         return _GridComparison(positions, solutions, better, errors, roundoff, tolerances, remainder)
 
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
-        """Whether (k,) points need no finer grid.
+        """Whether (k,) points are accepted, that is, need no finer grid.
 
-        A point is accepted if 1. each of its errors is at most the tolerance, or is round-off that two grids
-        did not reduce; 2. features of the coefficients between the samples cause no larger errors; 3. a finer
-        grid would not decide an open verdict.
+        Three conditions hold for accepted points:
 
         1. each of its errors is at most the tolerance, or is round-off: below a thousand times its estimate,
            or of multipliers that underflow, and not halved by this grid. Larger errors may not decrease for
@@ -213,18 +211,18 @@ class _Refinement:
         2. features of the coefficients between the samples cause no larger errors;
         3. a finer grid would not decide an open verdict.
 
-        On the last grid every point is accepted; its errors state what is reached. Errors are increased in
-        place by those of features between the samples."""
+        On the last grid every point is accepted; its errors state what is reached. Errors of accepted points
+        are increased in place by those of features between the samples."""
         is_roundoff = pair.errors < 1e3 * pair.roundoff
         is_roundoff[:, 1] |= pair.underflows
         is_roundoff &= 2 * pair.errors > self.previous_errors[pair.positions]
-        self.previous_errors[pair.positions] = pair.errors
         accepted = across(np.logical_and, (pair.errors <= pair.tolerances) | is_roundoff | is_last)
         rows = accepted.nonzero()[0]
         if len(rows):
             unsampled = self.solver.unsampled_errors(steps, pair.positions[rows], pair.solutions[rows])
-            pair.errors[rows] = np.maximum(pair.errors[rows], unsampled)
             accepted[rows] = is_last | across(np.logical_and, unsampled <= pair.tolerances[rows])
+            unsampled[~accepted[rows]] = 0.0
+            pair.errors[rows] = np.maximum(pair.errors[rows], unsampled)
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
@@ -242,8 +240,9 @@ class _Refinement:
                 decides[rows] = (verdicts == UNDETERMINED) == is_open
         return decides
 
-    def _next_steps(self, steps: int, pair: _GridComparison) -> Array:
-        """Steps (k,) of the next grid, on which errors reach the aim with the order of the method.
+    def _postpone(self, steps: int, pair: _GridComparison, pending: dict[int, list[Array]]) -> Array:
+        """Add points to `pending`. Returns the steps (k,) of their next grids, on which errors reach the aim
+        with the order of the method.
 
         Steps are doubled if the errors are small enough but another condition fails. The second grid of a
         point has at least 4/3 as many steps as the first; later grids have at least twice as many, because
@@ -253,7 +252,10 @@ class _Refinement:
         growth = np.where(np.isfinite(errors), growth, 2.0).max(axis=1)
         is_first = np.isinf(self.previous_errors[pair.positions, 0])
         growth = np.clip(np.where(growth > 1, growth, 2.0), np.where(is_first, 4 / 3, 2.0), _MAX_GROWTH)
-        return np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
+        next_steps = np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
+        self.previous_errors[pair.positions] = errors
+        _add(pending, next_steps, pair.positions)
+        return next_steps
 
     def _certify(self, pair: _GridComparison) -> Iterator[Certified | Failed]:
         """Certify points. Points with a multiplier +1 fail if an orbit is requested."""
