@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.certified import Certified, SolveRequest
-from solve.certify.comparison import NO_DIGIT, SAFETY
+from solve.certify.comparison import NO_DIGIT, SAFETY, better_method
 from solve.errors import StepsError
 from solve.kernel import slicot
 from solve.methods.free import anchored_for, free, solutions_on
@@ -250,7 +250,7 @@ class Spectrum:
         if has_digit.all() or not certified.errors[0, 1] < NO_DIGIT or self._factored is None:
             return logarithms, errors
         eigenvalues, order = self._factored[1], self._order[~self.rigid]
-        method, ratio = _better(certified.method)
+        method, ratio = better_method(certified.method)
         steps = ratio * self._factor_steps
         blocks = _blocks_on_steps(self._equations, method, certified.request, steps, loss=_DEFAULT_LOSS)
         try:
@@ -326,7 +326,7 @@ def _refined_multipliers(
     def blocks(method: Method, steps: int) -> Blocks:
         return _blocks_on_steps(points, method, request, steps, rigid_modes)
 
-    finer, ratio = _better(method)
+    finer, ratio = better_method(method)
     previous_error = math.inf
     while True:
         factors = blocks(method, steps)
@@ -343,13 +343,6 @@ def _refined_multipliers(
             is_rigid = np.isin(np.arange(len(errors)), nearest_one)
             return RefinedMultipliers(logarithms, errors, steps, is_rigid)
         steps, previous_error = 2 * steps, largest if largest < NO_DIGIT else math.inf
-
-
-def _better(method: Method) -> tuple[Method, int]:
-    """More accurate method with which the results of `method` are compared, and the ratio of the numbers of
-    steps."""
-    finer = method.with_another_stage
-    return (method, 2) if finer is None else (finer, 1)
 
 
 def rigid_multipliers(certified: Certified) -> int:

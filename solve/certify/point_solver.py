@@ -43,6 +43,11 @@ class PointSolver:
     ----------
     orders : (2,)
         Orders of convergence of orbit and multipliers.
+    modes : FrozenModes
+        Frozen modes of all points.
+    free : Free or None
+        Rigid-body modes of the points; None if there are none, or if they are determined along an orbit by
+        the method.
     """
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
@@ -50,22 +55,13 @@ class PointSolver:
         # The curve of a first-order coordinate is integrated once less.
         is_lower = bool(points.first_order) and method.stages is not None
         self.orders = np.array([method.curve_order - is_lower, method.order])
+        self.modes = frozen(points, engine=request.engine)
+        self.free = free(points, self.modes) if method.linear else None
 
-    @cached_property
+    @property
     def max_steps(self) -> int:
         """Largest number of steps per period."""
         return self.method.most_steps(self.points.n, self.points.first_order)
-
-    @cached_property
-    def modes(self) -> FrozenModes:
-        """Frozen modes of all points."""
-        return frozen(self.points, engine=self.request.engine)
-
-    @cached_property
-    def free(self) -> Free | None:
-        """Rigid-body modes of the points; None if there are none, or if they are determined along an orbit by
-        the method."""
-        return free(self.points, self.modes) if self.method.linear else None
 
     def rigid_body_modes(self, positions: Array) -> Free | None:
         """Rigid-body modes of points at positions (k,)."""
@@ -157,10 +153,10 @@ class PointSolver:
         count = math.ceil(len(positions) * max(size / _MEMORY, work / _WORK))
         return np.array_split(positions, min(len(positions), count))
 
-    def solve(self, steps: int, positions: Array, method: Method | None = None) -> Solutions:
-        """Solutions of points at positions (k,) on this number of steps, by another method if it is given."""
-        equations = self.equations[positions]
-        return self.solve_points(method or self.method, equations, steps, self.rigid_body_modes(positions))
+    def solve(self, steps: int, positions: Array) -> Solutions:
+        """Solutions of points at positions (k,) on this number of steps."""
+        rigid = self.rigid_body_modes(positions)
+        return self.solve_points(self.method, self.equations[positions], steps, rigid)
 
     def solve_points(self, method: Method, points: Points, steps: int, rigid: Free | None) -> Solutions:
         """Solutions of points with these rigid-body modes by a method with `steps` steps."""

@@ -11,7 +11,6 @@ from solve.certify.comparison import (
     NO_DIGIT,
     SAFETY,
     Comparison,
-    comparison_of,
     differences,
     roundoff_errors,
 )
@@ -50,7 +49,7 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
     round-off. Errors are differences from a better solution, see `Comparison`. A point fails with
     ResonanceError if an orbit is requested and a multiplier equals +1 within the difference of both
     solutions. Raises StepsError for `steps` that the method cannot use at any point."""
-    solver = (comparison_of if method.converges else PointSolver)(points, method, request)
+    solver = (Comparison if method.converges else PointSolver)(points, method, request)
     groups = _rigid_body_groups(solver)
     if len(groups) > 1:
         for group in groups:
