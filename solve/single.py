@@ -10,8 +10,7 @@ from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.model_errors import with_margin, with_model_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
-from solve.methods.choice import Rule, auto, chosen, chosen_for
-from solve.methods.radau import Radau
+from solve.methods.choice import RADAU, Rule, auto, chosen, chosen_for
 from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
@@ -149,7 +148,7 @@ def floquet(
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
     """Settings for the solution of points: steps, tolerance, engine COMPILED or NUMPY, and the methods that
     check the results of other methods. Raises ValueOutOfBoundsError."""
-    return SolveRequest(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
+    return SolveRequest(orbit, checked_rtol(rtol), steps, engine, RADAU, auto)
 
 
 def _solve(

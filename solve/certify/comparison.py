@@ -100,10 +100,6 @@ class Comparison(PointSolver):
         first = self.solve_points(self.method, equations, steps, rigid)
         return first, self.solve_points(self.better, equations, steps * self.step_ratio, rigid)
 
-    def differences(self, solutions: Solutions, better: Solutions, positions: Array) -> Array:
-        """Differences (k, 2) between the solutions of points at positions (k,) and more accurate ones."""
-        return differences(solutions, better, self.modes[positions], self.request.engine)
-
     def roundoff(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
         """Round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
 
@@ -135,7 +131,8 @@ class Comparison(PointSolver):
         change = np.full((len(positions), 2), np.inf)
         other = self.solve_points(self.method.corrector, points, steps, rigid)
         rows = other.known
-        change[rows] = self.differences(other[rows], solutions[rows], positions[rows])
+        modes, engine = self.modes[positions[rows]], self.request.engine
+        change[rows] = differences(other[rows], solutions[rows], modes, engine)
         return change
 
     def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:

@@ -25,6 +25,7 @@ from solve.certify.resolution import (
 )
 from solve.errors import SolveError, StepsError
 from solve.methods.method import Method, Solutions, no_orbit
+from solve.period.frozen import FrozenModes
 from solve.period.multipliers import EPS, KNOWN_ON_CIRCLE, NEGLIGIBLE, UNDETERMINED
 from solve.period.points import Points
 from solve.terminal import progress
@@ -102,6 +103,7 @@ class _GridComparison:
     remains, after a period, of a unit disturbance in modes that the steps do not resolve."""
 
     positions: Array
+    modes: FrozenModes
     solutions: Solutions
     better: Solutions
     errors: Array
@@ -187,17 +189,17 @@ class _Refinement:
         self, steps: int, positions: Array, solutions: Solutions, better: Solutions
     ) -> _GridComparison:
         """Both solutions of points, with the errors of the first."""
-        errors = SAFETY * self.solver.differences(solutions, better, positions)
+        modes = self.solver.modes[positions]
+        errors = SAFETY * differences(solutions, better, modes, self.request.engine)
         roundoff = self.solver.roundoff(steps, positions, solutions, errors)
         errors = np.maximum(errors, roundoff)
         tolerances = np.maximum(self.request.rtol, roundoff)
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
-        radius, modes = better.multipliers.spectral_radius, self.solver.modes[positions]
-        finest = steps * self.solver.step_ratio
+        radius, finest = better.multipliers.spectral_radius, steps * self.solver.step_ratio
         remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
         relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
-        return _GridComparison(positions, solutions, better, errors, roundoff, tolerances, remainder)
+        return _GridComparison(positions, modes, solutions, better, errors, roundoff, tolerances, remainder)
 
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
         """Whether (k,) points are accepted, that is, need no finer grid.
@@ -234,8 +236,7 @@ class _Refinement:
         for fraction, is_open in ((1.0, True), (0.5**order, False)):
             rows = decides.nonzero()[0]
             if len(rows):
-                modes = self.solver.modes[pair.positions[rows]]
-                verdicts = verdicts_of(pair.solutions[rows], fraction * errors[rows], modes)
+                verdicts = verdicts_of(pair.solutions[rows], fraction * errors[rows], pair.modes[rows])
                 decides[rows] = (verdicts == UNDETERMINED) == is_open
         return decides
 

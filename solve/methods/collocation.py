@@ -338,7 +338,7 @@ class Collocated(OneStep):
         stages = (self.order + 1) // 2
         self._set(follows=self.order / 2 - 1, curve_order=min(self.order, stages + 3))
 
-    @property
+    @cached_property
     def with_another_stage(self) -> Self:
         """Method of the same family with s + 1 stages. Its order is higher by two and may exceed those in
         `orders`."""
