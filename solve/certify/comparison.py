@@ -3,7 +3,7 @@
 Errors (P, 2) of orbit and multipliers are relative: to the largest value of each coordinate, and to the
 spectral radius."""
 
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 
@@ -84,7 +84,7 @@ class Comparison(PointSolver):
         self.better, self.step_ratio = better_method(method)
         self.remaining = 0.0 if self.step_ratio == 1 else 1 / (2.0**method.order - 1)
 
-    @property
+    @cached_property
     def max_steps(self) -> int:
         """Largest number of steps of the first solution. The better one has as many steps, or stages, at
         least."""

@@ -58,7 +58,7 @@ class PointSolver:
         self.modes = frozen(points, engine=request.engine)
         self.free = free(points, self.modes) if method.linear else None
 
-    @property
+    @cached_property
     def max_steps(self) -> int:
         """Largest number of steps per period."""
         return self.method.most_steps(self.points.n, self.points.first_order)
