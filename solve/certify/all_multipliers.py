@@ -354,10 +354,7 @@ def rigid_multipliers(certified: Certified) -> int:
 def solved_on(point: Points, method: Method, steps: int, engine: str, rigid: Free | None = None) -> Solutions:
     """Solutions without orbits on a number of steps, with given rigid-body modes. Raises SolveError."""
     grid = Grid.uniform(steps, point.period, point.breaks)
-    solutions = solutions_on(method, point, grid, False, engine, rigid)
-    for reason in solutions.failures.values():
-        raise reason
-    return solutions
+    return solutions_on(method, point, grid, False, engine, rigid).checked()
 
 
 def _blocks_on_steps(

@@ -140,10 +140,7 @@ def solved_along(
     (1, n); see `corrected`."""
     point = OnePoint(along, speed)
     scaled = point if factors is None else Multiplied(point, factors)
-    solutions = solutions_on(method, scaled, grid, True, engine, free(point))
-    for reason in solutions.failures.values():
-        raise reason
-    return solutions
+    return solutions_on(method, scaled, grid, True, engine, free(point)).checked()
 
 
 def correction(motion: Motion, solutions: Solutions) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array, across, others
+from solve.arrays import Array, others
 from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.coefficients import ROUND_OFF
 from solve.errors import MatricesError, StepsError
@@ -89,17 +89,13 @@ class PointSolver:
         if self.points.n == 1:
             return np.zeros(len(positions), dtype=bool)
         least, largest = self._extreme_rates[:, positions] * self.points.period
-
-        def exceeds(rows: Array | slice, amplification: Array) -> Array:
-            bound = roundoff[rows] * (largest[rows] * amplification / _AMPLIFIED)[:, None]
-            return across(np.logical_or, bound > errors[rows])
-
-        exceeding = exceeds(slice(None), largest / np.maximum(least, 1.0))
-        rows = exceeding.nonzero()[0]
+        needed = np.fmin.reduce(errors / roundoff, axis=1) * _AMPLIFIED / largest
+        may_exceed = largest / np.maximum(least, 1.0) > needed
+        rows = may_exceed.nonzero()[0]
         if len(rows):
             at = positions[rows]
-            exceeding[rows] = exceeds(rows, self.modes[at].cancellation(self._extreme_rates[0, at]))
-        return exceeding
+            may_exceed[rows] = self.modes[at].cancellation(self._extreme_rates[0, at]) > needed[rows]
+        return may_exceed
 
     @cached_property
     def _extreme_rates(self) -> Array:
