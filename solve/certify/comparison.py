@@ -33,7 +33,8 @@ SAFETY = 2.0
 first order, and is at least half of it in 99.8 % of the stored population."""
 
 NO_DIGIT = 0.1
-"""Relative error above which a value is not accurate to even one digit."""
+"""Relative error above which a value is not accurate to even one digit. docs/certificate.md states the
+measured range."""
 
 ROUND_OFF = 64 * EPS
 """Relative size below which a value is the round-off of its computation: a choice, some ten operations above
