@@ -194,13 +194,14 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 def _singular_phase(point: Points, phases: Array) -> float | None:
     """Phase at which det M of a point changes sign, or has a minimum within round-off."""
     spacing = float(phases[1] - phases[0])
+    jumps = np.sort(np.add.outer(point.period * np.arange(-1, 2), np.mod(point.breaks, point.period)).ravel())
     determinants = _scaled_determinants(point, phases)
     if not np.isfinite(determinants).all():
         return None
     median = np.median(np.abs(determinants))
     # Eight successive intervals, each a sixteenth of the previous one, determine the phase to round-off.
     for _ in range(8):
-        is_smooth = np.diff(_jumps_before(point, phases)) == 0
+        is_smooth = np.diff(np.searchsorted(jumps, phases)) == 0
         changes = ((determinants[1:] * determinants[:-1] < 0) & is_smooth).nonzero()[0]
         if len(changes):
             return float(phases[changes[0]]) % point.period
@@ -223,10 +224,3 @@ def _scaled_determinants(point: Points, phases: Array) -> Array:
     unit[unit == 0] = 1.0
     with np.errstate(invalid="ignore"):
         return np.linalg.det(M / (unit[:, None] * unit))
-
-
-def _jumps_before(point: Points, phases: Array) -> Array:
-    """Number of jumps (k,) between phase 0 and each phase, over all periods."""
-    period, phase = np.divmod(phases, point.period)
-    jumps = np.sort(np.mod(point.breaks, point.period)) if point.breaks else np.empty(0)
-    return period * len(jumps) + np.searchsorted(jumps, phase)

@@ -405,8 +405,8 @@ class Collocated(OneStep):
             nodes = _samples(points.tables(grid.stages(np.array([0.0, 1.0])).T.ravel()))
         elif with_orbit and not method.stiffly_accurate:
             nodes = _samples(points.tables(grid.nodes[:-1]))
-        h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
-        made = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
+        samples = _samples(stages), nodes
+        made = kernel.solved(size, method.weights, grid.lengths, not grid.smooth, *samples, alone)
         steps = None if made.maps is None else Steps(made.maps[..., :-1], made.maps[..., -1])
         if not orbit or made.curves is None or made.condition is None:
             return self.sound(points, grid, made.Phi, steps=steps, units=made.units, engine=engine)
