@@ -1,11 +1,6 @@
 """Periodic solution of a system at one speed, and its stability without the solution."""
 
-from solve.certify.all_multipliers import (
-    Spectrum,
-    refined_multipliers,
-    require_step_maps,
-    rigid_multipliers,
-)
+from solve.certify.all_multipliers import Spectrum, refined_multipliers, require_step_maps
 from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.model_errors import with_margin, with_model_errors
 from solve.certify.refinement import STEPS, certified
@@ -172,10 +167,7 @@ def _solve(
         if isinstance(result, Failed):
             raise result.reason
         result = with_model_errors(result, lambda _: (system, omega))
-        refined_spectrum = None
-        if all_multipliers:
-            rigid = rigid_multipliers(result)
-            refined_spectrum = refined_multipliers(point, method_used, solve_request, result.steps, rigid)
-            if refined_spectrum is not None and result.interpolation:
-                refined_spectrum = with_margin(refined_spectrum, result.interpolation[0].multipliers)
+        refined_spectrum = refined_multipliers(point, result) if all_multipliers else None
+        if refined_spectrum is not None and result.interpolation:
+            refined_spectrum = with_margin(refined_spectrum, result.interpolation[0].multipliers)
     return result, Spectrum(point, result, refined_spectrum, all_multipliers)
