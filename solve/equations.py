@@ -142,8 +142,9 @@ def require_bounds(system: PeriodicSystem, parameters: Mapping[str, float]) -> N
 
 def require_desired_motion(system: PeriodicSystem, speeds: Array) -> None:
     """Raise DesiredMotionError if the fundamental motion does not exist at one of the speeds (P,), rad/s."""
-    if system.capabilities.domain is not None:
-        system.capabilities.domain(speeds)
+    domain = system.capabilities.domain
+    if domain is not None:
+        domain(speeds)
 
 
 def sketched(

@@ -1,17 +1,11 @@
 """Periodic solution of a system at one speed, and its stability without the solution."""
 
-from solve.certify.all_multipliers import (
-    Spectrum,
-    refined_multipliers,
-    require_step_maps,
-    rigid_multipliers,
-)
+from solve.certify.all_multipliers import Spectrum, refined_multipliers, require_step_maps
 from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.model_errors import with_margin, with_model_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
-from solve.methods.choice import Rule, auto, chosen, chosen_for
-from solve.methods.radau import Radau
+from solve.methods.choice import RADAU, Rule, auto, chosen, chosen_for
 from solve.period.points import SinglePoint
 from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
@@ -149,7 +143,7 @@ def floquet(
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
     """Settings for the solution of points: steps, tolerance, engine COMPILED or NUMPY, and the methods that
     check the results of other methods. Raises ValueOutOfBoundsError."""
-    return SolveRequest(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
+    return SolveRequest(orbit, checked_rtol(rtol), steps, engine, RADAU, auto)
 
 
 def _solve(
@@ -173,10 +167,7 @@ def _solve(
         if isinstance(result, Failed):
             raise result.reason
         result = with_model_errors(result, lambda _: (system, omega))
-        refined_spectrum = None
-        if all_multipliers:
-            rigid = rigid_multipliers(result)
-            refined_spectrum = refined_multipliers(point, method_used, solve_request, result.steps, rigid)
-            if refined_spectrum is not None and result.interpolation:
-                refined_spectrum = with_margin(refined_spectrum, result.interpolation[0].multipliers)
+        refined_spectrum = refined_multipliers(point, result) if all_multipliers else None
+        if refined_spectrum is not None and result.interpolation:
+            refined_spectrum = with_margin(refined_spectrum, result.interpolation[0].multipliers)
     return result, Spectrum(point, result, refined_spectrum, all_multipliers)

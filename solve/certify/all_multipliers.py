@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.certified import Certified, SolveRequest
-from solve.certify.comparison import NO_DIGIT, SAFETY
+from solve.certify.certified import Certified
+from solve.certify.comparison import NO_DIGIT, SAFETY, better_method
 from solve.errors import StepsError
 from solve.kernel import slicot
 from solve.methods.free import anchored_for, free, solutions_on
@@ -253,9 +253,10 @@ class Spectrum:
         if has_digit.all() or not certified.errors[0, 1] < NO_DIGIT or self._factored is None:
             return logarithms, errors
         eigenvalues, order = self._factored[1], self._order[~self.rigid]
-        method, ratio = _better(certified.method)
+        method, ratio = better_method(certified.method)
         steps = ratio * self._factor_steps
-        blocks = _blocks_on_steps(self._equations, method, certified.request, steps, loss=_DEFAULT_LOSS)
+        engine = certified.request.engine
+        blocks = _blocks_on_steps(self._equations, method, engine, steps, loss=_DEFAULT_LOSS)
         try:
             small = multiplier_errors(eigenvalue_logarithms(blocks.factors[0]), eigenvalues)
         except np.linalg.LinAlgError:
@@ -305,38 +306,34 @@ def require_step_maps(method: Method) -> None:
         )
 
 
-def refined_multipliers(
-    point: SinglePoint, method: Method, request: SolveRequest, steps: int, rigid: int = 0
-) -> RefinedMultipliers | None:
-    """All multipliers of a point, of which `rigid` belong to rigid-body modes. Steps are doubled until each
-    error, twice the difference from a better method, is at most `rtol`, or until doubling gains nothing or
-    takes too long. Given steps are kept. None without SLICOT, or if its iteration does not converge.
-    """
+def refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMultipliers | None:
+    """All multipliers of a solved point. Steps are doubled until each error, twice the difference from a
+    better method, is at most `rtol`, or until doubling gains nothing or takes too long. Given steps are kept.
+    None without SLICOT, or if its iteration does not converge."""
     if not slicot.available():
         return None
     try:
-        return _refined_multipliers(point, method, request, steps, rigid)
+        return _refined_multipliers(point, certified)
     except np.linalg.LinAlgError:
         return None
 
 
-def _refined_multipliers(
-    point: SinglePoint, method: Method, request: SolveRequest, steps: int, rigid: int
-) -> RefinedMultipliers:
+def _refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMultipliers:
+    method, request, steps = certified.method, certified.request, certified.steps
     max_steps, points = _MAX_WORK[2] / state_size(point) ** 2, balanced(point, frozen(point))
     rigid_modes = free(point) if method.linear else None
 
     def blocks(method: Method, steps: int) -> Blocks:
-        return _blocks_on_steps(points, method, request, steps, rigid_modes)
+        return _blocks_on_steps(points, method, request.engine, steps, rigid_modes)
 
-    finer, ratio = _better(method)
+    finer, ratio = better_method(method)
     previous_error = math.inf
     while True:
         factors = blocks(method, steps)
         eigenvalues = product_eigenvalues(factors.factors, factors.rounding)
         better = eigenvalue_logarithms(blocks(finer, ratio * steps).factors[0])
         logarithms, errors = eigenvalues.logarithms[0].copy(), multiplier_errors(better, eigenvalues)
-        nearest_one = np.argsort(np.abs(logarithms), kind="stable")[:rigid]
+        nearest_one = np.argsort(np.abs(logarithms), kind="stable")[: rigid_multipliers(certified)]
         logarithms[nearest_one], errors[nearest_one] = 0.0, 0.0
         largest = float(errors.max())
         is_last = largest <= request.rtol or request.steps is not None or 2 * ratio * steps > max_steps
@@ -348,13 +345,6 @@ def _refined_multipliers(
         steps, previous_error = 2 * steps, largest if largest < NO_DIGIT else math.inf
 
 
-def _better(method: Method) -> tuple[Method, int]:
-    """More accurate method with which the results of `method` are compared, and the ratio of the numbers of
-    steps."""
-    finer = method.with_another_stage
-    return (method, 2) if finer is None else (finer, 1)
-
-
 def rigid_multipliers(certified: Certified) -> int:
     """Number of multipliers of a point that belong to rigid-body modes."""
     rigid_modes = certified.solutions.free
@@ -364,16 +354,13 @@ def rigid_multipliers(certified: Certified) -> int:
 def solved_on(point: Points, method: Method, steps: int, engine: str, rigid: Free | None = None) -> Solutions:
     """Solutions without orbits on a number of steps, with given rigid-body modes. Raises SolveError."""
     grid = Grid.uniform(steps, point.period, point.breaks)
-    solutions = solutions_on(method, point, grid, False, engine, rigid)
-    for reason in solutions.failures.values():
-        raise reason
-    return solutions
+    return solutions_on(method, point, grid, False, engine, rigid).checked()
 
 
 def _blocks_on_steps(
     point: Points,
     method: Method,
-    request: SolveRequest,
+    engine: str,
     steps: int,
     rigid: Free | None = None,
     loss: float = LOSS,
@@ -383,7 +370,7 @@ def _blocks_on_steps(
     chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with progress.task(f"parts of {steps} steps, for every multiplier", len(chunks)) as done:
         if len(chunks) == 1:
-            maps = solved_on(point, method, steps, request.engine, rigid).steps
+            maps = solved_on(point, method, steps, engine, rigid).steps
             assert maps is not None
             return balanced_blocks(maps.A, loss=loss)
         assert isinstance(method, OneStep)

@@ -3,12 +3,11 @@
 Errors (P, 2) of orbit and multipliers are relative: to the largest value of each coordinate, and to the
 spectral radius."""
 
-from abc import ABC, abstractmethod
 from functools import cache, cached_property, lru_cache
 
 import numpy as np
 
-from solve.arrays import Array, across
+from solve.arrays import Array
 from solve.certify.certified import SolveRequest
 from solve.certify.coefficients import ResampledPoints, SampledPhases, harmonics
 from solve.certify.point_solver import PointSolver
@@ -34,7 +33,8 @@ SAFETY = 2.0
 first order, and is at least half of it in 99.8 % of the stored population."""
 
 NO_DIGIT = 0.1
-"""Relative error above which a value is not accurate to even one digit."""
+"""Relative error above which a value is not accurate to even one digit. docs/certificate.md states the
+measured range."""
 
 ROUND_OFF = 64 * EPS
 """Relative size below which a value is the round-off of its computation: a choice, some ten operations above
@@ -53,9 +53,22 @@ _AMPLIFICATION = 100.0
 damping ratio of 0.5 %."""
 
 
-class Comparison(PointSolver, ABC):
-    """Solver of pairs of a solution and a more accurate one on a related grid. Their difference estimates the
-    error of the first.
+def better_method(method: Method) -> tuple[Method, int]:
+    """More accurate method with which the results of a method are compared, and the ratio of the numbers of
+    steps: one more stage on the same grid, or twice the steps without a variant of higher order."""
+    higher = method.with_another_stage
+    return (method, 2) if higher is None else (higher, 1)
+
+
+class Comparison(PointSolver):
+    """Solver of pairs of a solution and a more accurate one. Their difference estimates the error of the
+    first.
+
+    A collocation method with s stages is compared with s + 1 stages on the same grid. A step with one more
+    stage solves the error equation of the step with s stages. The difference of their maps is therefore the
+    dual-weighted residual with an exact discrete adjoint. Since the equations are linear, the periodic
+    solutions of both sets of maps propagate these local errors exactly. Other methods are compared with twice
+    the steps.
 
     Attributes
     ----------
@@ -67,12 +80,10 @@ class Comparison(PointSolver, ABC):
         Error of the better solution as a fraction of the difference.
     """
 
-    step_ratio: int
-    remaining = 0.0
-
-    def __init__(self, points: Points, method: Method, request: SolveRequest, better: Method):
+    def __init__(self, points: Points, method: Method, request: SolveRequest):
         super().__init__(points, method, request)
-        self.better = better
+        self.better, self.step_ratio = better_method(method)
+        self.remaining = 0.0 if self.step_ratio == 1 else 1 / (2.0**method.order - 1)
 
     @cached_property
     def max_steps(self) -> int:
@@ -86,12 +97,9 @@ class Comparison(PointSolver, ABC):
 
     def pair(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
         """Both solutions of points at positions (k,). The first has `steps` steps."""
-        first = self.solve(steps, positions)
-        return first, self.solve(steps * self.step_ratio, positions, self.better)
-
-    def differences(self, solutions: Solutions, better: Solutions, positions: Array) -> Array:
-        """Differences (k, 2) between the solutions of points at positions (k,) and more accurate ones."""
-        return differences(solutions, better, self.modes[positions], self.request.engine)
+        equations, rigid = self.equations[positions], self.rigid_body_modes(positions)
+        first = self.solve_points(self.method, equations, steps, rigid)
+        return first, self.solve_points(self.better, equations, steps * self.step_ratio, rigid)
 
     def roundoff(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
         """Round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
@@ -99,8 +107,8 @@ class Comparison(PointSolver, ABC):
         The round-off of the coefficients is added to that of the maps if it may exceed the `errors` (k, 2).
         It is the difference from solutions with slightly different entries."""
         roundoff = roundoff_errors(solutions)
-        may_exceed = roundoff * self.rounding_amplification(positions)[:, None] > errors
-        rows = across(np.logical_or, may_exceed[:, 0 if self.request.orbit else 1 :]).nonzero()[0]
+        of = slice(0 if self.request.orbit else 1, 2)
+        rows = self.may_exceed(positions, roundoff[:, of], errors[:, of]).nonzero()[0]
         if not len(rows):
             return roundoff
         equations = self.method.linearised(self.equations[positions[rows]], solutions[rows])
@@ -124,25 +132,20 @@ class Comparison(PointSolver, ABC):
         change = np.full((len(positions), 2), np.inf)
         other = self.solve_points(self.method.corrector, points, steps, rigid)
         rows = other.known
-        change[rows] = self.differences(other[rows], solutions[rows], positions[rows])
+        modes, engine = self.modes[positions[rows]], self.request.engine
+        change[rows] = differences(other[rows], solutions[rows], modes, engine)
         return change
 
-    @abstractmethod
     def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
         """Errors (k, 2) due to variations of the coefficients that neither grid samples, for points at
         positions (k,) with `steps` steps."""
+        if self.step_ratio == 1:
+            return self._between_stages(steps, positions, solutions)
+        if self.method.samples_evenly:
+            return self._aliased(steps, positions)
+        return np.zeros((len(positions), 2))
 
-
-class TwoOrders(Comparison):
-    """Comparison of s stages with s + 1 stages on the same grid.
-
-    A collocation step with one more stage solves the error equation of the step with s stages. The difference
-    of their maps is therefore the dual-weighted residual with an exact discrete adjoint. Since the equations
-    are linear, the periodic solutions of both sets of maps propagate these local errors exactly."""
-
-    step_ratio = 1
-
-    def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
+    def _between_stages(self, steps: int, positions: Array, solutions: Solutions) -> Array:
         """Differences from solutions with coefficients projected on the stages, if the coefficients differ
         from their interpolant."""
         method = self.method
@@ -159,35 +162,13 @@ class TwoOrders(Comparison):
             errors[rows] = self._change(resampled, rigid, steps, positions[rows], solutions[rows])
         return errors
 
-
-class DoubledSteps(Comparison):
-    """Comparison of m steps with 2m steps of the same method, for methods without a variant of higher
-    order."""
-
-    step_ratio = 2
-
-    @property
-    def remaining(self) -> float:
-        return 1 / (2.0**self.method.order - 1)
-
-    def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
+    def _aliased(self, steps: int, positions: Array) -> Array:
         """Amplitudes of those harmonics of the coefficients that evenly spaced samples alias, multiplied by
         the amplification of errors."""
-        method, points = self.method, self.points[positions]
-        if not method.samples_evenly:
-            return np.zeros((len(points), 2))
         # Each harmonic of a Fourier series is coupled to the harmonics of the coefficients.
-        resolved = steps // (2 if method.spectral else 1)
+        resolved, points = steps // (2 if self.method.spectral else 1), self.points[positions]
         aliased = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
         return np.column_stack(tuple(aliased)) * _AMPLIFICATION
-
-
-def comparison_of(points: Points, method: Method, request: SolveRequest) -> Comparison:
-    """Comparison by which the errors of a method at points are estimated."""
-    higher = method.with_another_stage
-    if higher is None:
-        return DoubledSteps(points, method, request, method)
-    return TwoOrders(points, method, request, higher)
 
 
 @cache

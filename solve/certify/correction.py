@@ -124,26 +124,23 @@ def corrected(
     method: Method,
     grid: Grid,
     engine: str,
-    factors: Array | None = None,
 ) -> Solutions:
     """Next Newton iterate from a motion, on a grid over the period of the motion.
 
-    It is the solution of the system linearised along the motion, with equations multiplied by factors (1, n).
-    Raises SolveError if the linearised system has no solution, LinearModelError for linear systems."""
+    It is the solution of the system linearised along the motion. Raises SolveError if the linearised system
+    has no solution, LinearModelError for linear systems."""
     along = nonlinear_of(system).along(motion, columns_by(engine))
-    return solved_along(along, speed, method, grid, engine, factors)
+    return solved_along(along, speed, method, grid, engine)
 
 
 def solved_along(
     along: PeriodicSystem, speed: float, method: Method, grid: Grid, engine: str, factors: Array | None = None
 ) -> Solutions:
-    """Periodic solution of a system that is linearised along a motion; see `corrected`."""
+    """Periodic solution of a system that is linearised along a motion, with equations multiplied by factors
+    (1, n); see `corrected`."""
     point = SinglePoint(along, speed)
     scaled = point if factors is None else ScaledEquations(point, factors)
-    solutions = solutions_on(method, scaled, grid, True, engine, free(point))
-    for reason in solutions.failures.values():
-        raise reason
-    return solutions
+    return solutions_on(method, scaled, grid, True, engine, free(point)).checked()
 
 
 def correction(motion: Motion, solutions: Solutions) -> tuple[Array, Array]:

@@ -69,12 +69,14 @@ class _Effect(NamedTuple):
 def with_model_errors(result: Certified, system_at: SystemAt) -> Certified:
     """Solved points of a system with the errors of its reduction or interpolation, which widen the margins of
     the verdicts. Points of other systems remain unchanged."""
-    system = system_at(0)[0] if len(result) else None
-    if system is not None and system.capabilities.reduction is not None:
+    if not len(result):
+        return result
+    capabilities = system_at(0)[0].capabilities
+    if capabilities.reduction is not None:
         found = list(_at_each(result, system_at, "error of the reduction", _reduction_at))
         absolute = np.maximum(result.absolute, 0.0) + np.array([margin for _, margin in found])
         result = replace(result, reduction=tuple(error for error, _ in found), absolute=absolute)
-    if system is not None and system.capabilities.samples is not None:
+    if capabilities.samples is not None:
         found = tuple(_at_each(result, system_at, "error of the interpolation", _interpolation_at))
         added = np.array([(error.orbit, error.multipliers) for error in found])
         radius = result.solutions.multipliers.spectral_radius
@@ -105,23 +107,18 @@ def _reduction_at(
     assert reduction is not None
     try:
         reduced = _reduced_solutions(result, row, system, speed)
-        enriched = result.request.reduction_method.solutions(
-            SinglePoint(reduction.enriched, speed),
-            reduced.grid,
-            reduced.curve is not None,
-            result.request.engine,
-        )
-        for reason in enriched.failures.values():
-            raise reason
+        request, orbit = result.request, reduced.curve is not None
+        point = SinglePoint(reduction.enriched, speed)
+        enriched = request.reduction_method.solutions(point, reduced.grid, orbit, request.engine).checked()
     except SolveError:
         return _reduction_error(reduction, system, np.nan, np.full(1, np.nan), 1.0, {}), np.inf
     rho, radius = reduced.multipliers.values[0], float(reduced.multipliers.spectral_radius[0])
     shifts = _multiplier_shifts(rho, enriched.multipliers.values[0])
     growth = float((np.abs(rho) + SAFETY * shifts).max()) - radius
-    orbit, outputs = np.nan, {}
+    size, outputs = np.nan, {}
     if reduced.curve is not None and enriched.curve is not None:
-        orbit, outputs = _orbit_errors(system, speed, reduced.curve[0], enriched.curve[0])
-    error = _reduction_error(reduction, system, orbit, shifts, radius, outputs)
+        size, outputs = _orbit_errors(system, speed, reduced.curve[0], enriched.curve[0])
+    error = _reduction_error(reduction, system, size, shifts, radius, outputs)
     return error, max(growth, SAFETY * float(shifts[0]))
 
 
@@ -153,11 +150,8 @@ def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, spee
 
 def _multiplier_shifts(rho: Array, better: Array) -> Array:
     """Distances (N,) of multipliers from those of a larger system (N',), matched one to one."""
-    distance = np.abs(rho[:, None] - better[None, :])
-    rows, columns = matched(distance)
-    shifts = np.zeros(len(rho))
-    shifts[rows] = distance[rows, columns]
-    return shifts
+    distance = np.abs(rho[:, None] - better)
+    return distance[matched(distance)]
 
 
 def _orbit_errors(
@@ -233,22 +227,20 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
     fewer = SinglePoint(with_samples(system, samples), speed)
     orbit, engine = solutions.curve is not None, result.request.engine
     other = solutions_on(result.method, fewer, solutions.grid, orbit, engine, free(fewer))
-    for reason in other.failures.values():
-        raise reason
-    return differences(other, solutions, result.modes[np.array([row])])[0]
+    return differences(other.checked(), solutions, result.modes[np.array([row])])[0]
 
 
 def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
     """Errors (2,) at a point due to harmonics that alias to the lowest ones; 0 if azimuths are not uniform,
     since then all harmonics alias. Raises SolveError."""
-    errors = np.zeros(2)
-    for stride in (2, 3) if samples.given is None else ():
+    if samples.given is not None:
+        return np.zeros(2)
+    errors = _change(result, row, point, samples.shifted())
+    for stride in (2, 3):
         if samples.azimuths > 2 * stride:
             change = _change(result, row, point, samples.thinned(stride))
             decay = samples.decay(samples.azimuths / stride, samples.azimuths)
             errors = np.maximum(errors, change * decay)
-    if samples.given is None:
-        errors = np.maximum(errors, _change(result, row, point, samples.shifted()))
     return errors
 
 

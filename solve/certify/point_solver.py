@@ -46,6 +46,11 @@ class PointSolver:
     ----------
     orders : (2,)
         Orders of convergence of orbit and multipliers.
+    modes : FrozenModes
+        Frozen modes of all points.
+    free : Free or None
+        Rigid-body modes of the points; None if there are none, or if they are determined along an orbit by
+        the method.
     """
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
@@ -53,22 +58,13 @@ class PointSolver:
         # The curve of a first-order coordinate is integrated once less.
         is_lower = bool(points.first_order) and method.stages is not None
         self.orders = np.array([method.curve_order - is_lower, method.order])
+        self.modes = frozen(points, engine=request.engine)
+        self.free = free(points, self.modes) if method.linear else None
 
     @cached_property
     def max_steps(self) -> int:
         """Largest number of steps per period."""
         return self.method.most_steps(self.points.n, self.points.first_order)
-
-    @cached_property
-    def modes(self) -> FrozenModes:
-        """Frozen modes of all points."""
-        return frozen(self.points, engine=self.request.engine)
-
-    @cached_property
-    def free(self) -> Free | None:
-        """Rigid-body modes of the points; None if there are none, or if they are determined along an orbit by
-        the method."""
-        return free(self.points, self.modes) if self.method.linear else None
 
     def rigid_body_modes(self, positions: Array) -> Free | None:
         """Rigid-body modes of points at positions (k,)."""
@@ -86,20 +82,23 @@ class PointSolver:
         least, largest = self._extreme_rates
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
-    def rounding_amplification(self, positions: Array) -> Array:
-        """Bound (k,) on the round-off error due to the coefficients of points at positions (k,), relative to
-        that of the step maps.
+    def may_exceed(self, positions: Array, roundoff: Array, errors: Array) -> Array:
+        """Whether (k,) the round-off error due to the coefficients of points at positions (k,) may exceed
+        one of the errors (k, j). roundoff (k, j): that due to the step maps.
 
         The round-off of the largest rate ω₁ changes the smallest one, ω₂, by ε ω₁²/2ω₂ at most, and a
         multiplier by T times this. The change is also at most that of ω₁ T by as many ε as terms of the
         stiffness cancel. For a single coordinate the bound is zero."""
         if self.points.n == 1:
-            return np.zeros(len(positions))
-        (least, largest), T = self._extreme_rates[:, positions], self.points.period
-        bound = np.minimum(
-            largest * T / np.maximum(least * T, 1.0), self.modes[positions].cancellation(least)
-        )
-        return largest * T * bound / _AMPLIFIED
+            return np.zeros(len(positions), dtype=bool)
+        least, largest = self._extreme_rates[:, positions] * self.points.period
+        needed = np.fmin.reduce(errors / roundoff, axis=1) * _AMPLIFIED / largest
+        may_exceed = largest / np.maximum(least, 1.0) > needed
+        rows = may_exceed.nonzero()[0]
+        if len(rows):
+            at = positions[rows]
+            may_exceed[rows] = self.modes[at].cancellation(self._extreme_rates[0, at]) > needed[rows]
+        return may_exceed
 
     @cached_property
     def _extreme_rates(self) -> Array:
@@ -153,10 +152,10 @@ class PointSolver:
         count = math.ceil(len(positions) * max(size / _MEMORY, work / _WORK))
         return np.array_split(positions, min(len(positions), count))
 
-    def solve(self, steps: int, positions: Array, method: Method | None = None) -> Solutions:
-        """Solutions of points at positions (k,) on this number of steps, by another method if it is given."""
-        equations = self.equations[positions]
-        return self.solve_points(method or self.method, equations, steps, self.rigid_body_modes(positions))
+    def solve(self, steps: int, positions: Array) -> Solutions:
+        """Solutions of points at positions (k,) on this number of steps."""
+        rigid = self.rigid_body_modes(positions)
+        return self.solve_points(self.method, self.equations[positions], steps, rigid)
 
     def solve_points(self, method: Method, points: Points, steps: int, rigid: Free | None) -> Solutions:
         """Solutions of points with these rigid-body modes by a method with `steps` steps."""
@@ -198,13 +197,14 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 def _singular_phase(point: Points, phases: Array) -> float | None:
     """Phase at which det M of a point changes sign, or has a minimum within round-off."""
     spacing = float(phases[1] - phases[0])
+    jumps = np.sort(np.add.outer(point.period * np.arange(-1, 2), np.mod(point.breaks, point.period)).ravel())
     determinants = _scaled_determinants(point, phases)
     if not np.isfinite(determinants).all():
         return None
     median = np.median(np.abs(determinants))
     # Eight successive intervals, each a sixteenth of the previous one, determine the phase to round-off.
     for _ in range(8):
-        is_smooth = np.diff(_jumps_before(point, phases)) == 0
+        is_smooth = np.diff(np.searchsorted(jumps, phases)) == 0
         changes = ((determinants[1:] * determinants[:-1] < 0) & is_smooth).nonzero()[0]
         if len(changes):
             return float(phases[changes[0]]) % point.period
@@ -227,10 +227,3 @@ def _scaled_determinants(point: Points, phases: Array) -> Array:
     unit[unit == 0] = 1.0
     with np.errstate(invalid="ignore"):
         return np.linalg.det(M / (unit[:, None] * unit))
-
-
-def _jumps_before(point: Points, phases: Array) -> Array:
-    """Number of jumps (k,) between phase 0 and each phase, over all periods."""
-    period, phase = np.divmod(phases, point.period)
-    jumps = np.sort(np.mod(point.breaks, point.period)) if point.breaks else np.empty(0)
-    return period * len(jumps) + np.searchsorted(jumps, phase)

@@ -11,7 +11,6 @@ from solve.certify.comparison import (
     NO_DIGIT,
     SAFETY,
     Comparison,
-    comparison_of,
     differences,
     roundoff_errors,
 )
@@ -26,6 +25,7 @@ from solve.certify.resolution import (
 )
 from solve.errors import SolveError, StepsError
 from solve.methods.method import Method, Solutions, no_orbit
+from solve.period.frozen import FrozenModes
 from solve.period.multipliers import EPS, KNOWN_ON_CIRCLE, NEGLIGIBLE, UNDETERMINED
 from solve.period.points import Points
 from solve.terminal import progress
@@ -50,7 +50,7 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
     round-off. Errors are differences from a better solution, see `Comparison`. A point fails with
     ResonanceError if an orbit is requested and a multiplier equals +1 within the difference of both
     solutions. Raises StepsError for `steps` that the method cannot use at any point."""
-    solver = (comparison_of if method.converges else PointSolver)(points, method, request)
+    solver = (_Refinement if method.converges else PointSolver)(points, method, request)
     groups = _rigid_body_groups(solver)
     if len(groups) > 1:
         for group in groups:
@@ -60,8 +60,8 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
     failures = solver.invalid_points()
     yield from failures
     positions = others(len(points), [failure.position for failure in failures])
-    if isinstance(solver, Comparison):
-        yield from _Refinement(solver).refine(positions)
+    if isinstance(solver, _Refinement):
+        yield from solver.refine(positions)
     else:
         yield from _certify_approximation(solver, positions)
 
@@ -103,6 +103,7 @@ class _GridComparison:
     remains, after a period, of a unit disturbance in modes that the steps do not resolve."""
 
     positions: Array
+    modes: FrozenModes
     solutions: Solutions
     better: Solutions
     errors: Array
@@ -124,35 +125,34 @@ class _GridComparison:
         return self.solutions.multipliers.spectral_radius < UNDERFLOW
 
 
-class _Refinement:
+class _Refinement(Comparison):
     """Solution of points with given steps, or with as many steps as each point requires.
 
     previous_errors (P, 2): errors of the last grid of each point."""
 
-    def __init__(self, solver: Comparison):
-        self.solver, self.request, self.method = solver, solver.request, solver.method
-        self.max_steps = solver.max_steps
-        self.previous_errors = np.full((len(solver.points), 2), np.inf)
+    def __init__(self, points: Points, method: Method, request: SolveRequest):
+        super().__init__(points, method, request)
+        self.previous_errors = np.full((len(points), 2), np.inf)
 
     def refine(self, positions: Array) -> Iterator[Certified | Failed]:
         pending: dict[int, list[Array]] = {}
         if self.request.steps is None:
-            least = np.maximum(self.solver.min_steps[positions], len(self.solver.points.breaks))
+            least = np.maximum(self.min_steps[positions], len(self.points.breaks))
             for position in positions[least > self.max_steps].tolist():
-                yield Failed(position, self._unstable(int(self.solver.min_steps[position])))
+                yield Failed(position, self._unstable(int(self.min_steps[position])))
             positions, least = positions[least <= self.max_steps], least[least <= self.max_steps]
             _add(pending, self._first_grids(positions, least), positions)
         elif len(positions):
             pending = {self.request.steps: [positions]}
         while pending:
             steps = min(pending)
-            for chunk in self.solver.pair_chunks(steps, np.concatenate(pending.pop(steps))):
+            for chunk in self.pair_chunks(steps, np.concatenate(pending.pop(steps))):
                 yield from self._refine_on(steps, chunk, pending)
 
     def _first_grids(self, positions: Array, least: Array) -> Array:
         """Numbers of steps (k,) of the first grids of points at positions (k,), at least 1.2 times
         `least`."""
-        points, modes = self.solver.points[positions], self.solver.modes[positions]
+        points, modes = self.points[positions], self.modes[positions]
         first = first_steps(self.method, points, modes, self.request.orbit, self.request.rtol)
         return np.minimum(grid_sizes(np.maximum(first, 1.2 * least)), max(self.max_steps, MIN_STEPS))
 
@@ -163,17 +163,18 @@ class _Refinement:
         their next grid."""
         is_given = self.request.steps is not None
         with np.errstate(all="ignore"), progress.task(f"{self.method.name} on {steps} steps"):
-            solutions, better = self.solver.pair(steps, chunk)
+            solutions, better = self.pair(steps, chunk)
             failures = {**better.failures, **solutions.failures}
             rows = others(len(chunk), list(failures))
             results: list[Certified | Failed] = []
-            rest = next_steps = rows[:0]
+            next_steps = rows[:0]
             if len(rows):
                 pair = self._compare(steps, chunk[rows], solutions[rows], better[rows])
-                next_steps = self._next_steps(steps, pair)
                 accepted = self._accept(steps, pair, is_last=is_given or steps >= self.max_steps)
-                results += self._certify(pair[accepted.nonzero()[0]])
-                rest, next_steps = pair.positions[~accepted], next_steps[~accepted]
+                if accepted.any():
+                    results += self._certify(pair[accepted.nonzero()[0]])
+                if not accepted.all():
+                    next_steps = self._postpone(steps, pair[(~accepted).nonzero()[0]], pending)
         if failures and not is_given and 2 * steps <= self.max_steps:
             overflows = [row for row, reason in failures.items() if isinstance(reason, StepsError)]
             failures = {row: reason for row, reason in failures.items() if row not in overflows}
@@ -182,30 +183,27 @@ class _Refinement:
         yield from _failed(failures, chunk)
         yield from results
         progress.set_total(STEPS, steps, lambda: int(next_steps.max(initial=steps)))
-        _add(pending, next_steps, rest)
 
     def _compare(
         self, steps: int, positions: Array, solutions: Solutions, better: Solutions
     ) -> _GridComparison:
         """Both solutions of points, with the errors of the first."""
-        errors = SAFETY * self.solver.differences(solutions, better, positions)
-        roundoff = self.solver.roundoff(steps, positions, solutions, errors)
+        modes = self.modes[positions]
+        errors = SAFETY * differences(solutions, better, modes, self.request.engine)
+        roundoff = self.roundoff(steps, positions, solutions, errors)
         errors = np.maximum(errors, roundoff)
         tolerances = np.maximum(self.request.rtol, roundoff)
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
-        radius, modes = better.multipliers.spectral_radius, self.solver.modes[positions]
-        finest = steps * self.solver.step_ratio
+        radius, finest = better.multipliers.spectral_radius, steps * self.step_ratio
         remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
         relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
-        return _GridComparison(positions, solutions, better, errors, roundoff, tolerances, remainder)
+        return _GridComparison(positions, modes, solutions, better, errors, roundoff, tolerances, remainder)
 
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
-        """Whether (k,) points need no finer grid.
+        """Whether (k,) points are accepted, that is, need no finer grid.
 
-        A point is accepted if 1. each of its errors is at most the tolerance, or is round-off that two grids
-        did not reduce; 2. features of the coefficients between the samples cause no larger errors; 3. a finer
-        grid would not decide an open verdict.
+        Three conditions hold for accepted points:
 
         1. each of its errors is at most the tolerance, or is round-off: below a thousand times its estimate,
            or of multipliers that underflow, and not halved by this grid. Larger errors may not decrease for
@@ -213,18 +211,18 @@ class _Refinement:
         2. features of the coefficients between the samples cause no larger errors;
         3. a finer grid would not decide an open verdict.
 
-        On the last grid every point is accepted; its errors state what is reached. Errors are increased in
-        place by those of features between the samples."""
+        On the last grid every point is accepted; its errors state what is reached. Errors of accepted points
+        are increased in place by those of features between the samples."""
         is_roundoff = pair.errors < 1e3 * pair.roundoff
         is_roundoff[:, 1] |= pair.underflows
         is_roundoff &= 2 * pair.errors > self.previous_errors[pair.positions]
-        self.previous_errors[pair.positions] = pair.errors
         accepted = across(np.logical_and, (pair.errors <= pair.tolerances) | is_roundoff | is_last)
         rows = accepted.nonzero()[0]
         if len(rows):
-            unsampled = self.solver.unsampled_errors(steps, pair.positions[rows], pair.solutions[rows])
-            pair.errors[rows] = np.maximum(pair.errors[rows], unsampled)
+            unsampled = self.unsampled_errors(steps, pair.positions[rows], pair.solutions[rows])
             accepted[rows] = is_last | across(np.logical_and, unsampled <= pair.tolerances[rows])
+            unsampled[~accepted[rows]] = 0.0
+            pair.errors[rows] = np.maximum(pair.errors[rows], unsampled)
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
@@ -237,23 +235,26 @@ class _Refinement:
         for fraction, is_open in ((1.0, True), (0.5**order, False)):
             rows = decides.nonzero()[0]
             if len(rows):
-                modes = self.solver.modes[pair.positions[rows]]
-                verdicts = verdicts_of(pair.solutions[rows], fraction * errors[rows], modes)
+                verdicts = verdicts_of(pair.solutions[rows], fraction * errors[rows], pair.modes[rows])
                 decides[rows] = (verdicts == UNDETERMINED) == is_open
         return decides
 
-    def _next_steps(self, steps: int, pair: _GridComparison) -> Array:
-        """Steps (k,) of the next grid, on which errors reach the aim with the order of the method.
+    def _postpone(self, steps: int, pair: _GridComparison, pending: dict[int, list[Array]]) -> Array:
+        """Add points to `pending`. Returns the steps (k,) of their next grids, on which errors reach the aim
+        with the order of the method.
 
         Steps are doubled if the errors are small enough but another condition fails. The second grid of a
         point has at least 4/3 as many steps as the first; later grids have at least twice as many, because
         errors then decrease more slowly than the order of the method implies."""
-        orders, errors, tolerances = np.minimum(self.solver.orders, 20), pair.errors, pair.tolerances
+        orders, errors, tolerances = np.minimum(self.orders, 20), pair.errors, pair.tolerances
         growth = np.where(errors <= tolerances, 1.0, (errors / (AIM * tolerances)) ** (1 / orders))
         growth = np.where(np.isfinite(errors), growth, 2.0).max(axis=1)
         is_first = np.isinf(self.previous_errors[pair.positions, 0])
         growth = np.clip(np.where(growth > 1, growth, 2.0), np.where(is_first, 4 / 3, 2.0), _MAX_GROWTH)
-        return np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
+        next_steps = np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
+        self.previous_errors[pair.positions] = errors
+        _add(pending, next_steps, pair.positions)
+        return next_steps
 
     def _certify(self, pair: _GridComparison) -> Iterator[Certified | Failed]:
         """Certify points. Points with a multiplier +1 fail if an orbit is requested."""
@@ -271,15 +272,13 @@ class _Refinement:
             solutions = solutions.with_multipliers(digits)
         rows = (~resonant).nonzero()[0]
         if len(rows):
-            yield from self.solver.certify(
-                pair.positions[rows], solutions[rows], errors[rows], absolute[rows]
-            )
+            yield from self.certify(pair.positions[rows], solutions[rows], errors[rows], absolute[rows])
 
     def _is_resonant(self, pair: _GridComparison) -> Array:
         """Points (k,) with a multiplier +1, within a tenth of the change between both solutions."""
         nearest = pair.better.multipliers.nearest_one
         change = nearest - pair.solutions.multipliers.nearest_one
-        distance = np.abs(nearest + self.solver.remaining * change - 1)
+        distance = np.abs(nearest + self.remaining * change - 1)
         # Multipliers of modes that the steps do not resolve may be anywhere.
         is_accurate = (pair.errors[:, 1] < _UNKNOWN) & (np.abs(change) < NO_DIGIT)
         roundoff = EPS * max(8, pair.better.grid.steps)

@@ -35,6 +35,9 @@ _FEW = 9
 """Number of coordinates up to which order 13 takes less time; with more, round-off in the larger systems of a
 step also costs digits."""
 
+RADAU, _RADAU_OF_FEW, _GAUSS = Radau(), Radau(13), Gauss()
+"""Methods that are used for many systems. They keep the constants that follow from their orders."""
+
 _PHASES = 32
 """Number of phases at which coefficients are frozen for the selection: a choice."""
 
@@ -50,12 +53,12 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
     if len(stiff):
         yield damping(points.n), stiff
     if len(others):
-        yield Gauss(), others
+        yield _GAUSS, others
 
 
 def damping(coordinates: int) -> Radau:
     """Radau IIA of the order that suits this number of coordinates."""
-    return Radau(13) if coordinates <= _FEW else Radau()
+    return _RADAU_OF_FEW if coordinates <= _FEW else RADAU
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:

@@ -338,7 +338,7 @@ class Collocated(OneStep):
         stages = (self.order + 1) // 2
         self._set(follows=self.order / 2 - 1, curve_order=min(self.order, stages + 3))
 
-    @property
+    @cached_property
     def with_another_stage(self) -> Self:
         """Method of the same family with s + 1 stages. Its order is higher by two and may exceed those in
         `orders`."""
@@ -405,8 +405,8 @@ class Collocated(OneStep):
             nodes = _samples(points.tables(grid.stages(np.array([0.0, 1.0])).T.ravel()))
         elif with_orbit and not method.stiffly_accurate:
             nodes = _samples(points.tables(grid.nodes[:-1]))
-        h = np.full(grid.steps, grid.period / grid.steps) if grid.smooth else grid.h
-        periods = kernel.solved(size, method.weights, h, not grid.smooth, _samples(stages), nodes, alone)
+        samples = _samples(stages), nodes
+        periods = kernel.solved(size, method.weights, grid.lengths, not grid.smooth, *samples, alone)
         steps = None if periods.maps is None else Steps(periods.maps[..., :-1], periods.maps[..., -1])
         if not orbit or periods.curves is None or periods.condition is None:
             return self.sound(points, grid, periods.Phi, steps=steps, units=periods.units, engine=engine)

@@ -102,6 +102,12 @@ class Solutions:
         has_solution[list(self.failures)] = False
         return np.flatnonzero(has_solution)
 
+    def checked(self) -> "Solutions":
+        """These solutions. Raises the SolveError of the first failed point."""
+        for reason in self.failures.values():
+            raise reason
+        return self
+
     def with_multipliers(self, multipliers: Multipliers) -> "Solutions":
         """Solutions with given multipliers in place of the eigenvalues of Φ."""
         changed = copy(self)

@@ -293,10 +293,7 @@ def _correct(
     if not jumps:
         return otherwise or solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
     point = SinglePoint(along, task.speed)
-    solutions = solutions_with_jumps(task.method, point, grid, task.engine, free(point), jumps)
-    for reason in solutions.failures.values():
-        raise reason
-    return solutions
+    return solutions_with_jumps(task.method, point, grid, task.engine, free(point), jumps).checked()
 
 
 def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:

@@ -257,10 +257,7 @@ def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid
         solutions_on(task.method, SinglePoint(system, task.speed), grid, True, task.engine, held)
         for system in systems
     ]
-    for solutions in found:
-        for reason in solutions.failures.values():
-            raise reason
-    curves = [solutions.curve for solutions in found]
+    curves = [solutions.checked().curve for solutions in found]
     assert all(isinstance(curve, Curve) for curve in curves)
     tangents = zip(curves[1:], np.eye(len(equations.names)), strict=True)
     vectors = (Unknowns(curve[0], change) for curve, change in tangents)  # pyright: ignore
@@ -280,9 +277,7 @@ def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid:
         found = solutions_with_jumps(task.method, point, grid, task.engine, None, jumps)
     else:
         found = task.method.solutions(point, grid, False, task.engine)
-    for reason in found.failures.values():
-        raise reason
-    return LinearFamily(unknowns, (), found.Phi[0]).multipliers
+    return LinearFamily(unknowns, (), found.checked().Phi[0]).multipliers
 
 
 def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, multiplier: float) -> Curve:

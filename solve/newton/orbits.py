@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from solve.arguments import require_integer
-from solve.certify.all_multipliers import Spectrum, refined_multipliers, rigid_multipliers
+from solve.certify.all_multipliers import Spectrum, refined_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.contracts import Motion
@@ -213,13 +213,7 @@ class _Search:
         if isinstance(result, Failed):
             raise result.reason
         assert result.solutions.curve is not None
-        spectrum = (
-            refined_multipliers(
-                newton.point(), newton, solve_request, result.steps, rigid_multipliers(result)
-            )
-            if self.all_multipliers
-            else None
-        )
+        spectrum = refined_multipliers(newton.point(), result) if self.all_multipliers else None
         linearised = task.along(result.solutions.curve[0])
         result = replace(result, method=task.method)
         return NonlinearOrbit(

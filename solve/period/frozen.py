@@ -317,7 +317,7 @@ class FrozenModes:
             return exceeds
         limits, ratios = (rate, rate**2), self._ratios()
         # The largest eigenvalue is at least the mean of all, which is the trace divided by n.
-        traces = [np.abs(np.einsum("iipk->pk", ratio)).max(axis=1) for ratio in ratios]
+        traces = [np.abs(ratio.trace()).max(axis=1) for ratio in ratios]
         exceeds = (traces[0] > self._n * limits[0]) | (traces[1] > self._n * limits[1])
         rows = (~exceeds).nonzero()[0]
         if len(rows):
@@ -361,7 +361,7 @@ class FrozenModes:
         """Evaluate `is_within` at a selection of the phases, for several coordinates."""
         C, K = self._ratios(phases)
         # The sum of squares of the 2n eigenvalues is at most 2n times that of the largest.
-        squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
+        squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * K.trace()
         is_within = np.abs(squares).max(axis=1) <= 2 * self._n * rate**2
         rows = is_within.nonzero()[0]
         if len(rows):

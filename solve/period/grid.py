@@ -67,6 +67,11 @@ class Grid:
         return np.diff(self.nodes)
 
     @cached_property
+    def lengths(self) -> Array:
+        """Step lengths in phase (m,), exactly equal if the matrices have no jumps."""
+        return np.full(self.steps, self.period / self.steps) if self.smooth else self.h
+
+    @cached_property
     def smooth(self) -> bool:
         """Whether the matrices have no jumps."""
         return not self.at_break.any()

@@ -17,7 +17,7 @@ for frequencies up to the 6400th harmonic."""
 
 
 class Modes(Protocol):
-    """Modes of a point (protocol); see `solve.certify.mode_vectors.ModeVectors`."""
+    """Modes of a point (protocol); see `solve.studies.mode_vectors.ModeVectors`."""
 
     @property
     def rotation(self) -> float: ...

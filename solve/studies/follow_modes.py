@@ -9,7 +9,6 @@ import numpy as np
 
 from solve.arguments import require_steps
 from solve.arrays import Array
-from solve.certify.mode_vectors import ModeVectors, mode_vectors
 from solve.equations import require_bounds
 from solve.errors import NoResultError, SolveError, StepsError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
@@ -20,6 +19,7 @@ from solve.period.points import SinglePoint
 from solve.results.followed_modes import FollowedModes
 from solve.studies.mode_identity import Identities, identified
 from solve.studies.mode_tracks import Sample, Tracks
+from solve.studies.mode_vectors import ModeVectors, mode_vectors
 from solve.studies.sweep import Over, varied_values
 from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.mode_vectors import SURE, ModeVectors
 from solve.results.followed_modes import CROSSING, VEERING, Ambiguity, Meeting
 from solve.studies.mode_tracks import Approach, Doubt, Sample, State, Tracks
+from solve.studies.mode_vectors import SURE, ModeVectors
 
 _COVERED = 0.99
 """Fraction of each mode that the listed harmonics contain, unless this requires more than `_MOST_HARMONICS`

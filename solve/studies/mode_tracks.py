@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.mode_vectors import SURE, ModeVectors
 from solve.period.overlaps import CoupledPairs, Overlaps, exceptional_points
 from solve.results.followed_modes import CLOSE, LOCKED
+from solve.studies.mode_vectors import SURE, ModeVectors
 
 _ACCEPTED = 0.8
 """Overlap above which a mode of the next sample counts as the same mode. Any value above 1/2 excludes a

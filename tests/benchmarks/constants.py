@@ -1,8 +1,9 @@
-"""python -m tests.benchmarks.constants [--every K]: half and twice of every chosen constant of the
+"""python -m tests.benchmarks.constants [--every K] [--seed S]: half and twice of every chosen constant of the
 certificate.
 
 For each value: honesty, sharpness and verdicts of `auto`, Gauss and Radau on each K-th system of the
-population and by `auto` on each K-th of the fresh one, and processor time with the references."""
+population and by `auto` on each K-th of the fresh one, which has the seed S, and processor time with the
+references."""
 
 import argparse
 import time
@@ -15,7 +16,7 @@ from tests.solve.certificates.trials import TRIALS, outcomes, rates
 MODULES = coefficients, comparison, point_solver, refinement, resolution
 CONSTANTS = {
     "refinement": ("_MAX_GROWTH", "_UNKNOWN"),
-    "resolution": ("MIN_STEPS", "_UNRESOLVED", "AIM"),
+    "resolution": ("MIN_STEPS", "_MAX_FIRST_STEPS", "UNDERFLOW", "_UNRESOLVED", "AIM"),
     "comparison": (
         "_COEFFICIENTS",
         "_AMPLIFICATION",
@@ -58,7 +59,8 @@ def measured(label: str, every: int) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.constants", description=__doc__)
     parser.add_argument("--every", type=int, default=142, help="each K-th system")
-    every = parser.parse_args().every
+    parser.add_argument("--seed", type=int, default=fresh.SEED, help="seed of the fresh population")
+    every, fresh.SEED = vars(parser.parse_args()).values()
     measured("present values", every)
     for owner, names in CONSTANTS.items():
         for name in names:

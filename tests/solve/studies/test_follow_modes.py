@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import solve
-from solve.certify.mode_vectors import ModeVectors
 from solve.errors import MissingValueError, StepsError, UnknownNameError, ValueOutOfBoundsError
+from solve.studies.mode_vectors import ModeVectors
 from tests.solve.studies.planted_modes import Planted, pair
 
 SPEEDS = np.linspace(0.613, 1.409, 9)
