@@ -12,7 +12,6 @@ from solve.commands.groups import (
     Execution,
     Flag,
     Loop,
-    Problem,
     Results,
     Speed,
     SpeedDerivatives,
@@ -238,7 +237,7 @@ def critical(
 
 
 def modes(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     speed: Speed,
     accuracy: Steps,
@@ -256,7 +255,7 @@ def modes(
 
 
 def validity(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,

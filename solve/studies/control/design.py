@@ -271,8 +271,10 @@ def control(
             raise MissingValueError(
                 'a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman'
             )
-        if margin or norms or vibration or samples is not None:
-            raise ValueOutOfBoundsError("vibration, margin, norms and samples are of a closed loop; give lqr")
+        if feedforward or margin or norms or vibration or samples is not None:
+            raise ValueOutOfBoundsError(
+                "feedforward, vibration, margin, norms and samples are of a closed loop; give lqr"
+            )
         return _OF["kalman"](system, speed, *noise, rtol)
     if noise is None:
         made = _OF["lqr"](system, speed, *weights, rtol, feedforward)
