@@ -53,8 +53,8 @@ _TOO_FAST, _COARSE = 10.0, 2.0
 those that the largest number of steps resolves by the second factor. Choices."""
 
 _SAFETY = 1.5
-"""Factor on the estimated error. The residual is known at the stages only: for a hundred random systems with 2
-to 20 states the true error is 0.32 to 1.20 times the estimate without this factor."""
+"""Factor on the estimated error. The residual is known at the stages only: for a hundred random systems with
+2 to 20 states the true error is 0.32 to 1.20 times the estimate without this factor."""
 
 _STENCIL = 6
 """Number of nodes whose values and slopes the curve of a step interpolates, with the degree 11. A choice."""

@@ -396,6 +396,12 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
         solve.control(system, 1.0)
 
 
+def test_stable_system_without_process_noise_has_a_filter_without_gain(recwarn):
+    found = solve.kalman(oscillator(), 1.0, {"u": 0.0}, {"q": 1.0})
+    assert not found.gain(PHASES).any()
+    assert not recwarn.list
+
+
 def test_modes_that_no_input_reaches_are_reported():
     A, B = np.diag([1.0, -1.0]), np.array([[0.0], [1.0]])
     with pytest.raises(ControlError, match="cannot be controlled"):
