@@ -93,6 +93,22 @@ def test_solution_is_the_known_one_of_johansson(breaks):
     assert np.allclose(np.abs(found.multipliers), moduli, rtol=1e-6)
 
 
+@pytest.mark.parametrize("breaks", [(), (0.0, 0.3, 0.31, 2.0)])
+def test_filter_in_the_rotating_frame_is_the_known_one(breaks):
+    C, A = np.array([[3.0, 1.0]]), in_rotating_frame().equations_at
+
+    def matrices(phase, speed):
+        rows, k = C @ np.swapaxes(rotation(phase), 1, 2), len(phase)
+        return A(phase, speed)[0], np.zeros((k, 2)), np.zeros((k, 2, 1)), rows, np.zeros((k, 1, 1))
+
+    system = solve.FirstOrderSystem(matrices, ["x0", "x1"], np.pi, breaks, ["u0"], ["y0"])
+    found = solve.kalman(system, 1.0, np.eye(2), np.eye(1), rtol=1e-10)
+    P = solve_continuous_are(A0.T, C.T, np.eye(2), np.eye(1))
+    exact = rotation(PHASES) @ P @ np.swapaxes(rotation(PHASES), 1, 2)
+    assert np.abs(found.riccati(PHASES) - exact).max() <= found.error_estimate * np.abs(P).max()
+    assert found.error_estimate < 1e-10
+
+
 def riccati_integrated(A, B, Q, R, period, X):
     """X one period earlier, by SciPy, with constant A, Q and R and an input matrix B of the time."""
     N = len(X)
