@@ -223,9 +223,10 @@ class SampledPhases:
     def increments(self, differences: Array) -> Array:
         """Increments (…, m s, R) of the coefficients at the stages due to the differences (…, Q, R)."""
         m, s = self.lower.shape
-        increments = np.zeros((*differences.shape[:-2], m, s, differences.shape[-1]))
-        steps: Any = (..., self.step, slice(None), slice(None))
-        np.add.at(increments, steps, self.weights[:, :, None] * differences[..., :, None, :])
+        order = np.argsort(self.step, kind="stable")
+        first = np.searchsorted(self.step[order], np.arange(m))
+        parts = self.weights[order, :, None] * differences[..., order, None, :]
+        increments = np.add.reduceat(parts, first, axis=-3)
         return increments.reshape(*increments.shape[:-3], m * s, -1)
 
 

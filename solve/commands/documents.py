@@ -4,7 +4,7 @@ from typing import Annotated
 
 import solve
 from solve.commands.deliver import deliver_animation, deliver_page, print_warnings
-from solve.commands.groups import Accuracy, Flag, Problem, Speed, Speeds
+from solve.commands.groups import Accuracy, Flag, Loop, Speed, Speeds
 from solve.commands.parse import out_file
 from solve.exports import export as exports
 from solve.exports.state_space import SAMPLES
@@ -13,7 +13,7 @@ from solve.views import animation, page
 
 
 def report(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     speed: Speed,
     accuracy: Accuracy,
@@ -25,7 +25,7 @@ def report(
 
 
 def animate(
-    problem: Problem,
+    problem: Loop,
     speed: Speed,
     accuracy: Accuracy,
     out: Annotated[
@@ -51,7 +51,7 @@ def animate(
 
 
 def export(
-    problem: Problem,
+    problem: Loop,
     speed: Speed,
     out: Annotated[str | None, Flag("File of the equations: .mat, .c or .fmu.", "FILE")] = None,
     samples: Annotated[int, Flag("Phases per period in a .mat file.", "N")] = SAMPLES,

@@ -13,7 +13,6 @@ from solve.commands.groups import (
     Execution,
     Flag,
     Loop,
-    Problem,
     Results,
     Speed,
     Speeds,
@@ -270,7 +269,7 @@ def critical(
 
 
 def modes(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     speed: Speed,
     accuracy: Steps,
@@ -288,7 +287,7 @@ def modes(
 
 
 def validity(
-    problem: Problem,
+    problem: Loop,
     speeds: Speeds,
     accuracy: Accuracy,
     results: Results,

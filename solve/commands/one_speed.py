@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Loop, PointAccuracy, Problem, Proving, Results, Settings, Speed
+from solve.commands.groups import Flag, Loop, PointAccuracy, Proving, Results, Settings, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import NoResultError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import METHODS, Rule, chosen, settings_of
@@ -132,7 +132,7 @@ def floquet(problem: Loop, speed: Speed, accuracy: PointAccuracy, proving: Provi
 
 
 def compare(
-    problem: Problem,
+    problem: Loop,
     speed: Speed,
     settings: Settings,
     results: Results,

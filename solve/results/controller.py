@@ -105,6 +105,11 @@ class SampledLoop(NamedTuple):
     verdict: str
     largest: Mapping[str, float]
 
+    @property
+    def rate(self) -> str:
+        """Number of samples in words."""
+        return f"{self.samples} sample{'s' * (self.samples != 1)} per period"
+
 
 @dataclass(frozen=True)
 class Controller(Result):
@@ -260,9 +265,7 @@ class Controller(Result):
         if self.stable is not True:
             missed.append(f"the closed loop is {self.verdict}")
         if self.sampled is not None and self.sampled.verdict != "asymptotically stable":
-            missed.append(
-                f"the closed loop with {self.sampled.samples} samples per period is {self.sampled.verdict}"
-            )
+            missed.append(f"the closed loop with {self.sampled.rate} is {self.sampled.verdict}")
         doubts = [f"norms to {name}: {text}" for name, each in self.norms.items() for text in each.warnings]
         return list(dict.fromkeys([*missed, *observer, *self.stability.warnings, *doubts]))
 

@@ -64,7 +64,7 @@ def controller_tables(result: Controller) -> Sequence[RenderableType]:
     if result.norms:
         shown.append(_norm_table(result))
     if (sampled := result.sampled) is not None:
-        drive = f"With {sampled.samples} samples per period and one sample of delay it is {sampled.verdict}"
+        drive = f"With {sampled.rate} and one sample of delay it is {sampled.verdict}"
         shown.append(text(f"\n{drive}: spectral radius {sampled.spectral_radius:.6g}."))
     if result.margin is not None:
         shown.append(text(f"\n{_margin_sentence(result.margin)}"))

@@ -15,6 +15,7 @@ from solve.results.contents import versions
 from solve.results.files import checked, write_atomic
 from solve.results.formatting import greek
 from solve.results.result import Result
+from solve.studies.control.feedback import FeedbackLoop
 from solve.system import PeriodicSystem
 from solve.views.show import html
 from solve.views.style import Figure, drawn
@@ -205,6 +206,8 @@ def _equations(system: PeriodicSystem) -> str:
     about = "Nonzero entries of M, C, K and d"
     if system.labels.links:
         about = "Members of each link, from which the matrices are assembled"
+    if isinstance(system, FeedbackLoop):
+        about += ", without the feedback"
     return f'<p>{about}. φ is the phase of the drive, Ω its speed.</p>\n<div class="equations">{lines}</div>'
 
 

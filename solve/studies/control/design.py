@@ -271,9 +271,9 @@ def control(
             raise MissingValueError(
                 'a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman'
             )
-        if margin or norms or vibration or samples is not None:
+        if feedforward or margin or norms or vibration or samples is not None:
             raise ValueOutOfBoundsError(
-                "vibration, margin, norms and samples require a closed loop; give lqr"
+                "feedforward, vibration, margin, norms and samples require a closed loop; give lqr"
             )
         return _DESIGNS["kalman"](system, speed, *noise, rtol)
     if noise is None:

@@ -33,15 +33,13 @@ def regulator(
 
     def coefficients(phase: Array) -> tuple[Array, Array, Array]:
         A, B, _ = plant.dynamics(phase)
-        # B R⁻¹ Bᵀ = E Eᵀ with R = L Lᵀ and E = B L⁻ᵀ.
-        factor = np.linalg.solve(np.linalg.cholesky(cost(phase)), np.swapaxes(B, 1, 2))
-        return A, np.swapaxes(factor, 1, 2), weight(phase)
+        return A, _factor(B, cost(phase)), weight(phase)
 
     solved = _solved(plant, coefficients, rtol)
 
     def gain(phase: Array) -> Array:
         B = plant.input_matrix(phase)
-        return np.linalg.solve(cost(phase), np.swapaxes(B, 1, 2) @ symmetric_of(solved.curve(phase)))
+        return _inverse(cost(phase)) @ np.swapaxes(B, 1, 2) @ symmetric_of(solved.curve(phase))
 
     gains = through_points(gain, solved.grid)
     if not feedforward:
@@ -57,16 +55,25 @@ def regulator(
         return np.swapaxes(closed, 1, 2), load
 
     # The adjoint decays backwards in time.
-    breaks = [(system.period - each) % system.period for each in system.breaks]
-    adjoints = FirstOrderSystem(adjoint, plant.states, system.period, breaks)
+    adjoints = FirstOrderSystem(adjoint, plant.states, system.period, mirrored_breaks(system))
     orbit = periodic(adjoints, plant.speed, rtol=rtol)
 
     def ahead(phase: Array) -> Array:
         B = plant.input_matrix(phase)
         along = np.einsum("kir,ik->kr", B, orbit.at(system.period - phase))
-        return -np.linalg.solve(cost(phase), along[..., None])[..., 0]
+        return -np.einsum("krs,ks->kr", _inverse(cost(phase)), along)
 
     return solved, gains, through_points(ahead, solved.grid)
+
+
+def _factor(B: Array, R: Array) -> Array:
+    """Factor E = B L⁻ᵀ (k, N, r) of B R⁻¹ Bᵀ = E Eᵀ, with R = L Lᵀ (k, r, r)."""
+    return B @ np.swapaxes(_inverse(np.linalg.cholesky(R)), 1, 2)
+
+
+def _inverse(R: Array) -> Array:
+    """Inverses of matrices (k, r, r), or (1, r, r) of equal ones."""
+    return np.linalg.inv(R[:1] if R.strides[0] == 0 else R)
 
 
 def _state_weight(plant: Plant, Q: Weight) -> Function:
@@ -74,8 +81,12 @@ def _state_weight(plant: Plant, Q: Weight) -> Function:
     outputs by name."""
     if not isinstance(Q, Mapping):
         return matrix_function("Q", Q, plant.N, plant.system.period)
-    plant.rows(list(Q), np.zeros(1))
+    plant.require_names(list(Q))
     numbers = named_numbers("Q", Q, list(Q), positive=False)
+    if all(name in plant.states for name in numbers):
+        diagonal = np.diag([numbers.get(name, 0.0) for name in plant.states])
+        return lambda phase: np.broadcast_to(diagonal, (len(phase), plant.N, plant.N))
+    plant.rows(list(numbers), np.zeros(1))
     names, weights = list(numbers), np.array(list(numbers.values()))
 
     def weight(phase: Array) -> Array:
@@ -100,39 +111,30 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
     cost = matrix_function("V", V, len(measured), system.period, definite=True)
 
     def coefficients(phase: Array) -> tuple[Array, Array, Array]:
-        C, A = plant.rows(measured, phase), plant.dynamics(phase)[0]
-        return A, noise(phase), np.swapaxes(C, 1, 2) @ np.linalg.solve(cost(phase), C)
+        rows, A = plant.rows(measured, phase), plant.dynamics(phase)[0]
+        return np.swapaxes(A, 1, 2), _factor(np.swapaxes(rows, 1, 2), cost(phase)), noise(phase)
 
     solved = _solved(plant, coefficients, rtol, filters=True)
 
     def gain(phase: Array) -> Array:
-        shown = plant.rows(measured, phase) @ symmetric_of(solved.curve(phase))
-        return np.swapaxes(np.linalg.solve(cost(phase), shown), 1, 2)
+        rows = np.swapaxes(plant.rows(measured, phase), 1, 2)
+        return symmetric_of(solved.curve(phase)) @ rows @ _inverse(cost(phase))
 
     return solved, through_points(gain, solved.grid), measured
 
 
 def _state_noise(plant: Plant, W: Weight) -> Function:
-    """Factor E (k, N, r) of the process-noise intensity W = E Eᵀ as a function of the phase. A mapping gives
-    the intensities of inputs and states by name."""
+    """Intensity W (k, N, N) of the process noise as a function of the phase. A mapping gives the intensities
+    of inputs and states by name."""
     if not isinstance(W, Mapping):
-        intensity = matrix_function("W", W, plant.N, plant.system.period)
-
-        def factor(phase: Array) -> Array:
-            values, vectors = np.linalg.eigh(intensity(phase))
-            return vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
-
-        return factor
+        return matrix_function("W", W, plant.N, plant.system.period)
     inputs, states = plant.system.inputs, plant.states
     numbers = named_numbers("W", W, [*inputs, *states], positive=False)
-    along = np.sqrt([numbers[name] for name in inputs if name in numbers])
-    columns = [inputs.index(name) for name in inputs if name in numbers]
-    direct = np.diag(np.sqrt([numbers.get(name, 0.0) for name in states]))
-    direct = direct[:, direct.any(axis=0)]
+    along, direct = (np.array([numbers.get(name, 0.0) for name in each]) for each in (inputs, states))
 
     def noise(phase: Array) -> Array:
-        B = plant.input_matrix(phase)[..., columns] * along
-        return np.concatenate((B, np.broadcast_to(direct, (len(phase), *direct.shape))), axis=-1)
+        B = plant.input_matrix(phase)
+        return B * along @ np.swapaxes(B, 1, 2) + np.diag(direct)
 
     return noise
 
@@ -143,10 +145,24 @@ def _solved(
     rtol: float,
     filters: bool = False,
 ) -> Solved:
-    system = plant.system
+    system, period = plant.system, plant.system.period
     with one_thread(system.n):
-        equation = Riccati(coefficients, plant.speed, system.period, system.breaks, filters, rtol=rtol)
-        return solve_riccati(equation)
+        if not filters:
+            return solve_riccati(Riccati(coefficients, plant.speed, period, system.breaks, rtol=rtol))
+        dual = Riccati(
+            lambda mirrored: coefficients(period - mirrored),
+            plant.speed,
+            period,
+            mirrored_breaks(system),
+            rtol=rtol,
+            filters=True,
+        )
+        return solve_riccati(dual).mirrored
+
+
+def mirrored_breaks(system: PeriodicSystem) -> tuple[float, ...]:
+    """Breaks of a system in reversed phase."""
+    return tuple((system.period - each) % system.period for each in system.breaks)
 
 
 def error_equations(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> PeriodicSystem:

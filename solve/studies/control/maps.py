@@ -61,7 +61,7 @@ class Maps(NamedTuple):
         """Maps of these steps followed by the steps in `next_`."""
         N, after = self.A.shape[-1], transposed(next_.A)
         right = np.concatenate((self.A, self.G @ after), axis=-1)
-        middle = np.linalg.solve(np.eye(N) + self.G @ next_.H, right)
+        middle = np.linalg.solve(np.eye(N) + self.G @ next_.H, right) if self.G.any() else right
         forward, gramian = middle[..., :N], middle[..., N:]
         return Maps(
             next_.A @ forward,
@@ -77,19 +77,36 @@ class Maps(NamedTuple):
             maps = maps.pairs
         return maps
 
-    @property
-    def dual(self) -> "Maps":
-        """Maps of the filter equation, which is a regulator equation in reversed time. Its solution at the
-        starts of these steps, in reverse order, is the solution of the filter at the nodes."""
-        return Maps(transposed(self.A)[::-1], self.H[::-1], self.G[::-1])
-
     def closed(self, X: Array) -> Array:
         """Maps (m, N, N) of the closed loop, from X (m, N, N) at the ends of the steps."""
-        return np.linalg.solve(np.eye(self.A.shape[-1]) + self.G @ X, self.A)
+        return np.linalg.solve(np.eye(self.A.shape[-1]) + self.G @ X, self.A) if self.G.any() else self.A
 
     def before(self, X: Array) -> Array:
         """Solution X at the starts of the steps, from X (m, N, N) at their ends."""
         return symmetric(self.H + transposed(self.A) @ X @ self.closed(X))
+
+
+class Stages(NamedTuple):
+    """States at the stages of the steps, and the coefficients there.
+
+    A, G, Q: coefficients (m, s, N, N), multiplied by the lengths of the steps. states: states (m, s, N,
+    N + s r) by those at the start and the inputs at the stages. optimal: matrices (m, s r, 2N) from the state
+    at the start and the costate at the end to the inputs, with the opposite sign. method: weights of the
+    stages."""
+
+    A: Array
+    G: Array
+    Q: Array
+    states: Array
+    optimal: Array
+    method: Collocation
+
+    def closed(self, X: Array, closed: Array) -> Array:
+        """States (m, s, N, N) of the closed loop at the stages by those at the start, from X at the ends of
+        the steps and the maps of the closed loop (m, N, N)."""
+        N = X.shape[-1]
+        inputs = self.optimal[..., :N] + self.optimal[..., N:] @ X @ closed
+        return self.states[..., :N] - self.states[..., N:] @ inputs[:, None]
 
 
 def transposed(A: Array) -> Array:
@@ -102,8 +119,8 @@ def symmetric(A: Array) -> Array:
     return (A + transposed(A)) / 2
 
 
-def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 1.0) -> Maps:
-    """Maps of the steps by the Gauss method of the given order, for G = sign E Eᵀ.
+def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 1.0) -> tuple[Maps, Stages]:
+    """Maps of the steps by the Gauss method of the given order, for G = sign E Eᵀ, and their stages.
 
     Gauss collocation of states and costates is that of the states alone with those inputs w at the stages
     that make the sum of the cost xᵀQx + sign wᵀw over the stages stationary (W. W. Hager, Numer. Math. 87
@@ -113,20 +130,21 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 
     A, E, Q = coefficients(phases.ravel())
     N, r = E.shape[1:]
     response = _mechanical_response if _is_mechanical(A, E) else _response
+    h, shape = grid.h[:, None, None, None], (grid.steps, s, N)
+    A, E, Q = h * A.reshape(*shape, N), np.sqrt(h) * E.reshape(*shape, r), h * Q.reshape(*shape, N)
     size, parts = max(1, _BYTES // (8 * s * s * N * (N + r))), []
     for first in range(0, grid.steps, size):
-        h = grid.h[first : first + size, None, None, None]
-        some = slice(s * first, s * (first + len(h)))
-        shape = len(h), s, N, -1
-        states = response(h * A[some].reshape(shape), np.sqrt(h) * E[some].reshape(shape), method)
-        parts.append(_condensed(states, h * Q[some].reshape(shape), method.b, sign))
-    return Maps(*map(np.concatenate, zip(*parts, strict=True)))
+        some = slice(first, first + size)
+        states = response(A[some], E[some], method)
+        parts.append((*_condensed(states, Q[some], method.b, sign), states[:, :-1]))
+    *maps, optimal, states = map(np.concatenate, zip(*parts, strict=True))
+    return Maps(*maps), Stages(A, sign * E @ transposed(E), Q, states, optimal, method)
 
 
-def _condensed(states: Array, Q: Array, b: Array, sign: float) -> Maps:
-    """Maps of m steps, from the states at the stages and at the end (m, s + 1, N, N + s r) by those at the
-    start and the inputs, and Q (m, s, N, N) multiplied by the lengths of the steps. NaN where a cost that is
-    to be maximised, with a negative sign, is not bounded."""
+def _condensed(states: Array, Q: Array, b: Array, sign: float) -> tuple[Array, Array, Array, Array]:
+    """Matrices A, G and H of the maps of m steps, and `Stages.optimal`, from the states at the stages and at
+    the end (m, s + 1, N, N + s r) by those at the start and the inputs, and Q (m, s, N, N) multiplied by the
+    lengths of the steps. NaN where a cost that is to be maximised, with a negative sign, is not bounded."""
     m, s, N, _ = Q.shape
     of_cost = (b[:, None, None] * Q) @ states[:, :-1]
     cost = transposed(states[:, :-1].reshape(m, s * N, -1)) @ of_cost.reshape(m, s * N, -1)
@@ -137,10 +155,11 @@ def _condensed(states: Array, Q: Array, b: Array, sign: float) -> Maps:
     optimal = np.linalg.solve(cost[:, N:, N:], right)
     if sign < 0:
         optimal[np.linalg.eigvalsh(cost[:, N:, N:])[:, -1] >= 0] = np.nan
-    return Maps(
+    return (
         forward - along @ optimal[..., :N],
         symmetric(along @ optimal[..., N:]),
         symmetric(cost[:, :N, :N] - cost[:, :N, N:] @ optimal[..., :N]),
+        optimal,
     )
 
 
@@ -162,7 +181,7 @@ def _response(A: Array, E: Array, method: Collocation) -> Array:
     implicit = A[:, :, :, None, :] * method.A[:, None, :, None]
     given = np.concatenate((A.reshape(m, s * N, N), _by_inputs(E)), axis=-1)
     rates = np.linalg.solve(np.eye(s * N) - implicit.reshape(m, s * N, s * N), given)
-    return np.eye(N, rates.shape[-1]) + _summed(np.vstack((method.A, method.b)), rates, N)
+    return np.eye(N, rates.shape[-1]) + summed(np.vstack((method.A, method.b)), rates, N)
 
 
 def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
@@ -173,8 +192,8 @@ def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
     by_q, by_v = T * A[..., p:, :p], T * A[..., p:, p:] / np.swapaxes(T, 2, 3)
     rates = _accelerations(by_q, by_v, _by_inputs(T * E[..., p:, :]), method)
     rows, identity = np.vstack((weights, method.b)), np.eye(p, rates.shape[-1], p)
-    velocities = identity + _summed(rows, rates, p)
-    positions = identity * rows.sum(axis=1)[:, None, None] + _summed(rows @ weights, rates, p)
+    velocities = identity + summed(rows, rates, p)
+    positions = identity * rows.sum(axis=1)[:, None, None] + summed(rows @ weights, rates, p)
     states = np.concatenate((positions + np.eye(p, rates.shape[-1]), velocities / T), axis=2)
     states[..., p:N] *= np.swapaxes(T, 2, 3)
     return states
@@ -206,7 +225,7 @@ def _by_inputs(E: Array) -> Array:
     return loads.reshape(m, s * p, s * r)
 
 
-def _summed(rows: Array, rates: Array, p: int) -> Array:
+def summed(rows: Array, rates: Array, p: int) -> Array:
     """Sums (m, a, p, c) of rates (m, s p, c) over the stages with the weights of rows (a, s)."""
     m = len(rates)
     return (rows @ rates.reshape(m, rows.shape[1], -1)).reshape(m, len(rows), p, -1)
@@ -227,7 +246,7 @@ def periodic_solution(maps: Maps, tolerance: float = _CONVERGED) -> Array | None
             if np.abs(left).max() <= max(tolerance, _CONVERGED) * np.abs(X).max():
                 break
             closed = maps.closed(X[1:])
-            correction = _doubled(Maps(closed, np.zeros_like(closed), left))
+            correction = sums_over_steps(closed, left)
             if correction is None:
                 break
             corrected = X + correction
@@ -235,6 +254,12 @@ def periodic_solution(maps: Maps, tolerance: float = _CONVERGED) -> Array | None
                 break
             X = corrected
     return X
+
+
+def sums_over_steps(closed: Array, terms: Array) -> Array | None:
+    """Periodic solution E (m+1, N, N) of E_k = Φ_kᵀ E_{k+1} Φ_k + terms_k, for maps Φ (m, N, N) of a stable
+    system; None if it is not found."""
+    return _doubled(Maps(closed, np.zeros_like(closed), terms))
 
 
 def bounded(maps: Maps) -> bool:

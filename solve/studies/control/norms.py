@@ -85,7 +85,7 @@ def h2_norm(
 
     Notes
     -----
-    The square is the mean over the period of tr(C P Cᵀ), with the periodic solution of Ṗ = AP + PAᵀ + BBᵀ
+    The square is the mean over the period of tr(BᵀXB), with the periodic solution of −Ẋ = AᵀX + XA + CᵀC
     (P. Colaneri, Automatica 36 (2000) 1459-1473), a Riccati equation without its quadratic term.
 
     Examples
@@ -99,15 +99,15 @@ def h2_norm(
     0.625
     """
     transfer = _Transfer.from_system(system, speed, outputs, inputs, checked_rtol(rtol))
-    equation = transfer.riccati(lambda B, C: (B, 0 * np.swapaxes(C, 1, 2) @ C), 1.0, True, rtol)
+    equation = transfer.riccati(lambda B, C: (0 * B, np.swapaxes(C, 1, 2) @ C), 1.0, rtol)
     solved, rule = solve_riccati(equation), Gauss(8).collocation
-    phase = solved.grid.stages(np.array(rule.c))
-    rows = transfer.rows(phase.ravel())
-    P = symmetric_of(solved.curve(phase.ravel()))
-    sizes = np.sqrt(np.einsum("kii->ki", P).max(axis=0))
+    phase = solved.grid.stages(np.array(rule.c)).ravel()
+    B = transfer.inputs_at(phase)
+    X = symmetric_of(solved.curve(phase))
+    sizes = np.sqrt(np.einsum("kii->ki", X).max(axis=0))
     weights = (solved.grid.h[:, None] * rule.b).ravel() / system.period
-    square = float(weights @ np.einsum("kyi,kij,kyj->k", rows, P, rows))
-    change = solved.error * float(weights @ ((np.abs(rows) @ sizes) ** 2).sum(axis=1))
+    square = float(weights @ np.einsum("kir,kij,kjr->k", B, X, B))
+    change = solved.error * float(weights @ ((sizes @ np.abs(B)) ** 2).sum(axis=1))
     warnings = () if solved.error <= rtol else (f"the variance is accurate to {solved.error:.1e} only",)
     return Norm(float(np.sqrt(square)), change / (2 * square) if square else 0.0, warnings=warnings)
 
@@ -203,27 +203,28 @@ class _Transfer(NamedTuple):
             )
         return cls(plant, tuple(outputs), [system.inputs.index(name) for name in names])
 
-    def rows(self, phase: Array) -> Array:
-        """C (k, y, N)."""
-        return self.plant.rows(self.outputs, phase)
+    def inputs_at(self, phase: Array) -> Array:
+        """B (k, N, r)."""
+        return self.plant.input_matrix(phase)[..., self.inputs]
 
     def riccati(
-        self, terms: Callable[[Array, Array], tuple[Array, Array]], sign: float, filters: bool, rtol: float
+        self, terms: Callable[[Array, Array], tuple[Array, Array]], sign: float, rtol: float
     ) -> Riccati:
         """Equation whose matrices E and Q, with G = sign E Eᵀ, are functions of B and C."""
 
         def coefficients(phase: Array) -> tuple[Array, Array, Array]:
             A, B, _ = self.plant.dynamics(phase)
-            return A, *terms(B[..., self.inputs], self.rows(phase))
+            C = self.plant.rows(self.outputs, phase)
+            return A, *terms(B[..., self.inputs], C)
 
         system = self.plant.system
-        return Riccati(coefficients, self.plant.speed, system.period, system.breaks, filters, sign, rtol)
+        return Riccati(coefficients, self.plant.speed, system.period, system.breaks, sign, rtol)
 
     def maps(self, gain: float) -> Maps:
         """Maps of the steps for the cost ∫ yᵀy − gain² uᵀu, in balanced units."""
-        equation = self.riccati(lambda B, C: (B / gain, np.swapaxes(C, 1, 2) @ C), -1.0, False, _MAP_RTOL)
+        equation = self.riccati(lambda B, C: (B / gain, np.swapaxes(C, 1, 2) @ C), -1.0, _MAP_RTOL)
         system = self.plant.system
-        return equation.maps(Grid.uniform(2 * equation.first_steps(), system.period, system.breaks))
+        return equation.maps(Grid.uniform(2 * equation.first_steps(), system.period, system.breaks))[0]
 
     def below(self, gain: float) -> bool:
         """Whether the norm is below a gain."""
@@ -249,6 +250,11 @@ class _Transfer(NamedTuple):
         zero, one = np.zeros_like(A), np.eye(len(A))
         multipliers: Any = eigvals(np.block([[A, zero], [-H, one]]), np.block([[one, G], [zero, A.T]]))
         on_circle = multipliers[np.abs(np.abs(multipliers) - 1) < _ON_CIRCLE]
-        if not len(on_circle):
+        angles = np.abs(np.angle(on_circle))
+        if not len(angles):
             return None
-        return float(np.abs(np.angle(on_circle[0])) / self.plant.system.period * self.plant.speed)
+        # The gain is exceeded between two frequencies. A single conjugate pair encloses 0 or π.
+        angle = angles.mean() if len(angles) == 4 else angles[0]
+        if len(angles) == 2:
+            angle = np.pi * (angle > np.pi / 2)
+        return float(angle / self.plant.system.period * self.plant.speed)

@@ -1,7 +1,8 @@
 """Closed loops whose feedback is sampled, computed and held by a drive."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -92,7 +93,8 @@ def sampled(
     return _Drive(system, omega, samples, delay).certified(rtol)
 
 
-class _Drive(NamedTuple):
+@dataclass(frozen=True)
+class _Drive:
     """Closed loop with the states z = (x, x̂, y, u, u of the next sample, 1), of which the last four are
     constant between samples."""
 
@@ -101,11 +103,16 @@ class _Drive(NamedTuple):
     samples: int
     delay: int
 
-    @property
+    @cached_property
     def plant(self) -> Plant:
         return Plant(self.loop.open_loop, self.speed)
 
-    @property
+    @cached_property
+    def design(self) -> Plant:
+        """System for which the feedback was designed."""
+        return Plant(self.loop.design, self.speed)
+
+    @cached_property
     def places(self) -> list[slice]:
         """Positions of x, x̂, y, u, and u of the next sample in z."""
         observer, N = self._observer, self.plant.N
@@ -125,10 +132,9 @@ class _Drive(NamedTuple):
         rates = np.zeros((len(phase), later.stop + 1, later.stop + 1))
         rates[:, x, x], rates[:, x, u], rates[:, x, -1] = A, B, b
         if (observer := self._observer) is not None:
-            design = Plant(self.loop.design, self.speed)
-            A, B, b = design.dynamics(phase)
-            L = observer.gain(phase).T.reshape(len(phase), design.N, -1)
-            rates[:, estimate, estimate] = A - L @ design.rows(observer.measured, phase)
+            A, B, b = self.design.dynamics(phase)
+            L = observer.gain(phase).T.reshape(len(phase), self.design.N, -1)
+            rates[:, estimate, estimate] = A - L @ self.design.rows(observer.measured, phase)
             rates[:, estimate, y], rates[:, estimate, u], rates[:, estimate, -1] = L, B, b
         return rates / self.speed
 
@@ -153,9 +159,7 @@ class _Drive(NamedTuple):
         if isinstance(self.loop, ClosedLoop):
             return self.loop.feedback(phase)
         assert isinstance(self.loop, OutputFeedback)
-        return self.loop.gain_matrix(phase) @ Plant(self.loop.design, self.speed).rows(
-            self.loop.measured, phase
-        )
+        return self.loop.gain_matrix(phase) @ self.design.rows(self.loop.measured, phase)
 
     def certified(self, rtol: float) -> SampledLoop:
         """Result on grids that are refined until the spectral radii agree."""
@@ -184,7 +188,7 @@ class _Drive(NamedTuple):
             rates = self.rates(phase)
             return rates, np.zeros((*rates.shape[:2], 0)), np.zeros_like(rates)
 
-        maps = step_maps(coefficients, grid, _ORDER).A
+        maps = step_maps(coefficients, grid, _ORDER)[0].A
         first = np.searchsorted(grid.nodes, times - _SAME * period)
         maps[first] = maps[first] @ self.jumps(times)
         Phi = np.eye(maps.shape[-1])

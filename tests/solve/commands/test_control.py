@@ -43,6 +43,7 @@ def test_json_has_gain_feedforward_and_observer(capsys):
         (["--lqr", "q9=1, u=1"], "q9"),
         (["--lqr", "q2=-1, u=1"], "at least 0"),
         (["--lqr", "q2=1, u=0"], "positive"),
+        (["--kalman", "u=1, q1=1e-9", "--feedforward"], "feedforward, vibration"),
     ],
 )
 def test_weights_that_do_not_fit_are_refused_in_one_line(capsys, flags, words):

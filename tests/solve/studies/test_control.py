@@ -1,5 +1,6 @@
 """Regulators and filters: known solutions, integrated references, closed forms, and machines."""
 
+import itertools
 import re
 from pathlib import Path
 
@@ -90,6 +91,22 @@ def test_solution_is_the_known_one_of_johansson(breaks):
     rates = np.linalg.eigvals(A0 - B0 @ B0.T @ X)
     moduli = np.sort(np.abs(np.exp(rates * np.pi)))[::-1]
     assert np.allclose(np.abs(found.multipliers), moduli, rtol=1e-6)
+
+
+@pytest.mark.parametrize("breaks", [(), (0.0, 0.3, 0.31, 2.0)])
+def test_filter_in_the_rotating_frame_is_the_known_one(breaks):
+    C, A = np.array([[3.0, 1.0]]), in_rotating_frame().equations_at
+
+    def matrices(phase, speed):
+        rows, k = C @ np.swapaxes(rotation(phase), 1, 2), len(phase)
+        return A(phase, speed)[0], np.zeros((k, 2)), np.zeros((k, 2, 1)), rows, np.zeros((k, 1, 1))
+
+    system = solve.FirstOrderSystem(matrices, ["x0", "x1"], np.pi, breaks, ["u0"], ["y0"])
+    found = solve.kalman(system, 1.0, np.eye(2), np.eye(1), rtol=1e-10)
+    P = solve_continuous_are(A0.T, C.T, np.eye(2), np.eye(1))
+    exact = rotation(PHASES) @ P @ np.swapaxes(rotation(PHASES), 1, 2)
+    assert np.abs(found.riccati(PHASES) - exact).max() <= found.error_estimate * np.abs(P).max()
+    assert found.error_estimate < 1e-10
 
 
 def riccati_integrated(A, B, Q, R, period, X):
@@ -220,6 +237,12 @@ def test_residual_of_random_systems_is_small(seed):
     assert residual_of(system, found, N) < 1e-6
     assert found.error_estimate < 1e-8
     assert found.stable
+    accurate = solve.lqr(system, 1.0, np.eye(N), np.eye(2), rtol=1e-12)
+    phase = np.linspace(0.0, 2 * np.pi, 97)
+    X = accurate.riccati(phase)
+    size = np.sqrt(np.einsum("kii->ki", X).max(axis=0))
+    error = np.abs((found.riccati(phase) - X) / size / size[:, None]).max()
+    assert found.error_estimate / 10 < error < found.error_estimate
     assert np.linalg.eigvalsh(found.riccati(PHASES)).min() > 0
 
 
@@ -242,6 +265,51 @@ def oscillator(load=1.0):
         return one, 0.1 * one, 4 * one, load * np.cos(phase)[:, None], 2 * one
 
     return solve.PeriodicSystem(matrices, ["q"], inputs=["u"])
+
+
+@pytest.mark.parametrize("system", [lambda: jumping_system(), lambda: varying_with_output()])
+def test_filter_is_the_steady_covariance_of_its_differential_equation(system):
+    made = system()
+    found = solve.kalman(made, 1.0, np.eye(2), np.array([[0.5]]))
+
+    def slope(t, p):
+        P = p.reshape(2, 2)
+        A, _, _, C, _ = (each[0] for each in made.equations_at(np.array([t]), 1.0))
+        return (A @ P + P @ A.T + np.eye(2) - P @ C.T @ C @ P / 0.5).ravel()
+
+    P, ends = found.riccati(0.0)[0], [1e-12, *(each for each in made.breaks if each), 2 * np.pi]
+    for start, end in itertools.pairwise(ends):
+        inside = start * (1 + 1e-12), end * (1 - 1e-12)
+        P = solve_ivp(slope, inside, P.ravel(), "DOP853", rtol=1e-10, atol=1e-12).y[:, -1].reshape(2, 2)
+        assert np.abs(P - found.riccati(end)[0]).max() < 1e-8
+    assert found.error_estimate < 1e-8
+
+
+def jumping_system():
+    """Spring whose stiffness jumps at phase 2, with its position as the output."""
+    A = np.array([[[0.0, 1.0], [-1.0, 0.1]], [[0.0, 1.0], [2.0, 0.0]]])
+    return with_output(lambda phase: A[(np.mod(phase, 2 * np.pi) > 2.0).astype(int)], (0.0, 2.0))
+
+
+def varying_with_output():
+    """Spring whose stiffness is neither even nor odd in phase, with its position as the output."""
+
+    def A(phase):
+        matrices = np.zeros((len(phase), 2, 2))
+        matrices[:, 0, 1], matrices[:, 1, 0] = 1.0, -1 - np.cos(phase) - 0.5 * np.sin(2 * phase + 0.3)
+        return matrices
+
+    return with_output(A, ())
+
+
+def with_output(A, breaks):
+    """System of first order with two states, of which the first one is the output."""
+
+    def matrices(phase, speed):
+        k, one = len(phase), np.ones((len(phase), 1, 1))
+        return A(phase), np.zeros((k, 2)), one * [[0.0], [1.0]], one * [[1.0, 0.0]], 0 * one
+
+    return solve.FirstOrderSystem(matrices, ["x0", "x1"], breaks=breaks, inputs=["u0"], outputs=["y0"])
 
 
 def test_second_order_and_first_order_have_the_same_solution():
@@ -344,6 +412,12 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
         solve.control(system, 1.0)
 
 
+def test_stable_system_without_process_noise_has_a_filter_without_gain(recwarn):
+    found = solve.kalman(oscillator(), 1.0, {"u": 0.0}, {"q": 1.0})
+    assert not found.gain(PHASES).any()
+    assert not recwarn.list
+
+
 def test_modes_that_no_input_reaches_are_reported():
     A, B = np.diag([1.0, -1.0]), np.array([[0.0], [1.0]])
     with pytest.raises(ControlError, match="cannot be controlled"):
@@ -395,7 +469,7 @@ def test_mechanical_steps_equal_those_of_any_system(monkeypatch):
 def test_steps_relate_states_and_costates_as_collocation_of_both_does(sign):
     A, E, Q = random_steps()
     weights, (m, s, N, _) = Gauss(16).collocation, E.shape
-    found = maps._condensed(maps._response(A, E, weights), Q, weights.b, sign)
+    of_start, gramian, cost, _ = maps._condensed(maps._response(A, E, weights), Q, weights.b, sign)
     for step in range(m):
         # Unknowns are states and costates at the stages and the costate at the start.
         x0, last, end = np.eye(N, 2 * N), np.eye(N, 2 * N, N), s * N
@@ -419,5 +493,5 @@ def test_steps_relate_states_and_costates_as_collocation_of_both_does(sign):
         stages, costates = solved[:end].reshape(s, N, -1), solved[end:-N].reshape(s, N, -1)
         rates = A[step] @ stages - G @ costates
         state = x0 + np.einsum("s,sij->ij", weights.b, rates)
-        assert np.allclose(state, np.hstack((found.A[step], -found.G[step])), atol=1e-13)
-        assert np.allclose(solved[-N:], np.hstack((found.H[step], found.A[step].T)), atol=1e-13)
+        assert np.allclose(state, np.hstack((of_start[step], -gramian[step])), atol=1e-13)
+        assert np.allclose(solved[-N:], np.hstack((cost[step], of_start[step].T)), atol=1e-13)

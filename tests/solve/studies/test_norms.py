@@ -26,7 +26,20 @@ def test_norms_of_a_constant_oscillator_are_closed_forms():
     exact = 1 / np.sqrt(0.2**2 * 4 - 0.2**4 / 4)
     assert abs(gain.value - exact) <= gain.error * exact
     # The resonance √3.98 rad/s is 2 - 0.00501 rad/s.
-    assert gain.frequency == pytest.approx(2 - np.sqrt(3.98), abs=1e-3)
+    assert gain.frequency == pytest.approx(2 - np.sqrt(3.98), abs=1e-5)
+
+
+def test_largest_gain_of_a_lag_is_at_frequency_zero():
+    """x′ = -0.1 x + u."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return -0.1 * one, np.zeros((len(phase), 1)), one, one, 0 * one
+
+    made = solve.FirstOrderSystem(matrices, ["x"], inputs=["u"], outputs=["y"])
+    found = solve.hinf_norm(made, 1.0, ["y"])
+    assert found.value == pytest.approx(10.0, rel=1e-6)
+    assert found.frequency == 0.0
 
 
 def test_h2_norm_is_the_integrated_covariance():

@@ -121,6 +121,15 @@ def test_equations_and_parameters_with_their_sources(mathieu):
     assert rows["ζ"][-1] == solve.load("mathieu").labels.parameter_sources["zeta"] != ""
 
 
+def test_report_of_a_closed_loop_states_that_the_equations_lack_the_feedback(mathieu):
+    press = solve.load("manipulator")
+    closed = solve.lqr(press, "70 rpm", {"q2": 1e8}, {"u": 1e-3}, rtol=1e-4).closed
+    page = Report(closed, [Part("Motion", "", reason="not computed")], [], 1e-4).html
+    assert "d, without the feedback. " in page
+    assert "manipulator with feedback" in page
+    assert "without the feedback" not in mathieu.html
+
+
 def cells(table):
     return [["".join(cell.itertext()) for cell in row] for row in table.iter(HTML + "tr")]
 
