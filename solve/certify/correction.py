@@ -19,7 +19,7 @@ from solve.methods.method import Method, Solutions
 from solve.period.frozen import PHASES
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
-from solve.period.points import Multiplied, OnePoint
+from solve.period.points import OnePoint
 from solve.system import PeriodicSystem, in_phase
 
 CANCELLED = 1e-3
@@ -118,29 +118,19 @@ class CoordinateScale:
 
 
 def corrected(
-    system: PeriodicSystem,
-    motion: Motion,
-    speed: float,
-    method: Method,
-    grid: Grid,
-    engine: str,
-    factors: Array | None = None,
+    system: PeriodicSystem, motion: Motion, speed: float, method: Method, grid: Grid, engine: str
 ) -> Solutions:
     """Next Newton iterate from a motion, on a grid over the period of the motion.
 
-    It is the solution of the system linearised along the motion, with equations multiplied by factors (1, n).
+    It is the solution of the system linearised along the motion.
     Raises SolveError if the linearised system has no solution, LinearModelError for linear systems."""
     along = nonlinear_of(system).along(motion, columns_by(engine))
-    return solved_along(along, speed, method, grid, engine, factors)
-
-
-def solved_along(
-    along: PeriodicSystem, speed: float, method: Method, grid: Grid, engine: str, factors: Array | None = None
-) -> Solutions:
-    """Periodic solution of a system that is linearised along a motion; see `corrected`."""
     point = OnePoint(along, speed)
-    scaled = point if factors is None else Multiplied(point, factors)
-    solutions = solutions_on(method, scaled, grid, True, engine, free(point))
+    return without_failure(solutions_on(method, point, grid, True, engine, free(point)))
+
+
+def without_failure(solutions: Solutions) -> Solutions:
+    """Solutions of one point, or the SolveError for which there are none."""
     for reason in solutions.failures.values():
         raise reason
     return solutions

@@ -11,13 +11,13 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import CoordinateScale, correction, solved_along
+from solve.certify.correction import CoordinateScale, correction, without_failure
 from solve.contracts import Matrices, Motion
 from solve.equations import events_of, nonlinear_of
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
-from solve.methods.free import free
+from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.newton.saltation import event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
@@ -290,13 +290,14 @@ def _correct(
     disturbances; otherwise: iterate without these, if available."""
     along, grid = linearised_along(task, curve, grid)
     jumps = event_jumps(along, curve, task.speed, grid) if through_jumps else []
-    if not jumps:
-        return otherwise or solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
+    if otherwise is not None and not jumps:
+        return otherwise
     point = OnePoint(along, task.speed)
-    solutions = solutions_with_jumps(task.method, point, grid, task.engine, free(point), jumps)
-    for reason in solutions.failures.values():
-        raise reason
-    return solutions
+    held = None if task.rigid is None else free(point)
+    if jumps:
+        return without_failure(solutions_with_jumps(task.method, point, grid, task.engine, held, jumps))
+    scaled = point if task.factors is None else Multiplied(point, task.factors)
+    return without_failure(solutions_on(task.method, scaled, grid, True, task.engine, held))
 
 
 def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
