@@ -14,12 +14,13 @@ from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.branch_store import BranchStep, SavedBranch
+from solve.newton.grazing import point_beyond
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
-from solve.results.branch import FOLD
+from solve.results.branch import FOLD, GRAZING
 from solve.results.orbit import Orbit
 from solve.terminal import progress
 from solve.threads import one_thread
@@ -145,8 +146,21 @@ class _BranchFollower:
                     return self._stored((*found, self.between(one, other, edge)), length, "")
                 found.append(other)
         except NoOrbitError as reason:
+            beyond = [] if found else self._beyond_grazing(before)
+            if beyond:
+                return self._stored(beyond, _FIRST_STEP)
             return self._stored(found, length, str(reason))
         return self._stored(found, min(growth * length, _MAX_STEP))
+
+    def _beyond_grazing(self, before: Point) -> list[Point]:
+        """Grazing point at the end of the branch so far, and the first point beyond it; empty if there is
+        none within the range."""
+        try:
+            after = point_beyond(self.manifold, before)
+        except SolveError:
+            return []
+        inside = self.ends[0] <= after.value <= self.ends[1]
+        return [replace(before, kind=GRAZING), after] if inside else []
 
     def _closing_point(self, start: Point, before: Point, after: Point) -> Point | None:
         """First point of the branch if the branch passes it within a step and is closed."""
@@ -191,6 +205,8 @@ class _BranchFollower:
             with np.errstate(divide="ignore"):
                 along = min(moved / np.abs(point.direction.value), np.sqrt(2 * moved / bend))
             radius_error = max(radius_error, slope * along, orbit.nearest if point.kind == FOLD else 0.0)
+            if point.kind == GRAZING:
+                radius_error = math.inf
             with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))
         return with_errors
 

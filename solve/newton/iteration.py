@@ -278,7 +278,8 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
     """System linearised along a curve, and a grid of about the same number of steps with the phases of events
     as breaks."""
     along = task.along(curve)
-    if along.breaks != task.breaks:
+    # A parameter may have moved the breaks of the task since the grid was made.
+    if along.breaks != tuple(grid.nodes[:-1][grid.at_break].tolist()):
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
 

@@ -21,7 +21,7 @@ from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Unknowns
 from solve.newton.iteration import Task, linearised_along
-from solve.newton.saltation import EventJump, event_jumps, solutions_with_jumps
+from solve.newton.saltation import EventJump, break_jumps, event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
@@ -40,8 +40,8 @@ inverse of this distance. A choice."""
 
 
 _FREE_JUMPS = (
-    "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches of free machines "
-    "need continuous forces; use sweep --nonlinear"
+    "forces jump at an event of the orbit, such as that of a dashpot in a contact, or at a phase that the "
+    "parameter moves; branches of free machines need continuous forces; use sweep --nonlinear"
 )
 
 
@@ -139,9 +139,10 @@ class _Equations:
         return columns
 
     def jumps(self, grid: Grid) -> list[EventJump]:
-        """Jumps of disturbances at the events of the motion."""
+        """Jumps of disturbances at the events of the motion, and at breaks that the parameters move."""
         names = [name for name in self.names if name != DAMPING]
-        return event_jumps(self.along, self.motion, self.task.speed, grid, names)
+        motion = self.along, self.motion, self.task.speed, grid
+        return [*event_jumps(*motion, names), *break_jumps(*motion, self.task.breaks, names)]
 
     def entries(self, phase: Array) -> tuple[Array, Array]:
         """Entries (m, 3n² + n) of the linearised system and loads -∂r/∂θ (m, n, k) at phases (m,). They are
