@@ -48,8 +48,7 @@ def compared(name: str, system: PeriodicSystem, speed: float | str, most: int) -
 
 
 def branches(first: str, last: str = "460 rpm") -> None:
-    """Print the processor time of 200 points of the cam's branch relative to that of its first orbit, which is
-    computed before and after the branch."""
+    """Print the processor time of 200 points of the cam's branch, relative to that of its first orbit."""
     cam = solve.load("cam", case="1")
     solve.branch(cam, (first, last), points=3)
     before = [cpu(lambda: solve.nonlinear(cam, first)) for _ in range(6)]
