@@ -6,6 +6,7 @@ if that orbit is stable."""
 
 import numpy as np
 
+from solve.contracts import Events
 from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import Point, Unknowns
@@ -29,21 +30,29 @@ step of a branch."""
 
 
 def point_beyond(manifold: Manifold, before: Point) -> Point:
-    """First point beyond a grazing orbit near `before`. Raises NoOrbitError if `before` does not graze, and
-    if the motion does not settle near it."""
-    parameters = manifold.parameters
-    task = parameters.task_at(before.unknowns.values)
-    if not events_of(task.along(before.unknowns.curve)).grazing:
-        raise NoOrbitError("the orbit does not graze")
+    """First point beyond a grazing orbit near `before`, whose orbit passes other switches.
+
+    Raises NoOrbitError if the equations have no switches, and if no motion settles on such an orbit."""
+    parameters, here = manifold.parameters, _events(manifold, before)
+    if not here.sides:
+        raise NoOrbitError("the equations have no switches")
     for step in _STEPS:
         value = before.value + step * np.sign(before.direction.value) * parameters.spans[0]
         try:
             after = _settled(manifold, before, float(value))
         except SolveError:
             continue
-        if manifold.distance(after.unknowns, before.unknowns, before.sizes) <= _MAX_DISTANCE:
+        near = manifold.distance(after.unknowns, before.unknowns, before.sizes) <= _MAX_DISTANCE
+        there = _events(manifold, after)
+        if near and (here.grazing or len(here.phases) != len(there.phases) or here.sides != there.sides):
             return after
-    raise NoOrbitError("no motion settles beyond the grazing orbit")
+    raise NoOrbitError("no motion settles beyond a grazing orbit")
+
+
+def _events(manifold: Manifold, point: Point) -> Events:
+    """Events of the orbit of a point."""
+    task = manifold.parameters.task_at(point.unknowns.values)
+    return events_of(task.along(point.unknowns.curve))
 
 
 def _settled(manifold: Manifold, before: Point, value: float) -> Point:
