@@ -250,7 +250,9 @@ class Reduction(Protocol):
 
 class Events(NamedTuple):
     """Phases (rad) at which a motion passes switches of the equations, such as stops, and phases at which it
-    touches a switch without clearly passing it."""
+    touches a switch without clearly passing it. sides: sides of each switch on which the motion lies, as
+    the signs of its least and its largest value."""
 
     phases: tuple[float, ...] = ()
     grazing: tuple[float, ...] = ()
+    sides: tuple[tuple[float, float], ...] = ()

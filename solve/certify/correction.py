@@ -19,7 +19,7 @@ from solve.methods.method import Method, Solutions
 from solve.period.frozen import PHASES
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
-from solve.period.points import ScaledEquations, SinglePoint
+from solve.period.points import SinglePoint
 from solve.system import PeriodicSystem, in_phase
 
 CANCELLED = 1e-3
@@ -118,29 +118,15 @@ class CoordinateScale:
 
 
 def corrected(
-    system: PeriodicSystem,
-    motion: Motion,
-    speed: float,
-    method: Method,
-    grid: Grid,
-    engine: str,
+    system: PeriodicSystem, motion: Motion, speed: float, method: Method, grid: Grid, engine: str
 ) -> Solutions:
     """Next Newton iterate from a motion, on a grid over the period of the motion.
 
     It is the solution of the system linearised along the motion. Raises SolveError if the linearised system
     has no solution, LinearModelError for linear systems."""
     along = nonlinear_of(system).along(motion, columns_by(engine))
-    return solved_along(along, speed, method, grid, engine)
-
-
-def solved_along(
-    along: PeriodicSystem, speed: float, method: Method, grid: Grid, engine: str, factors: Array | None = None
-) -> Solutions:
-    """Periodic solution of a system that is linearised along a motion, with equations multiplied by factors
-    (1, n); see `corrected`."""
     point = SinglePoint(along, speed)
-    scaled = point if factors is None else ScaledEquations(point, factors)
-    return solutions_on(method, scaled, grid, True, engine, free(point)).checked()
+    return solutions_on(method, point, grid, True, engine, free(point)).checked()
 
 
 def correction(motion: Motion, solutions: Solutions) -> tuple[Array, Array]:

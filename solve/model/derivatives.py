@@ -27,6 +27,10 @@ from solve.system import PeriodicSystem
 _BREAK_STEP = 1e-2
 """Largest relative change of a parameter in finite differences of the breaks. A choice."""
 
+_FEW = 2
+"""Number of parameters up to which derivatives of nonlinear equations have compiled code of their own. A
+choice: branches vary one or two parameters."""
+
 SlopesCache = dict[tuple[tuple[str, ...], bool], GeneratedSlopes]
 
 
@@ -74,8 +78,10 @@ class ModelDerivatives:
         damped = self._setup.ratios is not None
         if self._assembled and not damped:
             return AssembledDependence(self._system, names)
-        # With compiled code all parameters are included, so that one function serves any selection.
-        included = tuple(names) if compiled is None else (*self.names, SPEED)
+        # With compiled code all parameters are included, so that one function serves any selection. Branches
+        # evaluate the derivatives with respect to one or two parameters many times.
+        few = compiled is None or (self._nonlinear and len(names) <= _FEW)
+        included = tuple(names) if few else (*self.names, SPEED)
         slopes = self._slopes_by(included)
         if compiled is not None and not slopes.residual.text:
             slopes, compiled = self._slopes_by(tuple(names)), None

@@ -98,7 +98,8 @@ class EventFinder:
             ]
         ]
         same = SAME_PHASE * float(phase[-1])
-        return Events(_ascending(phases, same), _ascending(grazing, same))
+        sides = np.sign([values.min(axis=0), values.max(axis=0)]).T
+        return Events(_ascending(phases, same), _ascending(grazing, same), tuple(map(tuple, sides.tolist())))
 
     def normals(self, motion: Motion, speed: float, phase: Array) -> Array:
         """Derivatives (k, 2 + 2n + p) of the switching function that vanishes at each event of a motion, at

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,12 +14,13 @@ from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.branch_store import BranchStep, SavedBranch
+from solve.newton.grazing import point_beyond
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
-from solve.results.branch import FOLD
+from solve.results.branch import FOLD, GRAZING
 from solve.results.orbit import Orbit
 from solve.terminal import progress
 from solve.threads import one_thread
@@ -37,9 +39,9 @@ _ROUNDOFF = 4 * EPS
 _REFINEMENTS = 3
 """Interpolations towards a value of the parameter. A choice."""
 
-_MIN_COSINE = 0.85
-"""Smallest cosine of the angle between a step and the tangents at its ends. With a smaller cosine the step is
-too long. A choice."""
+_MAX_ANGLE, _ANGLE_FRACTION = math.acos(0.85), 0.8
+"""Largest angle between a step and the tangents at its ends, with which it is too long; and fraction of it at
+which the next step aims, as the angle is proportional to the length. Choices."""
 
 
 _CROSSING = 0.01
@@ -99,6 +101,7 @@ class _BranchFollower:
 
     def __init__(self, parameters: ContinuationParameters, saved: SavedBranch):
         self.parameters, self.manifold, self.saved = parameters, Manifold(parameters), saved
+        self.angle = 0.0
         self.ends, self.span = sorted(parameters.ranges[0].tolist()), float(parameters.spans[0])
 
     def follow(
@@ -133,7 +136,7 @@ class _BranchFollower:
         """Next step of a branch with these points."""
         before, found = points[-1], list[Point]()
         try:
-            after, length, corrections = self._step(before, length)
+            after, length, growth = self._step(before, length)
             start = self._closing_point(points[0], before, after)
             for one, other in pairwise([before, *special_points(self.manifold, before, after), after]):
                 if start is not None and self._is_beyond(start, before, other):
@@ -143,9 +146,21 @@ class _BranchFollower:
                     return self._stored((*found, self.between(one, other, edge)), length, "")
                 found.append(other)
         except NoOrbitError as reason:
+            beyond = [] if found else self._beyond_grazing(before)
+            if beyond:
+                return self._stored(beyond, _FIRST_STEP)
             return self._stored(found, length, str(reason))
-        growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
         return self._stored(found, min(growth * length, _MAX_STEP))
+
+    def _beyond_grazing(self, before: Point) -> list[Point]:
+        """Grazing point at the end of the branch so far, and the first point beyond it; empty if there is
+        none within the range."""
+        try:
+            after = point_beyond(self.manifold, before)
+        except SolveError:
+            return []
+        inside = self.ends[0] <= after.value <= self.ends[1]
+        return [replace(before, kind=GRAZING), after] if inside else []
 
     def _closing_point(self, start: Point, before: Point, after: Point) -> Point | None:
         """First point of the branch if the branch passes it within a step and is closed."""
@@ -154,7 +169,7 @@ class _BranchFollower:
         length = self.manifold.component(before, after, direction)
         if not 0 < along <= length or self.manifold.inner(start.direction, direction, sizes) <= 0:
             return None
-        if self.manifold.distance(start.unknowns, before.unknowns, sizes) > along / _MIN_COSINE:
+        if self.manifold.distance(start.unknowns, before.unknowns, sizes) > along / math.cos(_MAX_ANGLE):
             return None
         try:
             there, _ = self.manifold.along(before, along)
@@ -190,34 +205,40 @@ class _BranchFollower:
             with np.errstate(divide="ignore"):
                 along = min(moved / np.abs(point.direction.value), np.sqrt(2 * moved / bend))
             radius_error = max(radius_error, slope * along, orbit.nearest if point.kind == FOLD else 0.0)
+            if point.kind == GRAZING:
+                radius_error = math.inf
             with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))
         return with_errors
 
-    def _step(self, before: Point, length: float) -> tuple[Point, float, int]:
-        """Next point, the length of the step to it, and its number of corrections."""
-        unforced = DAMPING in self.parameters.names
+    def _step(self, before: Point, length: float) -> tuple[Point, float, float]:
+        """Next point, the length of the step to it, and the ratio of the next length to it."""
+        unforced, first = DAMPING in self.parameters.names, length
         while length > _MIN_STEP:
             try:
-                after, corrections = self.manifold.along(before, length)
-                self._require_same_branch(before, after)
+                after, corrections = self.manifold.along(before, length, partial(self._check, before))
                 if length > _CROSSING and _orientation(before) != _orientation(after) and not unforced:
                     raise NoOrbitError("the step may have left the branch")
-                return after, length, corrections
+                growth = 0.7 if corrections >= _MANY else 1.0
+                if corrections <= _FEW and length == first:
+                    growth = 1.5
+                return after, length, min(growth, _ANGLE_FRACTION * _MAX_ANGLE / max(self.angle, EPS))
             except SolveError:
                 length /= 2
         at = self.parameters.text(before.orbit.values)
         raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
 
-    def _require_same_branch(self, before: Point, after: Point) -> None:
-        """Raise NoOrbitError if the branch curves so much within a step that the step may have jumped to
-        another branch or passed two folds."""
-        long = self.manifold.distance(after.unknowns, before.unknowns, before.sizes)
-        ends = before.direction, after.direction
+    def _check(self, before: Point, unknowns: Unknowns, tangent: Unknowns) -> None:
+        """Raise NoOrbitError if the branch curves so much within a step to these unknowns that the step may
+        have jumped to another branch or passed two folds. Keeps the angle of the step."""
+        long = self.manifold.distance(unknowns, before.unknowns, before.sizes)
+        ends, cosines = (before.direction, tangent), list[float]()
         for end in ends:
-            along = self.manifold.component(before, after, end)
-            if along < _MIN_COSINE * long * math.sqrt(self.manifold.inner(end, end, before.sizes)):
-                raise NoOrbitError("the branch curves too much within the step")
-        change = after.unknowns.value - before.unknowns.value
+            along = self.manifold.inner(unknowns, end, before.sizes, before.unknowns)
+            cosines.append(along / (long * math.sqrt(self.manifold.inner(end, end, before.sizes))))
+        self.angle = math.acos(min(1.0, *map(float, cosines)))
+        if self.angle > _MAX_ANGLE:
+            raise NoOrbitError("the branch curves too much within the step")
+        change = unknowns.value - before.unknowns.value
         if max(end.value * change for end in ends) < 0:
             raise NoOrbitError("the step passes over two folds")
 
@@ -235,7 +256,9 @@ class _BranchFollower:
         along = near.unknowns.plus((value - near.unknowns.value) / near.direction.value, near.direction)
         near = replace(near, unknowns=replace(along, values=np.array([value, *along.values[1:]])))
         ways = [self._parameter_direction(near.grid), *near.tangents[1:]]
-        return self.manifold.reached(near, ways, [0.0] * len(ways))[0]
+        found, _ = self.manifold.reached(near, ways, [0.0] * len(ways))
+        # Corrections along the branch have changed the value by round-off.
+        return replace(found, orbit=replace(found.orbit, values=near.unknowns.values))
 
     def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
         """Distance between two points along the tangent at the first point, change of the parameter, and

@@ -1,6 +1,7 @@
 """Points of a branch of orbits, and the parameters that vary along it."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -56,16 +57,21 @@ class Unknowns:
         drift = None if curve.drift is None else factor * curve.drift
         return Unknowns(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
 
+    @cached_property
+    def samples(self) -> Array:
+        """Coordinates (n, k) at SAMPLES phases per step."""
+        return self.curve.sampled(SAMPLES)
+
     @property
     def amplitudes(self) -> Array:
         """Half the peak-to-peak ranges (n,) of the coordinates at the samples; they do not change if a full
         revolution is added to an angle."""
-        return np.ptp(self.curve.sampled(SAMPLES), axis=1) / 2
+        return np.ptp(self.samples, axis=1) / 2
 
     @property
     def largest(self) -> Array:
         """Maximum modulus (n,) of each coordinate at the samples."""
-        return np.abs(self.curve.sampled(SAMPLES)).max(axis=1)
+        return np.abs(self.samples).max(axis=1)
 
 
 def sampled_together(*vectors: Unknowns) -> tuple[list[Array], Array]:
@@ -74,8 +80,7 @@ def sampled_together(*vectors: Unknowns) -> tuple[list[Array], Array]:
     curve = vectors[0].curve
     nodes = curve.nodes
     if all(np.array_equal(unknowns.curve.nodes, nodes) for unknowns in vectors[1:]):
-        values = [unknowns.curve.sampled(SAMPLES) for unknowns in vectors]
-        return values, np.repeat(curve.h / (nodes[-1] * SAMPLES), SAMPLES)
+        return [unknowns.samples for unknowns in vectors], np.repeat(curve.h / (nodes[-1] * SAMPLES), SAMPLES)
     phase = np.arange(_PHASES) * (nodes[-1] / _PHASES)
     return [unknowns.curve(phase) for unknowns in vectors], np.full(_PHASES, 1 / _PHASES)
 

@@ -157,7 +157,7 @@ def continuation(
             raise ValueOutOfBoundsError(f"speeds are {speeds!r}; give one speed, since {name} varies")
         speed = speed_or_usual(system, speeds)
     system = shown_in(system, speed)
-    task = Task(system, float(speed), int(periods), Radau(), used, rtol)
+    task = Task(system, float(speed), int(periods), Radau(13), used, rtol)
     return ContinuationParameters(task, (name,), np.array([[first, last]], dtype=float)), notes
 
 

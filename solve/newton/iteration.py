@@ -11,13 +11,13 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import CoordinateScale, correction, solved_along
+from solve.certify.correction import CoordinateScale, correction
 from solve.contracts import Matrices, Motion
 from solve.equations import events_of, nonlinear_of
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
-from solve.methods.free import free
+from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.newton.saltation import event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
@@ -278,7 +278,8 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
     """System linearised along a curve, and a grid of about the same number of steps with the phases of events
     as breaks."""
     along = task.along(curve)
-    if along.breaks != task.breaks:
+    # A parameter may have moved the breaks of the task since the grid was made.
+    if along.breaks != tuple(grid.nodes[:-1][grid.at_break].tolist()):
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
 
@@ -290,10 +291,14 @@ def _correct(
     disturbances; otherwise: iterate without these, if available."""
     along, grid = linearised_along(task, curve, grid)
     jumps = event_jumps(along, curve, task.speed, grid) if through_jumps else []
-    if not jumps:
-        return otherwise or solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
+    if otherwise is not None and not jumps:
+        return otherwise
     point = SinglePoint(along, task.speed)
-    return solutions_with_jumps(task.method, point, grid, task.engine, free(point), jumps).checked()
+    held = None if task.rigid is None else free(point)
+    if jumps:
+        return solutions_with_jumps(task.method, point, grid, task.engine, held, jumps).checked()
+    scaled = point if task.factors is None else ScaledEquations(point, task.factors)
+    return solutions_on(task.method, scaled, grid, True, task.engine, held).checked()
 
 
 def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:

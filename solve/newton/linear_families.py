@@ -6,13 +6,14 @@ singular, these equations remain regular (H. B. Keller, Lectures on Numerical Me
 1987, 4.3)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Columns, Matrices
-from solve.equations import derivatives_of, events_of
+from solve.equations import derivatives_of, entries_of, events_of
 from solve.errors import NoOrbitError, SolveError
 from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
@@ -20,11 +21,11 @@ from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Unknowns
 from solve.newton.iteration import Task, linearised_along
-from solve.newton.saltation import EventJump, event_jumps, solutions_with_jumps
+from solve.newton.saltation import EventJump, break_jumps, event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
-from solve.period.points import SinglePoint
+from solve.period.points import SinglePoint, Tables
 from solve.system import PeriodicSystem, in_phase
 
 _BLOCKS, _MANY_STATES = 8, 24
@@ -39,8 +40,8 @@ inverse of this distance. A choice."""
 
 
 _FREE_JUMPS = (
-    "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches of free machines "
-    "need continuous forces; use sweep --nonlinear"
+    "forces jump at an event of the orbit, such as that of a dashpot in a contact, or at a phase that the "
+    "parameter moves; branches of free machines need continuous forces; use sweep --nonlinear"
 )
 
 
@@ -53,7 +54,7 @@ class LinearFamily:
     tangents: tuple[Unknowns, ...]
     Phi: Array
 
-    @property
+    @cached_property
     def multipliers(self) -> Array:
         """Floquet multipliers (2n,), largest modulus first."""
         if not np.isfinite(self.Phi).all():
@@ -116,6 +117,7 @@ class _Equations:
     motion: Curve
     names: Sequence[str]
     free: bool = False
+    _entries: dict[bytes, tuple[Array, Array]] = field(default_factory=dict, init=False, repr=False)
 
     def at(self, phase: Array) -> Matrices:
         """Ω²M, ΩC, K (m, n, n) and the loads (m, n, 1 + k) at phases (m,)."""
@@ -137,18 +139,32 @@ class _Equations:
         return columns
 
     def jumps(self, grid: Grid) -> list[EventJump]:
-        """Jumps of disturbances at the events of the motion."""
+        """Jumps of disturbances at the events of the motion, and at breaks that the parameters move."""
         names = [name for name in self.names if name != DAMPING]
-        return event_jumps(self.along, self.motion, self.task.speed, grid, names)
+        motion = self.along, self.motion, self.task.speed, grid
+        return [*event_jumps(*motion, names), *break_jumps(*motion, self.task.breaks, names)]
 
-    def under(self, load: int) -> PeriodicSystem:
-        """Linear system under one of the loads -∂r/∂θ."""
+    def entries(self, phase: Array) -> tuple[Array, Array]:
+        """Entries (m, 3n² + n) of the linearised system and loads -∂r/∂θ (m, n, k) at phases (m,). They are
+        kept, because all loads are solved on one grid."""
+        key = phase.tobytes()
+        if key not in self._entries:
+            self._entries[key] = entries_of(self.along, phase, self.task.speed), self.by_parameters(phase)
+        return self._entries[key]
 
-        def matrices(phase: Array, speed: float) -> Matrices:
-            M, C, K, _ = self.along.at(phase, speed)
-            return M, C, K, self.by_parameters(phase)[..., load]
 
-        return PeriodicSystem(matrices, self.along.coordinates, self.along.period, self.along.breaks)
+@dataclass(frozen=True)
+class _UnderLoad(SinglePoint):
+    """Linearised system under one of the loads -∂r/∂θ, or under its own load d if `load` is None."""
+
+    equations: _Equations
+    load: int | None
+
+    def tables(self, phase: Array) -> Tables:
+        entries, loads = self.equations.entries(phase)
+        if self.load is not None:
+            entries = np.concatenate((entries[:, : 3 * self.n**2], loads[..., self.load]), axis=1)
+        return Tables.from_entries(entries[None], self.n, self.first_order)
 
 
 class _Steps:
@@ -241,8 +257,8 @@ def _if_regular(equations: "_Equations", unknowns: Unknowns, grid: Grid) -> Line
     """Compute the solutions if no multiplier is near +1; otherwise return None."""
     try:
         family = _by_periodic_solutions(equations, unknowns, grid)
-        regular = np.abs(family.multipliers - 1).min() > _REGULAR
-    except SolveError:
+        regular = np.abs(np.linalg.eigvals(family.Phi) - 1).min() > _REGULAR
+    except (SolveError, np.linalg.LinAlgError):
         return None
     return family if regular else None
 
@@ -252,10 +268,12 @@ def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid
     rigid-body modes, and wherever I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
     held = free(SinglePoint(along, task.speed)) if equations.free else None
-    systems = [along, *map(equations.under, range(len(equations.names)))]
+    loads = None, *range(len(equations.names))
     found = [
-        solutions_on(task.method, SinglePoint(system, task.speed), grid, True, task.engine, held)
-        for system in systems
+        solutions_on(
+            task.method, _UnderLoad(along, task.speed, equations, load), grid, True, task.engine, held
+        )
+        for load in loads
     ]
     curves = [solutions.checked().curve for solutions in found]
     assert all(isinstance(curve, Curve) for curve in curves)

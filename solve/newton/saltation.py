@@ -7,7 +7,8 @@ before and after the event,
 
     y⁺ = S y⁻ + s δ,   S = I + w ∇gᵀ,   s = w ∂g/∂θ,   w = (f⁺ - f⁻) / (∂g/∂φ + ∇gᵀ f⁻).
 
-For continuous forces S = I and s = 0. Newton's iteration includes these jumps and remains quadratic."""
+For continuous forces S = I and s = 0. A parameter that moves a break, a phase b(θ) at which the matrices
+jump, has S = I and s = (f⁻ - f⁺) db/dθ. Newton's iteration includes these jumps and remains quadratic."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arrays import Array
-from solve.equations import event_normals, events_of
+from solve.equations import derivatives_of, event_normals, events_of
 from solve.matrices import leading
 from solve.methods.collocation import Collocated
 from solve.methods.free import Free, solutions_on
@@ -59,12 +60,8 @@ def event_jumps(
     events = np.array(events_of(along).phases)
     if not len(events):
         return []
-    nodes = np.abs(grid.nodes[1:, None] - events).argmin(axis=0)
-    ends, steps = grid.stages(np.array([0.0, 1.0])), grid.steps
-    n, inertial = along.n, along.n - len(along.states)
-    states = np.concatenate((curve(events), curve(events, 1)[:inertial])).T
-    sides = ends[nodes, 1], ends[(nodes + 1) % steps, 0]
-    before, after = (_rates(along, speed, phase, states) for phase in sides)
+    nodes, states, before, after = _at_nodes(along, curve, speed, grid, events)
+    n, inertial = along.n, states.shape[1] - along.n
     jumps = after - before
     if np.abs(jumps[:, n:]).max() <= _JUMP * np.abs(curve.sampled(1, 2)[:, :inertial]).max():
         return []
@@ -75,6 +72,43 @@ def event_jumps(
         matrix = np.eye(n + inertial) + np.outer(weight, gradient)
         found.append(EventJump(int(nodes[k]), matrix, state, np.outer(weight, by_parameters)))
     return found
+
+
+def break_jumps(
+    along: PeriodicSystem,
+    curve: Curve,
+    speed: float,
+    grid: Grid,
+    breaks: Sequence[float],
+    names: Sequence[str],
+) -> list[EventJump]:
+    """Jumps due to parameters that move breaks. breaks: breaks of the model over the period, nodes of the
+    grid; other arguments as for `event_jumps`."""
+    slopes = derivatives_of(along).of_breaks(names)
+    moved = np.flatnonzero(slopes.any(axis=1))
+    if not len(moved):
+        return []
+    phases = np.array(breaks)[moved]
+    phases = np.where(phases > 0, phases, grid.period)
+    nodes, states, before, after = _at_nodes(along, curve, speed, grid, phases)
+    one = np.eye(states.shape[1])
+    return [
+        EventJump(int(node), one, state, np.outer(rate, slope))
+        for node, state, rate, slope in zip(nodes, states, before - after, slopes[moved], strict=True)
+    ]
+
+
+def _at_nodes(
+    along: PeriodicSystem, curve: Curve, speed: float, grid: Grid, phases: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Indices (k,) of the steps that end at phases (k,), which are nodes; states (k, N) of the motion there,
+    and their rates (k, N) before and after the phases."""
+    nodes = np.abs(grid.nodes[1:, None] - phases).argmin(axis=0)
+    ends, inertial = grid.stages(np.array([0.0, 1.0])), along.n - len(along.states)
+    states = np.concatenate((curve(phases), curve(phases, 1)[:inertial])).T
+    sides = ends[nodes, 1], ends[(nodes + 1) % grid.steps, 0]
+    before, after = (_rates(along, speed, phase, states) for phase in sides)
+    return nodes, states, before, after
 
 
 def solutions_with_jumps(

@@ -178,7 +178,8 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
                 return orbit, True
             unstable = unstable or orbit
     if change < _SETTLED:
-        return _from_settled(task, motion, grid), True
+        state = np.concatenate([motion(np.zeros(1), order)[:, 0] for order in range(2)])
+        return from_state(task, state, grid), True
     if unstable is not None:
         return unstable, False
     raise NoOrbitError(
@@ -186,11 +187,10 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     )
 
 
-def _from_settled(task: Task, motion: Curve, grid: Grid) -> Converged:
-    """Orbit on which a motion has settled, on the first finer grid on which Newton's iteration converges.
-    Short contacts with stiff stops require a start with small steps. Raises
-    NoOrbitError."""
-    state = np.concatenate([motion(np.zeros(1), order)[:, 0] for order in range(2)])
+def from_state(task: Task, state: Array, grid: Grid) -> Converged:
+    """Orbit on which a motion has settled, from its state (2n,) q and q' at phase 0, on the first finer grid
+    on which Newton's iteration converges. Short contacts with stiff stops require a start with small steps.
+    Raises NoOrbitError."""
     sizes = linear_sizes(task, grid)
     for refinement in _REFINEMENTS:
         finer = task.grid(refinement * grid.steps)
@@ -200,7 +200,7 @@ def _from_settled(task: Task, motion: Curve, grid: Grid) -> Converged:
         except SolveError:
             continue
     raise NoOrbitError(
-        "the motion from rest repeats, but Newton's iteration does not converge from it on up to "
+        "the motion repeats, but Newton's iteration does not converge from it on up to "
         f"{_REFINEMENTS[-1] * grid.steps} steps"
     )
 

@@ -34,9 +34,10 @@ the values."""
 _SHOWN = "max", "min", "max_abs", "mean", "rms"
 _MAX_ABS = FIGURES.index("max_abs")
 
-KINDS = "regular", "fold", "doubling", "torus"
-REGULAR, FOLD, DOUBLING, TORUS = KINDS
-"""Kinds of points; folds are turning points, tori are Neimark–Sacker points."""
+KINDS = "regular", "fold", "doubling", "torus", "grazing"
+REGULAR, FOLD, DOUBLING, TORUS, GRAZING = KINDS
+"""Kinds of points; folds are turning points, tori are Neimark–Sacker points. At grazing points the branch was
+continued from a motion that settles on the other side."""
 
 STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
@@ -132,7 +133,7 @@ class Branch(BranchPoints):
     ----------
     turning : array
         Values of the continuation parameter at turning points.
-    folds, doublings, tori : list of dict
+    folds, doublings, tori, grazing : list of dict
         Special points.
     closed : list of int
         Numbers of the closed branches.
@@ -141,7 +142,7 @@ class Branch(BranchPoints):
     """
 
     _rows: ClassVar[str] = "points"
-    _recorded: ClassVar[str] = "turning folds doublings tori closed jumps rtol periods"
+    _recorded: ClassVar[str] = "turning folds doublings tori grazing closed jumps rtol periods"
 
     def curve(self, point: int) -> FourierCurve:
         """Curve of the orbit at a point, as a start for `solve.nonlinear`, which computes the orbit to a
@@ -183,6 +184,12 @@ class Branch(BranchPoints):
     def tori(self) -> list[dict[str, Any]]:
         """Neimark–Sacker points, at which a pair of complex multipliers passes the unit circle."""
         return self._special(TORUS)
+
+    @property
+    def grazing(self) -> list[dict[str, Any]]:
+        """Orbits that graze a switch of the equations, beyond which the multipliers change abruptly."""
+        points = self._special(GRAZING)
+        return [{key: value for key, value in point.items() if key != "multiplier"} for point in points]
 
     def _special(self, kind: str) -> list[dict[str, Any]]:
         """Points of one kind: value of the parameter, spectral radius, the multiplier on the unit circle, the
@@ -334,7 +341,8 @@ class Branch(BranchPoints):
         """Sentences on the range, the special points and the jumps."""
         unit = unit_of(self.system, self.over)
         sentences = [self._range_text(number) for number in range(self._count)]
-        for points, words in ((self.doublings, "The period doubles"), (self.tori, "Orbits become tori")):
+        special = (self.doublings, "The period doubles"), (self.tori, "Orbits become tori")
+        for points, words in (*special, (self.grazing, "Orbits graze a switch of the equations")):
             if points:
                 sentences.append(f"{words} at {self._values_text(points)}.")
         for jump in self.jumps:

@@ -10,6 +10,7 @@ from solve.labels import unit_of
 from solve.results.branch import (
     DOUBLING,
     FOLD,
+    GRAZING,
     KINDS,
     STABLE,
     TORUS,
@@ -28,7 +29,12 @@ from solve.views.tables import MOST_ROWS, RenderableType, table_of, text
 
 _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
 
-_MARKS = {FOLD: ("o", "turns back"), DOUBLING: ("^", "period doubles"), TORUS: ("s", "torus")}
+_MARKS = {
+    FOLD: ("o", "turns back"),
+    DOUBLING: ("^", "period doubles"),
+    TORUS: ("s", "torus"),
+    GRAZING: ("x", "grazes"),
+}
 """Markers and labels of special points."""
 
 

@@ -1,9 +1,12 @@
-"""python -m tests.benchmarks.nonlinear_orbits: nonlinear orbits beside marching by CVODES.
+"""python -m tests.benchmarks.nonlinear_orbits: nonlinear orbits beside marching by CVODES, and branches.
 
 Marching goes on turn after turn from the state of the linear orbit until that at the start of a turn is
 within 1e-6 of the nonlinear one's, with the tolerance, a power of ten, with which that takes least time. Run
 it with OMP_NUM_THREADS=1.
 """
+
+import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -44,7 +47,28 @@ def compared(name: str, system: PeriodicSystem, speed: float | str, most: int) -
     print(f"  CVODES, rtol {rtol:g}: {turns} turns, {1e3 * theirs:.1f} ms, ratio {theirs / seconds:.1f}")
 
 
+def branches(first: str, last: str = "460 rpm") -> None:
+    """Print the processor time of 200 points of the cam's branch, relative to that of its first orbit."""
+    cam = solve.load("cam", case="1")
+    solve.branch(cam, (first, last), points=3)
+    before = [cpu(lambda: solve.nonlinear(cam, first)) for _ in range(6)]
+    branch = cpu(lambda: solve.branch(cam, (first, last), points=200))
+    after = [cpu(lambda: solve.nonlinear(cam, first)) for _ in range(5)]
+    orbit = float(np.median([*before[1:], *after]))
+    times = f"{branch:.1f} s, orbit {1e3 * orbit:.0f} ms, ratio {branch / orbit:.0f}"
+    print(f"cam, 200 points from {first}: {times}")
+
+
+def cpu(task: Callable[[], object]) -> float:
+    """Processor time of a task in seconds."""
+    began = time.process_time()
+    task()
+    return time.process_time() - began
+
+
 def main() -> None:
+    for first in ("300 rpm", "400 rpm"):
+        branches(first)
     compared("cam, 300 rpm", solve.load("cam", case="1"), "300 rpm", 30)
     for zeta, most in ((0.0015, 3000), (0.00025, 18000)):
         numbers = {"zeta": zeta, "k": 1.0, "alpha": 1.0, "f": 0.4}

@@ -58,6 +58,18 @@ def test_the_rubbing_orbit(rotor, speed):
         assert orbit.statistics("x").max == pytest.approx(209.7303e-6, abs=5e-11)
 
 
+def test_the_branch_passes_the_speed_at_which_the_rotor_touches_the_ring(rotor):
+    """The rotor touches the ring at 82.063 rad/s, all around at once."""
+    found = solve.branch(rotor, "60:140 rad/s", rtol=1e-6)
+    assert found.values[-1] == 140.0
+    (touching,) = found.grazing
+    free = [amplitude(touching["speed"] * (1 + side), **NUMBERS) for side in (-1e-4, 1e-4)]
+    assert free[0] < NUMBERS["gap"] < free[1]
+    for speed, peak in zip(found.values, found.peaks[:, 0], strict=True):
+        stiffness = 1e4 - speed**2 + 4e4 * max(0.0, 1 - 2e-4 / peak) + 10j * speed
+        assert abs(stiffness) * peak == pytest.approx(1e-4 * speed**2, rel=1e-6)
+
+
 def test_from_rest_at_the_middle_of_the_ring(rotor):
     """The transient starts where the ring force is 0·(0/0) and ends on the orbit."""
     transient = solve.transient(rotor, 90.0, turns=60, nonlinear=True)

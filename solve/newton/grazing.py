@@ -1,0 +1,69 @@
+"""Continuation of a branch beyond a grazing orbit, next to which multipliers change abruptly.
+
+Newton's iteration does not converge across the grazing orbit, because its tangent is that of the equations
+with the events of one side. A motion that starts on the last orbit before it settles on the orbit beyond it,
+if that orbit is stable."""
+
+import numpy as np
+
+from solve.contracts import Events
+from solve.equations import events_of, nonlinear_of
+from solve.errors import NoOrbitError, SolveError
+from solve.newton.branch_points import Point, Unknowns
+from solve.newton.manifold import Manifold
+from solve.newton.strategies import from_state, linear_sizes
+
+_STEPS = 0.01, 0.02, 0.04
+"""Steps of the parameter beyond the grazing orbit, as fractions of its range. Choices: short enough that the
+orbit beyond is near, long enough that its events are clear."""
+
+_PERIODS = 8
+"""Number of periods of the orbit that are integrated. A choice: beyond a grazing orbit that is stable, the
+difference between the two orbits decays within a few periods."""
+
+_STATES, _RTOL = 512, 1e-8
+"""States per period and tolerance of the motion. Choices."""
+
+_MAX_DISTANCE = 0.5
+"""Largest distance between the orbits on both sides, in scaled coordinates. A choice: 2.5 times the longest
+step of a branch."""
+
+
+def point_beyond(manifold: Manifold, before: Point) -> Point:
+    """First point beyond a grazing orbit near `before`, whose orbit passes other switches.
+
+    Raises NoOrbitError if the equations have no switches, and if no motion settles on such an orbit."""
+    parameters, here = manifold.parameters, _events(manifold, before)
+    if not here.sides:
+        raise NoOrbitError("the equations have no switches")
+    for step in _STEPS:
+        value = before.value + step * np.sign(before.direction.value) * parameters.spans[0]
+        try:
+            after = _settled(manifold, before, float(value))
+        except SolveError:
+            continue
+        near = manifold.distance(after.unknowns, before.unknowns, before.sizes) <= _MAX_DISTANCE
+        there = _events(manifold, after)
+        if near and (here.grazing or len(here.phases) != len(there.phases) or here.sides != there.sides):
+            return after
+    raise NoOrbitError("no motion settles beyond a grazing orbit")
+
+
+def _events(manifold: Manifold, point: Point) -> Events:
+    """Events of the orbit of a point."""
+    task = manifold.parameters.task_at(point.unknowns.values)
+    return events_of(task.along(point.unknowns.curve))
+
+
+def _settled(manifold: Manifold, before: Point, value: float) -> Point:
+    """Point at a value of the parameter, on the orbit on which a motion from the orbit `before` settles."""
+    parameters, values = manifold.parameters, np.array([value])
+    task, curve = parameters.task_at(values), before.unknowns.curve
+    march = nonlinear_of(task.system).marcher(linear_sizes(task, before.grid), _STATES, _RTOL)
+    state = np.concatenate([curve(np.zeros(1), order)[:, 0] for order in range(2)])
+    for turn in range(_PERIODS * task.periods):
+        state = march(state, turn * task.system.period, task.speed)[:2, :, -1].ravel()
+    found = from_state(task, state, before.grid)
+    grid = parameters.task.grid(found.solutions.grid.steps)
+    towards = Unknowns(parameters.task.rest(grid), np.array([before.direction.value]))
+    return manifold.held(Unknowns(found.curve, values), [towards], grid)

@@ -1,0 +1,89 @@
+"""Branches across orbits that graze a stop."""
+
+import numpy as np
+import pytest
+
+import solve
+from derive import Max, Mechanism, cos, rate
+from solve.equations import events_of, nonlinear_of
+from solve.newton.arclength import first_point
+from solve.newton.branches import continuation
+from solve.newton.grazing import point_beyond
+from solve.newton.manifold import Manifold
+from solve.results.branch import GRAZING, KINDS
+from tests.solve.newton.mechanisms import model_of, stop
+from tests.solve.newton.test_events import NUMBERS, SPEED, integrated
+
+REACH = NUMBERS["f"] / abs(1 - SPEED**2 + 2j * NUMBERS["zeta"] * SPEED)
+"""Amplitude of the mass without the stop."""
+
+
+@pytest.fixture(scope="module")
+def grazing():
+    """Parameters over the clearance, and the orbit that all but touches the stop."""
+    gap = 1.00001 * REACH
+    model = model_of(stop(), **NUMBERS | {"gap": gap})
+    parameters, _ = continuation(model, SPEED, f"gap={gap!r}:{0.8 * REACH!r}", 1, 1e-7, "auto")
+    return parameters, first_point(parameters, solve.nonlinear(model, SPEED), gap)
+
+
+def test_the_orbit_beyond_a_grazing_orbit_equals_integration(grazing):
+    parameters, before = grazing
+    after = point_beyond(Manifold(parameters), before)
+    gap = 1.00001 * REACH - 0.01 * float(parameters.spans[0])
+    assert after.value == pytest.approx(gap, rel=1e-12)
+    curve = after.unknowns.curve
+    state = np.array([curve(np.zeros(1))[0, 0], SPEED * curve(np.zeros(1), 1)[0, 0]])
+    end, Phi, events = integrated(state, NUMBERS | {"gap": gap})
+    assert end == pytest.approx(state, abs=1e-6)
+    assert len(events) == 2
+    found = nonlinear_of(parameters.task_at(after.orbit.values).system).along_events(curve, SPEED)
+    assert events_of(found).phases == pytest.approx(events, abs=1e-4)
+    assert sorted(np.abs(after.orbit.multipliers)) == pytest.approx(
+        sorted(np.abs(np.linalg.eigvals(Phi))), abs=1e-5
+    )
+
+
+def test_an_orbit_with_the_same_events_beyond_does_not_graze():
+    model = model_of(stop(), **NUMBERS)
+    parameters, _ = continuation(model, SPEED, "gap=0.5:0.4", 1, 1e-7, "auto")
+    inside = first_point(parameters, solve.nonlinear(model, SPEED), NUMBERS["gap"])
+    with pytest.raises(solve.errors.NoOrbitError, match="no motion settles beyond a grazing orbit"):
+        point_beyond(Manifold(parameters), inside)
+
+
+@pytest.mark.slow
+def test_the_branch_of_the_slider_crank_passes_a_grazing_orbit():
+    """Without the step over the orbit at 1018.54 rpm, the branch ends there."""
+    found = solve.branch(solve.load("slider_crank"), "1018:1088 rpm", points=10)
+    assert found.ended.startswith("the branch continues")
+    (point,) = found.grazing
+    assert point["speed"] * 30 / np.pi == pytest.approx(1018.54, abs=0.01)
+    at = int(np.flatnonzero(found.kinds == KINDS.index(GRAZING))[0])
+    assert found.verdicts[at] == "undetermined"
+    assert set(found.verdicts[:at]) == set(found.verdicts[at + 1 :]) == {"asymptotically stable"}
+
+
+def rattling(order):
+    """Mass on two springs, one with a clearance, under a load of the given harmonic."""
+    made = Mechanism("rattling", "Mass on two springs, one with a clearance", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    c, k, gap = made.parameters(
+        c=("1/s", "damping"), k=("1/s^2", "stiffness"), gap=("1", "clearance of the second spring")
+    )
+    made.kinetic, made.dissipation = rate(q) ** 2 / 2, c * rate(q) ** 2 / 2
+    made.potential = k * q**2 / 2 + k * Max(0, q - gap) ** 2 / 2
+    made.force(k * cos(order * made.phase), along=q)
+    made.decline_drive_torque("an equation without units")
+    return made
+
+
+@pytest.mark.parametrize(("order", "chatters"), [(16, False), (17, True)])
+def test_more_than_32_events_per_period_give_a_warning(order, chatters):
+    """The mass passes the switch twice per period of the load."""
+    model = solve.load(lambda: rattling(order), c=2.0, k=400.0, gap=0.1)
+    orbit = solve.nonlinear(model, 1.0, rtol=1e-6, engine="numpy")
+    assert len(orbit.events) == 2 * order
+    said = [text for text in orbit.warnings if "chatter" in text]
+    assert len(said) == chatters
+    assert all(f"{2 * order} times" in text and "\n" not in text for text in said)
