@@ -204,7 +204,9 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
     median = np.median(np.abs(determinants))
     # Eight successive intervals, each a sixteenth of the previous one, determine the phase to round-off.
     for _ in range(8):
-        is_smooth = np.diff(np.searchsorted(jumps, phases)) == 0
+        # A phase at a jump, up to round-off, may have the matrices of either side.
+        before, after = phases[:-1] - ROUND_OFF * point.period, phases[1:] + ROUND_OFF * point.period
+        is_smooth = np.searchsorted(jumps, before) == np.searchsorted(jumps, after)
         changes = ((determinants[1:] * determinants[:-1] < 0) & is_smooth).nonzero()[0]
         if len(changes):
             return float(phases[changes[0]]) % point.period

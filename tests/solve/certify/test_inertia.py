@@ -36,6 +36,12 @@ SINGULAR = {
 REGULAR = {
     "nearly singular": one(lambda p: 1.0001 - np.cos(p - 1)),
     "negative": one(lambda p: -1.5 + np.cos(p)),
+    "smallest after a jump of sign at 0": one(
+        lambda p: np.where(p % (2 * np.pi) < 3.0, 0.002 + p % (2 * np.pi) / 10, -0.5), (0.0, 3.0)
+    ),
+    "smallest before a jump, with its own side there": one(
+        lambda p: np.where((p - 1) % (2 * np.pi) <= 3.0, 0.302 - (p - 1) % (2 * np.pi) / 10, -0.5), (1.0, 4.0)
+    ),
     "jumps to negative": one(lambda p: np.where(p % (2 * np.pi) < 2.0, 1.0, -1.0), (0.0, 2.0)),
 }
 
