@@ -103,10 +103,12 @@ class LiveWindow:
         self._thread.join()
 
     def __repr__(self) -> str:
-        return f"Live window of {self._server.model.labels.name}: {self.address}"
+        return f"Live window of {self._server.model.labels.name}: {self.address if self.is_open else 'closed'}"
 
     def _repr_html_(self) -> str:
         """Frame with the page, for a notebook."""
+        if not self.is_open:
+            return f"<p>{escape(repr(self))}</p>"
         style = f"width: 100%; height: {_HEIGHT}px; border: 0"
         return f'<iframe src="{escape(self.address)}" style="{style}" allow="clipboard-write"></iframe>'
 

@@ -168,6 +168,7 @@ def test_window_in_python_has_the_model_of_the_sliders():
     finally:
         with_closing.close()
     assert not with_closing.is_open
+    assert with_closing._repr_html_() == "<p>Live window of mathieu: closed</p>"
 
 
 @pytest.mark.parametrize(("seconds", "reason"), [(30.0, "OSError: too few files"), (0.0, "not within 0 s")])
