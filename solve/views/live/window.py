@@ -103,7 +103,9 @@ class LiveWindow:
         self._thread.join()
 
     def __repr__(self) -> str:
-        return f"Live window of {self._server.model.labels.name}: {self.address if self.is_open else 'closed'}"
+        return (
+            f"Live window of {self._server.model.labels.name}: {self.address if self.is_open else 'closed'}"
+        )
 
     def _repr_html_(self) -> str:
         """Frame with the page, for a notebook."""
