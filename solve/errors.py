@@ -117,6 +117,10 @@ class WorkersError(SolveError):
     """Workers that cannot be reached, or that ended before their work was done."""
 
 
+class WindowError(SolveError):
+    """Live window whose server does not start."""
+
+
 class MissingLibraryError(SolveError):
     """Optional library that is not installed."""
 

@@ -181,9 +181,9 @@ def _speed_terms(entries: "casadi.SX", speed: "casadi.SX") -> _SpeedTerms | None
 
     parts, entry, power = [], [], []
     for k in range(_MAX_DEGREE + 1):
-        coefficient = casadi.substitute(entries, speed, 0) / math.factorial(k)
-        present = [i for i in range(coefficient.shape[0]) if not coefficient[i].is_zero()]
-        parts.append(coefficient[present])
+        coefficient = casadi.sparsify(casadi.substitute(entries, speed, 0) / math.factorial(k))
+        present = coefficient.row()
+        parts.append(coefficient.nz[:])
         entry += present
         power += [k] * len(present)
         entries = casadi.densify(casadi.jacobian(entries, speed))

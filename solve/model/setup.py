@@ -17,7 +17,7 @@ from solve.model.cases import Case
 from solve.model.domain import Domain
 from solve.model.events import MAX_CACHED, EventFinder, switches
 from solve.model.formulas import c_text, roundoff_bound
-from solve.model.sampling import Sampler, folded
+from solve.model.sampling import Sampler, folded, inputs_of
 from solve.threads import symbolic
 
 if TYPE_CHECKING:
@@ -103,10 +103,9 @@ class Setup:
         are excluded."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
-    @symbolic
     def function(self, name: str) -> "casadi.Function":
         """Generated function with this name."""
-        return getattr(self.module, name)(**self._module_options)
+        return _function_of(self.module, tuple(self._module_options.items()), name)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
         """Sampler of a generated function at many phases, with separate values of the free parameters at each
@@ -201,13 +200,12 @@ def stated_lines(
     lines: dict[str, Plane] = {}
     if not getattr(setup.module, "SKETCH", ()):
         return lines
-    function = setup.function("sketch")
     for number, (name, _, kind) in enumerate(setup.module.SKETCH):
         samples = samples_of(kind, fineness)
         fractions = np.tile(np.linspace(0.0, 1.0, samples), len(phase))
         columns = np.repeat(np.vstack((phase, np.full(len(phase), speed), q)), samples, axis=1)
-        values = function.call([columns[:1], columns[1:2], columns[2:], fractions[None], setup.p])
-        coordinates = values[number].full()
+        line = _line_of(setup.module, tuple(setup._module_options.items()), number)
+        coordinates = line(columns[:1], columns[1:2], columns[2:], fractions[None], setup.p).full()
         points = coordinates[::2] + 1j * coordinates[1::2]
         if not np.isfinite(points).all():
             raise ValueOutOfBoundsError(
@@ -215,6 +213,24 @@ def stated_lines(
             )
         lines[name] = points if samples == 1 else points.reshape(len(phase), samples).T
     return lines
+
+
+@lru_cache(MAX_CACHED)
+@symbolic
+def _function_of(module: ModuleType, options: tuple[tuple[str, Any], ...], name: str) -> "casadi.Function":
+    """Generated function, which models that differ in the values of parameters share."""
+    return getattr(module, name)(**dict(options))
+
+
+@lru_cache(MAX_CACHED)
+@symbolic
+def _line_of(module: ModuleType, options: tuple[tuple[str, Any], ...], number: int) -> "casadi.Function":
+    """Function of the inputs of a generated sketch that evaluates only one of its lines."""
+    import casadi
+
+    sketch = _function_of(module, options, "sketch")
+    inputs = list(inputs_of(sketch).values())
+    return casadi.Function("line", inputs, [sketch.call(inputs, True, False)[number]])
 
 
 @lru_cache(MAX_CACHED)

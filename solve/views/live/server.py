@@ -78,6 +78,7 @@ class LiveServer:
         self.last: Session | None = None
         self.loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
+        self._is_stopped = False
         self.pages: set[Page] = set()
 
     @property
@@ -100,8 +101,10 @@ class LiveServer:
         return Session(self.model, self._origin, self._speed, *2 * [lambda *_: None]).state
 
     async def serve(self, ready: Callable[[], object]) -> None:
-        """Serve until `stop`. ready: called when the page can be opened."""
+        """Serve until `stop`, also if it was called before. ready: called when the page can be opened."""
         self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        if self._is_stopped:
+            self._stop.set()
         settings: dict[str, Any] = {
             "log_function": lambda handler: None,
             "websocket_max_message_size": _MOST_BYTES,
@@ -125,6 +128,7 @@ class LiveServer:
 
     def stop(self) -> None:
         """End `serve`. May be called from any thread."""
+        self._is_stopped = True
         if self.loop is not None and self._stop is not None and not self.loop.is_closed():
             self.loop.call_soon_threadsafe(self._stop.set)
 

@@ -14,7 +14,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from solve.arguments import first_is
-from solve.errors import MissingLibraryError, ValueOutOfBoundsError
+from solve.errors import MissingLibraryError, ValueOutOfBoundsError, WindowError
 from solve.labels import require_motion
 from solve.loading import load
 from solve.model.model import Model
@@ -49,6 +49,11 @@ class LiveWindow:
     address : str
         Address of the page, with its token.
 
+    Raises
+    ------
+    WindowError
+        If the server does not start.
+
     Notes
     -----
     In a notebook the window is shown in a frame. The server runs in a thread until `close`, or until it is
@@ -59,12 +64,23 @@ class LiveWindow:
         self._server = server
         self._thread = threading.Thread(target=self._serve, name="live window", daemon=True)
         self._ready = threading.Event()
+        self._failure: Exception | None = None
         self._thread.start()
-        self._ready.wait(_START)
+        if not self._ready.wait(_START) or self._failure is not None:
+            server.stop()
+            error = self._failure
+            reason = f"{type(error).__name__}: {error}" if error else f"not within {_START:g} s"
+            raise WindowError(f"the server of the live window did not start ({reason}); open it again")
         self.address = server.address
 
     def _serve(self) -> None:
-        asyncio.run(self._server.serve(self._ready.set))
+        try:
+            asyncio.run(self._server.serve(self._ready.set))
+        except Exception as error:
+            if self._ready.is_set():
+                raise
+            self._failure = error
+            self._ready.set()
 
     @property
     def is_open(self) -> bool:
@@ -87,10 +103,14 @@ class LiveWindow:
         self._thread.join()
 
     def __repr__(self) -> str:
-        return f"Live window of {self._server.model.labels.name}: {self.address}"
+        return (
+            f"Live window of {self._server.model.labels.name}: {self.address if self.is_open else 'closed'}"
+        )
 
     def _repr_html_(self) -> str:
         """Frame with the page, for a notebook."""
+        if not self.is_open:
+            return f"<p>{escape(repr(self))}</p>"
         style = f"width: 100%; height: {_HEIGHT}px; border: 0"
         return f'<iframe src="{escape(self.address)}" style="{style}" allow="clipboard-write"></iframe>'
 
@@ -124,6 +144,8 @@ def explore(
         Without the extra `explore` (Tornado).
     NoMotionError
         If the model does not move.
+    WindowError
+        If the server does not start.
     SolveError
         For other bad input.
 

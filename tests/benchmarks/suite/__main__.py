@@ -1,13 +1,24 @@
-"""python -m tests.benchmarks.suite [--target 1e-6] [NAME …]: processor times at equal measured accuracy.
+"""python -m tests.benchmarks.suite [--target 1e-6] [--limit 20] [NAME …]: processor times at equal measured
+accuracy.
 
 Each program gets the loosest power of ten as its tolerance for which multipliers, relative to the spectral
 radius, and q and q̇ at φ = 0, each relative to its largest entry, are accurate to the target. What a program
-prepares before its first solution, such as compiled code, is not timed. NAME: of a program or a system. Run
-it with OMP_NUM_THREADS=1.
+prepares before its first solution, such as compiled code, is not timed. A program is given up on a system
+when it has taken more processor seconds than the limit. NAME: of a program or a system. Run it with
+OMP_NUM_THREADS=1.
 """
 
 import argparse
 import math
+import os
+import platform
+import re
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib import metadata
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -18,8 +29,28 @@ from tests.benchmarks.suite.systems import FourierSystem, load
 from tests.benchmarks.timing import median
 
 LOOSEST, TIGHTEST = 2, 13
-MOST_SECONDS = 20.0
-"""A program that needs longer for one solution is given up."""
+LIBRARIES = "numpy", "scipy", "casadi", "jax", "heyoka"
+
+
+class NoTimeError(Exception):
+    """A program does not solve a system; the text is the reason."""
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Context that raises TimeoutError after so many processor seconds, as soon as Python code runs."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGPROF, stop)
+    # Repeated: callbacks of libraries swallow exceptions.
+    signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def errors(system: FourierSystem, multipliers: Array, state: Array) -> tuple[float, float]:
@@ -34,44 +65,66 @@ def errors(system: FourierSystem, multipliers: Array, state: Array) -> tuple[flo
     return float(matched.max() / np.abs(system.multipliers).max()), float(max(differences))
 
 
-def measured(system: FourierSystem, solver: Solver, target: float) -> tuple[float, float, int]:
-    """Seconds, error and the power of ten of the tolerance; ValueError if the target is not reached."""
+def measured(system: FourierSystem, solver: Solver, target: float, limit: float) -> float:
+    """Seconds of a solution at the loosest tolerance that reaches the target. Raises NoTimeError."""
+    try:
+        with limited(limit):
+            run, seconds = _loosest(system, solver, target)
+    except TimeoutError:
+        raise NoTimeError(f"over {limit:g} s") from None
+    except NoTimeError:
+        raise
+    except Exception as reason:
+        raise NoTimeError(type(reason).__name__) from reason
+    # The first call prepared what later ones reuse: compiled code, an integrator.
+    return median(run, repeats=3 if seconds < 2.0 else 1)[0]
+
+
+def _loosest(system: FourierSystem, solver: Solver, target: float) -> tuple[Callable[[], object], float]:
+    error = math.inf
     for power in range(LOOSEST, TIGHTEST + 1):
-        tolerance = 10.0**-power
-        try:
-            seconds, result = median(lambda tolerance=tolerance: solver(tolerance), repeats=1)
-        except Exception as reason:
-            raise ValueError(f"{type(reason).__name__}") from reason
+        run = partial(solver, 10.0**-power)
+        seconds, result = median(run, repeats=1)
         if not all(np.isfinite(values).all() for values in result):
-            raise ValueError("not resolved")
+            raise NoTimeError("not resolved")
         error = max(errors(system, *result))
         if error <= target:
-            # The first call prepared what later ones reuse: compiled code, an integrator.
-            repeats = 3 if seconds < 2.0 else 1
-            seconds, _ = median(lambda tolerance=tolerance: solver(tolerance), repeats)
-            return seconds, error, power
-        if seconds > MOST_SECONDS:
-            break
-    raise ValueError(f"error {error:.0e}")
+            return run, seconds
+    raise NoTimeError(f"error {error:.0e}")
+
+
+def environment() -> str:
+    """Processor, load and versions of this run."""
+    processor = platform.processor() or platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        found = re.search(r"model name\s*: (.*)", cpuinfo.read_text())
+        processor = found[1] if found else processor
+    installed = {package.name: package.version for package in metadata.distributions()}
+    versions = [f"{name} {installed[name]}" for name in LIBRARIES if name in installed]
+    load = os.getloadavg()[0]
+    return f"{processor}; load {load:.1f}; Python {platform.python_version()}, {', '.join(versions)}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*")
     parser.add_argument("--target", type=float, default=1e-6)
+    parser.add_argument("--limit", type=float, default=20.0)
     arguments = parser.parse_args()
     programs = [name for name in CONTENDERS if name in arguments.names] or [*CONTENDERS]
     systems = load()
     systems = [system for system in systems if system.name in arguments.names] or systems
-    print(f"Milliseconds at an error of at most {arguments.target:g}; a text is why there is no time\n")
+    print(f"Milliseconds at an error of at most {arguments.target:g}; a text is why there is no time")
+    print(environment(), end="\n\n")
     print(f"{'':30}" + "".join(f"{name:>15}" for name in programs))
     times: dict[str, dict[str, float]] = {name: {} for name in programs}
     for system in systems:
         row = f"{system.name:30}"
         for name in programs:
             try:
-                seconds, _, _ = measured(system, CONTENDERS[name](system), arguments.target)
-            except (ValueError, UnsuitableError) as reason:
+                seconds = measured(system, CONTENDERS[name](system), arguments.target, arguments.limit)
+            except (NoTimeError, UnsuitableError) as reason:
                 row += f"{str(reason)[:14]:>15}"
             else:
                 times[name][system.name] = seconds

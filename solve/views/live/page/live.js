@@ -181,7 +181,7 @@ function draw() {
   by("views").style.opacity = "";
   by("verdict").textContent = verdict || "rigid motion";
   by("verdict").className = `verdict ${verdict === "unstable" || verdict === "undetermined" ? "bad" : "good"}`;
-  by("errors").textContent = [radius !== undefined && radius !== null ? `max|ρ| = ${short(radius)}` : "", errors && `errors: ${errors}`].filter(Boolean).join("; ");
+  by("errors").textContent = [radius !== undefined && radius !== null ? `max|ρ| = ${short(radius)}` : "", errors && `errors: ${errors.replaceAll("-", "−")}`].filter(Boolean).join("; ");
   by("warnings").replaceChildren(...warnings.map((warning) => Object.assign(document.createElement("li"), { textContent: warning })));
   drawPictures();
 }

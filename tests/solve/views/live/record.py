@@ -33,7 +33,8 @@ def record(file: Path = FILE) -> None:
         live.close()
     size = _SHOWN, round(_SHOWN * _HEIGHT / _WIDTH)
     small = [image.resize(size, Image.Resampling.LANCZOS) for image in images]
-    palette = small[0].quantize(colors=48)
+    # Rare colours, of verdict, warnings and cursor, are kept.
+    palette = small[0].quantize(colors=64, method=Image.Quantize.MAXCOVERAGE)
     frames = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in small]
     frames[0].save(file, save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0, optimize=True)
 

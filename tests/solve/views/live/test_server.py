@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -17,12 +18,15 @@ import pytest
 
 import solve
 from solve.commands.app import run
+from solve.errors import WindowError
 from tests.pages import DOCS
 
 tornado = pytest.importorskip("tornado", reason="the live window needs the extra `explore`")
 
 from tornado.httpclient import HTTPClientError, HTTPRequest  # noqa: E402
 from tornado.websocket import websocket_connect  # noqa: E402
+
+from solve.views.live.server import LiveServer  # noqa: E402
 
 _SECONDS = 60
 PRINTED = re.findall(
@@ -164,6 +168,27 @@ def test_window_in_python_has_the_model_of_the_sliders():
     finally:
         with_closing.close()
     assert not with_closing.is_open
+    assert with_closing._repr_html_() == "<p>Live window of mathieu: closed</p>"
+
+
+@pytest.mark.parametrize(("seconds", "reason"), [(30.0, "OSError: too few files"), (0.0, "not within 0 s")])
+def test_server_that_does_not_start_is_an_error(monkeypatch, seconds, reason):
+    """One fails; the other one is slow, and ends as soon as it has started."""
+    ended, serve = threading.Event(), LiveServer.serve
+
+    async def failing(server, ready):
+        if seconds:
+            raise OSError("too few files")
+        await asyncio.sleep(0.2)
+        await serve(server, ready)
+        ended.set()
+
+    monkeypatch.setattr(LiveServer, "serve", failing)
+    monkeypatch.setattr("solve.views.live.window._START", seconds)
+    with pytest.raises(WindowError) as raised:
+        solve.explore("mathieu")
+    assert str(raised.value) == f"the server of the live window did not start ({reason}); open it again"
+    assert seconds or ended.wait(_SECONDS)
 
 
 @pytest.mark.slow
