@@ -95,9 +95,39 @@ def test_bound_on_another_quantity_is_active(model):
     assert abs(response(0.5, k=found.free["k"])) == pytest.approx(0.1, rel=1e-5)
 
 
-def test_requirements_that_no_design_fulfils_are_reported(model):
-    found = solve.optimise(model, "q.max_abs", {"k": (8.0, 10.0)}, 0.5, subject=["q.max < 0.01"])
-    assert any("no design was found that fulfils all requirements" in warning for warning in found.warnings)
+@pytest.fixture
+def solutions(monkeypatch):
+    """Speeds of all solutions at designs."""
+    speeds, at = [], Design.at
+    monkeypatch.setattr(Design, "at", lambda design, x, given: speeds.extend(given) or at(design, x, given))
+    return speeds
+
+
+def test_requirement_that_no_design_fulfils_is_named_with_its_best_value(model):
+    found = solve.optimise(model, "q.max_abs", {"k": (8.0, 10.0)}, 0.5, subject=["q.max < 10 mm"])
+    least = abs(response(0.5, k=10.0))
+    assert found.objective == pytest.approx(least, rel=1e-6)
+    text = f"fulfils q.max < 10 mm; the closest reaches {1e3 * least:.3g} mm"
+    assert any(text in warning for warning in found.warnings)
+
+
+def test_requirements_that_exclude_each_other_are_both_named(model, solutions):
+    bounds = ["q.max < 0.1", "q.max > 0.11"]
+    found = solve.optimise(model, "q.max_abs", {"k": (8.0, 12.0)}, 0.5, subject=bounds)
+    # Equal violations, relative to the bounds.
+    assert found.objective == pytest.approx(2 / (1 / 0.1 + 1 / 0.11), rel=1e-5)
+    assert any("fulfils q.max < 0.1 and q.max > 0.11; the" in warning for warning in found.warnings)
+    assert len(solutions) < 100
+
+
+def test_unstable_band_that_no_design_avoids_ends_the_search_over_its_range(solutions):
+    pendulum = solve.load("mathieu", delta=2.0, epsilon=1.0, zeta=0.02)
+    found = solve.optimise(pendulum, "spectral_radius", {"zeta": (0.0, 0.1)}, "1:2:3 rad/s", rtol=1e-6)
+    damped = pendulum.varied({"zeta": 0.1})
+    worst = max(solve.floquet(damped, speed).spectral_radius for speed in np.linspace(1.38, 1.42, 41))
+    assert found.objective == pytest.approx(worst, rel=1e-4)
+    assert any(f"spectral_radius < 1; the closest reaches {worst:.3g}" in text for text in found.warnings)
+    assert len(solutions) < 500
 
 
 def test_unstable_start_becomes_stable():
