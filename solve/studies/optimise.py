@@ -172,6 +172,8 @@ def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Ar
     for name in names:
         ends.append(bounds_in_own_unit(model, name, free[name]))
         for end in ends[-1]:
+            if not np.isfinite(end):
+                raise ValueOutOfBoundsError(f"a bound of {name} is {end:g}; allowed: finite numbers")
             require_bounds(model, {name: end})
     derivatives_of(model).by(names)
     low, high = np.array(ends).T
