@@ -58,7 +58,7 @@ class _Constraints(casadi.Callback):
     def has_jacobian(self) -> bool:
         return self.slopes is not None
 
-    def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> casadi.Function:
+    def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> casadi.Function:
         assert self.slopes
         self.inner.append(_Constraints(self.slopes, None, self.size).build(self.shape_out[0], self.size))
         return self.inner[-1]

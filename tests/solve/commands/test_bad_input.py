@@ -249,6 +249,10 @@ BAD = {
         ),
         ("--delay 1 ms requires --feedback NAME",),
     ),
+    "optimise: bounds of two parameters": (
+        ("optimise", "cam", *SPEED, "--minimise", "q3.rms", "--free", "k1", "--bounds", "k1, k2=1:1e9"),
+        ("bounds are given for k2, which is not free",),
+    ),
     "optimise: bounds without end": (
         ("optimise", "cam", *SPEED, "--minimise", "q3.rms", "--free", "k1", "--bounds", "k1=7e4:inf"),
         ("a bound of k1 is inf", "finite numbers"),
