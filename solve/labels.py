@@ -102,7 +102,11 @@ def bounds_in_own_unit(
     require_name(f"parameter of {labels.name}", name, labels.parameters)
     low, high = (in_own_unit(system, name, end) for end in ends)
     value = float(labels.parameters[name])
-    if not low < high or not low <= value <= high:
+    if not low < high:
+        raise ValueOutOfBoundsError(
+            f"bounds of {name} are {low:g} to {high:g}; give two numbers, the lower one first"
+        )
+    if not low <= value <= high:
         raise ValueOutOfBoundsError(
             f"bounds of {name} are {low:g} to {high:g}, but its initial value is {value:g}; give "
             f"bounds that contain this value, or another value with --set {name}=NUMBER"

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speed, stored_in
+from solve.commands.parse import require_with
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.labels import in_own_unit
 from solve.model.model import Model
@@ -30,14 +31,21 @@ def branch(
         Flag("Orbits reached from N random initial states; with a range, the branches through them.", "N"),
     ] = None,
     begin: Annotated[str | None, Flag("Value at the first orbit, inside the range.", '"VALUE unit"')] = None,
-    seed: Annotated[int, Flag("Seed of the random initial states.", "N")] = 0,
+    seed: Annotated[
+        int | None, Flag("With --scatter: seed of the random initial states; 0 by default.", "N")
+    ] = None,
     spread: Annotated[
-        float, Flag("Half width of the range of initial states, relative to the linear orbit.", "R")
-    ] = 4.0,
+        float | None,
+        Flag(
+            "With --scatter: half width of the range of initial states, relative to the linear orbit; 4 by "
+            "default.",
+            "R",
+        ),
+    ] = None,
     unforced: Annotated[
         bool, Flag("Nonlinear modes over their frequency: equations without load and damping.")
     ] = False,
-    points: Annotated[int, Flag("Maximum number of points.", "N")] = 200,
+    points: Annotated[int | None, Flag("Maximum number of points; 200 by default.", "N")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
     periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
     start: Annotated[
@@ -49,6 +57,7 @@ def branch(
 ) -> None:
     """Branch of nonlinear orbits over the speed or a parameter, through its turning points."""
     over, model = over or [], problem.loaded()
+    require_with("--scatter N", scatter is not None, {"--seed": seed, "--spread": spread})
     if scatter is not None and (switch or follow or start or unforced):
         raise ValueOutOfBoundsError("--scatter excludes --switch, --follow, --start and --unforced")
     if follow is not None and (switch or unforced or speeds is not None or begin or store):
@@ -58,14 +67,20 @@ def branch(
         )
     if follow is None and len(over) > 1:
         raise ValueOutOfBoundsError("--over is given twice; give it once, or add --follow fold")
+    if scatter is not None:
+        is_range = bool(over) or speeds is not None
+        require_with("--speeds or --over", is_range, {"--points": points, "--store": store})
     if follow is None and (scatter is None or over or speeds is not None):
         _require_one_range(speed, speeds, over)
     over_one, constant = (over[0], speed.speed) if over else (None, speeds)
     found: Any = start
     if scatter is not None:
         at_begin, omega = _at_begin(model, speed.speed, speeds, over_one, begin)
-        found = solve.scatter(at_begin, omega, scatter, seed, spread, max(2, periods), min(rtol, 1e-6))
-    settings: dict[str, Any] = {"start": found, "points": points, "rtol": rtol}
+        box: dict[str, Any] = {
+            name: value for name, value in (("seed", seed), ("spread", spread)) if value is not None
+        }
+        found = solve.scatter(at_begin, omega, scatter, periods=max(2, periods), rtol=min(rtol, 1e-6), **box)
+    settings: dict[str, Any] = {"start": found, "points": 200 if points is None else points, "rtol": rtol}
     if follow is not None:
         result = solve.special_curves(model, follow, over, speed.speed, periods, **settings)
     elif scatter is not None and not over and speeds is None:

@@ -5,7 +5,7 @@ from typing import Annotated
 import solve
 from solve.commands.deliver import deliver_animation, deliver_page, print_warnings
 from solve.commands.groups import Accuracy, Flag, Loop, Speed, Speeds
-from solve.commands.parse import out_file
+from solve.commands.parse import out_file, require_with
 from solve.exports import export as exports
 from solve.exports.state_space import SAMPLES
 from solve.results.files import PICTURES
@@ -54,9 +54,12 @@ def export(
     problem: Loop,
     speed: Speed,
     out: Annotated[str | None, Flag("File of the equations: .mat, .c or .fmu.", "FILE")] = None,
-    samples: Annotated[int, Flag("Phases per period in a .mat file.", "N")] = SAMPLES,
+    samples: Annotated[
+        int | None, Flag(f"Phases per period in a .mat file; {SAMPLES} by default.", "N")
+    ] = None,
 ) -> None:
     """Equations for another tool: MATLAB, C, or an FMU."""
     file = out_file(out, exports.ENDINGS, "export", "cam.mat")
-    result = solve.export(problem.loaded(), file, speed.speed, samples)
+    require_with("--out FILE.mat", file.suffix.lower() == ".mat", {"--samples": samples})
+    result = solve.export(problem.loaded(), file, speed.speed, SAMPLES if samples is None else samples)
     print_warnings(result.warnings, result.files)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 
 import typer
 
-from solve.commands.parse import assignments, integer, number, quantities, spread
+from solve.commands.parse import assignments, integer, number, quantities, require_with, spread
 from solve.errors import DesiredMotionError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED, require_motion, speed_or_usual
 from solve.loading import case_numbers, load, missing_parameters, model_of, parameter_units, setup_of
@@ -297,12 +297,9 @@ class Proving:
 
     def require_provable(self, model: Model, nonlinear: bool = False) -> None:
         """Raise SolveError subclasses, before the calculation, if a proof is impossible."""
-        flags = [f"--digits {self.digits}"] if self.digits is not None else []
-        flags += ["--rounded"] if self.rounded else []
-        needed = [*flags, *([f"--workers {self.workers}"] if self.workers is not None else [])]
-        if needed and not self.prove:
-            raise ValueOutOfBoundsError(f"{needed[0]} requires --prove; add it")
-        if len(flags) > 1:
+        flags = {"--digits": self.digits, "--rounded": self.rounded, "--workers": self.workers}
+        require_with("--prove", self.prove, flags)
+        if self.rounded and self.digits is not None:
             raise ValueOutOfBoundsError(
                 "--rounded limits the precision to that of the given numbers; leave out --digits"
             )

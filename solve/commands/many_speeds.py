@@ -18,7 +18,15 @@ from solve.commands.groups import (
     Speeds,
     Steps,
 )
-from solve.commands.parse import assignments, fraction, harmonic_count, points, quantities, statistic_name
+from solve.commands.parse import (
+    assignments,
+    fraction,
+    harmonic_count,
+    points,
+    quantities,
+    require_with,
+    statistic_name,
+)
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.labels import in_own_unit
 from solve.model.model import Model
@@ -100,6 +108,7 @@ def sweep(
         _check_turn(model, turn, count * math.prod(map(len, varied.values())), results, waterfall)
     if waterfall:
         _check_waterfall(waterfall, results, [count, *map(len, varied.values())])
+    require_with("--waterfall NAME", waterfall is not None, {"--harmonics": harmonics})
     rule = accuracy.rule, accuracy.steps, accuracy.rtol
     if nonlinear and turn is not None:
         raise ValueOutOfBoundsError("--turn draws linear orbits; leave out --turn or --nonlinear")
@@ -261,6 +270,9 @@ def critical(
     """Critical speeds: maxima of response and multipliers, divisions ω̄/k of mean frequencies."""
     omegas, statistic, model = speeds.omegas(), statistic_name(figure), problem.loaded()
     derivatives.require_known(model)
+    require_with("--plot FILE", results.plot is not None, {"--campbell": campbell})
+    if campbell and derivatives.by:
+        raise ValueOutOfBoundsError("--campbell and --by select two different results; give one of them")
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
     drawn = None if derivatives.by else partial(result.plot, campbell=campbell)
     deliver_result(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Loop, PointAccuracy, Proving, Results, Settings, Speed
-from solve.commands.parse import harmonic_count
+from solve.commands.parse import harmonic_count, require_with
 from solve.errors import NoResultError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import METHODS, Rule, chosen, settings_of
 from solve.model.model import Model
@@ -54,7 +54,10 @@ def periodic(
     proving.require_provable(model, nonlinear)
     require_name("scale", scale, SCALES)
     shown(model, show)
-    _check_flags(results, nonlinear, quasi_static, fits, data)
+    pictured = {"--fits": fits, "--show": show, "--scale": None if scale == SCALES[0] else scale}
+    require_with("--plot FILE", results.plot is not None, pictured)
+    require_with("--nonlinear", nonlinear, {"--periods": periods, "--start": start})
+    _check_flags(nonlinear, quasi_static, fits, data)
     records, picture = None, None
     if data is not None:
         from solve.studies.measured import measured
@@ -64,7 +67,6 @@ def periodic(
         from solve.views.over_time import fits_figure
 
         picture = fits_figure(model)
-    _require_nonlinear({"--periods": periods, "--start": start}, nonlinear)
     solver = solve.periodic
     if nonlinear:
         solver = partial(_nonlinear, start=start, periods=1 if periods is None else periods)
@@ -78,23 +80,14 @@ def periodic(
     deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure, proof=proof)
 
 
-def _check_flags(results: Results, nonlinear: bool, quasi_static: bool, fits: bool, data: str | None) -> None:
+def _check_flags(nonlinear: bool, quasi_static: bool, fits: bool, data: str | None) -> None:
     """Raise ValueOutOfBoundsError for flags that exclude each other."""
-    if fits and results.plot is None:
-        raise ValueOutOfBoundsError("--fits requires --plot FILE; add it")
     if fits and data is not None:
         raise ValueOutOfBoundsError("--fits and --data select two different pictures; give one of them")
     if nonlinear and quasi_static:
         raise ValueOutOfBoundsError(
             "--quasi-static requires the linear orbit; leave out --quasi-static or --nonlinear"
         )
-
-
-def _require_nonlinear(flags: Mapping[str, Any], nonlinear: bool) -> None:
-    """Raise ValueOutOfBoundsError for a flag that requires --nonlinear."""
-    for flag, value in flags.items():
-        if value is not None and not nonlinear:
-            raise ValueOutOfBoundsError(f"{flag} {value} requires --nonlinear; add it")
 
 
 def _nonlinear(
@@ -193,6 +186,7 @@ def transient(
     """Transient at constant speed from given initial conditions to the periodic orbit; run-up, run-down."""
     model = problem.loaded()
     shown(model, show)
+    require_with("--plot FILE", results.plot is not None, {"--show": show})
     if speeds is not None and speed.speed is not None:
         raise ValueOutOfBoundsError("--speed gives a constant speed and --speeds a run-up; give one of them")
     omega = speed.omega(model) if speeds is None else None

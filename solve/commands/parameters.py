@@ -8,7 +8,7 @@ import numpy as np
 import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Execution, Flag, Problem, Results, Speed, Speeds, Steps
-from solve.commands.parse import assignments, listed, points
+from solve.commands.parse import assignments, listed, points, require_with
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.results.files import checked
 from solve.results.frequencies import Findings
@@ -35,8 +35,7 @@ def sensitivity(
     """Derivatives of quantities with respect to parameters and speed, at one or many speeds."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
-    if periods is not None and not nonlinear:
-        raise ValueOutOfBoundsError(f"--periods {periods} requires --nonlinear; add it")
+    require_with("--nonlinear", nonlinear, {"--periods": periods})
     model = problem.loaded()
     task = of, by, accuracy.rule, accuracy.steps, accuracy.rtol
     if speeds.speeds is not None:
@@ -57,7 +56,8 @@ def fit(
     data: Annotated[str | None, Flag("Measured vibration (.csv, .mat, .uff), with units.", "FILE")] = None,
     free: Annotated[str | None, Flag("Parameters to fit, separated by commas.", "k1,k2")] = None,
     bounds: Annotated[
-        list[str] | None, Flag("Bounds of a parameter, unit optional; repeatable.", '"NAME=A:B unit"')
+        list[str] | None,
+        Flag("Bounds of one or more parameters, unit optional; repeatable.", '"NAME,NAME=A:B unit"'),
     ] = None,
     robust: Annotated[bool, Flag("Weight outliers by their moduli instead of their squares.")] = False,
     toml: Annotated[str | None, Flag("Write the fitted model as a case file (.toml).", "FILE")] = None,
@@ -86,7 +86,8 @@ def optimise(
     ] = None,
     free: Annotated[str | None, Flag("Free parameters, separated by commas.", "a1,a3")] = None,
     bounds: Annotated[
-        list[str] | None, Flag("Bounds of a free parameter, unit optional; repeatable.", '"NAME=A:B unit"')
+        list[str] | None,
+        Flag("Bounds of one or more parameters, unit optional; repeatable.", '"NAME,NAME=A:B unit"'),
     ] = None,
     keep: Annotated[
         list[str] | None, Flag("Value or curve to keep unchanged; repeatable.", '"NAME@A:B deg"')
@@ -133,10 +134,8 @@ def optimise(
         model = solve.OutputFeedback(model, measured, gain_harmonics, delay or 0.0, notches=notch or ())
         limits = model.bounds_of_gains(limits)
         names += model.gains
-    elif gain_harmonics or delay is not None or notch:
-        raise ValueOutOfBoundsError(
-            "--gain-harmonics, --delay and --notch require a feedback; add --feedback NAME"
-        )
+    of_feedback = {"--gain-harmonics": gain_harmonics or None, "--delay": delay, "--notch": notch}
+    require_with("--feedback NAME", feedback is not None, of_feedback)
     if missing := [name for name in names if name not in limits]:
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
     if not_free := [name for name in limits if name not in names]:
@@ -146,6 +145,7 @@ def optimise(
     speed_texts = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     ranges = {name: limits[name] for name in names}
     requirements = keep or (), subject or (), starts
+    require_with("--robust K", robust is not None, {"--vary": vary})
     spreads = assignments("--vary", vary or [], "NAME=±2 %")
     options = {"method": accuracy.rule, "rtol": accuracy.rtol, "prove": prove}
     result = solve.optimise(
@@ -197,9 +197,15 @@ def tolerances(
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
-    """Lower and upper bounds by name, as texts if a unit is given. Raises ValueOutOfBoundsError."""
+    """Lower and upper bounds by name, as texts if a unit is given. Names with equal bounds may be separated
+    by commas. Raises ValueOutOfBoundsError."""
     bounds = {}
-    for name, text in assignments("--bounds", texts or [], "NAME=A:B").items():
+    given = [
+        f"{name}{equals}{text}"
+        for names, equals, text in (each.partition("=") for each in texts or [])
+        for name in (names.split(",") if equals else [names])
+    ]
+    for name, text in assignments("--bounds", given, "NAME=A:B").items():
         try:
             numbers, _, unit = apart(text).partition(" ")
             low, high = (quantity(f"{number} {unit}".strip()) for number in numbers.split(":"))

@@ -60,6 +60,19 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
     return values
 
 
+def require_with(needed: str, is_given: bool, flags: Mapping[str, Any]) -> None:
+    """Raise ValueOutOfBoundsError for a flag that has no effect without another one.
+
+    needed: the other flag. flags: values by flag; None, False and empty lists are absent flags.
+
+    >>> require_with("--prove", False, {"--digits": None, "--rounded": False})
+    """
+    for flag, value in flags.items():
+        if not is_given and value is not None and value is not False and value != []:
+            text = "" if value is True else f" {value[0] if isinstance(value, list) else value}"
+            raise ValueOutOfBoundsError(f"{flag}{text} requires {needed}; add it")
+
+
 def listed(flag: str, text: str) -> list[str]:
     """Names from a text in which names are separated by commas. Raises ValueOutOfBoundsError for a repeated
     name.

@@ -34,6 +34,19 @@ class Limited:
 
 
 @dataclass(frozen=True)
+class Excess:
+    """Amounts by which values exceed their limit, in units of its scale; negative below it."""
+
+    limited: Limited
+
+    def values(self, x: Array) -> Array:
+        return (self.limited.values.values(x) - self.limited.limit) / self.limited.scale
+
+    def slopes(self, x: Array) -> Array:
+        return self.limited.values.slopes(x) / self.limited.scale
+
+
+@dataclass(frozen=True)
 class Equations:
     """Equations f(x) = 0 with derivatives. `residuals` (e,) and `slopes` (e, r) refer to x scaled to 0 …
     1."""

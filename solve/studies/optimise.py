@@ -172,6 +172,8 @@ def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Ar
     for name in names:
         ends.append(bounds_in_own_unit(model, name, free[name]))
         for end in ends[-1]:
+            if not np.isfinite(end):
+                raise ValueOutOfBoundsError(f"a bound of {name} is {end:g}; allowed: finite numbers")
             require_bounds(model, {name: end})
     derivatives_of(model).by(names)
     low, high = np.array(ends).T
@@ -192,11 +194,12 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
         worst, phase = int(np.argmax(values)), np.linspace(0.0, design.model.period, _CURVE_PHASES)
         curves = Curves(phase, *(each[worst].signal(objective.subject, phase) for each in (before, points)))
     confirmed, unconfirmed = _confirmed(search, best, prove)
-    if not best.feasible:
+    if unmet := search.unmet(points):
+        names, reached = (" and ".join(texts) for texts in zip(*unmet, strict=True))
         doubts = [
             *doubts,
-            "no design was found that fulfils all requirements; this design violates them least; widen "
-            "the bounds, or relax a requirement",
+            f"no design was found that fulfils {names}; the closest reaches {reached}; widen the bounds, or "
+            "relax a requirement",
         ]
     warnings = dict.fromkeys(warning for point in points for warning in point.solved.warnings)
     failures = len(search.failures)

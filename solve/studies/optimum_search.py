@@ -9,11 +9,12 @@ from solve.arrays import Array
 from solve.errors import SolveError
 from solve.period.multipliers import KNOWN_ON_CIRCLE, UNIT_CIRCLE
 from solve.period.named import RADIUS, Named
+from solve.results.formatting import measured
 from solve.results.optimum import Requirement
 from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
 from solve.studies.kept import KeptValues
-from solve.studies.minimax import Limited, minimised, restored
+from solve.studies.minimax import Excess, Limited, minimised, restored
 from solve.studies.over_speed import SPECTRAL_RADIUS, BandEdge, Peak, PeakSpeed, safe_radius
 from solve.studies.requirements import Bound, Kept
 from solve.studies.robust import Robust, Statistic
@@ -34,6 +35,10 @@ change. Choices."""
 STATIONARY = 100.0
 """Change of the objective in a round, relative and in units of rtol, below which the search ends. With 10 the
 errors of the orbits, which differ from grid to grid, prevent the end for some optima of the manipulator."""
+
+_MAX_RESTORATIONS, _GAIN = 6, 0.01
+"""Largest number of minimisations of the violation, and reduction of the violation, relative to it, below
+which no design is expected to fulfil all requirements. Choices."""
 
 _VIOLATION = 1e-7
 """Largest violation of a bound, relative to its scale, with which the bound counts as satisfied. A choice."""
@@ -161,28 +166,65 @@ class Search:
         """Local optimum from a start. Raises the exception of the start if it has no solution."""
         state, reach = self._state(x), 0.5
         for _ in range(_MAX_ROUNDS):
+            if reach < _SMALLEST_REACH:
+                break
             try:
                 with progress.subtask(ROUNDS):
                     x, change = self._round(state.x, reach)
                     trial = self._state(x)
+                if not trial.better_than(state) and not state.feasible:
+                    trial = self._least_violation(state)
+                    if not trial.feasible:
+                        return trial
             except SolveError as reason:
                 self.failures.append(str(reason))
                 reach /= _SHRINKING
+                continue
+            is_last = state.feasible and abs(change) <= STATIONARY * self.design.rtol
+            if trial.better_than(state):
+                state = trial
             else:
-                is_last = state.feasible and abs(change) <= STATIONARY * self.design.rtol
-                if trial.better_than(state):
-                    state = trial
-                else:
-                    reach /= _SHRINKING
-                if is_last:
-                    break
-            if reach < _SMALLEST_REACH:
+                reach /= _SHRINKING
+            if is_last:
                 break
         return state
+
+    def _least_violation(self, state: State) -> State:
+        """Design near an infeasible one whose largest violation is least. Raises the exceptions of
+        `_round`."""
+        for _ in range(_MAX_RESTORATIONS):
+            excess = [Excess(each) for each in self._limits(state.x)]
+            with progress.subtask(ROUNDS):
+                x, _ = minimised(excess, [], self.equations, state.x, 1.0, STATIONARY * self.design.rtol)
+                trial = self._state(x if self.equations is None else restored(self.equations, x))
+            is_last = trial.feasible or trial.violation > (1 - _GAIN) * state.violation
+            state = min(state, trial, key=lambda each: each.violation)
+            if is_last:
+                break
+        return state
+
+    def unmet(self, points: Sequence[DesignPoint]) -> list[tuple[str, str]]:
+        """Violated requirements, and their values with unit."""
+        units = ["1", *(each.quantity.unit for each in self.bounds)]
+        bounded = zip(self.bounded(points), units, strict=True)
+        found = [(each, unit) for (each, violation), unit in bounded if violation > _VIOLATION]
+        if found and found[0][0].name == RADIUS:
+            found[0] = found[0][0]._replace(name=f"{RADIUS} < 1"), "1"
+        for kept, change, allowed in self.kept_values.changes(points):
+            if change > 2 * allowed:
+                unit = self.design.model.labels.units.get(kept.name, "1")
+                found.append((Requirement(f"keep {kept.text}", change, allowed), unit))
+        return [(each.name, measured(each.value, unit)) for each, unit in found]
 
     def _round(self, x: Array, reach: float) -> tuple[Array, float]:
         """Optimum near x, for the extrema that are largest near x, and the relative change of the
         objective."""
+        rtol = STATIONARY * self.design.rtol
+        x, change = minimised(self._objective(x), self._limits(x), self.equations, x, reach, rtol)
+        return (x if self.equations is None else restored(self.equations, x)), change
+
+    def _limits(self, x: Array) -> list[Limited]:
+        """Limits on all bounded quantities, for the extrema that are largest near x."""
         design, limits = self.design, [*self.kept_limits]
         for at, point in enumerate(design.points(x)):
             for each in self.bounds:
@@ -191,10 +233,7 @@ class Search:
             factor = 1 + point.solved.error_estimate.multipliers
             radius = Single(design, at, SPECTRAL_RADIUS, factor=factor)
             limits.append(Limited(radius, self.limit, 1.0))
-        limits += [Limited(each, 0.0, each.end) for each in self.edges]
-        rtol = STATIONARY * design.rtol
-        x, change = minimised(self._objective(x), limits, self.equations, x, reach, rtol)
-        return (x if self.equations is None else restored(self.equations, x)), change
+        return limits + [Limited(each, 0.0, each.end) for each in self.edges]
 
     def _objective(self, x: Array) -> list[Tracked]:
         if not isinstance(self.minimise, Named):

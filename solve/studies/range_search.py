@@ -120,7 +120,7 @@ def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Itera
 
 
 def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]:
-    """Local maxima over the speed of the objective or of a bound that are worse than the values at the speeds
+    """Local maxima over the speed of the objective or of a bound that are worse than all values at the speeds
     of the design, with the spacing at which they decrease by `drop`."""
     from scipy.optimize import minimize_scalar
 
@@ -145,8 +145,10 @@ def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]
         return min(max(wanted, _SPACING[0] * speed), _SPACING[1] * speed)
 
     speeds = search.design.speeds
-    given = zip(speeds, map(excess_of, search.design.points(state.x)), strict=True)
-    for (low, first), (high, last) in itertools.pairwise(given):
+    given = [excess_of(point) for point in search.design.points(state.x)]
+    # A requirement that no design fulfils is exceeded near its worst speed too.
+    known = max(0.0, *given)
+    for (low, first), (high, last) in itertools.pairwise(zip(speeds, given, strict=True)):
         between = np.linspace(low, high, _BETWEEN + 1)
         values = np.array([first, *map(excess, between[1:-1]), last])
         top = int(np.argmax(values))
@@ -158,7 +160,7 @@ def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]
             method="bounded",
             options={"xatol": _SPEED_TOLERANCE * high},
         )
-        if -best.fun > STATIONARY * search.design.rtol:
+        if -best.fun > known + STATIONARY * search.design.rtol:
             speed = float(best.x)
             (point,), distance = (
                 search.design.at(state.x, [speed]),

@@ -179,6 +179,88 @@ BAD = {
     "path of 300 letters": (("periodic", "x" * 300 + ".py", *SPEED), ("no mechanism file",)),
     "picture of a long name": ((*CAM, "--plot", "x" * 300 + ".png"), ("cannot be written",)),
     "picture onto a device": ((*CAM, "--plot", "device.png"), ("device.png", "is a device")),
+    "scale without a picture": ((*CAM, "--scale", "dB"), ("--scale dB requires --plot FILE",)),
+    "curve without a picture": ((*CAM, "--show", "q1"), ("--show q1 requires --plot FILE",)),
+    "transient: curve without a picture": (
+        ("transient", "cam", *SPEED, "--show", "q1"),
+        ("--show q1 requires --plot FILE",),
+    ),
+    "sweep: harmonics without a waterfall": (
+        ("sweep", "cam", "--speeds", "600 rpm", "--harmonics", "5"),
+        ("--harmonics 5 requires --waterfall NAME",),
+    ),
+    "critical: Campbell diagram without a picture": (
+        ("critical", "cam", "--speeds", "600 700 rpm", "--campbell"),
+        ("--campbell requires --plot FILE",),
+    ),
+    "critical: Campbell diagram of derivatives": (
+        ("critical", "cam", "--speeds", "600 700 rpm", "--campbell", "--by", "k1", "--plot", "c.png"),
+        ("--campbell and --by",),
+    ),
+    "branch: seed without scattered states": (
+        ("branch", "cam", "--speeds", "100:200 rpm", "--seed", "0"),
+        ("--seed 0 requires --scatter N",),
+    ),
+    "branch: spread without scattered states": (
+        ("branch", "cam", "--speeds", "100:200 rpm", "--spread", "4"),
+        ("--spread 4.0 requires --scatter N",),
+    ),
+    "branch: points without a range": (
+        ("branch", "cam", *SPEED, "--scatter", "5", "--points", "9"),
+        ("--points 9 requires --speeds or --over",),
+    ),
+    "export: samples of code": (
+        ("export", "cam", "--out", "cam.c", "--samples", "90"),
+        ("--samples 90 requires --out FILE.mat",),
+    ),
+    "sensitivity: periods of linear orbits": (
+        ("sensitivity", "cam", *SPEED, "--periods", "2"),
+        ("--periods 2 requires --nonlinear",),
+    ),
+    "optimise: tolerances without a robust objective": (
+        (
+            "optimise",
+            "cam",
+            *SPEED,
+            "--minimise",
+            "q3.rms",
+            "--free",
+            "k1",
+            "--bounds",
+            "k1=7e4:9e4",
+            "--vary",
+            "k3=±1%",
+        ),
+        ("--vary k3=±1% requires --robust K",),
+    ),
+    "optimise: delay without feedback": (
+        (
+            "optimise",
+            "cam",
+            *SPEED,
+            "--minimise",
+            "q3.rms",
+            "--free",
+            "k1",
+            "--bounds",
+            "k1=7e4:9e4",
+            "--delay",
+            "1 ms",
+        ),
+        ("--delay 1 ms requires --feedback NAME",),
+    ),
+    "optimise: bounds of two parameters": (
+        ("optimise", "cam", *SPEED, "--minimise", "q3.rms", "--free", "k1", "--bounds", "k1, k2=1:1e9"),
+        ("bounds are given for k2, which is not free",),
+    ),
+    "optimise: bounds without end": (
+        ("optimise", "cam", *SPEED, "--minimise", "q3.rms", "--free", "k1", "--bounds", "k1=7e4:inf"),
+        ("a bound of k1 is inf", "finite numbers"),
+    ),
+    "optimise: bounds in the wrong order": (
+        ("optimise", "cam", *SPEED, "--minimise", "q3.rms", "--free", "k1", "--bounds", "k1=9e4:7e4"),
+        ("bounds of k1 are 90000 to 70000", "the lower one first"),
+    ),
     "sweep: no speeds": (("sweep", "cam"), ("no speeds given", "--speeds")),
     "sweep: too many speeds": (
         ("sweep", "cam", "--speeds", "1:2:100000000 rpm"),
