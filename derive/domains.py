@@ -195,7 +195,7 @@ def guarded(expression: Any, signs: Signs) -> Any:
 
 def value_at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
     """Expression at the values `rest` of the time-varying symbols, and conditions under which singular pieces
-    inactive."""
+    are inactive."""
     conditions: list[Any] = []
 
     def value(part: Any) -> Any:

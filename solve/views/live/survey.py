@@ -54,7 +54,7 @@ class Axis:
             return np.geomspace(self.low, self.high, self.count)
         return np.linspace(self.low, self.high, self.count)
 
-    def own(self, unit: ShownUnit) -> Array:
+    def in_model_unit(self, unit: ShownUnit) -> Array:
         """Values in the unit of the model; speeds in rad/s. unit: display unit of the speed."""
         return self.values * unit.size if self.name == SPEED else self.values
 
@@ -106,7 +106,7 @@ class Survey:
     def _sweep(self) -> dict[str, Any]:
         model, x, quantity = self.model, self.x, Named.parse(self.model, self.of)
         varies_speed = x.name == SPEED
-        speeds = x.own(self.unit) if varies_speed else [self.speed]
+        speeds = x.in_model_unit(self.unit) if varies_speed else [self.speed]
         over = None if varies_speed else {x.name: x.values}
         shown = [quantity.subject] if quantity.of_orbit else []
         spectra = shown if quantity.figure == HARMONIC else []
@@ -136,7 +136,7 @@ class Survey:
 
     def _chart(self, y: Axis) -> dict[str, Any]:
         quantity = Named.parse(self.model, self.of)
-        axes = [{axis.name: axis.own(self.unit)} for axis in (self.x, y)]
+        axes = [{axis.name: axis.in_model_unit(self.unit)} for axis in (self.x, y)]
         speed = None if SPEED in (self.x.name, y.name) else self.speed
         result = chart(
             self.model, *axes, speed=speed, of=None if quantity.subject == RADIUS else quantity.text
