@@ -111,7 +111,7 @@ class FollowedOrbit:
 @dataclass(frozen=True)
 class Point:
     """Point of a branch: its converged unknowns on a grid; scales (n,) of the coordinates for step lengths;
-    orthonormal tangents, one per parameter; the orbit on a grid twice as fine; its kind (one of
+    orthonormal tangents, one per parameter; the orbit on a finer grid; its kind (one of
     `solve.results.branch.KINDS`); and the number of the model's periods in the period of the orbit."""
 
     unknowns: Unknowns

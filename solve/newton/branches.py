@@ -102,7 +102,7 @@ def branch(
 
     Notes
     -----
-    Every orbit is converged on one grid and corrected once on a grid with twice the number of steps. The
+    Every orbit is converged on one grid and corrected once on a grid with 5/4 times the number of steps. The
     corrected orbit is returned. Its differences from the first orbit are the error estimates; the grid is
     refined if they exceed rtol.
     """
