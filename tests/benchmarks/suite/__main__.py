@@ -107,7 +107,7 @@ def environment() -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Processor times at equal measured accuracy.")
     parser.add_argument("names", nargs="*")
     parser.add_argument("--target", type=float, default=1e-6)
     parser.add_argument("--limit", type=float, default=20.0)
