@@ -139,12 +139,6 @@ def cam() -> Search:
     return searched(solve.load("cam"), "100 rpm", "q3.max_abs", free, keep=["lift.range"])
 
 
-def dwell() -> Search:
-    free = {f"b{order}": (-0.06, 0.08) for order in range(1, 13)}
-    keep = ["lift.range", "lift@150:210 deg"]
-    return searched(solve.load("cam", case="dwell"), "100 rpm", "q3.max_abs", free, keep=keep)
-
-
 def torque() -> Search:
     names = [f"T{kind}{order}" for order in range(1, 7) for kind in "ab"]
     numbers = {**solve.case_numbers("manipulator").parameters, **dict.fromkeys(["T", *names], 0.0)}
@@ -153,7 +147,7 @@ def torque() -> Search:
     return searched(model, "50 rpm", "q1.max_abs", free, subject=["torque.max_abs < 150 N m"])
 
 
-CASES = [Case(each.__name__, each) for each in (cam, torque, dwell)]
+CASES = [Case(each.__name__, each) for each in (cam, torque)]
 
 
 def measured(case: Case, optimiser: Callable[..., Any]) -> tuple[list[State], int, float]:
