@@ -11,7 +11,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.coefficients import harmonics
-from solve.methods.collocation import Collocated, Collocation
+from solve.methods.collocated import Collocated
+from solve.methods.collocation import Collocation
 from solve.methods.method import Method
 from solve.period.frozen import FrozenModes
 from solve.period.pencils import residual_amplitude

@@ -18,7 +18,7 @@ from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
 from solve.labels import SPEED
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from solve.methods.free import mean_weights
 from solve.period.curve import Curve
 from solve.period.grid import Grid

@@ -19,7 +19,8 @@ from solve.arrays import Array, solved
 from solve.contracts import Matrices
 from solve.derivatives.stage_systems import close_periodically, propagate, stage_systems
 from solve.matrices import split_entries
-from solve.methods.collocation import Collocated, Collocation
+from solve.methods.collocated import Collocated
+from solve.methods.collocation import Collocation
 from solve.period.anchored import Anchored
 from solve.period.curve import Curve
 from solve.period.grid import Grid

@@ -14,7 +14,7 @@ from solve.equations import derivatives_of
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.methods.choice import Rule
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.results.sensitivities import Sensitivities, Sensitivity

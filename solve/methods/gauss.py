@@ -6,7 +6,7 @@ from math import factorial
 import numpy as np
 
 from solve.arrays import Array
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.legendre import legder, legroots, legval
 
 from solve.arrays import Array
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from solve.contracts import Matrices, Motion
 from solve.equations import events_of, nonlinear_of
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
-from solve.methods.collocation import Collocated, Collocation
+from solve.methods.collocated import Collocated
+from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.newton.saltation import event_jumps, solutions_with_jumps

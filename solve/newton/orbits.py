@@ -19,7 +19,7 @@ from solve.errors import (
 )
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from solve.newton.iteration import Converged, Newton, Task, iterate, zero_motion
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient

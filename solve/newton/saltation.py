@@ -18,7 +18,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.equations import derivatives_of, event_normals, events_of
 from solve.matrices import leading
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from solve.methods.free import Free, solutions_on
 from solve.methods.method import Solutions
 from solve.period.curve import Curve

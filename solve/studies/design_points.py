@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
 from solve.errors import NoDerivativeError
 from solve.methods.choice import Rule
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from solve.period.named import RADIUS, Named, Solved
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability

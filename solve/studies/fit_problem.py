@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from solve.model.bounds import clauses
 from solve.model.bounds import measured as with_its_unit
 from solve.model.model import Model

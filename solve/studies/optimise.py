@@ -12,7 +12,7 @@ from solve.equations import derivatives_of, is_nonlinear, require_bounds
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.labels import bounds_in_own_unit, speed_or_usual
 from solve.methods.choice import Rule, chosen
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from solve.methods.method import Method
 from solve.model.model import Model
 from solve.newton.orbits import nonlinear

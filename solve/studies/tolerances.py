@@ -15,7 +15,7 @@ from solve.batch.task import task_of
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.labels import speed_or_usual
 from solve.methods.choice import Rule, chosen
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from solve.methods.method import Method
 from solve.model.model import Model, of_model
 from solve.results.tolerances import (

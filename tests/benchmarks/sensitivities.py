@@ -9,7 +9,7 @@ import numpy as np
 
 import solve
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of, quantities_by
-from solve.methods.collocation import Collocated
+from solve.methods.collocated import Collocated
 from tests.benchmarks.timing import median
 
 SPEED = "600 rpm"
