@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
+from numbers import Real
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -113,3 +114,19 @@ def require_size(what: str, count: float, each: float = 1) -> None:
         most, needed = int(most_numbers() / each), f"--limit {count * each:.3g}"
         allowed = f"up to {most}, or more with {needed}" if most else f"{needed} or more"
         raise ValueOutOfBoundsError(f"{count:.6g} {what}; allowed: {allowed}")
+
+
+def checked_tolerance(
+    tolerance: float, name: str = "tolerance", least: float = 1e-15, example: str = "1e-9"
+) -> float:
+    """Return the tolerance. Raises ValueOutOfBoundsError unless it is at least `least` and below 1."""
+    if not (isinstance(tolerance, Real) and least <= tolerance < 1):
+        raise ValueOutOfBoundsError(
+            f"{name} is {tolerance}; allowed: {least:g} up to (not including) 1, such as {example}"
+        )
+    return float(tolerance)
+
+
+def checked_rtol(rtol: float) -> float:
+    """Return the relative tolerance. Raises ValueOutOfBoundsError unless it is at least 1e-14 and below 1."""
+    return checked_tolerance(rtol, "rtol", 1e-14, "1e-8")

@@ -1,5 +1,6 @@
 """Periodic solution of a system at one speed, and its stability without the solution."""
 
+from solve.arguments import checked_rtol
 from solve.certify.all_multipliers import Spectrum, refined_multipliers, require_step_maps
 from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.model_errors import with_margin, with_model_errors
@@ -13,7 +14,7 @@ from solve.results.stability import Stability
 from solve.system import PeriodicSystem, check, of_any_system, of_system, shown_in
 from solve.terminal import progress
 from solve.threads import one_thread
-from solve.units import checked_rtol, speed_in_si
+from solve.units import speed_in_si
 
 
 @of_any_system

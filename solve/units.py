@@ -386,19 +386,3 @@ def _registry() -> "pint.UnitRegistry":
     registry = pint.UnitRegistry()
     registry.define("hertz = 2 * pi * radian / second = Hz")
     return registry
-
-
-def checked_tolerance(
-    tolerance: float, name: str = "tolerance", least: float = 1e-15, example: str = "1e-9"
-) -> float:
-    """Return the tolerance. Raises ValueOutOfBoundsError unless it is at least `least` and below 1."""
-    if not (isinstance(tolerance, Real) and least <= tolerance < 1):
-        raise ValueOutOfBoundsError(
-            f"{name} is {tolerance}; allowed: {least:g} up to (not including) 1, such as {example}"
-        )
-    return float(tolerance)
-
-
-def checked_rtol(rtol: float) -> float:
-    """Return the relative tolerance. Raises ValueOutOfBoundsError unless it is at least 1e-14 and below 1."""
-    return checked_tolerance(rtol, "rtol", 1e-14, "1e-8")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from solve.arguments import checked_rtol
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.exports.state_space import (
@@ -25,7 +26,7 @@ from solve.methods.fourier import MOST_UNKNOWNS
 from solve.methods.hill import toeplitz, together
 from solve.period.grid import Grid
 from solve.system import PeriodicSystem, check, multiplier_count, of_system, shown_in
-from solve.units import checked_rtol, speed_in_si
+from solve.units import speed_in_si
 
 if TYPE_CHECKING:
     import control

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.arguments import require_integer
+from solve.arguments import checked_rtol, require_integer
 from solve.arrays import Array
 from solve.equations import require_bounds
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
@@ -23,7 +23,7 @@ from solve.newton.unforced import energy, follow_modes_of
 from solve.results.branch import KINDS, Branch
 from solve.results.scatter import Scatter
 from solve.system import PeriodicSystem, of_system, shown_in
-from solve.units import apart, checked_rtol, ramp_in_si
+from solve.units import apart, ramp_in_si
 
 _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
 

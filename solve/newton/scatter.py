@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solve.arguments import require_integer, require_size
+from solve.arguments import checked_rtol, require_integer, require_size
 from solve.arrays import Array
 from solve.equations import is_nonlinear, nonlinear_of
 from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
@@ -20,7 +20,6 @@ from solve.results.scatter import Scatter
 from solve.results.special_orbits import NonlinearOrbit
 from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
-from solve.units import checked_rtol
 
 _TURNS = 400
 """Periods after which a motion counts as not settled. A choice."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.arguments import require_integer, require_size
+from solve.arguments import checked_rtol, require_integer, require_size
 from solve.arrays import Array
 from solve.contracts import Integrator, Matrices, driven
 from solve.equations import nonlinear_of, require_desired_motion, varying_of
@@ -31,7 +31,7 @@ from solve.results.transient import Transient
 from solve.single import periodic
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
-from solve.units import checked_rtol, ramp_in_si, speed_in_si
+from solve.units import ramp_in_si, speed_in_si
 
 REST, ORBIT = "rest", "orbit"
 TURNS = "turns"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solve.arguments import require_integer
+from solve.arguments import checked_rtol, require_integer
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED, speed_or_usual
@@ -21,7 +21,6 @@ from solve.period.quantities import FIGURES
 from solve.results.branch import DOUBLING, FOLD
 from solve.results.special_curves import CUSP, SpecialCurves
 from solve.system import PeriodicSystem, of_system, shown_in
-from solve.units import checked_rtol
 
 _MAX_ABS = FIGURES.index("max_abs")
 

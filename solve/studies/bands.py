@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from solve.arguments import checked_tolerance
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.family import over_speed
@@ -43,7 +44,7 @@ from solve.studies.stability_samples import Evaluate, StabilitySamples, evaluato
 from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
-from solve.units import ShownUnit, checked_tolerance, speeds_between
+from solve.units import ShownUnit, speeds_between
 
 GROWTH = 1e-6
 """Smallest growth per period that counts as instability. Smaller values may be round-off, because multipliers

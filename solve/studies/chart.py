@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.arguments import NUMBERS_A_POINT, require_size
+from solve.arguments import NUMBERS_A_POINT, checked_tolerance, require_size
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
@@ -36,7 +36,7 @@ from solve.studies.sweep import parameter_values
 from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem, multiplier_count, shown_in
 from solve.terminal import progress
-from solve.units import GivenSpeed, ShownUnit, checked_tolerance, speed_in_si, speeds_given
+from solve.units import GivenSpeed, ShownUnit, speed_in_si, speeds_given
 
 _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
 """Names of the arrays of results that describe stability."""

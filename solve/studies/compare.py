@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from solve.arguments import require_integer
+from solve.arguments import checked_rtol, require_integer
 from solve.arrays import Array
 from solve.certify.certified import unresolved_modes_warning, verdicts_of
 from solve.certify.comparison import differences
@@ -24,7 +24,7 @@ from solve.results.orbit import Orbit
 from solve.single import periodic, request
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
-from solve.units import checked_rtol, speed_in_si
+from solve.units import speed_in_si
 
 TARGETS = (1e-3, 1e-6)
 """Relative errors at which methods are compared by default."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solve.arguments import require_integer, require_size
+from solve.arguments import checked_tolerance, require_integer, require_size
 from solve.arrays import Array
 from solve.batch.family import over_speed
 from solve.batch.task import task_of
@@ -27,7 +27,7 @@ from solve.studies.resonances import CLOSE, assign
 from solve.studies.speed_grids import ends_with_matrices, multiplier_rotation, no_rotation, without_result
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
-from solve.units import checked_tolerance, speeds_between
+from solve.units import speeds_between
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 """Statistics of a quantity whose maxima over speed can be searched for."""

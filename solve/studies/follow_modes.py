@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from solve.arguments import require_steps
+from solve.arguments import checked_rtol, require_steps
 from solve.arrays import Array
 from solve.equations import require_bounds
 from solve.errors import NoResultError, SolveError, StepsError, ValueOutOfBoundsError, require_name
@@ -24,7 +24,7 @@ from solve.studies.sweep import Over, varied_values
 from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.threads import one_thread
-from solve.units import checked_rtol, speeds_between, speeds_given
+from solve.units import speeds_between, speeds_given
 
 _FEWEST_STEPS, _MOST_STEPS = 64, 512
 """Number of steps of the first and of the last grid that is tried: the phases at which eigenvectors are

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import Any, NamedTuple
 
+from solve.arguments import checked_rtol
 from solve.arrays import Array
 from solve.derivatives.point import of_solution, quantities_by
 from solve.equations import is_nonlinear, require_load
@@ -26,7 +27,7 @@ from solve.studies.frequencies import frequencies, turn
 from solve.studies.sweep import sweep, validity
 from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
-from solve.units import checked_rtol, speeds_given
+from solve.units import speeds_given
 from solve.views.page import OVER_SPEEDS, Part, Report
 
 

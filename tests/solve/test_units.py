@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from solve.arguments import checked_rtol
 from solve.errors import UnitError, ValueOutOfBoundsError
-from solve.units import checked_rtol, conversion, speed_in_si, speeds_in_si, with_unit
+from solve.units import conversion, speed_in_si, speeds_in_si, with_unit
 
 positive = st.floats(1e-6, 1e9)
 TURN = 2 * math.pi

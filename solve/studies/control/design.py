@@ -4,7 +4,7 @@ coefficients."""
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from solve.arguments import unique_names
+from solve.arguments import checked_rtol, unique_names
 from solve.equations import require_load
 from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
 from solve.labels import require_motion
@@ -20,7 +20,7 @@ from solve.studies.control.riccati import Solved
 from solve.studies.control.sampled import sampled
 from solve.studies.control.weights import Weight
 from solve.system import PeriodicSystem, check, of_system, shown_in
-from solve.units import checked_rtol, speed_in_si
+from solve.units import speed_in_si
 
 
 @of_system

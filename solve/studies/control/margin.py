@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arguments import unique_names
+from solve.arguments import checked_rtol, unique_names
 from solve.arrays import Array
 from solve.errors import ControlError, SolveError, ValueOutOfBoundsError, require_name
 from solve.period.multipliers import UNIT_CIRCLE
@@ -13,7 +13,7 @@ from solve.results.controller import StabilityMargin
 from solve.results.stability import Stability
 from solve.single import floquet
 from solve.system import PeriodicSystem, of_system
-from solve.units import checked_rtol, speed_in_si
+from solve.units import speed_in_si
 
 _SCAN = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)
 """Relative changes along a ray between which the boundary is sought; the last one is the largest distance

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.arguments import checked_rtol
 from solve.arrays import Array, symmetric_of
 from solve.errors import ControlError, require_name
 from solve.methods.gauss import Gauss
@@ -14,7 +15,7 @@ from solve.studies.control.maps import Maps, bounded
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Riccati, solve_riccati
 from solve.system import PeriodicSystem, of_system, shown_in
-from solve.units import checked_rtol, speed_in_si
+from solve.units import speed_in_si
 
 _ON_CIRCLE = 1e-7
 """Distance from the unit circle below which a multiplier of the Hamiltonian system counts as lying on it. A

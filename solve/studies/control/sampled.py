@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from solve.arguments import require_integer
+from solve.arguments import checked_rtol, require_integer
 from solve.arrays import Array
 from solve.errors import ControlError, ValueOutOfBoundsError
 from solve.period.grid import Grid
@@ -18,7 +18,7 @@ from solve.studies.control.maps import step_maps
 from solve.studies.control.output_feedback import OutputFeedback
 from solve.studies.control.plant import Plant
 from solve.system import PeriodicSystem, check, of_system
-from solve.units import checked_rtol, speed_in_si
+from solve.units import speed_in_si
 
 _ORDER, _ADVANCE, _AT = 8, 1.0, 1e-8
 """Order of the Gauss method, and phase advance of the fastest frozen mode per step of the first grid for a
