@@ -26,4 +26,6 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'solve' has no attribute '{name}'; it has {', '.join(__all__)}")
-    return getattr(importlib.import_module(_HOME[name]), name)
+    # Later accesses find the name in the module.
+    value = globals()[name] = getattr(importlib.import_module(_HOME[name]), name)
+    return value

@@ -26,6 +26,7 @@ from solve.errors import (
     SolveError,
     TransientError,
     ValueOutOfBoundsError,
+    counted,
 )
 from solve.system import PeriodicSystem
 
@@ -84,8 +85,8 @@ def input_matrix(system: PeriodicSystem, phase: Array, speed: float) -> Array:
     B = np.zeros(shape) if inputs_at is None else inputs_at(phase, speed)[0]
     if B.shape != shape:
         raise MatricesError(
-            f"B at {len(phase)} phases has shape {B.shape}; for {system.n} coordinates and the inputs "
-            f"{', '.join(system.inputs)} it must be {shape}"
+            f"B at {len(phase)} phases has shape {B.shape}; for {counted(system.n, 'coordinate')} and the "
+            f"inputs {', '.join(system.inputs)} it must be {shape}"
         )
     return B
 

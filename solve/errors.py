@@ -164,6 +164,15 @@ def cause(error: Exception) -> str:
     return "it is damaged or has another format"
 
 
+def counted(count: object, one: str, more: str = "") -> str:
+    """Number with a noun, or other words, in the singular or plural (the plural ends in s by default).
+
+    >>> counted(1, "point"), counted(0, "point"), counted(1, "mode has", "modes have")
+    ('1 point', '0 points', '1 mode has')
+    """
+    return f"{count} {one if count == 1 else more or one + 's'}"
+
+
 def _natural(name: str) -> tuple[str, int]:
     digits = name[len(name.rstrip("0123456789")) :]
     return name.removesuffix(digits), int(digits or 0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.approximation import Trigonometric
 from solve.arrays import EPS, Array
-from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.errors import MatricesError, ValueOutOfBoundsError, counted
 from solve.matrices import real_arrays
 
 _SAME_AZIMUTH = 1e-9
@@ -215,12 +215,16 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
         ) from None
     if azimuths.shape != (count,):
         raise MatricesError(
-            f"phases have shape {azimuths.shape} for {count} samples; give one azimuth in rad per sample"
+            f"phases have shape {azimuths.shape} for {counted(count, 'sample')}; "
+            "give one azimuth in rad per sample"
         )
     if not np.isfinite(azimuths).all():
         raise MatricesError("phases contain values that are not finite; give azimuths in rad")
     if count < 3:
-        raise MatricesError(f"{count} azimuths do not determine any harmonic; give 3 or more azimuths")
+        raise MatricesError(
+            f"{counted(count, 'azimuth does', 'azimuths do')} not determine any harmonic; "
+            "give 3 or more azimuths"
+        )
     if np.ptp(azimuths) > _MOST_PERIODS * period:
         raise MatricesError(
             f"azimuths are from {azimuths.min():.6g} to {azimuths.max():.6g} rad, which is "

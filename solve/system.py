@@ -11,7 +11,7 @@ from solve.arguments import first_is
 from solve.arrays import Array
 from solve.capabilities import Capabilities
 from solve.contracts import Matrices
-from solve.errors import MatricesError, ValueOutOfBoundsError, require_name
+from solve.errors import MatricesError, ValueOutOfBoundsError, counted, require_name
 from solve.labels import Labels, require_vibration
 from solve.matrices import (
     changes,
@@ -208,7 +208,7 @@ class PeriodicSystem:
         n, phase = self.n, checked_phases(self.period, self.breaks)
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
-        require_shapes(matrices, shapes, f"{n} coordinates ({', '.join(self.coordinates)})")
+        require_shapes(matrices, shapes, f"{counted(n, 'coordinate')} ({', '.join(self.coordinates)})")
         self._require_periodicity(phase, speed, "MCKd")
         require_inertia(matrices["M"])
 

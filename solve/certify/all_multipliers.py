@@ -13,7 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified
 from solve.certify.comparison import NO_DIGIT, SAFETY, better_method
-from solve.errors import StepsError
+from solve.errors import StepsError, counted
 from solve.kernel import slicot
 from solve.methods.free import anchored_for, free, solutions_on
 from solve.methods.method import Method, OneStep, Solutions
@@ -149,7 +149,8 @@ class Spectrum:
             return []
         rtol, steps = self.certified.request.rtol, self.refined.steps
         if self.unresolved:
-            missed = f"{self.unresolved} of {len(self.errors)} multipliers are not accurate to even one digit"
+            of = f"of {len(self.errors)} multipliers"
+            missed = f"{counted(self.unresolved, f'{of} is', f'{of} are')} not accurate to even one digit"
         elif (worst := float(self.errors.max())) > rtol:
             missed = f"the largest relative error of a multiplier is {worst:.1e}, above rtol {rtol:g}"
         else:
@@ -177,7 +178,8 @@ class Spectrum:
             return []
         missing = ["rtol is not applied to each multiplier"] if is_refused else []
         if self.unresolved:
-            missing.append(f"{self.unresolved} multipliers are below the round-off of the monodromy matrix")
+            subject = counted(self.unresolved, "multiplier is", "multipliers are")
+            missing.append(f"{subject} below the round-off of the monodromy matrix")
         if not (missing or is_installed):
             missing.append("orders and frequencies of the modes are unknown")
         return [f"{', and '.join(missing)}; {reason}"] if missing else []

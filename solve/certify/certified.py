@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import SolveError
+from solve.errors import SolveError, counted
 from solve.methods.method import Method, Solutions
 from solve.period.frozen import FrozenModes
 from solve.period.multipliers import KNOWN_ON_CIRCLE, STABLE, UNDETERMINED, verdicts
@@ -255,7 +255,7 @@ class Certified:
         missed = [f"{name} to {error:.1e}" for name, error in errors.items() if error > rtol]
         if not missed:
             return []
-        where = "at the attainable accuracy" if steps is None else f"with {steps} steps"
+        where = "at the attainable accuracy" if steps is None else f"with {counted(steps, 'step')}"
         where = where if self.method.converges else "is an approximation that"
         return [f"{self.method.name} {where} gives the {' and the '.join(missed)} only, not to rtol {rtol:g}"]
 
@@ -286,7 +286,7 @@ def unresolved_modes_warning(
     enough = f", or at least {math.ceil(phase_advance / method.follows)} steps" if method.converges else ""
     right = "" if orbit_error is None else f", although the error of the orbit is {orbit_error:.1e}"
     return [
-        f"ω_max h = {phase_advance / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
-        f"{method.name} neither resolves nor damps them: the multipliers may be wrong{right}; "
-        f"use radau{enough}"
+        f"ω_max h = {phase_advance / steps:.2g}: {counted(steps, 'step leaves', 'steps leave')} stiff modes "
+        f"unresolved, and {method.name} neither resolves nor damps them: the multipliers may be "
+        f"wrong{right}; use radau{enough}"
     ]

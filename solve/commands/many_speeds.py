@@ -27,7 +27,7 @@ from solve.commands.parse import (
     require_with,
     statistic_name,
 )
-from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
+from solve.errors import MissingValueError, ValueOutOfBoundsError, counted, require_name
 from solve.labels import in_own_unit
 from solve.model.model import Model
 from solve.results.bands import Bands
@@ -217,7 +217,9 @@ def chart(
         result = solve.chart(model, across, upwards, omega, **options, **resources).with_cuts(lines)
     deliver_result(results, result, problem.choices, result.notes)
     if result.contradicted:
-        raise ContradictionError(f"proved verdicts contradict {result.contradicted} points of the chart")
+        raise ContradictionError(
+            f"proved verdicts contradict {counted(result.contradicted, 'point')} of the chart"
+        )
 
 
 def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arguments import checked_rtol
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, counted
 from solve.exports.state_space import (
     Coefficients,
     Signals,
@@ -282,12 +282,13 @@ def harmonic_transfer(
     most = _most_orders(system)
     if not (isinstance(harmonics, int | np.integer) and 0 <= harmonics <= most):
         raise ValueOutOfBoundsError(
-            f"harmonics is {harmonics!r}; allowed for {system.n} coordinates: 0 … {most}"
+            f"harmonics is {harmonics!r}; allowed for {counted(system.n, 'coordinate')}: 0 … {most}"
         )
     least = max(int(harmonics), 1)
     if orders is not None and not (isinstance(orders, int | np.integer) and least <= orders <= most):
         raise ValueOutOfBoundsError(
-            f"orders is {orders!r}; allowed for {system.n} coordinates and {harmonics} harmonics: "
+            f"orders is {orders!r}; allowed for {counted(system.n, 'coordinate')} and "
+            f"{counted(harmonics, 'harmonic')}: "
             f"{least} … {most}"
         )
     check(system, omega)

@@ -14,6 +14,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+from solve.errors import counted
+
 _NATIVE = ("-march=native",), ("-mcpu=native",), ()
 """Flags for the instruction set of the processor; the first flags that the compiler accepts are used. Clang
 requires the second flags for ARM."""
@@ -80,7 +82,7 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
     try:
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
         if not _is_valid(library):
-            size_text = f" of {sizes['N']} coordinates" if "N" in sizes else ""
+            size_text = f" of {counted(sizes['N'], 'coordinate')}" if "N" in sizes else ""
             _LOGGER.warning(
                 "compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), size_text
             )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import StepsError, ValueOutOfBoundsError
+from solve.errors import StepsError, ValueOutOfBoundsError, counted
 from solve.kernel.engines import NUMPY
 from solve.methods.method import Discretisation, OneStep, Solutions, one_by_one
 from solve.methods.newmark import Newmark
@@ -70,8 +70,8 @@ class March(OneStep):
             defect=np.array([defect]),
             notes=(
                 (
-                    f"march: {turns} periods until the transient decayed to {self.tolerance:g} of its "
-                    "initial size"
+                    f"march: {counted(turns, 'period')} until the transient decayed to {self.tolerance:g} "
+                    "of its initial size"
                 ),
             ),
         )

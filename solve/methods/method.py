@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.arguments import most_numbers, require_steps
 from solve.arrays import Array, across, covers_all
-from solve.errors import MatricesError, ResonanceError, SolveError, StepsError, ValueOutOfBoundsError
+from solve.errors import MatricesError, ResonanceError, SolveError, StepsError, ValueOutOfBoundsError, counted
 from solve.kernel.engines import NUMPY
 from solve.kernel.multipliers import Conditioned
 from solve.matrices import leading
@@ -220,8 +220,8 @@ class Method:
         most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
         if steps > most:
             raise StepsError(
-                f"{self.name} takes at most {most} steps a period for {points.n} coordinates; given: "
-                f"{steps}; use fewer, raise --limit, or leave steps out to have their number chosen"
+                f"{self.name} takes at most {most} steps a period for {counted(points.n, 'coordinate')}; "
+                f"given: {steps}; use fewer, raise --limit, or leave steps out to have their number chosen"
             )
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
@@ -243,7 +243,7 @@ class Method:
     def _overflow(self, steps: int) -> StepsError:
         other = "" if self.l_stable else ", or a method that damps stiff modes (radau)"
         return StepsError(
-            f"{self.name} with {steps} steps overflows within one period: some motion exceeds the "
+            f"{self.name} with {counted(steps, 'step')} overflows within one period: some motion exceeds the "
             f"floating-point range, or the matrices are infinite at some phase; use more steps{other}, "
             "or other parameters"
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.array_files import matrix_market, named_arrays
 from solve.arrays import Array
-from solve.errors import CaseFileError, FileError, MatricesError, UnitError, ValueOutOfBoundsError
+from solve.errors import CaseFileError, FileError, MatricesError, UnitError, ValueOutOfBoundsError, counted
 from solve.model.craig_bampton import CraigBampton, craig_bampton
 from solve.units import conversion
 
@@ -105,7 +105,7 @@ def _interface(entry: Mapping[str, Any], arrays: Mapping[str, Any], count: int) 
     rows = np.asarray(entry.get("interface", range(1, count + 1)))
     if rows.shape != (count,) or rows.dtype.kind != "i" or not ((rows >= 1) & (rows <= n)).all():
         raise ValueOutOfBoundsError(
-            f"interface is {rows.tolist()}; give {count} rows of the matrices, from 1 to {n}"
+            f"interface is {rows.tolist()}; give {counted(count, 'row')} of the matrices, from 1 to {n}"
         )
     return rows - 1
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from solve.arguments import require_size
 from solve.arrays import Array
-from solve.errors import CaseFileError, UnitError, cause
+from solve.errors import CaseFileError, UnitError, cause, counted
 from solve.units import conversion
 
 _NUMBERS_A_BYTE = 8
@@ -77,8 +77,9 @@ class Fit:
         largest, rms = np.abs(self.errors).max(), math.sqrt(np.mean(self.errors**2))
         percent = 100 * largest / (np.ptp(self.values) or 1.0)
         return (
-            f"{self.name} is fitted to {self.table} with {self.harmonics} harmonics: deviation up to "
-            f"{largest:.3g} {self.unit}, {percent:.3g} % of the range, rms {rms:.3g} {self.unit}"
+            f"{self.name} is fitted to {self.table} with {counted(self.harmonics, 'harmonic')}: "
+            f"deviation up to {largest:.3g} {self.unit}, {percent:.3g} % of the range, "
+            f"rms {rms:.3g} {self.unit}"
         )
 
 
@@ -136,8 +137,8 @@ def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) ->
     """Raise CaseFileError unless the angles are distinct and cover one revolution densely enough."""
     if len(angles) < 2 * harmonics + 1:
         raise CaseFileError(
-            f"{name}: {path.name} has {len(angles)} rows; {harmonics} harmonics need {2 * harmonics + 1} or "
-            "more"
+            f"{name}: {path.name} has {counted(len(angles), 'row')}; "
+            f"{counted(harmonics, 'harmonic needs', 'harmonics need')} {2 * harmonics + 1} or more"
         )
     ordered = np.sort(angles)
     gaps, span = np.diff(ordered), float(ordered[-1] - ordered[0])

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.equations import events_of, nonlinear_of
-from solve.errors import NoOrbitError, SolveError
+from solve.errors import NoOrbitError, SolveError, counted
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.branch_store import BranchStep, SavedBranch
 from solve.newton.grazing import point_beyond
@@ -127,7 +127,8 @@ class _BranchFollower:
             if step.ended is not None:
                 return points[:most], step.ended
             length, number = step.length, number + 1
-        return points[:most], f"the branch continues beyond the {most} points requested; request more"
+        asked = counted(most, "point")
+        return points[:most], f"the branch continues beyond the {asked} requested; request more"
 
     def _stored(self, points: Sequence[Point], length: float, ended: str | None = None) -> BranchStep:
         return BranchStep(tuple(points), length, self.manifold.largest, self.manifold.resting, ended)

@@ -14,7 +14,7 @@ from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction
 from solve.contracts import Matrices, Motion
 from solve.equations import events_of, nonlinear_of
-from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
+from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError, counted
 from solve.kernel.formulas import columns_by
 from solve.methods.collocated import Collocated
 from solve.methods.collocation import Collocation
@@ -176,7 +176,8 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
         else:
             damping /= 2
     raise NoOrbitError(
-        f"after {count} corrections, the smallest correction was {smallest:.1e} relative to the orbit"
+        f"after {counted(count, 'correction')}, the smallest correction was {smallest:.1e} "
+        "relative to the orbit"
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import NoOrbitError, SolveError
+from solve.errors import NoOrbitError, SolveError, counted
 from solve.newton.branch_points import ContinuationParameters, Point, Unknowns
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import doubling_test, is_located, zero_between
@@ -90,7 +90,8 @@ class _CurveFollower:
             count()
             current = after
             length = min(length * (_GROWTH if evaluations <= _FEW else 1.0), _MAX_STEP)
-        return points[:most], f"the curve continues beyond the {most} points requested; request more"
+        asked = counted(most, "point")
+        return points[:most], f"the curve continues beyond the {asked} requested; request more"
 
     def test(self, point: Point) -> float:
         """Value of the test function g at a point whose tangents have the same orientation as those of its

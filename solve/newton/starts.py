@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Motion
-from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
+from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError, counted
 from solve.newton.iteration import Task, joined
 from solve.newton.strategies import linear_sizes, motion_from
 from solve.period.curve import Curve
@@ -87,7 +87,7 @@ def _checked(motion: Any, task: Task) -> Motion:
     count = len(motion(np.zeros(1)))
     if count != task.system.n:
         raise ValueOutOfBoundsError(
-            f"start has {count} coordinates; {task.system.labels.name} has {task.system.n}"
+            f"start has {counted(count, 'coordinate')}; {task.system.labels.name} has {task.system.n}"
         )
     return motion
 

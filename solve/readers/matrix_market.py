@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.array_files import matrix_market
 from solve.arrays import Array
-from solve.errors import FileError
+from solve.errors import FileError, counted
 from solve.readers.arrays import Read, system_of
 from solve.readers.files import matching_files
 from solve.units import speed_in_si
@@ -75,7 +75,7 @@ def read_matrix_market(
         numbers[number] = file
     counts = {symbol: len(numbers) for symbol, numbers in series.items() if len(numbers) > 1}
     if len(set(counts.values())) > 1:
-        texts = ", ".join(f"{count} files of {symbol}" for symbol, count in counts.items())
+        texts = ", ".join(f"{counted(count, 'file')} of {symbol}" for symbol, count in counts.items())
         raise FileError(f"there are {texts}; give every matrix at the same azimuths, or one constant file")
     arrays: dict[str, Any] = {symbol: _stacked(numbers) for symbol, numbers in series.items()}
     for symbol in "db":

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import ValueOutOfBoundsError, counted, require_name
 from solve.labels import unit_of
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE, VERDICTS
 from solve.period.named import Named
@@ -247,7 +247,8 @@ class Chart(ChartPoints):
             return warnings
         reason, total = next(iter(self.failures.values())), len(self.results)
         failed = (
-            f"{len(self.failures)} of {total} points have no result, and boundaries end near these points"
+            f"{counted(len(self.failures), f'of {total} points has', f'of {total} points have')} no result, "
+            "and boundaries end near these points"
         )
         return [*warnings, f"{failed}: {reason}"]
 
@@ -319,7 +320,12 @@ class Chart(ChartPoints):
             )
             rows.append(("proved", f"{', '.join(parts)}, of the area"))
         if open_:
-            rows.append(("undetermined", f"{open_} points, within their error of the unit circle"))
+            rows.append(
+                (
+                    "undetermined",
+                    f"{counted(open_, 'point, within its', 'points, within their')} error of the unit circle",
+                )
+            )
         return rows
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.equations import warnings_of
-from solve.errors import require_name
+from solve.errors import counted, require_name
 from solve.labels import unit_of
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
 from solve.results.formatting import listed
@@ -236,9 +236,11 @@ class FollowedModes(ModesOver):
     def header_rows(self) -> HeaderRows:
         low, high = self.values.min(), self.values.max()
         span = unit_of(self.system, self.over).span(float(low), float(high))
-        rows = [("over", f"{self.over}, {len(self.values)} values from {span}")]
+        rows = [("over", f"{self.over}, {counted(len(self.values), 'value')} from {span}")]
         added = len(self.path) - len(self.values)
-        rows.append(("followed", f"{len(self.labels)} modes, {added} further values added"))
+        rows.append(
+            ("followed", f"{counted(len(self.labels), 'mode')}, {counted(added, 'further value')} added")
+        )
         return rows
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import ModeShape
 from solve.equations import freedoms_of, structure_of
+from solve.errors import counted
 from solve.labels import unit_of
 from solve.model.bounds import measured
 from solve.period.natural import NaturalFrequencies
@@ -290,9 +291,8 @@ class Findings(Result):
             texts += _growing(self.variation, f"values of {self.variation.parameter}")
             failed = [error for error in self.variation.errors if error is not None]
             if failed:
-                texts.append(
-                    f"{len(failed)} of {len(self.variation.errors)} values have no result: {failed[0]}"
-                )
+                of = f"of {len(self.variation.errors)} values"
+                texts.append(f"{counted(len(failed), f'{of} has', f'{of} have')} no result: {failed[0]}")
         return texts
 
     def record(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
-from solve.errors import NoResultError
+from solve.errors import NoResultError, counted
 from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.quantities import FIGURES
 from solve.period.rigid_body import before_rigid
@@ -157,7 +157,7 @@ class PointResults:
         """Raise NoResultError if every point failed."""
         if self.failed.all():
             reason = next(iter(self.failures.values()), "")
-            raise NoResultError(f"none of the {len(self)} points has a result: {reason}")
+            raise NoResultError(f"{counted(len(self), 'point')}, none with a result: {reason}")
 
     @property
     def _outside(self) -> Array:

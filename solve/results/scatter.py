@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import counted
 from solve.results.contents import Column, Columns, HeaderRows, columns_by_name, digits, peak_columns
 from solve.results.result import Result
 from solve.results.serialization import stored_property
@@ -56,7 +57,10 @@ class Scatter(Result):
         lost = int((self.leads < 0).sum())
         sentences = [text for orbit in self.orbits for text in orbit.warnings]
         if lost:
-            sentences.append(f"{lost} of {len(self.leads)} motions do not settle within {self.turns} periods")
+            of = f"of {len(self.leads)} motions"
+            sentences.append(
+                f"{counted(lost, f'{of} does', f'{of} do')} not settle within {counted(self.turns, 'period')}"
+            )
         return list(dict.fromkeys(sentences))
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.equations import warnings_of
+from solve.errors import counted
 from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, speeds_of
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
@@ -150,7 +151,8 @@ class Sensitivities(Result):
         }
 
     def header_rows(self) -> HeaderRows:
-        return [] if self.speed is None else [("method", f"{self.method}, {self.steps} steps a period")]
+        steps = counted(self.steps, "step")
+        return [] if self.speed is None else [("method", f"{self.method}, {steps} a period")]
 
     @property
     def summary(self) -> str:

@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.contracts import Statistics
 from solve.equations import exceeded_limits, judged_quantities, output_values, warnings_of
-from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError
+from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError, counted
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, repeats_early
 from solve.results.contents import HeaderRows
@@ -142,7 +142,7 @@ class NonlinearOrbit(Orbit):
         return {**super().summary_values, **search}
 
     def header_rows(self) -> HeaderRows:
-        search = f"by {self.found_by}, {self.iterations} corrections of Newton's method"
+        search = f"by {self.found_by}, {counted(self.iterations, 'correction')} of Newton's method"
         return [*super().header_rows(), ("found", search)]
 
     def linear_values(self, name: str, phase: Array) -> Array | None:

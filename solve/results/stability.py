@@ -12,6 +12,7 @@ from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified, InterpolationError, ReductionError
 from solve.certify.correction import liouville_defect
 from solve.equations import warnings_of
+from solve.errors import counted
 from solve.methods.method import Method
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers
@@ -317,7 +318,7 @@ class Stability(Solution):
         """Heading rows: method, errors, checks and notes."""
         errors, checks = self._accuracy()
         return [
-            ("method", f"{self.described}, {self.steps} steps a period"),
+            ("method", f"{self.described}, {counted(self.steps, 'step')} a period"),
             ("errors", f"{', '.join(errors)} (relative)"),
             *(("reduced", text) for text in self._reduced()),
             ("checks", ", ".join(checks)),

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import NoResultError
+from solve.errors import NoResultError, counted
 from solve.labels import parts_of
 from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, digits, speeds_of, to_json
 from solve.results.result import Figure, Result
@@ -123,7 +123,7 @@ class Sweeps(Result):
 
     def header_rows(self) -> HeaderRows:
         span = self.system.labels.speed_unit.span(self.speeds.min(), self.speeds.max())
-        return [("over", f"{len(self.speeds)} speeds from {span}")]
+        return [("over", f"{counted(len(self.speeds), 'speed')} from {span}")]
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class Validity(Result):
         """Raise NoResultError if no speed has a result."""
         if len(self.failures) == len(self.speeds):
             reason = next(iter(self.failures.values()))
-            raise NoResultError(f"none of the {len(self.speeds)} speeds has a result: {reason}")
+            raise NoResultError(f"{counted(len(self.speeds), 'speed')}, none with a result: {reason}")
 
     @property
     def summary_values(self) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from solve.arrays import Array
+from solve.errors import counted
 from solve.results.contents import Column, Columns, HeaderRows
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
@@ -155,4 +156,7 @@ class Tolerances(Result):
         unit = self.system.labels.speed_unit
         texts = [unit.text(float(speed)) for speed in self.speeds]
         shown = texts[0] if len(texts) == 1 else f"{len(texts)} speeds, {texts[0]} to {texts[-1]}"
-        return [("speed", shown), ("samples", f"{self.samples}, {self.solves} solutions per speed")]
+        return [
+            ("speed", shown),
+            ("samples", f"{self.samples}, {counted(self.solves, 'solution')} per speed"),
+        ]

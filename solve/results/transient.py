@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Statistics, driven
 from solve.equations import exceeded_limits, output_values, warnings_of
+from solve.errors import counted
 from solve.labels import known_quantities
 from solve.period.curve import curves_through, interpolation_tolerance, sufficient_strides
 from solve.period.quantities import Quantities
@@ -309,7 +310,7 @@ class Transient(TransientMotion):
         return {**drive, **super().summary_values}
 
     def header_rows(self) -> HeaderRows:
-        drive = f"{self.ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s"
+        drive = f"{self.ramp_in_words}, {counted(self.turns, 'turn')} in {self.time[-1]:.6g} s"
         return [("speed", drive)] if self.ramp else []
 
     @property

@@ -18,7 +18,7 @@ from solve.batch.batch import POINTS, Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
-from solve.errors import NoResultError
+from solve.errors import NoResultError, counted
 from solve.methods.choice import RESOLVABLE, Rule, auto
 from solve.methods.free import free
 from solve.methods.radau import Radau
@@ -157,9 +157,9 @@ def bands(
     fast = 0 if constant else _count_fast_modes(system, ends[0], task.method)
     if fast:
         left_out = (
-            f"{fast} of {system.n} modes have a phase advance of more than {_MAX_PHASE_ADVANCE:g} rad "
-            "per period and are not damped out: their unstable bands, of high order, are not searched "
-            "for; a solution at one speed includes all modes"
+            f"{counted(fast, f'of {system.n} modes has', f'of {system.n} modes have')} a phase advance of "
+            f"more than {_MAX_PHASE_ADVANCE:g} rad per period without being damped out: the unstable bands "
+            "of such modes, of high order, are not searched for; a solution at one speed includes all modes"
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
     if constant:

@@ -16,7 +16,7 @@ from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.contracts import Statistics
 from solve.equations import exceeded_limits, judged_quantities, require_bounds
-from solve.errors import LinearModelError, MissingValueError, NoResultError, ValueOutOfBoundsError
+from solve.errors import LinearModelError, MissingValueError, NoResultError, ValueOutOfBoundsError, counted
 from solve.labels import require_motion
 from solve.loading import load
 from solve.methods.choice import Rule
@@ -189,7 +189,8 @@ def _orbit_warnings(system: PeriodicSystem, orbits: PointResults, stability: Poi
     the bounds of the model that orbits violate, with the largest excess."""
     names, valid_figures = orbits.kept.names, orbits.figures[~orbits.failed]
     reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
-    without = [f"{len(reasons)} of {len(orbits)} points have no orbit: {text}" for text in reasons[:1]]
+    of = f"of {len(orbits)} points"
+    without = [f"{counted(len(reasons), f'{of} has', f'{of} have')} no orbit: {text}" for text in reasons[:1]]
     if not len(valid_figures):
         return without
     least, largest = valid_figures.min(axis=0), valid_figures.max(axis=0)

@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.certify.certified import unresolved_modes_warning, verdicts_of
 from solve.certify.comparison import differences
 from solve.certify.point_solver import PointSolver
-from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.errors import SolveError, ValueOutOfBoundsError, counted
 from solve.kernel.engines import NUMPY
 from solve.methods.choice import METHODS, Rule, chosen, chosen_for
 from solve.methods.method import Method, Solutions
@@ -242,7 +242,7 @@ class _AgainstReference:
             return trace[-1].reason or "" if trace else self._limit
         last = done[-1]
         error = last.error(self.judged_by)
-        so_far = f"{error:.1e} with {last.steps} steps"
+        so_far = f"{error:.1e} with {counted(last.steps, 'step')}"
         if not self.method.converges or self._stalled(trace):
             return f"{so_far}, and more steps do not reduce the error"
         if 2 * last.time > _MAX_SECONDS:

@@ -16,6 +16,7 @@ from solve.errors import (
     NoResultError,
     SolveError,
     ValueOutOfBoundsError,
+    counted,
     require_name,
 )
 from solve.labels import in_own_unit
@@ -217,7 +218,9 @@ def frequencies_over(
         for link, frequency in pinned_links.items():
             pinned[link][number] = frequency
     if all(errors):
-        raise NoResultError(f"none of the {len(errors)} values of {parameter} has a result: {errors[0]}")
+        raise NoResultError(
+            f"{counted(len(errors), 'value')} of {parameter}, none with a result: {errors[0]}"
+        )
     return Variation(system, parameter, numbers, positions, roots[0], pinned, tuple(errors), roots[1])
 
 

@@ -20,6 +20,7 @@ from solve.errors import (
     ResonanceError,
     SolveError,
     StructureError,
+    counted,
 )
 
 _OUTLIER = 2.0
@@ -137,7 +138,7 @@ def _at_start(problem: LeastSquares) -> Array:
 def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool) -> list[str]:
     """Reasons why the final point may not be a minimum, one sentence each."""
     count = len(trials.failures)
-    outside = f" ({count} trials had no result, the last {trials.failures[-1]})" if count else ""
+    outside = f" ({counted(count, 'trial')} had no result, the last {trials.failures[-1]})" if count else ""
     start = problem.start
     if (np.abs(found.x - start) <= _MOVED * np.maximum(1.0, np.abs(start))).all():
         which = ", already a minimum" if stationary else f", which is not a minimum{outside}"
@@ -146,7 +147,9 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool
             "values"
         ]
     if found.status == 0:
-        return [f"the fit was stopped after {found.nfev} trials{outside}; continue from its result"]
+        return [
+            f"the fit was stopped after {counted(found.nfev, 'trial')}{outside}; continue from its result"
+        ]
     if not stationary:
         return [
             f"the fit ended away from a minimum{outside}; bound the free parameters, or use other "

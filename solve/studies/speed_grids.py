@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from solve.arrays import Array, runs
-from solve.errors import SolveError
+from solve.errors import SolveError, counted
 from solve.period.frozen import frozen
 from solve.period.points import SinglePoint
 from solve.studies.stability_samples import Evaluate, StabilitySamples, crossing_function
@@ -122,4 +122,5 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
 def without_result(speeds: Array, failed: Array, unit: ShownUnit, reason: str) -> str:
     """Message with the number and the ranges of those ascending speeds (P,) that failed, and the reason."""
     ranges = unit.spans((float(speeds[low]), float(speeds[high])) for low, high in runs(failed))
-    return f"{failed.sum()} of {len(speeds)} speeds have no result, {ranges}: {reason}"
+    of = f"of {len(speeds)} speeds"
+    return f"{counted(failed.sum(), f'{of} has', f'{of} have')} no result, {ranges}: {reason}"

@@ -12,7 +12,7 @@ from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
 from solve.batch.family import SPEED, SystemFamily
 from solve.batch.task import task_of
-from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.errors import SolveError, ValueOutOfBoundsError, counted
 from solve.labels import speed_or_usual
 from solve.methods.choice import Rule, chosen
 from solve.methods.collocated import Collocated
@@ -303,9 +303,10 @@ def _doubts(probability: Mapping[str, Probability], unknown: int) -> list[str]:
     for name, each in probability.items():
         if each.undetermined or each.failed:
             doubts.append(
-                f"{name}: {each.undetermined} samples are undetermined and {each.failed} have no result; the "
-                "upper end of the interval includes them"
+                f"{name}: {counted(each.undetermined, 'sample is', 'samples are')} undetermined and "
+                f"{counted(each.failed, 'has', 'have')} no result; the upper end of the interval "
+                "includes them"
             )
     if unknown:
-        doubts.append(f"the Sobol indices leave out {unknown} groups of samples without a result")
+        doubts.append(f"the Sobol indices leave out {counted(unknown, 'group')} of samples without a result")
     return doubts

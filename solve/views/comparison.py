@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.errors import counted
 from solve.methods.newmark import stability_limit
 from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row, grouped
 from solve.results.contents import Column, digits
@@ -101,7 +102,7 @@ def comparison_tables(comparison: Comparison) -> Sequence[RenderableType]:
 
 def _goal(comparison: Comparison, row: Row) -> str:
     if row.target is None:
-        return f"{row.asked} steps a period"
+        return f"{counted(row.asked, 'step')} a period"
     return f"{comparison.judged_by} accurate to {row.target:g}"
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve import labels
 from solve.arrays import Array
+from solve.errors import counted
 from solve.labels import SPEED, unit_of
 from solve.period.quantities import spectrum
 from solve.results.fit import Channel, Fitted
@@ -179,7 +180,7 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
         f"{quantity} = {number(found.value, 8)} {found.unit}".removesuffix(" 1"),
         *("by", "at", "unit", "derivative", "error", "elasticity"),
         rows=rows,
-        caption=f"and {len(ranked) - MOST_ROWS} less influential parameters"
+        caption=f"and {counted(len(ranked) - MOST_ROWS, 'less influential parameter')}"
         if len(ranked) > MOST_ROWS
         else None,
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.beams.observations import Contributions
-from solve.errors import NoResultError, ValueOutOfBoundsError
+from solve.errors import NoResultError, ValueOutOfBoundsError, counted
 from solve.labels import SPEED, known_quantities
 from solve.model.model import Model
 from solve.results.contents import MOST_SHOWN, Column, digits, sized, speeds_of
@@ -84,10 +84,11 @@ def transient_tables(transient: Transient) -> Sequence[RenderableType]:
     printed = [table_of("Largest moduli, turn by turn", columns, most=MOST_ROWS), *_output_tables(transient)]
     if transient.ramp:
         return printed
-    words = f"the orbit is not reached to {transient.rtol:g} within {transient.turns} turns"
+    words = f"the orbit is not reached to {transient.rtol:g} within {counted(transient.turns, 'turn')}"
     if transient.reached is not None:
         words = (
-            f"the orbit is reached to {transient.rtol:g} after {transient.reached} of {transient.turns} turns"
+            f"the orbit is reached to {transient.rtol:g} after {transient.reached} of "
+            f"{counted(transient.turns, 'turn')}"
         )
     return [*printed, text("\n" + words)]
 
@@ -188,7 +189,12 @@ def fits_figure(model: Model) -> Figure:
         for axes, fit in zip(panels, model.fits.values(), strict=True):
             angles = offsets + fit.angles.min()
             axes.plot(np.degrees(fit.angles), fit.values, ".", color=GREY, label=fit.table)
-            axes.plot(np.degrees(angles), fit.at(angles), color=VERMILION, label=f"{fit.harmonics} harmonics")
+            axes.plot(
+                np.degrees(angles),
+                fit.at(angles),
+                color=VERMILION,
+                label=counted(fit.harmonics, "harmonic"),
+            )
             axes.set_title(fit.sentence, loc="left", color=GREY, wrap=True)
             axes.set_ylabel(f"{fit.name} ({fit.unit})")
             axes.legend()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import counted
 from solve.period.multipliers import VERDICTS
 from solve.proof.result import Proof, ProvedOrbit
 from solve.results.stability import Stability
@@ -128,7 +129,7 @@ def _write_summary(axes: Axes, result: Stability) -> None:
     orbit, multipliers = result.error_estimate
     lines = [
         f"|ρ| max = {result.spectral_radius:.6g}",
-        f"{result.method}, {result.steps} steps",
+        f"{result.method}, {counted(result.steps, 'step')}",
         f"error of multipliers {multipliers:.0e}",
     ]
     if not math.isnan(orbit):

@@ -126,6 +126,21 @@ def test_matrices_match_the_generated_functions(ready):
     assert [part.shape for part in ready.load().at(phase[:0], 1.0)] == [(0, 1, 1)] * 3 + [(0, 1)]
 
 
+def test_models_share_functions_of_the_same_code_and_options_only(ready, tmp_path):
+    model, phase = ready.load(), np.linspace(0.0, 3.0, 7)
+    K, shared = model.at(phase, 1.0)[2], model.setup.function("linearised")
+    assert model.varied({"k": 7.0}).setup.function("linearised") is shared
+    assert ready.load(options={"modes": 2}).setup.function("linearised") is not shared
+    other = tmp_path / "other"
+    other.mkdir()
+    same_name = Folder(other)
+    for folder in (same_name, ready):
+        folder.generate(body=lambda body: body.replace("casadi.cos(2 * phase)", "casadi.cos(4 * phase)"))
+        difference = folder.load(**VALUES).at(phase, 1.0)[2] - K
+        np.testing.assert_allclose(difference[:, 0, 0], np.cos(4 * phase) - np.cos(2 * phase), atol=1e-14)
+    np.testing.assert_array_equal(model.varied({"k": 5.0}).at(phase, 1.0)[2], K)
+
+
 def test_outputs_validity_and_limits_follow_the_orbit(ready):
     orbit = solve.periodic(ready.load(), "3 rad/s")
     np.testing.assert_allclose(orbit.outputs["force"], 5.0 * orbit.q[0], rtol=1e-14)

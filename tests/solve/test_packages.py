@@ -147,6 +147,10 @@ def test_modules_and_public_names_do_not_collide():
     assert len(MODULES) > 80
 
 
+def test_a_public_name_is_looked_up_once():
+    assert vars(solve)["load"] is solve.load
+
+
 @pytest.mark.parametrize(
     "called", [[2], pytest.param([0, 1, 2], marks=pytest.mark.slow)], ids=["one", "every"]
 )

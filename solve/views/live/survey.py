@@ -44,7 +44,9 @@ class Axis:
                 f"{name} from {low:g} to {high:g}; give two different values, the smaller first"
             )
         if not (count.isdecimal() and 2 <= int(count) <= most):
-            raise ValueOutOfBoundsError(f"{name} has {count} points; allowed: whole numbers 2 … {most}")
+            raise ValueOutOfBoundsError(
+                f"number of points of {name} is {count}; allowed: whole numbers 2 … {most}"
+            )
         return cls(name, low, high, int(count), bool(values.get("logarithmic")) and low > 0)
 
     @property

@@ -112,8 +112,14 @@ def main() -> None:
     parser.add_argument("--target", type=float, default=1e-6)
     parser.add_argument("--limit", type=float, default=20.0)
     arguments = parser.parse_args()
-    programs = [name for name in CONTENDERS if name in arguments.names] or [*CONTENDERS]
     systems = load()
+    known = [*CONTENDERS, *(system.name for system in systems)]
+    if unknown := [name for name in arguments.names if name not in known]:
+        parser.error(f"no system or installed program is named '{unknown[0]}'; known: {', '.join(known)}")
+    for option, value in (("--target", arguments.target), ("--limit", arguments.limit)):
+        if not 0.0 < value < math.inf:
+            parser.error(f"{option} is {value:g}; give a positive number")
+    programs = [name for name in CONTENDERS if name in arguments.names] or [*CONTENDERS]
     systems = [system for system in systems if system.name in arguments.names] or systems
     print(f"Milliseconds at an error of at most {arguments.target:g}; a text is why there is no time")
     print(environment(), end="\n\n")
@@ -138,9 +144,11 @@ def main() -> None:
 
 
 def _ratio(times: dict[str, dict[str, float]], name: str, reference: str) -> str:
-    """Geometric mean over the systems that both solved."""
+    """Geometric mean over the systems that both solved; a dash if there are none."""
     both = times[name].keys() & times[reference].keys()
-    mean = math.fsum(math.log(times[name][key] / times[reference][key]) for key in both) / max(len(both), 1)
+    if not both:
+        return f"{'–':>15}"
+    mean = math.fsum(math.log(times[name][key] / times[reference][key]) for key in both) / len(both)
     return f"{math.exp(mean):15.3g}"
 
 

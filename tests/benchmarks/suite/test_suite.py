@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import solve
-from tests.benchmarks.suite.__main__ import errors
+from tests.benchmarks.suite.__main__ import errors, main
 from tests.benchmarks.suite.contenders import CONTENDERS
 from tests.benchmarks.suite.systems import FILE, load
 
@@ -22,6 +22,28 @@ SLOWLY_VARYING = [
 
 def printed(name):
     return [mpmath.mpc(*pair) for pair in RECORDS[name]["multipliers"]]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["mathieu"], "no system or installed program is named 'mathieu'; known: auto, gauss"),
+        (["auto", "--target", "nan"], "--target is nan; give a positive number"),
+        (["auto", "--limit", "0"], "--limit is 0; give a positive number"),
+    ],
+)
+def test_runner_refuses_unknown_names_and_settings(given, message, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["suite", *given])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert message in capsys.readouterr().err
+
+
+def test_runner_prints_no_ratio_of_systems_that_nobody_solved(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["suite", "auto", "fourier", "strong_decay"])
+    main()
+    *_, solved, ratio = capsys.readouterr().out.splitlines()
+    assert (solved.split()[-2:], ratio.split()[-2:]) == (["1", "0"], ["1", "–"])
 
 
 def test_thirty_systems_have_distinct_names():

@@ -65,7 +65,10 @@ def test_points_without_a_result_are_counted_and_saved(command, tmp_path):
         ((*CHART[:-1], "epsilon=3"), "write --y epsilon=A:B:N"),
         ((*CHART[:-1], "epsilom=0:3:4"), "did you mean 'epsilon'"),
         ((*CHART, "--tolerance", "nan"), "tolerance is nan"),
-        (("chart", "four_bar", "--x", "speed=200:300:2 rpm", "--y", "L4=0.7:0.8:2"), "none of the 4 points"),
+        (
+            ("chart", "four_bar", "--x", "speed=200:300:2 rpm", "--y", "L4=0.7:0.8:2"),
+            "4 points, none with a result",
+        ),
         ((*CHART, "--cut", "zeta=1"), "unknown quantity of the chart 'zeta'"),
         ((*CRITICAL, "--figure", "mean"), "unknown figure 'mean'"),
         ((*CRITICAL, "--of", "q7"), "unknown coordinate or output"),

@@ -67,7 +67,7 @@ def test_parameter_range_reports_impossible_linkages(command):
     assert over["mean"][0] == [None, None]
     assert over["errors"][0].startswith("the crank cannot turn fully")
     assert over["errors"][1:] == [None, None]
-    assert "1 of 3 values have no result" in ran.err
+    assert "1 of 3 values has no result" in ran.err
     model = solve.load("four_bar", L2=0.5)
     values = solve.frequencies(model, over["positions"], 2).values
     for key, expected in (

@@ -176,8 +176,8 @@ def test_a_sweep_with_speed_and_speeds_is_refused(command):
     [
         (("chart", "mathieu", "--x", "delta=0:1:3", "--y", "epsilon=0:1:3", "--cut", "epsilon=nan"), "= nan"),
         (("chart", "meissner", "--x", "w1=1:2:2", "--y", "w2=1:2:2", "--cut", "w2=-1"), "w2 = -1 has"),
-        (("validity", "cam", "--speeds", "100 200 rpm", "--set", "c1=1e30"), "none of the 2 speeds"),
-        (("frequencies", "cam", "--over", "k1=-3:-1:3"), "none of the 3 values of k1"),
+        (("validity", "cam", "--speeds", "100 200 rpm", "--set", "c1=1e30"), "2 speeds, none with a result"),
+        (("frequencies", "cam", "--over", "k1=-3:-1:3"), "3 values of k1, none with a result"),
         (("compare", "mathieu", "--method", "march", "--set", "zeta=0"), "no method has a result"),
         (("sensitivity", "cam", "--speeds", "100 110 rpm", "--set", "c1=1e30"), "no speed has a result"),
     ],

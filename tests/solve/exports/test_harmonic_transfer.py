@@ -166,9 +166,9 @@ def test_slow_convergence_at_jumps_raises_a_warning():
 def test_invalid_requests_are_refused():
     with pytest.raises(NoMotionError, match="portal_frame"):
         solve.harmonic_transfer(solve.load("portal_frame"), 1.0)
-    with pytest.raises(ValueOutOfBoundsError, match="harmonics is -1; allowed for 1 coordinates: 0"):
+    with pytest.raises(ValueOutOfBoundsError, match="harmonics is -1; allowed for 1 coordinate: 0"):
         solve.harmonic_transfer(MATHIEU, 1.0, -1)
-    with pytest.raises(ValueOutOfBoundsError, match="orders is 3; allowed for 1 coordinates and 4 harmonics"):
+    with pytest.raises(ValueOutOfBoundsError, match="orders is 3; allowed for 1 coordinate and 4 harmonics"):
         solve.harmonic_transfer(MATHIEU, 1.0, 4, orders=3)
     with pytest.raises(ValueOutOfBoundsError, match=r"s is .*nan"):
         solve.harmonic_transfer(MATHIEU, 1.0, 1).at(complex("nan"))

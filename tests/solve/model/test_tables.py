@@ -88,7 +88,7 @@ def test_fit_error_equals_the_omitted_harmonics(read):
     degrees = np.arange(0.0, 360, 10)
     case = read(entry("P", "Pa", 1), rows(lambda x: np.sin(x) + 0.1 * np.cos(4 * x), degrees))
     assert abs(case.fits["P"].errors).max() == pytest.approx(0.1, rel=1e-9)
-    assert "with 1 harmonics: deviation up to 0.1 Pa" in case.fits["P"].sentence
+    assert "with 1 harmonic: deviation up to 0.1 Pa" in case.fits["P"].sentence
     assert "rms 0.0707 Pa" in case.fits["P"].sentence
 
 

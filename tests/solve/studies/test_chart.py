@@ -265,7 +265,7 @@ def test_points_without_an_orbit_hide_no_bound_that_others_leave():
     model = solve.load(made, m=1.0, k=1.0, f=1.0)
     chart = solve.chart(model, {"k": [1.0, 1.1]}, {"speed": [1.0, 2.0]}, boundaries=False, of="q.max_abs")
     without, beyond = chart.warnings
-    assert without.startswith("1 of 4 points have no orbit")
+    assert without.startswith("1 of 4 points has no orbit")
     assert "max|q| = 10 m, beyond 1" in beyond
 
 
@@ -293,8 +293,8 @@ def test_orbit_chart_solves_once_and_keeps_stability_without_an_orbit(monkeypatc
     np.testing.assert_array_equal(chart.verdicts, plain.verdicts)
     assert chart.failures == plain.failures == {}
     (warning,) = chart.warnings
-    assert warning.startswith("1 of 6 points have no orbit: I - Φ is singular")
-    with pytest.raises(NoResultError, match="none of the 4 points has a result: I - Φ is singular"):
+    assert warning.startswith("1 of 6 points has no orbit: I - Φ is singular")
+    with pytest.raises(NoResultError, match="4 points, none with a result: I - Φ is singular"):
         solve.chart(lambda a, b: build(1, 0), {"a": [1.0, 2.0]}, {"b": [1.0, 2.0]}, 1.0, of="x.max_abs")
 
 

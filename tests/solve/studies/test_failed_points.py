@@ -64,7 +64,7 @@ def test_the_picture_of_a_chart_with_holes(gapped_chart):
 
 
 def test_chart_without_any_result_is_refused():
-    with pytest.raises(NoResultError, match=r"none of the 4 points has a result: .* NaN"):
+    with pytest.raises(NoResultError, match=r"4 points, none with a result: .* NaN"):
         solve.chart(holed, {"delta": [1.5, 2.0]}, {"epsilon": [0.5, 1.0]}, 1.0)
 
 

@@ -126,5 +126,5 @@ def test_a_speed_without_result_is_left_out(tmp_path, capsys):
 def test_no_result_at_all_is_refused(tmp_path, capsys):
     file = tmp_path / "turn.png"
     assert run([*AT_REST, "--speeds", "1 rad/s", "--plot", str(file)]) == 2
-    assert "none of the 1 points has a result: I - Φ is singular" in capsys.readouterr().err
+    assert "1 point, none with a result: I - Φ is singular" in capsys.readouterr().err
     assert not file.exists()

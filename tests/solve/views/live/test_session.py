@@ -162,7 +162,10 @@ def test_chart_has_verdicts_and_boundaries(window):
             {"x": {"name": "k1", "low": 2, "high": 1, "count": 3}},
             "k1 from 2 to 1; give two different values, the smaller first",
         ),
-        ({"x": {"name": "k1", "low": 1, "high": 2, "count": 1}}, "1 points; allowed: whole numbers 2 … 2000"),
+        (
+            {"x": {"name": "k1", "low": 1, "high": 2, "count": 1}},
+            "points of k1 is 1; allowed: whole numbers 2 … 2000",
+        ),
         (
             {"x": {"name": "k1", "low": "soft", "high": 2, "count": 3}},
             "k1 is 'soft'; give a number, in N m/rad unless a unit follows",
@@ -171,7 +174,7 @@ def test_chart_has_verdicts_and_boundaries(window):
             {"x": {"name": "speed", "low": 0, "high": 2, "count": 3}},
             "speed is 0 rpm; allowed: finite and > 0",
         ),
-        ({"x": {"name": "k1", "low": 1, "high": 2, "count": "2.5"}}, "2.5 points; allowed: whole numbers 2"),
+        ({"x": {"name": "k1", "low": 1, "high": 2, "count": "2.5"}}, "is 2.5; allowed: whole numbers 2"),
         ({"x": {"name": "k1", "low": 1, "high": 2, "count": 3}, "of": "q9.max"}, "unknown quantity of cam"),
     ],
 )
