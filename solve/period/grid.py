@@ -76,6 +76,14 @@ class Grid:
         """Whether the matrices have no jumps."""
         return not self.at_break.any()
 
+    @property
+    def halved(self) -> "Grid":
+        """Grid with two steps in the place of each."""
+        nodes = np.insert(self.nodes, np.arange(1, self.steps + 1), self.nodes[:-1] + self.h / 2)
+        at_break = np.zeros(2 * self.steps, dtype=bool)
+        at_break[::2] = self.at_break
+        return Grid(nodes, at_break)
+
     def parts(self, steps: int) -> "list[Grid]":
         """Consecutive parts of this grid with at most `steps` steps each; the whole grid if the matrices
         jump."""

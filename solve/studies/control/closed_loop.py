@@ -14,6 +14,7 @@ from solve.labels import Labels
 from solve.period.curve import Curve
 from solve.results import save
 from solve.results.controller import Controller
+from solve.results.serialization import StoredSystem
 from solve.studies.control.feedback import FeedbackLoop
 from solve.studies.control.plant import Plant, state_equations, state_names
 from solve.system import PeriodicSystem, of_system
@@ -144,7 +145,9 @@ def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> 
     -------
     ClosedLoop
         Closed loop for `solve.periodic`, `solve.sweep`, `solve.chart` and `solve.transient`. An observer has
-        the equations with the parameters and options of the design.
+        the equations with the parameters and options of the design. Files contain no equations: with a
+        controller from a file, the observer has those of `system`, with the parameters and options of the
+        design if `system` has parameters.
 
     Raises
     ------
@@ -163,8 +166,11 @@ def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> 
     """
     found = controller if isinstance(controller, Controller) else save.open(controller)
     if not isinstance(found, Controller) or found.kind == "kalman":
+        what = "the Kalman filter" if isinstance(found, Controller) else f"{controller!r}"
+        if isinstance(controller, str | Path):
+            what = f"{str(controller)!r}"
         raise ControlError(
-            f"{controller!r} holds no feedback; allowed: a controller of solve.lqr, solve.lqg or "
+            f"{what} holds no feedback; allowed: a controller of solve.lqr, solve.lqg or "
             "solve.control with lqr, or the .npz or .nc file of one"
         )
     system_text, design_text = (
@@ -177,11 +183,11 @@ def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> 
     if system_text != design_text:
         raise ControlError(
             f"the controller of {found.system.labels.name} is for {design_text}; {system.labels.name} has "
-            f"{system_text}"
+            f"{system_text}; design a controller for {system.labels.name}"
         )
     observer = found.observer and Observer(found.observer.gains, found.observer.signals)
-    labels, given = found.system.labels, system.labels
-    if system.capabilities.variation is None:
-        return ClosedLoop(system, found.gains, observer, found.ahead)
-    design = system.varied(labels.parameters, labels.options)
-    return ClosedLoop(design, found.gains, observer, found.ahead).varied(given.parameters, given.options)
+    design = found.system
+    if isinstance(design, StoredSystem):
+        labels, varied = design.labels, system.capabilities.variation is not None
+        design = system.varied(labels.parameters, labels.options) if varied else system
+    return ClosedLoop(design, found.gains, observer, found.ahead).around(system)

@@ -41,7 +41,7 @@ def regulator(
         B = plant.input_matrix(phase)
         return _inverse(cost(phase)) @ np.swapaxes(B, 1, 2) @ symmetric_of(solved.curve(phase))
 
-    gains = through_points(gain, solved.grid)
+    gains = through_points(gain, solved.grid, rtol)
     if not feedforward:
         return solved, gains, None
 
@@ -63,7 +63,7 @@ def regulator(
         along = np.einsum("kir,ik->kr", B, orbit.at(system.period - phase))
         return -np.einsum("krs,ks->kr", _inverse(cost(phase)), along)
 
-    return solved, gains, through_points(ahead, solved.grid)
+    return solved, gains, through_points(ahead, solved.grid, rtol)
 
 
 def _factor(B: Array, R: Array) -> Array:
@@ -103,6 +103,8 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
     noise = _state_noise(plant, W)
     if isinstance(V, Mapping):
         measured = tuple(V)
+        if not measured:
+            raise MissingValueError("V names no measured quantity; give numbers for states or outputs")
         plant.rows(measured, np.zeros(1))
         V = np.diag(list(named_numbers("V", V, measured, positive=True).values()))
     else:
@@ -120,7 +122,7 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
         rows = np.swapaxes(plant.rows(measured, phase), 1, 2)
         return symmetric_of(solved.curve(phase)) @ rows @ _inverse(cost(phase))
 
-    return solved, through_points(gain, solved.grid), measured
+    return solved, through_points(gain, solved.grid, rtol), measured
 
 
 def _state_noise(plant: Plant, W: Weight) -> Function:

@@ -162,8 +162,12 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Closed loop of the system with some parameters and options changed, and the same feedback."""
+        return self.around(self.model.varied(parameters, options))
+
+    def around(self, system: PeriodicSystem) -> Self:
+        """Same feedback of another system with the states and inputs of the design."""
         changed = copy(self)
-        changed._take(self.model.varied(parameters, options))
+        changed._take(system)
         return changed
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from solve.arguments import checked_rtol
+from solve.arguments import checked_rtol, unique_names
 from solve.arrays import Array, symmetric_of
-from solve.errors import ControlError, require_name
+from solve.errors import ControlError, MissingValueError, require_name
 from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 from solve.single import floquet
@@ -38,7 +38,7 @@ class Norm(NamedTuple):
     error : float
         Estimated relative error.
     frequency : float or None
-        Frequency in rad/s of the largest gain, at most π/T; None for H2.
+        Frequency in rad/s of the largest gain, at most π/T; None for H2, or if it is not found.
     warnings : tuple of str
         Reasons to doubt the value.
     """
@@ -193,16 +193,20 @@ class _Transfer(NamedTuple):
     ) -> "_Transfer":
         plant = Plant(shown_in(system, speed_in_si(speed)), speed_in_si(speed))
         plant.require_inputs()
-        plant.require_names(tuple(outputs))
-        names = system.inputs if inputs is None else inputs
+        outputs = unique_names(outputs)
+        plant.require_names(outputs)
+        names = system.inputs if inputs is None else unique_names(inputs)
         for name in names:
             require_name("input", name, system.inputs)
+        if not outputs or not names:
+            given, such_as = ("inputs", system.inputs[0]) if outputs else ("outputs", plant.states[0])
+            raise MissingValueError(f"'{given}' is empty; give at least one name, such as {such_as}")
         stability = floquet(plant.system, plant.speed, rtol=rtol)
         if stability.verdict != "asymptotically stable":
             raise ControlError(
                 f"{system.labels.name} is {stability.verdict}; norms require an asymptotically stable system"
             )
-        return cls(plant, tuple(outputs), [system.inputs.index(name) for name in names])
+        return cls(plant, outputs, [system.inputs.index(name) for name in names])
 
     def inputs_at(self, phase: Array) -> Array:
         """B (k, N, r)."""

@@ -28,11 +28,11 @@ def matrix_function(
     if callable(given):
 
         def function(phase: Array) -> Array:
-            return np.asarray(given(phase), dtype=float)
+            return _real(given(phase))
 
     else:
         try:
-            matrix = np.asarray(given, dtype=float)
+            matrix = _real(given)
         except (TypeError, ValueError):
             matrix = np.full((0,), np.nan)
 
@@ -44,18 +44,24 @@ def matrix_function(
     return function
 
 
+def _real(values: object) -> Array:
+    """Array of real numbers; NaN if they are complex."""
+    array = np.asarray(values)
+    return np.full(array.shape, np.nan) if np.iscomplexobj(array) else array.astype(float)
+
+
 def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -> None:
-    """Raise ValueOutOfBoundsError unless the matrices are finite and symmetric with this shape, and positive
-    (semi)definite."""
+    """Raise ValueOutOfBoundsError unless the matrices are real, finite and symmetric with this shape, and
+    positive (semi)definite."""
     kind = "positive definite" if definite else "positive semidefinite"
     allowed = (
         f"give a symmetric {kind} matrix of shape {shape[1:]}, a function of phases that returns such "
         "matrices, or a mapping of names to numbers"
     )
     if values.shape != shape:
-        raise ValueOutOfBoundsError(f"{name} has shape {values.shape[-2:]}; {allowed}")
+        raise ValueOutOfBoundsError(f"{name} has shape {values.shape[1:]}; {allowed}")
     if not np.isfinite(values).all() or not np.allclose(values, np.swapaxes(values, 1, 2), rtol=1e-9):
-        raise ValueOutOfBoundsError(f"{name} is not finite and symmetric; {allowed}")
+        raise ValueOutOfBoundsError(f"{name} is not real, finite and symmetric; {allowed}")
     lowest, largest = np.linalg.eigvalsh(values).min(), np.abs(values).max()
     if lowest < -_NEGATIVE * largest or (definite and lowest <= 0):
         raise ValueOutOfBoundsError(f"{name} has the eigenvalue {lowest:.3g} and is not {kind}; {allowed}")

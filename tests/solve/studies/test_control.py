@@ -401,6 +401,8 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
         (ValueOutOfBoundsError, (-np.eye(2), {"u": 1.0}), "eigenvalue"),
         (ValueOutOfBoundsError, ("q", {"u": 1.0}), "positive semidefinite matrix of shape"),
         (MissingValueError, ({"q": 1.0}, {}), "u"),
+        (ValueOutOfBoundsError, (1j * np.eye(2), {"u": 1.0}), "not real"),
+        (ValueOutOfBoundsError, ({"q": 1.0}, 2.0), r"R has shape \(\);"),
     ):
         with pytest.raises(error, match=words):
             solve.lqr(system, 1.0, *arguments)
@@ -410,6 +412,56 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
         solve.control(system, 1.0, lqr={"q": 1.0})
     with pytest.raises(MissingValueError, match="requires weights"):
         solve.control(system, 1.0)
+    with pytest.raises(MissingValueError, match="V names no measured quantity"):
+        solve.kalman(system, 1.0, {"u": 1.0}, {})
+    with pytest.raises(ControlError, match=r"^the Kalman filter holds no feedback"):
+        solve.closed_loop(system, solve.kalman(system, 1.0, {"u": 1.0}, {"q": 1.0}))
+
+
+@pytest.mark.parametrize("harmonic", [60, 192])
+@pytest.mark.parametrize("weight", [1e4, 1e8])
+def test_gains_have_the_harmonics_of_inputs_that_hardly_act_on_the_solution(harmonic, weight):
+    def matrices(phase, speed):
+        B, C = np.zeros((len(phase), 2, 1)), np.zeros((len(phase), 1, 2))
+        B[:, 1, 0], C[:, 0, 0] = 1 + 0.5 * np.cos(harmonic * phase), 1 + 0.5 * np.sin(harmonic * phase)
+        A = np.broadcast_to([[0.0, 1.0], [-1.0, -0.2]], (len(phase), 2, 2))
+        return A, np.zeros((len(phase), 2)), B, C, np.zeros((len(phase), 1, 1))
+
+    system = solve.FirstOrderSystem(matrices, ["x", "v"], inputs=["u"], outputs=["y"])
+    phase = np.linspace(0.0, 6.2, 500)
+    B, C = system.equations_at(phase, 1.0)[2:4]
+    regulator = solve.lqr(system, 1.0, np.eye(2), {"u": weight})
+    observer = solve.kalman(system, 1.0, np.eye(2), {"y": weight})
+    for found, exact in (
+        (regulator, np.swapaxes(B, 1, 2) @ regulator.riccati(phase) / weight),
+        (observer, observer.riccati(phase) @ np.swapaxes(C, 1, 2) / weight),
+    ):
+        assert found.error_estimate < 1e-8
+        assert found.warnings == []
+        assert np.abs(found.gain(phase) - exact).max() < 1e-8 * np.abs(exact).max()
+
+
+def test_observer_of_a_system_without_parameters_keeps_the_equations_of_the_design():
+    def spring(stiffness):
+        def matrices(phase, speed):
+            one = np.ones((len(phase), 1, 1))
+            varying = stiffness + 0.3 * np.cos(phase)
+            return one, 0.1 * one, varying[:, None, None], 0 * phase[:, None], one
+
+        return solve.PeriodicSystem(matrices, ["q"], inputs=["u"])
+
+    found = solve.lqg(spring(2.0), 1.0, {"q": 10.0}, {"u": 1.0}, {"u": 1.0}, {"q": 0.01})
+
+    def slope(phase, z):
+        A = [np.array([[0.0, 1.0], [-k - 0.3 * np.cos(phase), -0.1]]) for k in (3.0, 2.0)]
+        force = np.array([0.0, -(found.gain(phase)[0] @ z[2:])[0]])
+        change = found.observer.gain(phase)[0, :, 0] * (z[0] - z[2])
+        return np.concatenate((A[0] @ z[:2] + force, A[1] @ z[2:] + force + change))
+
+    runs = [solve_ivp(slope, (0, 2 * np.pi), e, rtol=1e-9, atol=1e-12).y[:, -1] for e in np.eye(4)]
+    exact = np.abs(np.linalg.eigvals(np.transpose(runs))).max()
+    loop = solve.closed_loop(spring(3.0), found)
+    assert solve.floquet(loop, 1.0).spectral_radius == pytest.approx(exact, rel=1e-6)
 
 
 def test_stable_system_without_process_noise_has_a_filter_without_gain(recwarn):

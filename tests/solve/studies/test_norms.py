@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import solve
-from solve.errors import ControlError
+from solve.errors import ControlError, MissingValueError, UnknownNameError
 
 
 def oscillator(epsilon):
@@ -126,3 +126,14 @@ def test_norms_require_stability_and_inputs():
         )
     with pytest.raises(ControlError, match="no inputs"):
         solve.h2_norm(solve.load("mathieu", zeta=0.1), 1.0, ["q"])
+
+
+@pytest.mark.parametrize("norm", [solve.h2_norm, solve.hinf_norm])
+def test_names_of_norms_are_one_or_more(norm):
+    system = oscillator(0.0)
+    assert norm(system, 1.0, "q", "u").value == norm(system, 1.0, ["q", "q"], ["u", "u"]).value
+    for names in (([],), (["q"], [])):
+        with pytest.raises(MissingValueError, match="is empty; give at least one name, such as"):
+            norm(system, 1.0, *names)
+    with pytest.raises(UnknownNameError, match="unknown state or output 'speed'"):
+        norm(system, 1.0, "speed")
