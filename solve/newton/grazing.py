@@ -62,7 +62,8 @@ def _events(manifold: Manifold, point: Point) -> Events:
 
 
 def _begins_at(manifold: Manifold, before: Point, after: Point) -> bool:
-    """Whether the branch of the orbit beyond begins at the grazing orbit. Otherwise a slow sweep jumps to it."""
+    """Whether the branch of the orbit beyond begins at the grazing orbit. Otherwise a slow sweep
+    jumps to it."""
     point = after
     for _ in range(_HALVINGS):
         if manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME:
