@@ -81,8 +81,7 @@ def test_the_branch_of_the_slider_crank_passes_a_grazing_orbit():
     assert point["speed"] * 30 / np.pi == pytest.approx(1018.54, abs=0.01)
     at = int(np.flatnonzero(found.kinds == KINDS.index(GRAZING))[0])
     assert found.verdicts[at] == "undetermined"
-    assert "unstable" not in found.verdicts
-    assert found.verdicts[0] == found.verdicts[-1] == "asymptotically stable"
+    assert found.radius.max() < 1
 
 
 def rattling(order):
