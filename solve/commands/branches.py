@@ -3,6 +3,7 @@
 from typing import Annotated, Any
 
 import solve
+from solve.arguments import require_integer
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speed, stored_in
 from solve.commands.parse import require_with
@@ -10,6 +11,7 @@ from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.labels import in_own_unit
 from solve.model.model import Model
 from solve.newton.branches import range_of
+from solve.results.branch import DOUBLING, FOLD
 from solve.units import ramp_in_si
 
 
@@ -57,6 +59,16 @@ def branch(
 ) -> None:
     """Branch of nonlinear orbits over the speed or a parameter, through its turning points."""
     over, model = over or [], problem.loaded()
+    for flag, text in (("--speeds", speeds), *(("--over", each) for each in over)):
+        if text is not None and text.count(":") > 1:
+            raise ValueOutOfBoundsError(
+                f'{flag} is "{text}"; give only the first and last value, A:B, and the maximum number of '
+                "points with --points"
+            )
+    if scatter is not None:
+        require_integer("--scatter", scatter)
+    if follow not in (None, FOLD, DOUBLING):
+        raise ValueOutOfBoundsError(f"--follow is {follow}; allowed: {FOLD}, {DOUBLING}")
     require_with("--scatter N", scatter is not None, {"--seed": seed, "--spread": spread})
     if scatter is not None and (switch or follow or start or unforced):
         raise ValueOutOfBoundsError("--scatter excludes --switch, --follow, --start and --unforced")
@@ -64,6 +76,11 @@ def branch(
         raise ValueOutOfBoundsError(
             "--follow excludes --switch, --unforced, --speeds, --begin and --store; give two ranges with "
             "--over NAME=A:B twice"
+        )
+    if follow is not None and len(over) != 2:
+        raise ValueOutOfBoundsError(
+            f"--follow {follow} needs two ranges; give --over NAME=A:B twice, also for the speed, such as "
+            '--over "speed=300:600 rpm"'
         )
     if follow is None and len(over) > 1:
         raise ValueOutOfBoundsError("--over is given twice; give it once, or add --follow fold")

@@ -14,7 +14,7 @@ from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError, counted
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.branch_store import BranchStep, SavedBranch
-from solve.newton.grazing import point_beyond
+from solve.newton.grazing import grazes, point_beyond
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
@@ -150,7 +150,8 @@ class _BranchFollower:
             beyond = [] if found else self._beyond_grazing(before)
             if beyond:
                 return self._stored(beyond, _FIRST_STEP)
-            return self._stored(found, length, str(reason))
+            grazing = not found and grazes(self.manifold, before)
+            return self._stored(found, length, f"{reason}{', which grazes a switch' if grazing else ''}")
         return self._stored(found, min(growth * length, _MAX_STEP))
 
     def _beyond_grazing(self, before: Point) -> list[Point]:
@@ -187,7 +188,7 @@ class _BranchFollower:
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
         """Add the effect of the parameter's error, which moves the orbit along the branch, to the errors of
         the spectral radius. At a fold, also add the distance from +1 of the multiplier that is +1 there.
-        Returns the points.
+        At grazing orbits these errors are infinite. Returns the points.
 
         With derivatives with respect to the arclength s, an error e of the parameter p moves the orbit by
         e/|p'|, but at a turning point, where p' = 0, by √(2e/|p''|).
@@ -206,7 +207,7 @@ class _BranchFollower:
             with np.errstate(divide="ignore"):
                 along = min(moved / np.abs(point.direction.value), np.sqrt(2 * moved / bend))
             radius_error = max(radius_error, slope * along, orbit.nearest if point.kind == FOLD else 0.0)
-            if point.kind == GRAZING:
+            if point.kind == GRAZING or grazes(self.manifold, point):
                 radius_error = math.inf
             with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))
         return with_errors

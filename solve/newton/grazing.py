@@ -24,9 +24,10 @@ difference between the two orbits decays within a few periods."""
 _STATES, _RTOL = 512, 1e-8
 """States per period and tolerance of the motion. Choices."""
 
-_MAX_DISTANCE = 0.5
-"""Largest distance between the orbits on both sides, in scaled coordinates. A choice: 2.5 times the longest
-step of a branch."""
+_HALVINGS, _SAME = 10, 0.02
+"""Halvings of the step back to the grazing orbit, and largest distance to it there, in scaled coordinates.
+Choices: an orbit at a distance that falls with the square root of the step comes 32 times nearer; another
+stable orbit at the same value of the parameter does not."""
 
 
 def point_beyond(manifold: Manifold, before: Point) -> Point:
@@ -42,17 +43,38 @@ def point_beyond(manifold: Manifold, before: Point) -> Point:
             after = _settled(manifold, before, float(value))
         except SolveError:
             continue
-        near = manifold.distance(after.unknowns, before.unknowns, before.sizes) <= _MAX_DISTANCE
         there = _events(manifold, after)
-        if near and (here.grazing or len(here.phases) != len(there.phases) or here.sides != there.sides):
+        passes = here.grazing or len(here.phases) != len(there.phases) or here.sides != there.sides
+        if passes and _begins_at(manifold, before, after):
             return after
     raise NoOrbitError("no motion settles beyond a grazing orbit")
+
+
+def grazes(manifold: Manifold, point: Point) -> bool:
+    """Whether the orbit of a point grazes a switch, so that its multipliers change abruptly next to it."""
+    return bool(_events(manifold, point).grazing)
 
 
 def _events(manifold: Manifold, point: Point) -> Events:
     """Events of the orbit of a point."""
     task = manifold.parameters.task_at(point.unknowns.values)
     return events_of(task.along(point.unknowns.curve))
+
+
+def _begins_at(manifold: Manifold, before: Point, after: Point) -> bool:
+    """Whether the branch of the orbit beyond begins at the grazing orbit. Otherwise a slow sweep
+    jumps to it."""
+    point = after
+    for _ in range(_HALVINGS):
+        if manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME:
+            return True
+        step = (before.value - point.unknowns.value) / 2
+        back = point.unknowns.plus(step / point.direction.value, point.direction)
+        try:
+            point = manifold.held(back, point.tangents, point.grid)
+        except SolveError:
+            break
+    return manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME
 
 
 def _settled(manifold: Manifold, before: Point, value: float) -> Point:

@@ -58,7 +58,8 @@ def _both_ways(
     end of the range or on a closed branch, also in the other direction. The points are in their order."""
     points, ended = follow_branch(parameters, start, most, saved=store.next())
     backwards = store.next()
-    if is_closed([point.orbit.figures for point in points]) or points[0].value in parameters.ranges[0]:
+    closed = is_closed([point.value for point in points], [point.orbit.figures for point in points])
+    if closed or points[0].value in parameters.ranges[0]:
         return parameters, points, ended
     others, reason = follow_branch(parameters, lambda: _reversed(points[0]), most, saved=backwards)
     points = [*map(_reversed, others[:0:-1]), *points]

@@ -112,7 +112,7 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
         if present.any():
             raise ValueOutOfBoundsError(
                 f"the equations of {system.labels.name} at rest contain {words}; unforced orbits need "
-                "constant equations without load and damping: set these to zero, such as --set F=0 --set c=0"
+                "constant equations without load and damping: set these to zero, such as --set c=0"
             )
     from scipy.linalg import eigh
 

@@ -330,7 +330,10 @@ class Branch(BranchPoints):
     @property
     def closed(self) -> list[int]:
         """Numbers of the branches that end with their first orbit: isolated ones, without an end."""
-        return [number for number in range(self._count) if is_closed(self.figures[self.numbers == number])]
+        parts = [self.numbers == number for number in range(self._count)]
+        return [
+            number for number, part in enumerate(parts) if is_closed(self.values[part], self.figures[part])
+        ]
 
     @property
     def _count(self) -> int:
@@ -372,9 +375,10 @@ class Branch(BranchPoints):
         return f"A slow sweep {jump['direction']} jumps at {at}: max|{name}| from {before} {where}."
 
 
-def is_closed(figures: Sequence[Array] | Array) -> bool:
-    """Whether a branch ends with its first orbit, by the figures (figure, n) of its orbits."""
-    return len(figures) > 2 and np.array_equal(figures[0], figures[-1])
+def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array) -> bool:
+    """Whether a branch ends with its first orbit, by the values of the parameter and the figures of its
+    orbits. Figures alone do not tell, as orbits may be zero at all values."""
+    return len(figures) > 2 and values[0] == values[-1] and np.array_equal(figures[0], figures[-1])
 
 
 def _distance(kind: str, multipliers: Array) -> Array:

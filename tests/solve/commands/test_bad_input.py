@@ -205,6 +205,26 @@ BAD = {
         ("branch", "cam", "--speeds", "100:200 rpm", "--spread", "4"),
         ("--spread 4.0 requires --scatter N",),
     ),
+    "branch: a number of speeds": (
+        ("branch", "cam", "--speeds", "300:1500:40 rpm"),
+        ("--speeds", "300:1500:40 rpm", "A:B", "--points"),
+    ),
+    "branch: a number of values": (
+        ("branch", "cam", *SPEED, "--over", "k1=6e4:9e4:40"),
+        ("--over", "k1=6e4:9e4:40", "A:B", "--points"),
+    ),
+    "branch: no scattered states": (
+        ("branch", "cam", *SPEED, "--scatter", "0"),
+        ("--scatter is 0", "at least 1"),
+    ),
+    "branch: curves of another kind": (
+        ("branch", "cam", *SPEED, "--follow", "torus", "--over", "k1=1:2"),
+        ("--follow is torus", "fold, doubling"),
+    ),
+    "branch: curves over one parameter": (
+        ("branch", "cam", *SPEED, "--follow", "fold", "--over", "k1=1:2"),
+        ("--follow fold", "--over NAME=A:B twice"),
+    ),
     "branch: points without a range": (
         ("branch", "cam", *SPEED, "--scatter", "5", "--points", "9"),
         ("--points 9 requires --speeds or --over",),

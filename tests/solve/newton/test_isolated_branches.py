@@ -124,3 +124,12 @@ def test_the_isolated_resonance_of_a_tuned_absorber_equals_shooting():
 
     exact, _ = located(fold, mapped, start, last["speed"])
     assert last["speed"] == pytest.approx(exact, rel=1e-6)
+
+
+def test_a_branch_of_orbits_that_are_zero_is_not_closed():
+    """All orbits are equal; the branch is followed in both directions."""
+    found = solve.branch(
+        solve.load("mathieu", epsilon=0.2), 1.0, over="delta=0.5:0.7", begin=0.6, points=20, rtol=1e-3
+    )
+    assert found.closed == []
+    assert sorted(found.values[[0, -1]]) == [0.5, 0.7]
