@@ -270,7 +270,7 @@ def _contradictions(search: Search, best: State, value: float, points: Sequence[
         is_named = isinstance(minimised, Named)
         name, unit = (minimised.text, minimised.unit) if is_named else ("the function", "1")
         doubts.append(
-            f"the linear model is invalid at the optimum: {name} of the nonlinear orbits is "
+            f"the linear model is inaccurate at the optimum: {name} of the nonlinear orbits is "
             f"{measured(value, unit)} instead of {measured(linear, unit)}; compare nonlinear orbits before "
             "and at the optimum"
         )
