@@ -127,6 +127,8 @@ def optimise(
     model = shown_in(model, given[0])
     names, low, high = _free(model, free)
     kept, bounds = kept_of(model, keep), bounds_of(model, subject)
+    if not (isinstance(minimise, str) or callable(minimise)):
+        raise ValueOutOfBoundsError(f"minimise is {minimise!r}; allowed: a quantity by name, or a function")
     objective = real_quantity(model, minimise) if isinstance(minimise, str) else minimise
     named = [each.quantity for each in bounds] + ([objective] if isinstance(objective, Named) else [])
     orbits = not isinstance(objective, Named) or bool(kept) or any(each.of_orbit for each in named)

@@ -385,6 +385,12 @@ def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
     ("change", "error", "text"),
     [
         ({"minimise": "x.max"}, UnknownNameError, "x.max"),
+        ({"minimise": 3}, ValueOutOfBoundsError, "minimise is 3; allowed"),
+        ({"minimise": lambda orbits: float("nan")}, ValueOutOfBoundsError, "returns nan; allowed: finite"),
+        ({"minimise": lambda orbits: "x"}, ValueOutOfBoundsError, "returns 'x'"),
+        ({"free": {"k": 3}}, ValueOutOfBoundsError, "bounds of k are 3; give two numbers"),
+        ({"free": {"k": "5:20"}}, ValueOutOfBoundsError, "give two numbers"),
+        ({"vary": {"k": 3}, "robust": 3}, ValueOutOfBoundsError, "spread of k is 3; give a text"),
         ({"minimise": "q"}, ValueOutOfBoundsError, "names no statistic"),
         ({"minimise": "rho1"}, ValueOutOfBoundsError, "is complex"),
         ({"free": {}}, ValueOutOfBoundsError, "free is empty"),
