@@ -55,7 +55,7 @@ def first_is(
             if first and not isinstance(first[0], types):
                 allowed = " or ".join(kind.__name__ for kind in types)
                 raise ValueOutOfBoundsError(
-                    f"{name} is {reprlib.repr(first[0])}; allowed: {allowed}, such as {such_as}"
+                    f"{name} is {described(first[0])}; allowed: {allowed}, such as {such_as}"
                 )
             if first and demand is not None:
                 demand(first[0])
@@ -64,6 +64,17 @@ def first_is(
         return checked
 
     return decorator
+
+
+def described(value: object) -> str:
+    """Short text of a wrong argument, without the address in memory of objects that have no text.
+
+    >>> described([1, 2]), described(object()), described(abs)
+    ('[1, 2]', 'of type object', 'of type builtin_function_or_method')
+    """
+    if type(value).__repr__ is object.__repr__ or callable(value):
+        return f"of type {type(value).__name__}"
+    return reprlib.repr(value)
 
 
 def unique_names(names: str | Iterable[str]) -> tuple[str, ...]:

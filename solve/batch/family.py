@@ -1,13 +1,13 @@
 """Families of systems over the speed and over parameters."""
 
 import copy
-import reprlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from solve.arguments import described
 from solve.arrays import Array
 from solve.contracts import Formulas
 from solve.equations import entries_of, entries_over, output_formulas, output_values, terms_of
@@ -237,7 +237,7 @@ class BuiltFamily(Family):
         built = self._build(**values)
         if not isinstance(built, PeriodicSystem):
             raise ValueOutOfBoundsError(
-                f"the function that builds systems returns {reprlib.repr(built)}; it must return a "
+                f"the function that builds systems returns {described(built)}; it must return a "
                 "PeriodicSystem"
             )
         return built, speed

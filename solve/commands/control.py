@@ -5,8 +5,8 @@ from typing import Annotated
 import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speed
-from solve.commands.parse import listed
-from solve.errors import ValueOutOfBoundsError
+from solve.commands.parse import listed, require_with
+from solve.errors import MissingValueError, ValueOutOfBoundsError
 
 
 def control(
@@ -34,6 +34,13 @@ def control(
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
 ) -> None:
     """Periodic feedback: optimal regulator and Kalman filter, and the closed loop."""
+    if lqr is None and kalman is None:
+        raise MissingValueError(
+            'a controller requires weights; add --lqr "q3=1e6, u=1" or --kalman "u=1, q1=1e-9"'
+        )
+    of_loop = {"--feedforward": feedforward, "--vibration": vibration, "--margin": margin}
+    of_loop |= {"--norms": norms, "--samples": samples}
+    require_with("--lqr WEIGHTS", lqr is not None, of_loop)
     weights = None if lqr is None else _numbers("--lqr", lqr)
     noise = None if kalman is None else _numbers("--kalman", kalman)
     model = problem.loaded()

@@ -176,7 +176,9 @@ def transient(
         str, Flag("Initial state; a saved .npz is continued from its end.", "FILE|rest|orbit")
     ] = "rest",
     nonlinear: Annotated[bool, Flag("Integrate the nonlinear equations of motion.")] = False,
-    rtol: Annotated[float, Flag("Relative distance at which the orbit counts as reached.", "R")] = 1e-3,
+    rtol: Annotated[
+        float, Flag("Relative distance at which the orbit counts as reached; sets the accuracy.", "R")
+    ] = 1e-3,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     speeds: Annotated[
         str | None,

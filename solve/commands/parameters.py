@@ -146,7 +146,7 @@ def optimise(
     ranges = {name: limits[name] for name in names}
     requirements = keep or (), subject or (), starts
     require_with("--robust K", robust is not None, {"--vary": vary})
-    spreads = assignments("--vary", vary or [], "NAME=±2 %")
+    spreads = assignments("--vary", vary or [], "NAME=±2%")
     options = {"method": accuracy.rule, "rtol": accuracy.rtol, "prove": prove}
     result = solve.optimise(
         model, minimise, ranges, speed_texts, *requirements, **options, robust=robust, vary=spreads
@@ -185,7 +185,7 @@ def tolerances(
     """Tolerances of parameters: probability of instability, Sobol indices, worst points."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
-    spreads = assignments("--vary", vary or [], "NAME=±2 %")
+    spreads = assignments("--vary", vary or [], "NAME=±2%")
     model = problem.loaded()
     given = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     sizes = samples, index_samples, accuracy.rule, accuracy.rtol

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.arguments import described
 from solve.arrays import Array
 from solve.contracts import Motion
 from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError, counted
@@ -57,7 +58,7 @@ def _allowed(task: Task) -> str:
 
 
 def _refused(start: object, allowed: str) -> ValueOutOfBoundsError:
-    return ValueOutOfBoundsError(f"start is {reprlib.repr(start)}; allowed: {allowed}")
+    return ValueOutOfBoundsError(f"start is {described(start)}; allowed: {allowed}")
 
 
 def _opened(path: str | Path, task: Task) -> Orbit | Transient:

@@ -138,15 +138,15 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
     return rigid_body_modes_of(rigid_body_modes(K[None], C[None]))
 
 
-def require_position(system: PeriodicSystem, position: object) -> None:
-    """Raise NoMotionError if a position is given for a structure without motion."""
-    if position is not None and not system.labels.moves:
-        raise NoMotionError(f"{system.labels.name} is a structure at rest; leave out the position")
+def require_position(system: PeriodicSystem, given: object, flag: str = "position") -> None:
+    """Raise NoMotionError if a position, or another flag, is given for a structure without motion."""
+    if given is not None and not system.labels.moves:
+        raise NoMotionError(f"{system.labels.name} is a structure at rest; leave out {flag}")
 
 
 def turn(system: PeriodicSystem, count: int = TURN) -> Array:
     """Evenly spaced positions (count,) of a period, from 0. Raises ValueOutOfBoundsError below 2."""
-    require_position(system, count)
+    require_position(system, count, "turn")
     if count < 2:
         raise ValueOutOfBoundsError(
             f"turn is {count}; allowed: 2 or more positions per period, such as {TURN}"

@@ -18,6 +18,7 @@ from solve.model.model import Model
 from solve.newton.orbits import nonlinear
 from solve.period.named import Named
 from solve.proof.prove import prove as proof_of
+from solve.results.formatting import measured
 from solve.results.optimum import Curves, FreeParameter, Optimum
 from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
@@ -35,6 +36,10 @@ Objective = str | Callable[[Sequence[Orbit]], float]
 
 _CURVE_PHASES = 721
 """Number of phases of the stored curves: every half degree of a revolution."""
+
+_CONTRADICTION = 0.05
+"""Difference between nonlinear and linear orbits, relative to the larger value, above which nonlinear orbits
+contradict the optimum: the default of `solve.validity`, above which the linear model counts as invalid."""
 
 
 @of_system
@@ -122,6 +127,8 @@ def optimise(
     model = shown_in(model, given[0])
     names, low, high = _free(model, free)
     kept, bounds = kept_of(model, keep), bounds_of(model, subject)
+    if not (isinstance(minimise, str) or callable(minimise)):
+        raise ValueOutOfBoundsError(f"minimise is {minimise!r}; allowed: a quantity by name, or a function")
     objective = real_quantity(model, minimise) if isinstance(minimise, str) else minimise
     named = [each.quantity for each in bounds] + ([objective] if isinstance(objective, Named) else [])
     orbits = not isinstance(objective, Named) or bool(kept) or any(each.of_orbit for each in named)
@@ -240,8 +247,10 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
         except SolveError as reason:
             doubts.append(f"the optimum is not confirmed by nonlinear orbits: {reason}")
         else:
-            values = search.values([DesignPoint(orbit, design.names) for orbit in orbits])
-            confirmed |= {"objective": float(values.max()), "verdicts": [orbit.verdict for orbit in orbits]}
+            points = [DesignPoint(orbit, design.names) for orbit in orbits]
+            value = float(search.values(points).max())
+            confirmed |= {"objective": value, "verdicts": [orbit.verdict for orbit in orbits]}
+            doubts += _contradictions(search, best, value, points)
             unstable = [
                 model.labels.speed_unit.text(orbit.speed) for orbit in orbits if orbit.verdict == "unstable"
             ]
@@ -252,3 +261,24 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
         confirmed["proved"] = [proof.verdict if proof.proved else None for proof in proofs]
         doubts += dict.fromkeys(warning for proof in proofs for warning in proof.warnings)
     return confirmed, doubts
+
+
+def _contradictions(search: Search, best: State, value: float, points: Sequence[DesignPoint]) -> list[str]:
+    """Sentences on the objective and on bounds that nonlinear orbits contradict. value: nonlinear
+    objective."""
+    doubts, minimised = [], search.minimise
+    linear = float(search.values(search.design.points(best.x)).max())
+    if abs(value - linear) > _CONTRADICTION * max(abs(value), abs(linear)):
+        is_named = isinstance(minimised, Named)
+        name, unit = (minimised.text, minimised.unit) if is_named else ("the function", "1")
+        doubts.append(
+            f"the linear model is inaccurate at the optimum: {name} of the nonlinear orbits is "
+            f"{measured(value, unit)} instead of {measured(linear, unit)}; compare nonlinear orbits before "
+            "and at the optimum"
+        )
+    each_bound = search.bounds, search.bounded(search.design.points(best.x))[1:], search.bounded(points)[1:]
+    for bound, (_, linear), (requirement, violation) in zip(*each_bound, strict=True):
+        if violation > _CONTRADICTION and violation - linear > _CONTRADICTION:
+            reached = measured(requirement.value, bound.quantity.unit)
+            doubts.append(f"the nonlinear orbits violate {bound.text}; they reach {reached}")
+    return doubts

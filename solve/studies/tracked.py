@@ -6,13 +6,16 @@ leads. The individual extrema are differentiable, and their derivatives are thos
 theorem).
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from solve.arguments import described
 from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
 from solve.period.named import Named
 from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
@@ -159,8 +162,17 @@ class Function:
         return np.array([self.value(self.design.points(x))])
 
     def value(self, points: Sequence[DesignPoint]) -> float:
-        """Value of the function."""
-        return float(self.function([point.orbit for point in points]))
+        """Value of the function. Raises ValueOutOfBoundsError if it is not a finite number."""
+        given = self.function([point.orbit for point in points])
+        try:
+            value = float(given)
+        except (TypeError, ValueError):
+            value = math.nan
+        if not math.isfinite(value):
+            raise ValueOutOfBoundsError(
+                f"the minimised function returns {described(given)}; allowed: finite numbers"
+            )
+        return value
 
     def slopes(self, x: Array) -> Array:
         points, slopes = self.design.points(x), np.empty((1, len(x)))

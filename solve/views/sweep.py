@@ -3,13 +3,12 @@ validity."""
 
 import itertools
 import math
-import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from solve.arguments import unique_names
+from solve.arguments import described, unique_names
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED, known_quantities, unit_of
@@ -227,7 +226,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
     """Figure of the spectral radius over speed, with the unstable bands shaded by kind; see `Bands.plot`."""
     if not isinstance(sweep, Sweep | None):
         raise ValueOutOfBoundsError(
-            f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or leave it out; "
+            f"sweep is {described(sweep)}; give a Sweep, such as solve.sweep(...), or leave it out; "
             'plot().savefig("FILE") writes a picture'
         )
     system, edges = bands.system, [(band.low, band.high, band.kind) for band in bands]

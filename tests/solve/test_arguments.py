@@ -32,6 +32,14 @@ def test_a_model_name_instead_of_a_system_names_load():
         solve.periodic("cam", "600 rpm")  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("given", [object(), lambda: None, solve])
+def test_messages_print_no_address_of_an_object(given):
+    with pytest.raises(SolveError) as caught:
+        solve.tolerances(given)
+    assert "0x" not in str(caught.value)
+    assert "allowed: Model, such as solve.load('cam')" in str(caught.value)
+
+
 def test_missing_arguments_raise_a_type_error():
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'system'"):
         solve.periodic(speed=1.0)  # type: ignore[call-arg]

@@ -184,7 +184,7 @@ def corrected(
     rtol: EachTolerance = 1e-6,
 ) -> None:
     """One element per link with corrected dynamic stiffness, compared with more elements."""
-    model = four_bar.loaded()
+    model = four_bar.loaded("element", "elements")
     counts = [text.strip() for text in elements.split(",")]
     if not all(count.isdigit() for count in counts):
         raise ValueOutOfBoundsError(

@@ -265,5 +265,5 @@ def elements(
     turn: Annotated[int, Flag("Number of equidistant crank positions.", "N")] = 36,
 ) -> None:
     """Natural frequencies over a revolution by element type, compared with exact frequencies."""
-    result = element_kinds(four_bar.loaded(), kinds.split(","), count, turn)
+    result = element_kinds(four_bar.loaded("element", "elements"), kinds.split(","), count, turn)
     deliver_result(results, result, four_bar.choices)

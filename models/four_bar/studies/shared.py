@@ -2,10 +2,12 @@
 speed."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from solve.beams.structure import StructureModel
 from solve.commands.groups import Flag, Numbers
+from solve.commands.parse import assignments
+from solve.errors import ValueOutOfBoundsError
 from solve.labels import require_motion
 from solve.results.orbit import Orbit
 from solve.results.result import Result
@@ -21,9 +23,15 @@ EachTolerance = Annotated[float, Flag("Relative error of each solution.", "R")]
 class FourBar(Numbers):
     """Arguments that select case, parameters and options of the four-bar linkage."""
 
-    def loaded(self) -> StructureModel:
-        """Model of the four-bar linkage with these arguments. Raises SolveError subclasses for invalid
-        input."""
+    # These studies require all coordinates of the beams, so that they do not offer --reduce.
+    reduce: ClassVar[None] = None  # type: ignore[misc]
+
+    def loaded(self, *replaced: str) -> StructureModel:
+        """Model of the four-bar linkage with these arguments. replaced: options whose values the command
+        chooses, and which have no effect. Raises SolveError subclasses for invalid input."""
+        for name in assignments("--option", self.option or []):
+            if name in ("reduce", *replaced):
+                raise ValueOutOfBoundsError(f"--option {name} has no effect on this command; leave it out")
         model = StructureModel.from_setup(self.setup("four_bar"))
         require_motion(model)
         return model

@@ -95,6 +95,10 @@ def test_corrected_model_is_compared_with_others(answer, tmp_path):
         (("corrected", "--speed", "30"), "unit"),
         (("corrected", "--of", "stress"), "coordinate or output"),
         (("corrected", "--option", "terms=full"), "terms"),
+        (("corrected", "--option", "elements=3"), "--option elements has no effect"),
+        (("elements", "--option", "element=internal"), "--option element has no effect"),
+        (("modes", "--option", "reduce=2"), "--option reduce has no effect"),
+        (("curve", "--reduce", "2"), "No such option: --reduce"),
     ],
 )
 def test_refusals_are_one_line(arguments, message, refusal):

@@ -35,7 +35,7 @@ def test_json_has_gain_feedforward_and_observer(capsys):
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
-        ([], "requires weights"),
+        ([], "requires weights; add --lqr"),
         (["--lqr", "q2=1e8"], "names no input (u)"),
         (["--lqr", "u=1"], "names no state"),
         (["--lqr", "q2=1e8, u"], "write each name once"),
@@ -43,7 +43,8 @@ def test_json_has_gain_feedforward_and_observer(capsys):
         (["--lqr", "q9=1, u=1"], "q9"),
         (["--lqr", "q2=-1, u=1"], "at least 0"),
         (["--lqr", "q2=1, u=0"], "positive"),
-        (["--kalman", "u=1, q1=1e-9", "--feedforward"], "feedforward, vibration"),
+        (["--kalman", "u=1, q1=1e-9", "--feedforward"], "--feedforward requires --lqr"),
+        (["--kalman", "u=1, q1=1e-9", "--samples", "40"], "--samples 40 requires --lqr"),
     ],
 )
 def test_weights_that_do_not_fit_are_refused_in_one_line(capsys, flags, words):

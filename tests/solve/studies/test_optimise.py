@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 import solve
-from derive import Mechanism, cos, rate
+from derive import Mechanism, cos, rate, sin
 from models.manipulator.mechanism import mechanism as manipulator
 from solve.commands.app import run
 from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoundsError
@@ -314,6 +314,33 @@ def manipulator_with_a_torque():
     return made
 
 
+@pytest.mark.parametrize(
+    ("cubic", "bound", "warned"),
+    [
+        (2.0, "q.max < 2 m", ["q.max_abs of the nonlinear orbits is 1 m instead of 1.4"]),
+        (-0.5, "q.max < 0.93 m", ["is 1 m instead of 900 mm", "violate q.max < 0.93 m; they reach 1 m"]),
+        (0.02, "q.max < 2 m", []),
+    ],
+)
+def test_optimum_that_nonlinear_orbits_contradict_has_a_warning(cubic, bound, warned):
+    # With k = 4 N/m, q = cos(φ) solves m q̈ + c q̇ + k q + k3 q³ = p1 cos(φ) + p2 cos(3φ) + s sin(φ).
+    made = Mechanism("cubic", "Oscillator with a cubic spring")
+    (q,) = made.coordinates(q=("m", "displacement"))
+    m, c, k = made.parameters(m=("kg", "mass"), c=("N s/m", "damping"), k=("N/m", "spring"))
+    k3, p1, p2, s = made.parameters(k3=("N/m^3", "cubic"), **dict.fromkeys(["p1", "p2", "s"], ("N", "load")))
+    made.kinetic, made.dissipation = m * rate(q) ** 2 / 2, c * rate(q) ** 2 / 2
+    made.potential = k * q**2 / 2 + k3 * q**4 / 4
+    made.force(p1 * cos(made.phase) + p2 * cos(3 * made.phase) + s * sin(made.phase), along=q)
+    loads = {"p1": 3 + 0.75 * cubic, "p2": 0.25 * cubic, "s": -0.1}
+    start = solve.load(made, m=1, c=0.1, k=3.0, k3=cubic, **loads)
+    found = solve.optimise(start, "q.max_abs", {"k": (2.5, 4.0)}, 1.0, subject=[bound])
+    assert found.free["k"] == pytest.approx(4.0)
+    assert found.confirmed["objective"] == pytest.approx(1.0, rel=1e-6)
+    about = [text for text in found.warnings if "nonlinear orbits" in text]
+    assert len(about) == len(warned)
+    assert all(part in text for part, text in zip(warned, about, strict=True))
+
+
 @pytest.mark.slow
 def test_torque_of_150_nm_lowers_the_manipulators_peak_by_three_quarters():
     names = [f"T{kind}{order}" for order in range(1, 7) for kind in "ab"]
@@ -358,6 +385,12 @@ def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
     ("change", "error", "text"),
     [
         ({"minimise": "x.max"}, UnknownNameError, "x.max"),
+        ({"minimise": 3}, ValueOutOfBoundsError, "minimise is 3; allowed"),
+        ({"minimise": lambda orbits: float("nan")}, ValueOutOfBoundsError, "returns nan; allowed: finite"),
+        ({"minimise": lambda orbits: "x"}, ValueOutOfBoundsError, "returns 'x'"),
+        ({"free": {"k": 3}}, ValueOutOfBoundsError, "bounds of k are 3; give two numbers"),
+        ({"free": {"k": "5:20"}}, ValueOutOfBoundsError, "give two numbers"),
+        ({"vary": {"k": 3}, "robust": 3}, ValueOutOfBoundsError, "spread of k is 3; give a text"),
         ({"minimise": "q"}, ValueOutOfBoundsError, "names no statistic"),
         ({"minimise": "rho1"}, ValueOutOfBoundsError, "is complex"),
         ({"free": {}}, ValueOutOfBoundsError, "free is empty"),
