@@ -45,19 +45,24 @@ def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool,
 
     c and p are the error constant and the order of the method. The motions are the frozen modes, weighted by
     their decay per period relative to the least damped one, and the harmonics of the coefficients, weighted
-    by their amplitudes. Methods without an error constant start with few steps; those that do not damp stiff
-    modes start with steps that resolve these on the doubled grid, with which they are compared."""
-    if not isinstance(method, Collocated):
+    by their amplitudes. Along a nonlinear orbit only the modes count, because the orbit on a coarse grid has
+    harmonics that the exact one has not. Methods without an error constant start with few steps; those that
+    do not damp stiff modes start with steps that resolve these on the doubled grid, with which they are
+    compared."""
+    collocation = method.corrector
+    if not isinstance(collocation, Collocated):
         phase_advance = np.zeros(len(modes)) if method.l_stable else modes.phase_advance_estimate
         steps = np.ceil(np.nan_to_num(phase_advance) / (2 * method.follows))
         return np.clip(steps, 2 * MIN_STEPS, _MAX_FIRST_STEPS).astype(int)
-    c, p, T = method.error_constant, method.order, modes.period
+    c, p, T = collocation.error_constant, collocation.order, modes.period
     rates, remaining = modes.rates_and_decay(UNDERFLOW)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         # The variation of the coefficients adds about 1.5 times the speed to the frozen rates.
         mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)
-        harmonic_powers = _harmonic_powers(harmonics(points, orbit), rates.max(axis=1), T, p)
-        steps = (c / (AIM * rtol) * np.maximum(mode_powers, harmonic_powers)) ** (1 / p)
+        if method.linear:
+            amplitudes = harmonics(points, orbit)
+            mode_powers = np.maximum(mode_powers, _harmonic_powers(amplitudes, rates.max(axis=1), T, p))
+        steps = (c / (AIM * rtol) * mode_powers) ** (1 / p)
     steps = np.where(steps > MIN_STEPS, np.minimum(steps, _MAX_FIRST_STEPS), MIN_STEPS)
     return np.ceil(steps).astype(int)
 

@@ -322,14 +322,22 @@ def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
 
 class Newton(Method):
     """Newton's iteration in the form of a method for one point, so that `certified` can compare grids. On
-    each grid it starts from the last curve of the finest grid. found: converged iteration by the task's
-    method on the first grid, if available."""
+    each grid it starts from the last curve of the finest grid, or from that of `lower`, the iteration with
+    one stage less. found: converged iteration by the task's method on the first grid, if available."""
 
     first_order = True
 
-    def __init__(self, task: Task, start: Motion, steps: int = 0, found: Converged | None = None):
+    def __init__(
+        self,
+        task: Task,
+        start: Motion,
+        steps: int = 0,
+        found: Converged | None = None,
+        lower: "Newton | None" = None,
+    ):
         method = task.method
         self.task, self.start, self.first, self.finest, self.found = task, start, steps, steps, found
+        self.lower = lower
         # The next linearisation is about this curve, and its solution is not more accurate than the curve.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
@@ -341,7 +349,8 @@ class Newton(Method):
     @property
     def with_another_stage(self) -> "Newton":
         """The same iteration by the method with one more stage."""
-        return Newton(replace(self.task, method=self.task.method.with_another_stage), self.start, self.first)
+        task = replace(self.task, method=self.task.method.with_another_stage)
+        return Newton(task, self.start, self.first, lower=self)
 
     @property
     def stages(self) -> Collocation:
@@ -381,7 +390,10 @@ class Newton(Method):
             found, task = None, replace(task, factors=point.factors)
         try:
             if found is None or not np.array_equal(found.solutions.grid.nodes, grid.nodes):
-                found = iterate(task, self.start, grid)
+                found = iterate(task, self.start if self.lower is None else self.lower.start, grid)
+                if found.iterations == 1 and self.lower is not None:
+                    # Multipliers about the curve of fewer stages would hide the effect of its error.
+                    found = iterate(task, found.curve, grid)
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
                 raise StepsError(str(reason)) from None
