@@ -400,6 +400,9 @@ class Newton(Method):
             raise
         if grid.steps >= self.finest:
             self.start, self.finest = found.curve, grid.steps
+        if self.lower is not None:
+            # Only the defect of the solution with fewer stages enters the errors.
+            return found.solutions
         along = task.along(found.curve)
         scale = CoordinateScale(along, found.curve, task.speed, _FEW_STEPS)
         defect = max(found.last, scale.load_roundoff(np.abs(found.curve.sampled(1)).max(axis=1)))
