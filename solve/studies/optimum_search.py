@@ -38,7 +38,10 @@ errors of the orbits, which differ from grid to grid, prevent the end for some o
 
 _MAX_RESTORATIONS, _GAIN = 6, 0.01
 """Largest number of minimisations of the violation, and reduction of the violation, relative to it, below
-which no design is expected to fulfil all requirements. Choices."""
+which it is taken for a local minimum. Choices."""
+
+_RESTARTS = 4
+"""Number of random designs from which the violation is minimised if no feasible design is near. A choice."""
 
 _VIOLATION = 1e-7
 """Largest violation of a bound, relative to its scale, with which the bound counts as satisfied. A choice."""
@@ -173,7 +176,7 @@ class Search:
                     x, change = self._round(state.x, reach)
                     trial = self._state(x)
                 if not trial.better_than(state) and not state.feasible:
-                    trial = self._least_violation(state)
+                    trial = self._feasible_near(state)
                     if not trial.feasible:
                         return trial
             except SolveError as reason:
@@ -189,8 +192,22 @@ class Search:
                 break
         return state
 
+    def _feasible_near(self, state: State) -> State:
+        """Feasible design from an infeasible one or from random ones, since violations have several local
+        minima if an unstable band moves through the speeds; otherwise the design of least violation. Raises
+        the exceptions of `_round`."""
+        best = self._least_violation(state)
+        for x in np.random.default_rng(1).random((_RESTARTS, len(best.x))):
+            if best.feasible:
+                break
+            try:
+                best = min(best, self._least_violation(self._state(x)), key=lambda each: each.violation)
+            except SolveError as reason:
+                self.failures.append(str(reason))
+        return best
+
     def _least_violation(self, state: State) -> State:
-        """Design near an infeasible one whose largest violation is least. Raises the exceptions of
+        """Design near an infeasible one whose largest violation is a local minimum. Raises the exceptions of
         `_round`."""
         for _ in range(_MAX_RESTORATIONS):
             excess = [Excess(each) for each in self._limits(state.x)]
