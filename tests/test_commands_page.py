@@ -63,6 +63,7 @@ solve compare cam --speed "300 rpm" --method gauss
 solve floquet mathieu --prove
 solve optimise manipulator --speed "50 rpm" --minimise q1.max_abs --free b1 --bounds b1=0:1mm --prove
 solve branch cam --speed "100 rpm" --scatter 2
+solve branch slider_crank --speeds "1018.5:1088 rpm" --points 6
 solve periodic manipulator --speed "50 rpm" --prove
 solve chart mathieu --x delta=0.95:1.05:3 --y epsilon=0.1:0.2:3 --set zeta=0.01 --prove
 models.four_bar study --speeds "20:32:13 rad/s" --over L4=0.547,0.6 --of crank_root_stress
