@@ -12,19 +12,17 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction
-from solve.contracts import Matrices, Motion
+from solve.contracts import Motion
 from solve.equations import events_of, nonlinear_of
-from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError, counted
+from solve.errors import LinearModelError, NoOrbitError, SolveError, counted
 from solve.kernel.formulas import columns_by
 from solve.methods.collocated import Collocated
-from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
-from solve.methods.method import Method, Solutions, one_by_one
+from solve.methods.method import Solutions
 from solve.newton.saltation import event_jumps, solutions_with_jumps
 from solve.period.curve import Curve
-from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
-from solve.period.points import Points, ScaledEquations, SinglePoint
+from solve.period.points import ScaledEquations, SinglePoint
 from solve.period.rigid_body import RigidBodyModes
 from solve.system import PeriodicSystem
 from solve.terminal import progress
@@ -47,13 +45,6 @@ times the condition number of typical systems, and far below a useful rtol."""
 _RTOL_FRACTION = 0.01
 """Upper limit of the last correction, as a fraction of the tolerance of the orbit. A choice: with quadratic
 convergence the remaining error is far smaller than the last correction."""
-
-_FEW_STEPS = 32
-"""Number of steps with which the round-off of the loads is computed. Few suffice, because its bound varies
-smoothly. A choice."""
-
-_COARSE = 256
-"""Number of steps above which no finer grid is tried if the iteration diverges. A choice."""
 
 
 @dataclass(frozen=True)
@@ -301,113 +292,3 @@ def _correct(
         return solutions_with_jumps(task.method, point, grid, task.engine, held, jumps).checked()
     scaled = point if task.factors is None else ScaledEquations(point, task.factors)
     return solutions_on(task.method, scaled, grid, True, task.engine, held).checked()
-
-
-def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
-    """System linearised along a curve, with corrected loads on coordinates that are zero, so that these
-    remain exactly zero. The round-off of uncorrected loads may vary from phase to phase, which no grid
-    resolves."""
-    is_zero = ~curve.coefficients.any(axis=(1, 2))
-    if not is_zero.any():
-        return along
-
-    def matrices(phase: Array, speed: float) -> Matrices:
-        M, C, K, d = along.at(phase, speed)
-        q, v, a = (speed**order * curve(phase, order).T for order in range(3))
-        balanced = sum(np.einsum("kij,kj->ki", *term) for term in ((M, a), (C, v), (K, q)))
-        return M, C, K, np.where(is_zero, balanced, d)
-
-    return PeriodicSystem(matrices, along.coordinates, along.period, along.breaks)
-
-
-class Newton(Method):
-    """Newton's iteration in the form of a method for one point, so that `certified` can compare grids. On
-    each grid it starts from the last curve of the finest grid, or from that of `lower`, the iteration with
-    one stage less. found: converged iteration by the task's method on the first grid, if available."""
-
-    first_order = True
-
-    def __init__(
-        self,
-        task: Task,
-        start: Motion,
-        steps: int = 0,
-        found: Converged | None = None,
-        lower: "Newton | None" = None,
-    ):
-        method = task.method
-        self.task, self.start, self.first, self.finest, self.found = task, start, steps, steps, found
-        self.lower = lower
-        # The next linearisation is about this curve, and its solution is not more accurate than the curve.
-        self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
-        self._set(order=method.curve_order, curve_order=method.curve_order)
-
-    @property
-    def linear(self) -> bool:
-        return False
-
-    @property
-    def with_another_stage(self) -> "Newton":
-        """The same iteration by the method with one more stage."""
-        task = replace(self.task, method=self.task.method.with_another_stage)
-        return Newton(task, self.start, self.first, lower=self)
-
-    @property
-    def stages(self) -> Collocation:
-        return self.task.method.stages
-
-    @property
-    def error_constant(self) -> float:
-        return self.task.method.error_constant
-
-    def linearised(self, points: Points, solutions: Solutions) -> Points:
-        """Equations linearised along the solution of the only point."""
-        assert isinstance(solutions.curve, Curve)
-        curve, speed = solutions.curve[0], self.task.speed
-        return SinglePoint(_without_roundoff(self.task.along(curve), curve), speed)
-
-    @property
-    def corrector(self) -> Collocated:
-        return self.task.method
-
-    def least_steps(self, modes: FrozenModes) -> Array:
-        """Number of steps of the grid on which the first guess was found. Coarser grids may have no orbit
-        near it."""
-        return np.full(len(modes), int(self.first / 1.2))
-
-    def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
-        return self.task.method.bytes_a_step(n, orbit, engine)
-
-    def most_steps(self, n: int, first_order: int = 0) -> int:
-        return self.task.method.most_steps(n, first_order)
-
-    def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = "numpy") -> Solutions:
-        return one_by_one(points, lambda point: self._converged(point, grid))
-
-    def _converged(self, point: Points, grid: Grid) -> Solutions:
-        found, task = self.found, self.task
-        if isinstance(point, ScaledEquations):
-            found, task = None, replace(task, factors=point.factors)
-        try:
-            if found is None or not np.array_equal(found.solutions.grid.nodes, grid.nodes):
-                found = iterate(task, self.start if self.lower is None else self.lower.start, grid)
-                if found.iterations == 1 and self.lower is not None:
-                    # Multipliers about the curve of fewer stages would hide the effect of its error.
-                    found = iterate(task, found.curve, grid)
-        except NoOrbitError as reason:
-            if grid.steps < _COARSE:
-                raise StepsError(str(reason)) from None
-            raise
-        if grid.steps >= self.finest:
-            self.start, self.finest = found.curve, grid.steps
-        if self.lower is not None:
-            # Only the defect of the solution with fewer stages enters the errors.
-            return found.solutions
-        along = task.along(found.curve)
-        scale = CoordinateScale(along, found.curve, task.speed, _FEW_STEPS)
-        defect = max(found.last, scale.load_roundoff(np.abs(found.curve.sampled(1)).max(axis=1)))
-        return replace(found.solutions, defect=np.array([defect]))
-
-    def point(self) -> SinglePoint:
-        """The system linearised along the curve from which the iteration starts."""
-        return SinglePoint(self.task.along(self.start), self.task.speed)

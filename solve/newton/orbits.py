@@ -20,7 +20,8 @@ from solve.errors import (
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocated import Collocated
-from solve.newton.iteration import Converged, Newton, Task, iterate, zero_motion
+from solve.newton.iteration import Converged, Task, iterate, zero_motion
+from solve.newton.method import Newton
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
 from solve.period.grid import Grid
