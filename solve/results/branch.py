@@ -377,7 +377,7 @@ class Branch(BranchPoints):
 
 def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array) -> bool:
     """Whether a branch ends with its first orbit, by the values of the parameter and the figures of its
-    orbits. Figures alone do not tell, as orbits may be zero at all values."""
+    orbits. Figures alone do not suffice, because orbits may be zero at all values."""
     return len(figures) > 2 and values[0] == values[-1] and np.array_equal(figures[0], figures[-1])
 
 
