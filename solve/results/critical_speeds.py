@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array, runs
 from solve.equations import warnings_of
+from solve.errors import counted
 from solve.results.contents import Column, Columns, HeaderRows, digits, rows_of, sized, speeds_of
 from solve.results.formatting import measured, named, prefixed
 from solve.results.result import Figure, Result
@@ -221,7 +222,7 @@ class CriticalSpeeds(SolvedSpeeds):
         response = named(self.figure, self.quantity)
         if not maxima:
             return f"{response} has no maximum {between}."
-        count = "1 maximum" if len(maxima) == 1 else f"{len(maxima)} maxima"
+        count = counted(len(maxima), "maximum", "maxima")
         if self.unbounded:
             where = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
             return f"{response} has {count} {between}, unbounded {where}."

@@ -32,7 +32,6 @@ _CONSTANT = 1e-13
 """Variation of an entry, relative to its size, that counts as round-off. Parametric excitation of this size
 changes a mode by less than 1e-13 ω T / 2 per period, far below the growth that makes a band."""
 
-
 _ROUNDING = 64 * EPS
 """Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
 

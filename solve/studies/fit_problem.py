@@ -10,7 +10,7 @@ import numpy as np
 from solve.approximation import slope
 from solve.arrays import Array
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import ValueOutOfBoundsError, counted
 from solve.methods.choice import Rule
 from solve.methods.collocated import Collocated
 from solve.model.bounds import clauses
@@ -196,7 +196,7 @@ def require_elastic_modes(model: Model, sets: Sequence[Measured]) -> None:
         rigid = np.flatnonzero((computed[modes] == 0) & (measured != 0))
         if len(rigid):
             first, count = int(rigid[0]), np.count_nonzero(computed == 0)
-            number = "1 rigid-body mode" if count == 1 else f"{count} rigid-body modes"
+            number = counted(count, "rigid-body mode")
             raise ValueOutOfBoundsError(
                 f"mode {modes[first] + 1} was measured at {measured[first] / (2 * math.pi):.6g} Hz, but is "
                 f"a rigid-body mode of frequency 0: {model.labels.name} has {number}, counted first; number "

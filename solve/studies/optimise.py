@@ -27,6 +27,7 @@ from solve.studies.optimum_search import ROUNDS, Search, State
 from solve.studies.range_search import over_range
 from solve.studies.requirements import bounds_of, kept_of, real_quantity, spreads_of
 from solve.studies.robust import Statistic, deviating
+from solve.studies.sweep import ACCEPTABLE_ERROR
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speeds_given
@@ -36,10 +37,6 @@ Objective = str | Callable[[Sequence[Orbit]], float]
 
 _CURVE_PHASES = 721
 """Number of phases of the stored curves: every half degree of a revolution."""
-
-_CONTRADICTION = 0.05
-"""Difference between nonlinear and linear orbits, relative to the larger value, above which nonlinear orbits
-contradict the optimum: the default of `solve.validity`, above which the linear model counts as invalid."""
 
 
 @of_system
@@ -268,7 +265,7 @@ def _contradictions(search: Search, best: State, value: float, points: Sequence[
     objective."""
     doubts, minimised = [], search.minimise
     linear = float(search.values(search.design.points(best.x)).max())
-    if abs(value - linear) > _CONTRADICTION * max(abs(value), abs(linear)):
+    if abs(value - linear) > ACCEPTABLE_ERROR * max(abs(value), abs(linear)):
         is_named = isinstance(minimised, Named)
         name, unit = (minimised.text, minimised.unit) if is_named else ("the function", "1")
         doubts.append(
@@ -278,7 +275,7 @@ def _contradictions(search: Search, best: State, value: float, points: Sequence[
         )
     each_bound = search.bounds, search.bounded(search.design.points(best.x))[1:], search.bounded(points)[1:]
     for bound, (_, linear), (requirement, violation) in zip(*each_bound, strict=True):
-        if violation > _CONTRADICTION and violation - linear > _CONTRADICTION:
+        if violation > ACCEPTABLE_ERROR and violation - linear > ACCEPTABLE_ERROR:
             reached = measured(requirement.value, bound.quantity.unit)
             doubts.append(f"the nonlinear orbits violate {bound.text}; they reach {reached}")
     return doubts

@@ -33,6 +33,10 @@ from solve.system import PeriodicSystem, of_any_system, of_system, shown_in
 from solve.terminal import progress
 from solve.units import evenly, speeds_given
 
+ACCEPTABLE_ERROR = 0.05
+"""Linearisation error up to which the linear model is valid by default, and nonlinear orbits confirm an
+optimum. A choice."""
+
 Over = str | Sequence[str] | Mapping[str, str | Sequence[float | str] | Array]
 """Type of varied parameters: values by name, or texts such as "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad"."""
 
@@ -340,7 +344,7 @@ def _number(model: Model, name: str, value: float | str) -> float:
 def validity(
     system: PeriodicSystem,
     speeds: float | str | Sequence[float | str] | Array,
-    at: float = 0.05,
+    at: float = ACCEPTABLE_ERROR,
     method: str | Rule = "auto",
     rtol: float = 1e-6,
 ) -> Validity:

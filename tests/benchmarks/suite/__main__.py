@@ -38,7 +38,7 @@ class NoTimeError(Exception):
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Context that raises TimeoutError after so many processor seconds, as soon as Python code runs."""
+    """Context that raises TimeoutError after the given processor seconds, as soon as Python code runs."""
 
     def stop(*_: object) -> None:
         raise TimeoutError
