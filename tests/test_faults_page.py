@@ -1,4 +1,4 @@
-"""The page on invalid input and failures: a list of rules that names error classes of the code, and no tests."""
+"""The page on invalid input and failures: a list of rules that names error classes and no tests."""
 
 import re
 from pathlib import Path
