@@ -45,7 +45,7 @@ def periodic(
         str | None, Flag("Measured vibration at this speed, drawn for comparison.", "FILE")
     ] = None,
     fits: Annotated[
-        bool, Flag("With --plot: draw the tables of the case and the series fitted to them.")
+        bool, Flag("With --plot: draw the case's tabulated functions and the series fitted to them.")
     ] = False,
     scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:
@@ -177,7 +177,7 @@ def transient(
     ] = "rest",
     nonlinear: Annotated[bool, Flag("Integrate the nonlinear equations of motion.")] = False,
     rtol: Annotated[
-        float, Flag("Relative distance at which the orbit counts as reached; sets the accuracy.", "R")
+        float, Flag("Relative distance from the orbit that counts as reached; also the tolerance.", "R")
     ] = 1e-3,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     speeds: Annotated[
