@@ -59,8 +59,9 @@ _FINER = 5
 than a solution. A choice."""
 
 _PREDICTED = 0.9
-"""Ratio of the minimum predicted by a parabola to the distance from instability, below which the minimum is
-searched for. Where the distance does not depend on the speed, its minima are round-off. A choice."""
+"""Ratio of the minimum predicted by a parabola to the smallest computed distance from instability, below
+which the minimum is searched for. Minima of a distance that does not depend on the speed are round-off. A
+choice."""
 
 _MAX_ANGLE = 0.25
 """Largest angle in rad by which the fastest multiplier rotates between two speeds. A choice."""
@@ -69,8 +70,8 @@ _HALVINGS = 3
 """Number of halvings of an interval in which multipliers may coalesce. A choice."""
 
 _POINTS_INSIDE = 15
-"""Number of further points inside every band, used to find the largest multiplier of the band, and stable
-speeds. A choice."""
+"""Number of further points inside every band, which find its largest multiplier and any stable speeds. A
+choice."""
 
 _MAX_SPLITS = 8
 """Maximum number of times that bands are split at stable speeds inside them. A choice."""

@@ -1,8 +1,8 @@
 """Stability boundaries on lines in the space of the varied quantities of a family, for many lines at once.
 
 SciPy's `find_root` takes one trial per bracket and iteration, and abandons a bracket at the first NaN. Here a
-few brackets share a batch of trials, and the verdict at a trial, not the sign of a smooth function alone,
-decides which end of the bracket it replaces: failed points and a second edge within the bracket are allowed.
+few brackets share a batch of trials. The verdict at a trial, not only the sign of a smooth function, decides
+which end of the bracket the trial replaces. Failed points and a second edge within a bracket are allowed.
 """
 
 import functools

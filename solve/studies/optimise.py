@@ -1,5 +1,5 @@
-"""Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds
-with exact derivatives, where error estimates are counted against the design."""
+"""Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds,
+with exact derivatives. Values are increased by their error estimates before they are compared with limits."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -161,7 +161,7 @@ def _machines(
         )
     if not isinstance(design.model, Model):
         raise ValueOutOfBoundsError(
-            f"robust requires a model; {design.model.labels.name} is none; leave out robust"
+            f"robust requires a model, and {design.model.labels.name} is not a model; leave out robust"
         )
     return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 

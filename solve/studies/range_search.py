@@ -17,15 +17,15 @@ from solve.studies.optimum_search import STATIONARY, Search, State
 from solve.studies.over_speed import BandEdge, PeakSpeed
 
 _BETWEEN, _MAX_ROUNDS = 4, 10
-"""Parts of each interval of speeds, at whose ends the optimum of a range is checked, and most rounds in which
-maxima are added. Choices."""
+"""Number of parts of each interval of speeds, at whose ends the optimum of a range is checked, and maximum
+number of rounds in which maxima are added. Choices."""
 
 _MAX_BANDS = 4
-"""Most unstable bands that are removed, one after another. A choice."""
+"""Maximum number of unstable bands that are removed, one after another. A choice."""
 
 _NEARLY = 0.01
-"""Distance below the largest value, relative to it, from which on a maximum between speeds is refined. A
-choice."""
+"""Distance from the largest value, relative to this value, within which a maximum between speeds is refined.
+A choice."""
 
 _SPEED_TOLERANCE = 1e-5
 """Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
@@ -95,8 +95,8 @@ def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
 
 
 def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Iterator[_Trial]:
-    """Optima in which the first of the missed bands is closed, lies above the range or lies below it, as far
-    as they are found. At the end the search follows the same as before."""
+    """Optima, if found, in which the first of the missed bands is closed, lies above the range, or lies below
+    the range. At the end the search follows the same maxima and edges as before."""
     (peaks, edges), design = (search.peaks, search.edges), search.design
     band, low, high = missed[0], search.given[0], search.given[-1]
     width = band.high - band.low

@@ -30,8 +30,8 @@ _DECAY_TOLERANCE = 0.25
 A choice."""
 
 _MAX_COST = 9.0
-"""Upper limit of a single squared difference, that of three times the allowed difference, so that no single
-difference decides the matching. A choice."""
+"""Upper limit of a single squared difference, reached at three times the allowed difference. No single
+difference then decides the matching. A choice."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
 """Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part;

@@ -38,8 +38,8 @@ class Statistic(NamedTuple):
 
     @classmethod
     def parse(cls, given: float | str) -> "Statistic":
-        """Statistic of a multiple such as 3, or of a percentage such as "95 %". Raises
-        ValueOutOfBoundsError.
+        """Statistic from a multiple of the standard deviation such as 3, or from a quantile such as "95 %".
+        Raises ValueOutOfBoundsError.
 
         >>> Statistic.parse("95 %").text, Statistic.parse(3).text
         ('95 % quantile', 'mean + 3 σ')
