@@ -20,7 +20,7 @@ ALL = ["periodic", "sweep", "chart", "compare", "critical", "sensitivity", "vali
 
 
 @pytest.mark.parametrize("command", ALL)
-def test_all_commands_agree(command):
+def test_all_studies_agree_on_a_free_machine(command):
     machine, truth = mechanism(), amplitudes(SPEED, SHAFTS)
     if command == "periodic":
         assert orders(solve.periodic(machine, SPEED)) == pytest.approx(truth, rel=1e-8)
