@@ -123,8 +123,8 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s from --speeds or --speed; None if only parameters vary; the speed of the case is then
-    used. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
+    """Speeds in rad/s from --speeds or --speed; None, for the speed of the case, if only parameters vary.
+    Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if speed.speed is not None:

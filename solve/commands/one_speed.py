@@ -103,7 +103,7 @@ def _with_measured(
     record: Callable[[], dict[str, Any]],
     report: Callable[[], RenderableType],
 ) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
-    """Record, report and figure with the measured values. Raises ValueOutOfBoundsError."""
+    """Record, report and figure of an orbit, with measured values added. Raises ValueOutOfBoundsError."""
     from solve.studies.measured import compared_at_speed
     from solve.views.fit import compared_figure, differences_table
 

@@ -218,7 +218,7 @@ def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
 
 
 def _names(unit: Unit, kept: Array) -> tuple[list[str], list[str], list[str]]:
-    """Names of the remaining states, of the inputs and of the outputs, which are unique."""
+    """Unique names of the remaining states, of the inputs and of the outputs."""
     states = [unit.states[k] for k in kept]
     return states, unit.inputs, [f"{name}_output" if name in states else name for name in unit.outputs]
 

@@ -285,7 +285,7 @@ class _UnstableRuns:
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
         """Additional points inside runs between the speeds `low` and `high` (k,) with the states `states` at
-        their ends, and whether (k,) each run is mixed."""
+        their ends, and a mask (k,) of the mixed runs."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
         self.inside.append(looked)
@@ -304,8 +304,8 @@ class _UnstableRuns:
         return cached[:, 0], cached[:, 1].astype(bool)
 
     def _borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
-        """Speeds (k,) at which the state changes, and whether (k,) a neighbour has no result. Next to a speed
-        without a result, the border is the last unstable speed."""
+        """Speeds (k,) at which the state changes, and a mask (k,) of those with a neighbour without a result.
+        There the border is the last unstable speed."""
         low, high = known[changes], known[changes + 1]
         borders = np.empty(len(changes))
         search = BoundarySearch(self.evaluate, self.highest, self.tolerance)

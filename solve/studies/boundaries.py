@@ -55,8 +55,8 @@ Prediction = Callable[["Brackets", Array], tuple[Array, Array]]
 fraction of each bracket (k,) at which an edge is predicted, and the error of this fraction (k,)."""
 
 Differs = Callable[[StabilitySamples, Array], Array]
-"""Type of functions that return whether (k,) samples on the lines with the indices (k,) belong to the high
-end of their bracket."""
+"""Type of functions of samples and of the indices (k,) of their lines. They return a mask (k,) of the samples
+that belong to the high end of their bracket."""
 
 
 class Brackets(NamedTuple):

@@ -232,8 +232,8 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, comb
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
-    """Whether (P,) the ratio of the lowest frequency to the speed, rounded to an integer, is at most
-    `orders`."""
+    """Mask (P,) of the speeds at which the ratio of the lowest frequency to the speed, rounded to an integer,
+    is at most `orders`."""
     return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 

@@ -55,7 +55,7 @@ class MeanFrequencies:
 
     @property
     def imaginary(self) -> Array:
-        """Whether (P,) a frequency is imaginary or complex at some phase."""
+        """Mask (P,) of the speeds at which a frequency is imaginary or complex at some phase."""
         return self._results[1]
 
     @property

@@ -194,9 +194,9 @@ class Search:
         return state
 
     def _feasible_near(self, state: State) -> State:
-        """Feasible design from an infeasible one or from random ones, since violations have several local
-        minima if an unstable band moves through the speeds; otherwise the design of least violation. Raises
-        the exceptions of `_round`."""
+        """Feasible design near an infeasible one or near random ones; if none is found, the design of least
+        violation. Random designs help because the violation has several local minima if an unstable band
+        moves through the speeds. Raises the exceptions of `_round`."""
         best = self._least_violation(state)
         for x in np.random.default_rng(1).random((_RESTARTS, len(best.x))):
             if best.feasible:

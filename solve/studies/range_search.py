@@ -46,7 +46,7 @@ _Trial = tuple[State, tuple[Sequence[PeakSpeed], Sequence[BandEdge]]]
 
 
 def over_range(search: Search, state: State) -> tuple[State, list[str]]:
-    """Optimum of a range from that of its speeds, and reasons for doubt."""
+    """Optimum over a range of speeds, from the optimum at the given speeds, and reasons for doubt."""
     state, doubts = _with_peaks(search, state)
     for _ in range(_MAX_BANDS):
         missed, unsearched = _missed_bands(search, state)
@@ -67,7 +67,7 @@ def over_range(search: Search, state: State) -> tuple[State, list[str]]:
 
 
 def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
-    """Optimum with those maxima over the speed that are worse than the values at the given speeds."""
+    """Optimum that also follows the maxima over the speed that are worse than values at the given speeds."""
     drop, fine = _DROP, min(_DROP, math.sqrt(search.design.rtol))
     for _ in range(_MAX_ROUNDS):
         found = _worse_between(search, state, drop)

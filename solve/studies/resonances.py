@@ -123,7 +123,7 @@ class MultiplierMatcher:
 
     @cached_property
     def _resolved(self) -> Array:
-        """Whether (n,) both multipliers of each pair are resolved."""
+        """Mask (n,) of the pairs whose multipliers are both resolved."""
         return np.all(np.abs(self.rho[np.array(self.pairs)]) > 0, axis=1)
 
     @cached_property
@@ -309,5 +309,5 @@ def _nearest(total: float) -> int:
 
 
 def _folded(turns: Array | float) -> Array:
-    """Angles as fractions of 2π, reduced modulo 1 and by the sign to 0 … 1/2."""
+    """Angles as fractions of 2π, reduced modulo 1, without sign, to 0 … 1/2."""
     return np.abs(turns - np.round(turns))

@@ -225,8 +225,8 @@ def solve_riccati(equation: Riccati) -> Solved:
 def _errors(
     grid: Grid, curve: Curve, maps: Maps, stages: Stages, X: Array, factor: Array
 ) -> tuple[float, float]:
-    """Error of a curve with the values X (m+1, N, N) at the nodes relative to √(X_ii X_jj), and residual,
-    with units of X in `factor` (N, N).
+    """Error of a curve relative to √(X_ii X_jj), and its residual. X (m+1, N, N): values of the curve at the
+    nodes. factor (N, N): units of X.
 
     The error e of a curve with the residual R obeys e′ + (A − GX)ᵀe + e(A − GX) = R up to terms of second
     order in e. Its values at the nodes are sums of ∫ΦᵀRΦ over the steps, with the states Φ of the closed loop

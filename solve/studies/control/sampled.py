@@ -25,7 +25,7 @@ _ORDER, _ADVANCE, _AT = 8, 1.0, 1e-8
 tolerance of 1e-8. Choices: intervals between samples are short."""
 
 _SAME = 1e-12
-"""Distance of a node from a sample, relative to the period, that is round-off."""
+"""Distance of a node from a sample, relative to the period, up to which both count as equal: round-off."""
 
 _PHASES, _MOST = 48, 20000
 """Phases at which frozen modes are computed, and largest number of steps. Choices."""
