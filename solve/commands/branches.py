@@ -124,7 +124,9 @@ def _at_begin(
     if speeds is not None:
         return model, ramp_in_si(speeds)[0] if begin is None else begin
     if begin is not None:
-        raise ValueOutOfBoundsError("--begin needs a range; add --speeds or --over, or give --speed")
+        raise ValueOutOfBoundsError(
+            "--begin requires a range; add --speeds or --over, or replace --begin by --speed"
+        )
     return model, speed
 
 

@@ -84,8 +84,8 @@ _MAX_PHASE_ADVANCE = 128.0
 finer grid."""
 
 _STEPS, _AGREEMENT = (192, 256), 1e-4
-"""Steps of the two grids on which slow modes are solved, and largest difference of a multiplier that belongs
-to a slow mode. Choices."""
+"""Steps of the two grids on which slow modes are solved, and largest difference between the two grids in a
+multiplier of a slow mode. Choices."""
 
 _RESIDUAL = 1e-2
 """Amplitude of a fast mode after a period, relative to its start, above which it is not damped out."""
@@ -159,8 +159,8 @@ def bands(
     if fast:
         left_out = (
             f"{counted(fast, f'of {system.n} modes has', f'of {system.n} modes have')} a phase advance of "
-            f"more than {_MAX_PHASE_ADVANCE:g} rad per period without being damped out: the unstable bands "
-            "of such modes, of high order, are not searched for; a solution at one speed includes all modes"
+            f"more than {_MAX_PHASE_ADVANCE:g} rad per period without being damped out; their unstable "
+            "bands, of high order, are not searched for, but a solution at one speed includes all modes"
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
     if constant:

@@ -20,8 +20,8 @@ _TOLERANCE = 1e-10
 """Tolerance of the edge of a band, relative to its speed. A choice: far below that of the optimum."""
 
 _BRACKETS = 0.25, 0.02
-"""Half widths of the bracket of a predicted edge, in widths of the band at the start: the other edge must be
-outside, also when the band becomes narrower. Choices."""
+"""Half widths of the bracket of a predicted edge, in widths of the band at the start. Choices: small, so that
+the other edge stays outside the bracket even if the band becomes narrower."""
 
 _SMALLEST_STEP = 1e-3
 """Change of the design within which a band counts as closed if its edge is not found again. A choice."""

@@ -31,12 +31,12 @@ _SPEED_TOLERANCE = 1e-5
 """Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
 
 _DROP = 1e-3
-"""Relative decrease from a maximum to the two speeds with which it is followed, until no further maximum is
-found; then √rtol, which balances the errors of the orbits and of the parabola. A choice."""
+"""Relative decrease from a maximum to the two speeds with which it is followed, while maxima are added.
+Afterwards it is √rtol, which balances the errors of the orbits and of the parabola. A choice."""
 
 _SPACING, _WIDER = (1e-4, 1e-2), 10.0
-"""Least and largest distance of these speeds, relative to the speed, and multiple of the least one at which
-the decrease is measured. Choices."""
+"""Smallest and largest distance between a maximum and these two speeds, relative to the speed, and multiple
+of the smallest distance at which the decrease is measured. Choices."""
 
 _SAME_PEAK = 4.0
 """Distance, in spacings, up to which a maximum that has moved replaces the previous one. A choice."""

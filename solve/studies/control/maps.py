@@ -267,8 +267,8 @@ def sums_over_steps(closed: Array, terms: Array) -> Array | None:
 
 
 def bounded(maps: Maps) -> bool:
-    """Whether max ∫ xᵀQx − wᵀw over the inputs w is finite over any number of periods, for maps of the sign
-    −1 and a stable system.
+    """Whether max ∫ xᵀQx − wᵀw over the inputs w is finite over any number of periods. maps: of a stable
+    system, with the sign −1.
 
     The maximum over two intervals exists if it exists over each interval and the eigenvalues of 1 + G H are
     positive, with G of the first and H of the second interval."""

@@ -72,7 +72,7 @@ def test_rigid_body_modes_come_first_on_the_unit_circle():
 
 def test_drag_without_a_mean_load_leaves_no_steady_velocity():
     (note,) = solve.periodic(mechanism(b=0.07), SPEED).notes
-    assert note.endswith("; it has no steady velocity along it")
+    assert note.endswith("; the motion has no steady velocity along this mode")
 
 
 def test_bands_name_rigid_body_modes():
