@@ -66,7 +66,7 @@ class Peak:
 
 
 def _weights(values: Array) -> Array:
-    """Weights (3, k) of three values (3, k) in the maxima of the parabolas between the first and the last."""
+    """Weights (3, k) with which three values (3, k) enter the maximum of the parabola through them."""
     low, middle, high = values
     slope, bend = (high - low) / 2, low - 2 * middle + high
     is_peak = bend < 0

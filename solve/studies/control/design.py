@@ -316,7 +316,7 @@ _NORM_RTOL = 1e-6
 """Smallest tolerance of norms. A choice: H∞ norms are found by bisection."""
 
 _DESIGNS = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
-"""Design functions by name: inside `control`, its arguments have the same names."""
+"""Design functions by name. Inside `control`, arguments of the same names hide the functions."""
 
 
 def _vibration(controller: Controller) -> dict[str, Vibration]:
