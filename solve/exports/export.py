@@ -55,9 +55,9 @@ def export(
     Parameters
     ----------
     system : PeriodicSystem or Controller
-        System or controller to export. A controller is written as C code (".c" and ".h") with tables over
-        the phase and functions for the inputs and the observer, as its matrices at phases (".mat"), or as an
-        FMU with the phase and the measured quantities or states as inputs (".fmu").
+        System or controller to export. Formats of a controller: ".c", with a ".h" file: tables over the
+        phase, and functions for the inputs and the observer. ".mat": its matrices at phases. ".fmu": an FMU
+        whose inputs are the phase and the measured quantities or states.
     path : str or Path
         File whose ending selects the format; formats of a system: ".mat": state space at `samples` phases,
         and multipliers, for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions

@@ -120,8 +120,8 @@ def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
     Parameters
     ----------
     path : str or Path
-        File (.op4), text or binary, dense or sparse, with mass and stiffness of one set of coordinates, such
-        as MAA and KAA, or M and K, and, if there is viscous damping, BAA or CAA.
+        File (.op4), text or binary, dense or sparse. It contains mass and stiffness of one set of
+        coordinates, such as MAA and KAA, or M and K; and for viscous damping BAA or CAA.
     speed : float or str, optional
         Speed in rad/s or with unit, used by default for results.
 

@@ -1,8 +1,8 @@
 """Unstable bands: ranges of speed in which the motion is unstable, with refined edges.
 
-Fast modes that are not damped out cannot be resolved at many speeds: the axial vibration of an undamped steel
-link has a phase advance of thousands of radians per revolution of the crank, and the angles of its
-multipliers change by as much over the range of speeds. Only bands of the slow modes are then searched for.
+Fast modes that are not damped out cannot be resolved at many speeds. The axial vibration of an undamped steel
+link has a phase advance of thousands of radians per revolution of the crank. The angles of its multipliers
+change by as much over the range of speeds. Only bands of the slow modes are then searched for.
 Radau's method damps out unresolved modes and preserves the slow ones: a multiplier belongs to a slow mode if
 two grids agree on it.
 """
@@ -132,8 +132,8 @@ def bands(
 
     Notes
     -----
-    Speeds are added until there are at least 40 intervals and no multiplier above 0.01 rotates by more than
-    0.25 rad from one speed to the next, with a limit of about 2000. Narrower bands are searched where
+    Speeds are added, up to about 2000, until there are at least 40 intervals and no multiplier above 0.01
+    rotates by more than 0.25 rad from one speed to the next. Narrower bands are searched where
     multipliers come closest to each other, to +1 and to -1. They may still be missed, as may a stable range
     narrower than a sixteenth of the unstable range around it. Growth below 1e-6 per period does not count as
     instability. If M, C and K are constant over the period, eigenvalues decide on a grid of at least 200

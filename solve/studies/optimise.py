@@ -83,9 +83,9 @@ def optimise(
     prove : bool
         Whether to prove the verdicts of the optimum, as by `solve.prove`.
     robust : float or str, optional
-        Minimise the mean plus this many standard deviations of the quantity, or its quantile for a text such
-        as "95 %", over machines whose parameters deviate by the tolerances of the case and those of `vary`.
-        The widths of the deviations are those at the start.
+        Minimise the mean plus this many standard deviations of the quantity, or, for a text such as "95 %",
+        its quantile. Both refer to machines whose parameters deviate by the tolerances of the case and those
+        of `vary`. The widths of the deviations are those at the start.
     vary : mapping of str to str, optional
         Tolerance or distribution by parameter, as in `tolerances`.
 

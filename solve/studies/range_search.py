@@ -120,8 +120,8 @@ def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Itera
 
 
 def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]:
-    """Local maxima over the speed of the objective or of a bound that are worse than all values at the speeds
-    of the design, with the spacing at which they decrease by `drop`."""
+    """Local maxima over the speed, of the objective or a bounded quantity, that are worse than all values at
+    the speeds of the design. Their spacing is the distance in which they decrease by `drop`."""
     from scipy.optimize import minimize_scalar
 
     found = []

@@ -218,8 +218,8 @@ class MultiplierMatcher:
 
         Where the multiplier passes +1, up to the angle arctan(δ/ω) at which exp(-δT) cos ωT is largest, the
         maximum is attributed to an order of the multiplier's mode. Elsewhere, and where the motion is
-        unstable, it is attributed to a combination if the multiplier of another mode has the same angle and
-        the sum or difference of the frozen frequencies is near an order.
+        unstable, it is attributed to a combination under two conditions: the multiplier of another mode has
+        the same angle, and the sum or difference of the frozen frequencies is near an order.
         """
         rho = self.rho[multiplier]
         if rho == 0:

@@ -151,8 +151,8 @@ def hinf_norm(
     Notes
     -----
     γ exceeds the norm if and only if the maximum of ∫ yᵀy − γ² uᵀu over all inputs is finite over any number
-    of periods, that is, if the Riccati equation with the matrices A, −BBᵀ/γ² and CᵀC has a stabilising
-    solution that does not become infinite. The maxima over the steps are combined by doubling, and γ is found
+    of periods. Then the Riccati equation with the matrices A, −BBᵀ/γ² and CᵀC has a stabilising solution that
+    does not become infinite. The maxima over the steps are combined by doubling, and γ is found
     by bisection; the error is that of the bisection. A value γ below the norm need not be a gain at any
     frequency, because the gains, which are the singular values of the harmonic transfer function (N. M.
     Wereley, 1990), may leave gaps.
