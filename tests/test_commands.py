@@ -117,7 +117,7 @@ def test_a_command_that_a_page_prints_runs(page, command, folder, monkeypatch, c
         assert Path(file).stat().st_size > 100
 
 
-def test_exceptions_are_such_and_tests_exist():
+def test_exceptions_occur_in_pages_and_named_tests_exist():
     assert len(ASKED) > 30
     for text in EXCEPTIONS:
         assert any(text in command for _, command in PRINTED.values()), text

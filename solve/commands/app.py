@@ -38,8 +38,8 @@ class Program(NamedTuple):
     modules: Mapping[str, str] = MappingProxyType({})
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Run one command and return its exit status; for invalid input, 2 after one line on standard
-        error."""
+        """Run one command and return its exit status. Invalid input prints one line on standard error and
+        returns 2."""
         return command_line.run_cli(self.name, self._run_command, arguments, SolveError)
 
     def main(self) -> NoReturn:

@@ -32,7 +32,9 @@ def branch(
         int | None,
         Flag("Orbits reached from N random initial states; with a range, the branches through them.", "N"),
     ] = None,
-    begin: Annotated[str | None, Flag("Value at the first orbit, inside the range.", '"VALUE unit"')] = None,
+    begin: Annotated[
+        str | None, Flag("Speed or parameter of the first orbit, within the range.", '"VALUE unit"')
+    ] = None,
     seed: Annotated[
         int | None, Flag("With --scatter: seed of the random initial states; 0 by default.", "N")
     ] = None,
@@ -45,7 +47,7 @@ def branch(
         ),
     ] = None,
     unforced: Annotated[
-        bool, Flag("Nonlinear modes over their frequency: equations without load and damping.")
+        bool, Flag("Nonlinear modes over frequency, from the equations without load and damping.")
     ] = False,
     points: Annotated[int | None, Flag("Maximum number of points; 200 by default.", "N")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
@@ -115,14 +117,16 @@ def branch(
 def _at_begin(
     model: Model, speed: float | str | None, speeds: str | None, over: str | None, begin: str | None
 ) -> tuple[Model, float | str | None]:
-    """Model and speed at the first orbits of a branch."""
+    """Model and speed of the first orbit of a branch, with the value of --begin."""
     if over is not None:
         name, first, _ = range_of(model, over)
         return model.varied({name: first if begin is None else in_own_unit(model, name, begin)}), speed
     if speeds is not None:
         return model, ramp_in_si(speeds)[0] if begin is None else begin
     if begin is not None:
-        raise ValueOutOfBoundsError("--begin needs a range; add --speeds or --over, or give --speed")
+        raise ValueOutOfBoundsError(
+            "--begin requires a range; add --speeds or --over, or replace --begin by --speed"
+        )
     return model, speed
 
 

@@ -1,4 +1,4 @@
-"""The command `control`: regulators and filters from weights by name."""
+"""The command `control`: regulators and Kalman filters from named weights."""
 
 from typing import Annotated
 
@@ -14,10 +14,10 @@ def control(
     speed: Speed,
     results: Results,
     lqr: Annotated[
-        str | None, Flag("Weights of states, outputs and inputs of a regulator.", '"q3=1e6, u=1"')
+        str | None, Flag("Regulator: weights of states, outputs and inputs.", '"q3=1e6, u=1"')
     ] = None,
     kalman: Annotated[
-        str | None, Flag("Noise intensities of inputs, and of measured states and outputs.", '"u=1, q1=1e-9"')
+        str | None, Flag("Filter: noise of inputs and of measured states and outputs.", '"u=1, q1=1e-9"')
     ] = None,
     feedforward: Annotated[bool, Flag("Add the periodic input that is optimal under the load.")] = False,
     vibration: Annotated[bool, Flag("Add the periodic vibration without and with feedback.")] = False,
@@ -28,7 +28,7 @@ def control(
         str | None, Flag("States and outputs whose H2 and H∞ norms are computed.", '"q2, q3"')
     ] = None,
     samples: Annotated[
-        int | None, Flag("Samples per period of a drive that holds the inputs; one sample of delay.", "N")
+        int | None, Flag("Digital controller: N samples per period, input held and one sample late.", "N")
     ] = None,
     out: Annotated[str | None, Flag("Write the controller: .c with .h, .mat or .fmu.", "FILE")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
@@ -53,7 +53,7 @@ def control(
 
 
 def _numbers(flag: str, text: str) -> dict[str, float]:
-    """Parse a text "NAME=NUMBER, NAME=NUMBER" into numbers by name. Raises ValueOutOfBoundsError."""
+    """Dictionary of numbers from a text "NAME=NUMBER, NAME=NUMBER". Raises ValueOutOfBoundsError."""
     numbers = {}
     for piece in filter(None, (piece.strip() for piece in text.split(","))):
         name, equals, value = (part.strip() for part in piece.partition("="))

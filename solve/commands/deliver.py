@@ -42,10 +42,10 @@ def deliver_result(
 ) -> None:
     """Write and print the output requested by the flags. Standard output contains only tables or JSON.
 
-    record, report, figure: functions that return them; by default the methods of the result. beside:
-    functions that return further pictures and texts, by the file to which these are written. choices: texts
-    of --set and --option. notes: printed before the warnings. Raises ContradictionError at the end if the
-    proof contradicts the result. A file of data contains the proof, if there is one.
+    record, report, figure: functions that return the JSON object, the tables and the picture; by default the
+    methods of the result. beside: maps further files to functions that return their content, a figure or a
+    text. choices: texts of --set and --option. notes: printed before the warnings. proof: also written to
+    --save; raises ContradictionError at the end if it contradicts the result.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}
@@ -61,7 +61,7 @@ def deliver_result(
         if flags.json:
             values = (record or result.record)()
             values |= {} if proof is None else {"proof": to_json(proof.record)}
-            # A pipe of Windows has an older encoding, in which Greek letters would be replaced.
+            # A pipe on Windows may have an older encoding that lacks Greek letters.
             escaped = not (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf8")
             print(json.dumps(values, ensure_ascii=escaped, allow_nan=False))
         else:
@@ -107,7 +107,7 @@ def deliver_animation(animation: "Animation", file: Path) -> None:
 
 @contextmanager
 def _listing(written: Sequence[Path]) -> Iterator[None]:
-    """List the written files on standard error, even if subsequent output fails."""
+    """Context manager that lists the written files on standard error, even if the block raises."""
     try:
         yield
     finally:

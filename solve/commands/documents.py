@@ -32,10 +32,10 @@ def animate(
         str | None, Flag("Animation (.gif, .html), or a picture of positions (.png, .pdf, .svg).", "FILE")
     ] = None,
     scale: Annotated[
-        float | None, Flag("Magnification of the vibration; by default the vibration is visible.", "S")
+        float | None, Flag("Magnification of the vibration; by default chosen for visibility.", "S")
     ] = None,
     frames: Annotated[
-        int | None, Flag("Frames, 90 by default; positions in a picture, 6 by default.", "N")
+        int | None, Flag("Number of frames (default 90), or of positions in a picture (default 6).", "N")
     ] = None,
     show: Annotated[
         list[str] | None, Flag("Coordinate or output to draw as a curve; repeatable.", "NAME")

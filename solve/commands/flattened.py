@@ -16,7 +16,7 @@ from solve.errors import DesiredMotionError, MatricesError
 class Common:
     """Flags of every command."""
 
-    limit: Annotated[float | None, Flag(f"Maximum count of numbers in memory; by default {MOST}.", "N")] = (
+    limit: Annotated[float | None, Flag(f"Maximum number of values in memory; by default {MOST}.", "N")] = (
         None
     )
     debug: Annotated[bool, Flag("Show the traceback of an internal error.")] = False
@@ -58,7 +58,7 @@ def _naming_set_numbers(groups: Iterable[Any]) -> Iterator[None]:
 
 
 def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:
-    """Parameter in which Typer's option replaces a `Flag`."""
+    """Copy of a command's parameter, annotated with the Typer option in place of the `Flag`."""
     kind, flag = get_args(parameter.annotation)
     option = flag.option(parameter.name, kind) if isinstance(flag, Flag) else flag
     return parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[kind, option])

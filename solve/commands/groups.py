@@ -67,8 +67,8 @@ _NONE: Varied = MappingProxyType({})
 _NO_VALUES: Mapping[str, float | str] = MappingProxyType({})
 
 _MOST_TRIALS = 4096
-"""Maximum number of combinations of varied parameters with which loading the model is tried before a study is
-rejected. A choice that limits the time."""
+"""Maximum number of combinations of varied parameters that are tried until one of them gives a valid model.
+A choice that limits the time."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Numbers(CaseNumbers):
             raise
 
     def unset(self, name: str) -> list[str]:
-        """Parameters of the named model that have a value neither in the case nor in --set."""
+        """Parameters of the named model without a value in the case and in --set."""
         return missing_parameters(name, self.case, self.cases, self.parameters)
 
     def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
@@ -190,7 +190,7 @@ class Problem(Numbers):
 
 @dataclass(frozen=True, kw_only=True)
 class Loop(Problem):
-    """Arguments that select a model, and a feedback that was designed before."""
+    """Arguments that select a model and a saved controller."""
 
     controller: Annotated[
         str | None, Flag("Close the loop with a controller that solve control saved: .npz or .nc.", "FILE")
@@ -239,7 +239,7 @@ class Settings:
 
     gamma: Annotated[float | None, Flag("newmark: γ, 1/2 by default.", "G")] = None
     beta: Annotated[float | None, Flag("newmark: β, 1/4 by default.", "B")] = None
-    order: Annotated[int | None, Flag("Order of methods with several orders.", "P")] = None
+    order: Annotated[int | None, Flag("Order, for methods that have several.", "P")] = None
 
     @property
     def settings(self) -> dict[str, float | None]:
@@ -264,7 +264,7 @@ class Accuracy(Settings):
 class Steps(Accuracy):
     """Flags for method, tolerance and steps."""
 
-    steps: Annotated[int | None, Flag("Steps per period; by default as many as --rtol requires.", "N")] = None
+    steps: Annotated[int | None, Flag("Steps per period; by default chosen for --rtol.", "N")] = None
 
 
 @dataclass(frozen=True)

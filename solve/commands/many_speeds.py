@@ -51,9 +51,7 @@ class SpeedDerivatives:
 
     by: Annotated[
         list[str] | None,
-        Flag(
-            "Compute instead the derivatives of these speeds with respect to a parameter; repeatable.", "NAME"
-        ),
+        Flag("Compute derivatives of the resulting speeds with respect to a parameter; repeatable.", "NAME"),
     ] = None
 
     def require_known(self, model: Model) -> None:
@@ -125,8 +123,8 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s from --speeds or --speed; None if only parameters vary; the speed of the case is then
-    used. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
+    """Speeds in rad/s from --speeds or --speed; None, for the speed of the case, if only parameters vary.
+    Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if speed.speed is not None:
@@ -160,8 +158,8 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
     counts: number of speeds, and number of values of each parameter."""
     if sum(count > 1 for count in counts) > 1:
         raise ValueOutOfBoundsError(
-            "--waterfall draws spectra over one quantity, but several vary; give one value of each "
-            "other quantity"
+            "--waterfall draws spectra over one quantity, but several vary; give a single value of all "
+            "but one"
         )
     if not (results.plot or results.save or results.json):
         raise MissingValueError(
@@ -236,7 +234,7 @@ def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
 
 
 def _held(text: str, model: Model) -> tuple[str, float]:
-    """Name and value (in the model's unit) from a text NAME=NUMBER[unit]."""
+    """Name, and value in the model's unit, from a text NAME=NUMBER[unit]."""
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)

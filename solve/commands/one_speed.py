@@ -45,7 +45,7 @@ def periodic(
         str | None, Flag("Measured vibration at this speed, drawn for comparison.", "FILE")
     ] = None,
     fits: Annotated[
-        bool, Flag("With --plot: draw the tables of the case and the series fitted to them.")
+        bool, Flag("With --plot: draw the case's tabulated functions and the series fitted to them.")
     ] = False,
     scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:
@@ -103,7 +103,7 @@ def _with_measured(
     record: Callable[[], dict[str, Any]],
     report: Callable[[], RenderableType],
 ) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
-    """Record, report and figure with the measured values. Raises ValueOutOfBoundsError."""
+    """Record, report and figure of an orbit, with measured values added. Raises ValueOutOfBoundsError."""
     from solve.studies.measured import compared_at_speed
     from solve.views.fit import compared_figure, differences_table
 
@@ -177,7 +177,7 @@ def transient(
     ] = "rest",
     nonlinear: Annotated[bool, Flag("Integrate the nonlinear equations of motion.")] = False,
     rtol: Annotated[
-        float, Flag("Relative distance at which the orbit counts as reached; sets the accuracy.", "R")
+        float, Flag("Relative distance from the orbit that counts as reached; also the tolerance.", "R")
     ] = 1e-3,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     speeds: Annotated[

@@ -93,7 +93,7 @@ def optimise(
         list[str] | None, Flag("Value or curve to keep unchanged; repeatable.", '"NAME@A:B deg"')
     ] = None,
     subject: Annotated[
-        list[str] | None, Flag("Bound of a quantity; repeatable.", '"QUANTITY < NUMBER"')
+        list[str] | None, Flag("Constraint on a quantity; repeatable.", '"QUANTITY < NUMBER"')
     ] = None,
     starts: Annotated[int, Flag("Number of starts, the first from the given parameters.", "N")] = 1,
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
@@ -110,12 +110,12 @@ def optimise(
     ] = None,
     toml: Annotated[str | None, Flag("Write the optimal model as a case file (.toml).", "FILE")] = None,
     feedback: Annotated[
-        str | None, Flag("Measured quantities of a feedback, whose gains are free.", '"q1, q1_dot"')
+        str | None, Flag("Optimise the gains of a feedback of these quantities.", '"q1, q1_dot"')
     ] = None,
     gain_harmonics: Annotated[int, Flag("Highest harmonic of the gains.", "K")] = 0,
     delay: Annotated[str | None, Flag("Delay of the feedback.", '"0.5 ms"')] = None,
     notch: Annotated[
-        list[str] | None, Flag("Frequency removed from the measured quantities; repeatable.", '"18 Hz"')
+        list[str] | None, Flag("Notch frequency of the feedback signals; repeatable.", '"18 Hz"')
     ] = None,
 ) -> None:
     """Optimum of parameters: least vibration over speeds, stable, within bounds."""
@@ -197,8 +197,8 @@ def tolerances(
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
-    """Lower and upper bounds by name, as texts if a unit is given. Names with equal bounds may be separated
-    by commas. Raises ValueOutOfBoundsError."""
+    """Lower and upper bounds by name, as texts if a unit is given. One text may give the same bounds to
+    several names, separated by commas. Raises ValueOutOfBoundsError."""
     bounds = {}
     given = [
         f"{name}{equals}{text}"

@@ -61,9 +61,9 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
 
 
 def require_with(needed: str, is_given: bool, flags: Mapping[str, Any]) -> None:
-    """Raise ValueOutOfBoundsError for a flag that has no effect without another one.
+    """Raise ValueOutOfBoundsError for a flag that has no effect without the flag `needed`.
 
-    needed: the other flag. flags: values by flag; None, False and empty lists are absent flags.
+    is_given: whether `needed` is given. flags: values by flag; None, False or an empty list if absent.
 
     >>> require_with("--prove", False, {"--digits": None, "--rounded": False})
     """
@@ -116,8 +116,8 @@ def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
 
 
 def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str, Any]]:
-    """Combinations of values by name, at most `most`: in order for a single name, distributed over all
-    combinations for several names.
+    """At most `most` combinations of values by name: for one name in the given order, for several names
+    spread over all combinations.
 
     >>> list(spread({"x": [0, 1], "y": [0, 1]}, 3))
     [{'x': 0, 'y': 0}, {'x': 1, 'y': 1}, {'x': 0, 'y': 1}]
@@ -135,7 +135,7 @@ def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str,
 
 
 def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) -> Path:
-    """Writable file of --out. Raises MissingValueError, FileError."""
+    """Path from --out, which can be written. Raises MissingValueError, FileError."""
     if path is None:
         raise MissingValueError(f"no file given; add one, such as --out {example}")
     return checked(path, endings, kind)

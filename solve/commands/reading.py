@@ -75,13 +75,13 @@ def run_command(
 
 
 def _command_in(arguments: Sequence[str]) -> str | None:
-    """Name of the command that is called, or whose arguments a shell completes."""
+    """Name of the called command; during shell completion, of the command on the line being completed."""
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     return next(iter([*arguments] or line.split()[1:]), None)
 
 
 def _add_hint(error: Any) -> None:
-    """Add to a message about an unknown flag how options and parameters of the model are set."""
+    """Add a reference to --option and --set to the message on an unknown flag."""
     unknown = getattr(error, "option_name", None) if "No such option" in error.message else None
     if unknown and any("--option" in parameter.opts for parameter in error.ctx.command.params):
         name = unknown.lstrip("-")

@@ -63,7 +63,7 @@ def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
 
 @symbolic
 def _by_rows(model: Model, name: str) -> "casadi.Function":
-    """Generated function with dense results, matrices by rows; the outputs form one column y."""
+    """Generated function with dense results: matrices row by row, all outputs in one column y."""
     import casadi
 
     function = model.setup.function(name)
@@ -106,7 +106,7 @@ def _header(model: Model, functions: dict[str, "casadi.Function"]) -> str:
         f"extern const double {name}_parameters[{max(len(model.parameters), 1)}];",
         "",
         f"/* {_ARGUMENTS}",
-        "   Every function returns 0. They hold no memory and may run in several threads. */",
+        "   Every function returns 0, keeps no state, and may run in several threads at once. */",
         "",
     ]
     for function_name, function in functions.items():

@@ -11,8 +11,8 @@ from solve.results.contents import versions
 from solve.results.controller import Controller
 
 _STABLE = 2.7
-"""Largest product of step and decay rate for which the Runge–Kutta method is stable: 2.785 on the real axis,
-with a margin."""
+"""Largest product of time step and decay rate with which the Runge–Kutta method of order 4 is stable: 2.785
+for real eigenvalues, minus a margin."""
 
 
 class Tables(NamedTuple):
@@ -110,14 +110,16 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
 
 
 def table_warnings(result: Controller, samples: int, error: float) -> list[str]:
-    """Warnings about tables of `samples` phases that are interpolated with a relative error."""
+    """Warnings about tables of `samples` phases. error: relative error of their interpolation."""
     jumps = result.system.breaks and error > result.rtol
-    doubts = [f"tables of {samples} phases are accurate to {error:.1e}, relative"] if error > 1e-2 else []
-    return doubts + (["the gains may jump, which a table smooths over one sample"] if jumps else [])
+    doubts = [f"tables of {samples} phases have a relative error of {error:.1e}"] if error > 1e-2 else []
+    jump = "the gains may jump; the tables replace a jump with a ramp over one sample"
+    return doubts + ([jump] if jumps else [])
 
 
 def interpolation_error(at: Array, between: Array) -> float:
-    """Largest error of linear interpolation, relative to the largest entry."""
+    """Largest error of linear interpolation relative to the largest entry, from exact values midway between
+    the samples."""
     largest = np.abs(at).max(initial=0.0)
     middle = (at + np.roll(at, -1, axis=0)) / 2
     return float(np.abs(between - middle).max(initial=0.0) / largest) if largest else 0.0

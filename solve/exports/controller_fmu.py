@@ -57,7 +57,7 @@ def controller_fmu(result: Controller, samples: int) -> tuple[bytes, list[str]]:
 
 
 def _sizes(result: Controller) -> list[float]:
-    """Standard deviations of the estimates, as their nominal sizes; none without an observer."""
+    """Nominal sizes of the estimates: their standard deviations. Empty without an observer."""
     if result.observer is None:
         return []
     return [float(np.sqrt(each)) or 1.0 for each in np.diagonal(result.observer.riccati(0.0)[0])]
@@ -73,7 +73,7 @@ def _add_equations(
     wrapped = phi - period * casadi.floor(phi / period)
 
     def at(name: str, array: Array) -> Any:
-        """Matrix at the phase."""
+        """Matrix interpolated at the phase of the FMU."""
         values = array.reshape(len(array), -1)
         shape = (*array.shape[1:], 1)[:2]
         table = casadi.interpolant(name, "linear", [tables.phase.tolist()], values.ravel().tolist())

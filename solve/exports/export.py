@@ -55,18 +55,18 @@ def export(
     Parameters
     ----------
     system : PeriodicSystem or Controller
-        System to export, or feedback: ".c" with a ".h" file, a table over the phase with a function of the
-        inputs and one of the observer; ".mat" with the gains at phases; ".fmu" from the phase and the
-        measured quantities, or states, to the inputs.
+        System or controller to export. Formats of a controller: ".c", with a ".h" file: tables over the
+        phase, and functions for the inputs and the observer. ".mat": its matrices at phases. ".fmu": an FMU
+        whose inputs are the phase and the measured quantities or states.
     path : str or Path
-        File whose ending selects the format. ".mat": state space over `samples` phases with its multipliers,
-        for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions of phase, speed,
-        states and parameters. ".fmu": nonlinear equations as a functional mock-up unit (FMI 3.0, model
-        exchange) for this machine, starting on the periodic orbit.
+        File whose ending selects the format; formats of a system: ".mat": state space at `samples` phases,
+        and multipliers, for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions
+        of phase, speed, states and parameters. ".fmu": nonlinear equations as a functional mock-up unit
+        (FMI 3.0, model exchange) for this machine, starting on the periodic orbit.
     speed : float or str, optional
         Ω in rad/s, or a text with unit; by default that of the case. The C functions take any speed.
     samples : int
-        Number of phases per period in a .mat file, and of the tables of feedback.
+        Number of phases per period in a .mat file and in the tables of a controller.
 
     Returns
     -------
@@ -189,7 +189,7 @@ def _controller(
     """Contents of the files of a controller. Raises ValueOutOfBoundsError for a filter alone, or a speed."""
     if speed is not None:
         raise ValueOutOfBoundsError(
-            f"speed is {speed!r}, but a controller is exported for the speed of its design; leave speed out"
+            f"speed is {speed!r}, but a controller is exported for its design speed; leave speed out"
         )
     if result.kind == "kalman":
         raise ValueOutOfBoundsError(

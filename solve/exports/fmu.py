@@ -37,7 +37,7 @@ _SAMPLES = 512
 """Number of phases per period at which the magnitudes of the states are sampled. A choice."""
 
 _NOMINALS = "nominals[i] = 1;"
-"""Placeholder of CasADi 3.8 for the nominal sizes of the states, by which tools scale errors."""
+"""Placeholder of CasADi 3.8 for the nominal sizes of the states, which tools use to scale errors."""
 
 _ASSIGNED = "__assign__"
 """Prefix of the internal variables of CasADi."""
@@ -75,7 +75,7 @@ def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
     States are phase and speed of the drive, coordinates and their rates. They start on the periodic orbit of
     the nonlinear equations at the speed (rad/s). Inputs are the acceleration of the drive and a force along
     each coordinate, 0 unless connected. Parameters are tunable. The archive contains the C code and a library
-    for this machine. Jumps of the matrices are events, at their phases for the given parameters.
+    for this machine. Jumps of the matrices are events; changed parameters do not move their phases.
 
     Raises LinearModelError for systems without formulas, MissingLibraryError without compiler, headers or
     CasADi 3.8, ValueOutOfBoundsError if two quantities have the same name, and SolveError subclasses if there
@@ -98,12 +98,12 @@ class Tools(NamedTuple):
 
     @classmethod
     def found(cls) -> "Tools":
-        """Raises MissingLibraryError."""
+        """Tools found on this machine. Raises MissingLibraryError."""
         return cls(_headers(), _compiler())
 
 
 class Unit(NamedTuple):
-    """Name, description, period in s, variables, and those of them that are states, of an FMU."""
+    """Properties of an FMU: name, description, period in s, all scalar variables, and the states."""
 
     name: str
     title: str
@@ -112,7 +112,7 @@ class Unit(NamedTuple):
     states: Sequence[Variable]
 
     def packed(self, builder: Any, tools: Tools) -> bytes:
-        """Archive of the equations of a `casadi.DaeBuilder`."""
+        """Bytes of the FMU archive with the equations of a `casadi.DaeBuilder`."""
         # CasADi writes into the current folder.
         with TemporaryDirectory() as folder, chdir(folder):
             files = _compiled(builder, self, tools)
@@ -230,7 +230,7 @@ def _built(model: Model, variables: _Variables) -> Any:
     for output, value in zip(outputs, casadi.vertsplit(values) if outputs else (), strict=True):
         builder.eq(output, value)
     for jump in model.breaks:
-        # The event indicator falls through zero at the jump, once per period, so that an integrator restarts.
+        # The event indicator crosses zero downwards at the jump, where the integrator restarts.
         builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - jump)) < 0, [])
     return builder
 
@@ -238,7 +238,7 @@ def _built(model: Model, variables: _Variables) -> Any:
 def _compiled(builder: Any, unit: Unit, tools: Tools) -> Mapping[str, str]:
     """Write the files of the FMU to the current folder. Returns them with their paths in the archive."""
     files = builder.export_fmu({"no_warning": True, "with_serialization": False})
-    # The mathematical library may not be loaded by the importing tool.
+    # Link libm, because the importing tool may not have loaded it.
     options = {
         "compiler": tools.compiler,
         "linker": tools.compiler,
@@ -251,7 +251,7 @@ def _compiled(builder: Any, unit: Unit, tools: Tools) -> Mapping[str, str]:
         return builder.compile_fmu(files, {"compiler_options": options, "include_dirs": [str(tools.headers)]})
     except RuntimeError as error:
         raise MissingLibraryError(
-            f"{_WHAT} needs a C compiler, and '{tools.compiler}' failed; see its messages above"
+            f"{_WHAT} requires a C compiler, and '{tools.compiler}' failed; see its messages above"
         ) from error
 
 

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     import control
 
 _PROBE = 0.07 + 0.31j
-"""Point s at which the truncation error is estimated, in units of 2π/T, away from the excitation frequencies.
-A choice."""
+"""Point s, in units of 2π/T, at which the truncation error is estimated; not an excitation frequency. A
+choice."""
 
 _PHASES = 64
 """Number of phases at which the highest natural frequency is sampled. A choice."""
@@ -45,9 +45,9 @@ _GAUSS_POINTS = 12
 class TransferValues(NamedTuple):
     """Values of a harmonic transfer function.
 
-    values (2N+1, p, 2N+1, n), complex: from harmonic k of input j to harmonic i of output o at [i + N, o, k +
-    N, j]. error: estimated from half the harmonics, for each output and input relative to the largest value
-    among the harmonics. warnings: warnings about the truncation.
+    values (2N+1, p, 2N+1, n), complex: values[i + N, o, k + N, j] maps harmonic k of input j to harmonic i of
+    output o. error: largest estimated error; for each pair of output and input it is relative to the largest
+    value of any harmonics. warnings: warnings about the truncation.
     """
 
     values: Array
@@ -150,7 +150,7 @@ class HarmonicTransfer:
         Raises
         ------
         ValueOutOfBoundsError
-            If s is not finite, or a pole.
+            If s is not finite or is a pole.
         """
         try:
             point = complex(s)
@@ -170,8 +170,10 @@ class HarmonicTransfer:
         return TransferValues(fine, error, self._warnings(error))
 
     def gain(self, frequency: float) -> float:
-        """Largest singular value of H at a frequency: the largest ratio, over all inputs, of the root mean
-        square of the outputs to that of the inputs, with harmonics -N … N of the period about this frequency.
+        """Largest singular value of H at a frequency.
+
+        This is the largest ratio of the rms of the outputs to the rms of the inputs, for signals with the
+        frequencies `frequency` + kω, k = -N … N.
 
         Parameters
         ----------
@@ -307,7 +309,7 @@ def _most_orders(system: PeriodicSystem) -> int:
 
 
 def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
-    """Highest natural frequency at fixed phases, as a harmonic number. With fewer harmonics, two truncations
+    """Harmonic number of the highest natural frequency at fixed phase. Two truncations with fewer harmonics
     may agree although both are wrong."""
     phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
     frequency = np.abs(np.linalg.eigvals(coefficients(system, speed, phase).A).imag).max()
@@ -354,7 +356,7 @@ class _Spectra:
 
     @property
     def units(self) -> Array:
-        """Units of the states (N,) in which round-off affects all states equally."""
+        """Scales (N,) of the states that balance the mean A, so that round-off affects all states equally."""
         from scipy.linalg import matrix_balance
 
         mean = self.A[len(self.A) // 2].real
@@ -389,7 +391,7 @@ class _Spectra:
 
 
 def _real(matrix: Array, rows: int, columns: int, height: int, width: int) -> Array:
-    """Lifted matrix between signals, in terms of means and amplitudes of cosines and sines."""
+    """Lifted matrix converted from complex harmonics to means and amplitudes of cosines and sines."""
     blocks = matrix.reshape(2 * rows + 1, height, 2 * columns + 1, width)
     forward, backward = _amplitudes(rows), np.linalg.inv(_amplitudes(columns))
     converted = np.einsum("ij,jakb,kl->ialb", forward, blocks, backward, optimize=True)

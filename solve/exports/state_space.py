@@ -32,9 +32,11 @@ _FORCES = {"m": "N", "rad": "N m"}
 
 
 class Coefficients(NamedTuple):
-    """Coefficients at k phases: A (k, N, N), B (k, N, r), C (k, p, N), D (k, p, r), load d (k, r), y₀ (k, p),
-    the outputs without states and forces, and b (k, N); also mass, damping and stiffness matrices (k, n,
-    n)."""
+    """Coefficients of a state space at k phases.
+
+    A (k, N, N), B (k, N, r), C (k, p, N), D (k, p, r). Loads d (k, r) and b (k, N). y₀ (k, p): outputs
+    without states and forces. mass, damping, stiffness: matrices (k, n, n).
+    """
 
     A: Array
     B: Array
@@ -61,7 +63,8 @@ class Signals(NamedTuple):
 
 def signals(system: PeriodicSystem) -> Signals:
     """Signals of a system's state space: states q and q_dot; inputs force_q; outputs: the coordinates and the
-    differentiable outputs of the model. First-order states x have inputs load_x, unless inputs are named."""
+    differentiable outputs of the model. The input load_x acts on a first-order state x, unless the system
+    names its inputs."""
     names = system.coordinates
     units = [system.labels.units.get(name, "") for name in names]
     inertial = len(names) - len(system.states)
@@ -231,8 +234,8 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     -------
     StateSpace
         State space whose inputs are forces along the coordinates. Outputs are the coordinates and, for models
-        with formulas, the outputs linearised about q = 0. The state space of a `FirstOrderSystem` with named
-        inputs and outputs has these instead.
+        with formulas, the outputs linearised about q = 0. A `FirstOrderSystem` with named inputs and outputs
+        keeps its own.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.errors import FileError, MissingLibraryError, SolveError, require_name
 
 _MOST_UPDATES = 100
-"""Largest number of updates of the discrete states during an initialisation. A choice."""
+"""Maximum number of updates of the discrete states during initialisation. A choice."""
 
 
 class Unit:
@@ -38,7 +38,7 @@ class Unit:
             raise MissingLibraryError.of_extra(f"'{path}'", "fmpy", "fmu") from None
         self.path, self._instance, self._folder = path, None, TemporaryDirectory()
         try:
-            # Tools write descriptions that violate details of the schema.
+            # Not validated, because tools write descriptions that violate details of the schema.
             self._declare(fmpy.read_model_description(path, validate=False))
             self._initialise(str(fmpy.extract(path, self._folder.name)), values)
         except BaseException as error:
@@ -64,7 +64,7 @@ class Unit:
             "outputs": self._of_causality("output"),
         }
         if not rates or any(variable.dimensions for group in found.values() for variable in group):
-            raise FileError(f"'{self.path}' has no states, or has arrays; allowed: scalar states and signals")
+            raise FileError(f"'{self.path}' has no states or has array variables; allowed: scalar variables")
         self.states, self.inputs, self.outputs = (
             [variable.name for variable in group] for group in found.values()
         )
@@ -119,7 +119,7 @@ class Unit:
         for _ in range(_MOST_UPDATES):
             pending, ends, *_, timed, time = unit.newDiscreteStates() if is_2 else unit.updateDiscreteStates()
             if ends:
-                raise FileError("its simulation ends at the initialisation")
+                raise FileError("it ends the simulation during initialisation")
             if not pending:
                 break
         else:
@@ -137,7 +137,7 @@ class Unit:
 
     @staticmethod
     def _filled(getter: Callable[..., Any], count: int) -> Array:
-        """Numbers (count,) that an FMI function returns."""
+        """Array (count,) filled by an FMI getter."""
         values = (ctypes.c_double * count)()
         getter(values, count)
         return np.array(values)
@@ -169,7 +169,7 @@ class Unit:
         return np.array(self._instance.getDirectionalDerivative(unknown, known, list(seed)))  # type: ignore[union-attr]
 
     def indicators(self, time: float, x: Array) -> Array:
-        """Event indicators, whose signs change where the equations switch."""
+        """Event indicators at a time in s for states (N,); their signs change where the equations switch."""
         count = int(self.description.numberOfEventIndicators or 0)
         self._set(time, x)
         return self._filled(self._instance.getEventIndicators, count) if count else np.zeros(0)  # type: ignore[union-attr]

@@ -27,8 +27,8 @@ _TAIL = 1e-9
 the number of azimuths is doubled. A choice: several times the error of the motion."""
 
 _COUPLED = 1e-9
-"""Influence of the remaining states on an excluded state, relative to the largest derivative of the FMU, that
-counts as round-off. A choice."""
+"""Derivative of an excluded state with respect to a remaining state, relative to the largest derivative of
+the FMU, up to which it counts as round-off. A choice."""
 
 
 def read_fmu(
@@ -62,8 +62,8 @@ def read_fmu(
     period : float
         Period in phase.
     drive : str, optional
-        Variable of the FMU that is set to the speed in rad/s: a parameter, or the start value of a state with
-        a prescribed motion.
+        Variable of the FMU that is set to the speed in rad/s: a parameter, or a state with a prescribed
+        motion, whose start value is set.
 
     Returns
     -------
@@ -122,8 +122,8 @@ def _linearised(
     motion: Mapping[str, Array] | None,
     period: float,
 ) -> tuple[SampledStates, bool]:
-    """Linearisation at a speed in rad/s, and whether its azimuths resolve the matrices. values: NaN stands
-    for the speed."""
+    """Linearisation at a speed in rad/s, and whether its azimuths resolve the matrices. values: a value NaN
+    is replaced by the speed."""
     duration = period / speed
     with Unit(file, {name: speed if math.isnan(value) else value for name, value in values.items()}) as unit:
         kept, is_resolved = _kept(unit, exclude), True
@@ -151,8 +151,8 @@ def _kept(unit: Unit, exclude: Sequence[str]) -> Array:
 
 
 def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[Array, Array, bool]:
-    """States (k, N) and derivatives (k, …) at as many azimuths as the harmonics require, and whether these
-    are resolved."""
+    """States (k, N) and Jacobians (k, …) at azimuths whose number is doubled until the harmonics are
+    resolved, and whether they were resolved."""
     count = _FEWEST_AZIMUTHS
     while True:
         states = motion(np.arange(count) * (duration / count)).T
@@ -187,7 +187,7 @@ def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
     if missing or len(lengths) != 1 or len(shape := min(lengths)) != 1 or shape[0] < 3:
         reason = f"{missing[0]} has none" if missing else f"shapes are {sorted(lengths)}"
         raise ValueOutOfBoundsError(
-            f"'motion' requires the same number of values, 3 or more, of each state; {reason}"
+            f"'motion' requires the same number of values, 3 or more, for each state; {reason}"
         )
     states = np.stack([np.asarray(motion[name], dtype=float) for name in unit.states], axis=1)
     if not np.isfinite(states).all():
@@ -218,7 +218,7 @@ def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
 
 
 def _names(unit: Unit, kept: Array) -> tuple[list[str], list[str], list[str]]:
-    """Names of the remaining states, of the inputs and of the outputs, which are unique."""
+    """Unique names of the remaining states, of the inputs and of the outputs."""
     states = [unit.states[k] for k in kept]
     return states, unit.inputs, [f"{name}_output" if name in states else name for name in unit.outputs]
 

@@ -11,7 +11,7 @@ from solve.readers.files import checked_path
 from solve.units import speed_in_si
 
 _OVER_AZIMUTH = frozenset({"M", "C", "Cq", "K", "d", "A", "B", "D", "b"})
-"""Names of arrays whose last index in .mat files is the azimuth, as MATLAB stores pages of matrices."""
+"""Names of arrays whose last index in .mat files is the azimuth, the page of an array in MATLAB."""
 
 
 def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
@@ -120,8 +120,8 @@ def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
     Parameters
     ----------
     path : str or Path
-        File (.op4), text or binary, dense or sparse, with mass and stiffness of one set of coordinates, such
-        as MAA and KAA, or M and K, and, if there is viscous damping, BAA or CAA.
+        File (.op4), text or binary, dense or sparse. It contains mass and stiffness of one set of
+        coordinates, such as MAA and KAA, or M and K; and for viscous damping BAA or CAA.
     speed : float or str, optional
         Speed in rad/s or with unit, used by default for results.
 
@@ -160,8 +160,8 @@ def _read(path: str | Path, ending: str, speed: float | str | None) -> Read:
 
 
 def _azimuth_first(name: str, values: Array) -> Array:
-    """MATLAB array with the last index moved to the front. A two-dimensional array is changed only if it
-    contains vectors over the azimuth."""
+    """MATLAB array with the azimuth moved from the last index to the first. Two-dimensional arrays are
+    changed only if they contain vectors (d, b); matrices are constant."""
     if name not in _OVER_AZIMUTH or (values.ndim == 2 and name not in "db"):
         return values
     return np.moveaxis(values, -1, 0)

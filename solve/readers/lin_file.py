@@ -49,7 +49,7 @@ class LinFile:
 
     @classmethod
     def read(cls, path: Path) -> "LinFile":
-        """Read a file. Raises FileError, whose text contains file and line."""
+        """Read a file. Raises FileError, which names the file and the line."""
         try:
             lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError as error:

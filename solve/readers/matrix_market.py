@@ -29,9 +29,9 @@ def read_matrix_market(
     Parameters
     ----------
     paths : str, Path or sequence of these
-        Files (.mtx) or a pattern such as "run.*.mtx". The end of a name is the symbol of the matrix, M, C, K,
-        d or A, B, C, D, b, and the number of the azimuth: `run.K.007.mtx`. A matrix with one file without
-        number is constant.
+        Files (.mtx) or a pattern such as "run.*.mtx". Names end with the symbol of the matrix (M, C, K, d or
+        A, B, C, D, b) and the number of the azimuth, such as `run.K.007.mtx`. Without a number, the matrix is
+        constant.
     speed : float or str, optional
         Speed in rad/s or with unit at which the matrices were sampled.
     phases : sequence of float, optional
@@ -95,6 +95,6 @@ def _stacked(numbers: dict[int, Path]) -> Array:
     first = next(iter(numbers.values()))
     if len({matrix.shape for matrix in matrices}) > 1:
         raise FileError(
-            f"'{first}' and the files of other azimuths have matrices of different sizes; give one size"
+            f"'{first}' and the files of other azimuths have matrices of different sizes; give equal sizes"
         )
     return np.array(matrices)

@@ -16,8 +16,8 @@ from solve.readers.lin_file import LinFile, Signal
 from solve.readers.sampled import SampledStates, Source
 
 _SAME_SPEED = 0.01
-"""Relative difference between the rotor speeds of a set up to which they count as one operating point: in a
-periodic steady state the speed of the rotor varies within a revolution. A choice."""
+"""Relative difference up to which rotor speeds of a set of files count as one operating point: in a periodic
+steady state the rotor speed varies within a revolution. A choice."""
 
 _PRINTED = 6e-4
 """Allowed difference in rad between a printed azimuth, which has three or four decimals, and the azimuth
@@ -111,7 +111,7 @@ def _require_same(files: Sequence[LinFile]) -> None:
     speeds = np.array([file.speed for file in files])
     if np.ptp(speeds) > _SAME_SPEED * np.abs(speeds).max():
         raise FileError(
-            f"rotor speeds of the files are from {speeds.min():g} to {speeds.max():g} rad/s; give files of "
+            f"rotor speeds of the files range from {speeds.min():g} to {speeds.max():g} rad/s; give files of "
             "one operating point"
         )
     if speeds.mean() <= 0:
@@ -122,7 +122,7 @@ def _require_same(files: Sequence[LinFile]) -> None:
 
 
 def _names(signals: Sequence[Signal], kind: str) -> list[str]:
-    """Short names of signals: the label of a degree of freedom, or words of the description."""
+    """Unique short names of signals, from their descriptions."""
     names: list[str] = []
     for signal in signals:
         name = _name(signal.description)
@@ -133,7 +133,7 @@ def _names(signals: Sequence[Signal], kind: str) -> list[str]:
 
 
 def _name(description: str) -> str:
-    """Short name of a description.
+    """Short name from a description: the label of the degree of freedom, or its first words.
 
     >>> _name("ED First time derivative of 1st tower mode (internal DOF index = DOF_TFA1), m/s")
     'TFA1_rate'

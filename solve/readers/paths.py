@@ -32,9 +32,9 @@ def read(
 ) -> PeriodicSystem:
     """System read from a path or pattern.
 
-    options: options of this kind of file. parameters: values of variables of an FMU or of arguments of a
-    Python function, and further options. others: arguments that apply to models only, and must be None.
-    Raises SolveError subclasses.
+    options: options of the reader. parameters: variables of an FMU or arguments of a Python function; may
+    also contain options. others: arguments for models only; rejected unless None. Raises SolveError
+    subclasses.
     """
     ending = Path(text).suffix.lower()
     allowed = _OPTIONS.get(ending, ())
@@ -60,8 +60,7 @@ def read(
 
 
 _ABSENT = {".lin": "parameters or cases", ".fmu": "cases", ".py": "cases or options"}
-"""Arguments that do not apply to files with an ending, as text; for files of matrices none of them
-applies."""
+"""Text that names the arguments that do not apply, by ending. Files of matrices accept none of them."""
 
 
 def _numbers(text: str, parameters: Mapping[str, float | str]) -> dict[str, float]:

@@ -38,7 +38,8 @@ _ALLOWED = "give a PeriodicSystem, FirstOrderSystem or MixedSystem, or a functio
 
 
 def _built(file: Path, function: Callable[..., Any], values: Mapping[str, float]) -> PeriodicSystem:
-    """System that a function returns for values of its arguments, which can be varied."""
+    """System that a function returns for values of its arguments. The arguments remain parameters of the
+    system."""
     system = _called(file, partial(function, **values))
     if not isinstance(system, PeriodicSystem):
         raise ModelFileError(f"system() of '{file}' returns {type(system).__name__}; {_ALLOWED}")
@@ -53,7 +54,7 @@ def _labelled(system: PeriodicSystem, file: Path) -> PeriodicSystem:
 
 
 def _values(file: Path, function: Callable[..., Any], given: Mapping[str, float | str]) -> dict[str, float]:
-    """Values of all arguments of a function."""
+    """Values of all arguments of a function: the given ones, or their defaults."""
     defaults = {name: each.default for name, each in inspect.signature(function).parameters.items()}
     for name in given:
         require_name(f"parameter of '{file}'", name, defaults)

@@ -13,11 +13,11 @@ _CLOSED = 1e-10
 periodic. A choice: several times the error of the integration."""
 
 _INTEGRATION, _MONODROMY = 1e-12, 1e-8
-"""Relative tolerances of LSODA for the motion and for the monodromy matrix, which only directs the
-corrections. Choices."""
+"""Relative tolerances of LSODA for the motion and for the monodromy matrix. The latter is used in Newton
+corrections only, so that it may be less accurate. Choices."""
 
 _MOST_CORRECTIONS = 20
-"""Corrections of Newton's method. A choice: quadratic convergence takes five."""
+"""Maximum number of Newton corrections. A choice: quadratic convergence takes five."""
 
 _SLOW = 0.1
 """Ratio of successive residuals above which the monodromy matrix is computed again. A choice."""
@@ -31,7 +31,8 @@ Motion = Callable[[Array], Array]
 
 
 def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
-    """Motion over a period. The states with indices `kept` (k,) are periodic.
+    """Motion over a period, found by Newton's method, on which the states with indices `kept` (k,) are
+    periodic.
 
     The other states begin at their start values. Raises FileError if the motion cannot be integrated, is not
     isolated, or is not found.
@@ -66,8 +67,8 @@ def _solved(unit: Unit, Phi: Array, residual: Array, sizes: Array) -> Array:
 
 
 def _integrated(unit: Unit, x: Array, duration: float) -> tuple[Motion, Array, Array]:
-    """Motion from initial states (N,), the states at the end, and the largest moduli of the states, at least
-    a tiny number."""
+    """Motion from initial states (N,), the states at the end, and the largest moduli of the states, 1 for
+    states that remain zero."""
     from scipy.integrate import solve_ivp
 
     found = solve_ivp(

@@ -30,9 +30,9 @@ class Band:
     kind : {"+1", "-1", "complex"}
         Multiplier that leaves the unit circle: period T, period 2T, or a complex pair.
     spectral_radius : float
-        Largest spectral radius of the solved speeds in the band.
+        Largest spectral radius at the solved speeds in the band.
     open_low, open_high : bool
-        Whether the band continues beyond the range, or ends at a speed without a result.
+        Whether the lower or upper edge is unknown: beyond the range, or next to a speed without a result.
     """
 
     low: float

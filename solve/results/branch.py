@@ -36,8 +36,8 @@ _MAX_ABS = FIGURES.index("max_abs")
 
 KINDS = "regular", "fold", "doubling", "torus", "grazing"
 REGULAR, FOLD, DOUBLING, TORUS, GRAZING = KINDS
-"""Kinds of points; folds are turning points, tori are Neimark–Sacker points. At grazing points the branch was
-continued from a motion that settles on the other side."""
+"""Kinds of points; folds are turning points, tori are Neimark–Sacker points. Beyond a grazing point a branch
+continues with an orbit on which a transient has settled."""
 
 STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
@@ -73,7 +73,7 @@ class BranchPoints(ResultOver):
     ended : str
         Reason why the branch ends within its range, otherwise empty.
     notes : sequence of str
-        Notes of the engine.
+        Notes on the selection of the engine.
     periods : int
         Number of model periods per period of the orbits of the first branch.
     parameters : mapping of str to (P,) array
@@ -116,8 +116,8 @@ class BranchPoints(ResultOver):
 
     @property
     def verdicts(self) -> list[str]:
-        """Verdicts (P,), with the margins of `solve.period.multipliers.verdicts`; "undetermined" within the
-        errors of the spectral radii."""
+        """Verdicts (P,), with the margins of `solve.period.multipliers.verdicts`; "undetermined" where the
+        spectral radius equals 1 within its error."""
         errors = self.errors[:, 1]
         beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
         return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
@@ -271,7 +271,7 @@ class Branch(BranchPoints):
         return sentences
 
     def _where(self, which: Array) -> str:
-        """Text that describes the location of points (P,)."""
+        """Text with the first and the number of the points selected by a mask (P,)."""
         first = unit_of(self.system, self.over).text(float(self.values[int(which.argmax())]), self._digits)
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
@@ -329,7 +329,7 @@ class Branch(BranchPoints):
 
     @property
     def closed(self) -> list[int]:
-        """Numbers of the branches that end with their first orbit: isolated ones, without an end."""
+        """Numbers of the closed branches, whose last orbit is their first."""
         parts = [self.numbers == number for number in range(self._count)]
         return [
             number for number, part in enumerate(parts) if is_closed(self.values[part], self.figures[part])
@@ -376,14 +376,14 @@ class Branch(BranchPoints):
 
 
 def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array) -> bool:
-    """Whether a branch ends with its first orbit, by the values of the parameter and the figures of its
-    orbits. Figures alone do not suffice, because orbits may be zero at all values."""
+    """Whether a branch ends with its first orbit: with the same value of the parameter and the same
+    statistics. Statistics alone do not suffice, because orbits may be zero at all values."""
     return len(figures) > 2 and values[0] == values[-1] and np.array_equal(figures[0], figures[-1])
 
 
 def _distance(kind: str, multipliers: Array) -> Array:
-    """Distance between the multipliers and the point of the unit circle that defines a kind of special
-    point."""
+    """Differences between the multipliers and the value that defines a kind of special point: 1 at folds, -1
+    at period doublings, modulus 1 at tori."""
     if kind == TORUS:
         return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
     return multipliers - (1 if kind == FOLD else -1)

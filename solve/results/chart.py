@@ -40,8 +40,7 @@ class BoundaryCurve(NamedTuple):
 @serializable
 @dataclass(frozen=True)
 class Cut:
-    """Stability along a line through a chart, on which the quantity `across` is constant with the value
-    `value`.
+    """Stability along a line through a chart, on which the quantity `across` has the constant value `value`.
 
     Attributes
     ----------

@@ -140,8 +140,8 @@ def varied_column(system: PeriodicSystem, name: str, values: Any, form: str = ".
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:
-    """Columns of the largest moduli (P, n) of the coordinates. Tables show as many as fit beside a number
-    `beside` of other columns."""
+    """Columns of the largest moduli (P, n) of the coordinates. Tables show as many of these as fit next to
+    `beside` other columns."""
     numbered = enumerate(zip(system.coordinates, peaks.T, strict=True), start=beside)
     return [
         (f"{name}_max_abs", peak_column(system, name, values, number < MOST_SHOWN))

@@ -66,11 +66,11 @@ class Norms(NamedTuple):
     h2_without, hinf_without : float or None
         Norms without feedback; None for a system that is not asymptotically stable.
     frequency : float or None
-        Frequency in rad/s of the largest gain of the closed loop, up to half that of the period.
+        Frequency in rad/s, at most π/T, at which the closed loop has its largest gain.
     error : float
         Largest relative error of these norms.
     warnings : tuple of str
-        Reasons to doubt them.
+        Reasons to doubt the norms.
     """
 
     h2: float
@@ -128,7 +128,7 @@ class Controller(Result):
     signals : tuple of str
         Names of the r inputs; for a filter without regulator, of the measured quantities.
     solution, gains : Curve
-        Curves of the upper triangle of the solution, and of the gain by rows.
+        Curves of the upper triangle of the solution, and of the entries of the gain row by row.
     closed : PeriodicSystem
         Closed loop; for a filter alone, the equations of the estimation error.
     stability : Stability
@@ -136,7 +136,8 @@ class Controller(Result):
     error_estimate : float
         Largest error of the solution X over the period, relative to √(max X_ii max X_jj).
     residual : float
-        Largest residual of the Riccati equation, relative to its largest term, both in units of √(X_ii X_jj).
+        Largest residual of the Riccati equation relative to its largest term; entries are scaled by
+        √(X_ii X_jj).
     rtol : float
         Requested tolerance.
     observer : Controller or None
@@ -349,7 +350,7 @@ class Controller(Result):
 
 def _amplitudes(harmonics: Array) -> dict[str, Array]:
     """Moduli and phase angles of complex harmonics."""
-    # NumPy 2.0 rounds differently where the result happens to lie behind the memory of a strided array.
+    # With a strided array, rounding in NumPy 2.0 depends on the memory addresses.
     harmonics = np.ascontiguousarray(harmonics)
     return {"harmonics": np.abs(harmonics), "phases": np.angle(harmonics)}
 

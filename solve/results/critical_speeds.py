@@ -138,8 +138,8 @@ class SolvedSpeeds(Result):
 
     @property
     def decimals(self) -> str:
-        """Number format of speeds: three decimals, or fewer if the number would have more than seven digits,
-        to which speeds are accurate."""
+        """Number format of speeds: three decimals, or fewer for large speeds, which are accurate to seven
+        digits."""
         before = math.floor(math.log10(self.system.labels.speed_unit.from_si(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 

@@ -19,8 +19,8 @@ PICTURES = (".png", ".pdf", ".svg")
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
     """Path of an output file, checked before the calculation.
 
-    This includes an unknown ending, a missing or read-only folder, a read-only file, and a folder or device
-    of this name.
+    Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, and a folder or
+    device of this name.
     """
     file, allowed = Path(path), tuple(endings)
     if file.suffix.lower() not in allowed:
@@ -87,8 +87,10 @@ def write_atomic(file: Path, write: Callable[[BinaryIO], None]) -> None:
 
 @contextmanager
 def _prepared(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, bytes | None]]:
-    """Data with which the file is replaced: the file, a temporary file with the new content and the
-    permissions of the existing file, the file to which symbolic links lead, and its current content."""
+    """Context manager with a temporary file with the new content and the permissions of the existing file.
+
+    It yields the file, the temporary file, the file to which symbolic links lead, and its current content.
+    """
     with ExitStack() as cleaning:
         with _file_errors(file):
             target = file.resolve()

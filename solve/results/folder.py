@@ -31,8 +31,8 @@ def is_empty(place: Path) -> bool:
 
 
 def require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any]) -> None:
-    """Raise FileError if a folder contains another calculation. stored, work: descriptions in numbers and
-    texts."""
+    """Raise FileError if a folder contains another calculation. stored, work: descriptions of the stored and
+    the requested calculation."""
     there, here = _entries(stored), _entries(json.loads(json.dumps(work)))
     for name in here:
         if there.get(name) != here[name]:
@@ -68,7 +68,7 @@ def locked(place: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
-        # Only Windows has this file, and refuses to delete it while another process holds the lock.
+        # The file exists only on Windows, which does not delete it while another process holds the lock.
         with suppress(OSError):
             (place / _LOCK).unlink()
 

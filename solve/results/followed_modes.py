@@ -102,7 +102,7 @@ class ModesOver(ResultOver):
     path, path_exponents : (S,), (S, M) arrays
         All solved values, including those added by the refinement, and the exponents at these values.
     resolution : float
-        Largest gap in rad/s with which a veering is not distinguished from a crossing.
+        Gap in rad/s up to which a veering is reported as a crossing.
     rtol : float
         Relative tolerance of the exponents.
     steps : int

@@ -272,8 +272,8 @@ class Variation(Roots):
 @dataclass(frozen=True)
 class Findings(Result):
     """Natural frequencies and mode shapes at a position and, if requested, frequencies over the revolution
-    and over a parameter. first: parameters that were given as a range, with the first possible value of the
-    range, which is used at the position."""
+    and over a parameter. first: parameters given as a range, with the first value that the model accepts; it
+    is used at the position."""
 
     here: Frequencies
     turn: Frequencies | None = None

@@ -161,7 +161,7 @@ class PointResults:
 
     @property
     def _outside(self) -> Array:
-        """Whether (P,) a multiplier lies outside the unit circle by more than its error."""
+        """Mask (P,) of the points with a multiplier outside the unit circle by more than its error."""
         radius = self.spectral_radius
         # For multipliers that underflow the error may be infinite, and the product with 0 is NaN.
         with np.errstate(invalid="ignore"):

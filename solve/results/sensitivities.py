@@ -41,8 +41,8 @@ class Sensitivity:
     value, unit : float or complex, str
         Value of the quantity, and its unit.
     derivatives, errors : (r,) array
-        Derivatives with respect to the parameters, and their estimated absolute errors, in SI units; NaN with
-        a reason.
+        Derivatives with respect to the parameters, and their estimated absolute errors, in SI units; NaN if
+        there is a `reason`.
     reason : str
         Reason why there are no derivatives.
     """
@@ -203,7 +203,7 @@ class SensitivitiesOver(Result):
     values : (P, q) array
         Values of the quantities in SI units.
     derivatives, errors : (P, q, r) array
-        Derivatives and their estimated absolute errors in SI units; NaN with a reason.
+        Derivatives and their estimated absolute errors in SI units; NaN for the causes in `reasons`.
     reasons : mapping of int to sequence of str
         Reasons why a speed, or a quantity at this speed, has no derivatives, by index of the speed.
     """

@@ -44,7 +44,7 @@ class SpecialCurves(Result):
     ended : str
         Reasons why curves end within the ranges.
     notes : sequence of str
-        Notes of the engine.
+        Notes on the selection of the engine.
     periods : int
         Number of model periods per period of the orbits.
     """

@@ -277,16 +277,16 @@ class Stability(Solution):
         if self.certified.solutions.curve is None:
             return text
         if not mode.damped:
-            return f"{text}; the vibration has zero mean along it, weighted by the inertia"
+            return f"{text}; the vibration has zero mean along this mode, weighted by the inertia"
         drift, size = mode.drift or 0.0, np.abs(self.certified.solutions.curve[0].sampled(1)).max()
         if abs(drift) * self.period <= max(self.error_estimate.orbit, _NO_DRIFT) * size:
-            return f"{text}; it has no steady velocity along it"
+            return f"{text}; the motion has no steady velocity along this mode"
         largest = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
         unit = units.get(names[largest], "")
         velocity = f"{drift * mode.vector[largest]:.6g} {unit}/s".replace(" /s", " per second")
         return (
-            f"{text}; load and drag balance at a steady velocity along it ({names[largest]}: {velocity}); "
-            "velocities include it, coordinates do not"
+            f"{text}; load and drag balance at a steady velocity along this mode ({names[largest]}: "
+            f"{velocity}), which velocities include and coordinates do not"
         )
 
     @stored_property

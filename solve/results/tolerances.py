@@ -31,8 +31,8 @@ class ParameterSpread(NamedTuple):
 class Probability(NamedTuple):
     """Probability of an event with the ends of its 95 % interval.
 
-    events, undetermined, failed: numbers of samples with the event, with a result whose error leaves it open,
-    and without a result. The upper end of the interval includes undetermined and failed samples.
+    events, undetermined, failed: numbers of samples with the event, with an error too large to decide it, and
+    without a result. The upper end of the interval includes undetermined and failed samples.
     """
 
     value: float
@@ -89,7 +89,7 @@ class Tolerances(Result):
     points : (P, r) array
         Parameters of the samples, in the model's units.
     values : (P, q) array
-        Worst values over the speeds of the quantities of each sample.
+        Quantities of each sample, with the worst value over the speeds.
     weights : (P,) array
         Weights of the samples in means over the distribution.
     doubts : sequence of str

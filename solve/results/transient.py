@@ -33,7 +33,7 @@ _AT_ONCE = 2**19
 memory."""
 
 _RESOLVED = 0.1
-"""Relative interpolation error between the states below which interpolated curves are accurate to at least
+"""Relative interpolation error between the states up to which interpolated curves are accurate to at least
 one digit."""
 
 _REMEDIES = {
@@ -52,8 +52,8 @@ class TransientMotion(Result):
     ends : (turns + 1,) array
         Speeds in rad/s at the ends of the periods.
     nodes : (k,) array
-        Values of s, the time multiplied by the mean speed of the period, including both ends; the phase if
-        the speed is constant.
+        Values of s over a period, including both ends: time multiplied by the mean speed of the period. At
+        constant speed s is the phase.
     motions : (turns, 3, n, k) array
         q, dq/ds, d²q/ds² at the nodes.
     between : float
@@ -266,9 +266,9 @@ class Transient(TransientMotion):
         if not self.between <= interpolation_tolerance(self.rtol):
             error = f"{self.between:.1e}" if self._curves_resolved else "unknown"
             sentences.append(
-                f"the relative error of extrema, interpolated between {len(self.nodes) - 1} states per "
-                f"period, is {error} because the vibration is fast; give fewer turns, or start on the "
-                "orbit"
+                f"the relative error of extrema is {error}: the vibration is too fast for the "
+                f"{len(self.nodes) - 1} states that are stored per period; give fewer turns, which allows "
+                "more states, or start on the orbit"
             )
         if self.ramp or self.reached is not None:
             return sentences

@@ -1,8 +1,8 @@
 """Unstable bands: ranges of speed in which the motion is unstable, with refined edges.
 
-Fast modes that are not damped out cannot be resolved at many speeds: the axial vibration of an undamped steel
-link has a phase advance of thousands of radians per revolution of the crank, and the angles of its
-multipliers change by as much over the range of speeds. Only bands of the slow modes are then searched for.
+Fast modes that are not damped out cannot be resolved at many speeds. The axial vibration of an undamped steel
+link has a phase advance of thousands of radians per revolution of the crank. The angles of its multipliers
+change by as much over the range of speeds. Only bands of the slow modes are then searched for.
 Radau's method damps out unresolved modes and preserves the slow ones: a multiplier belongs to a slow mode if
 two grids agree on it.
 """
@@ -59,8 +59,9 @@ _FINER = 5
 than a solution. A choice."""
 
 _PREDICTED = 0.9
-"""Ratio of the minimum predicted by a parabola to the distance from instability, below which the minimum is
-searched for. Where the distance does not depend on the speed, its minima are round-off. A choice."""
+"""Ratio of the minimum predicted by a parabola to the smallest computed distance from instability, below
+which the minimum is searched for. Minima of a distance that does not depend on the speed are round-off. A
+choice."""
 
 _MAX_ANGLE = 0.25
 """Largest angle in rad by which the fastest multiplier rotates between two speeds. A choice."""
@@ -69,8 +70,8 @@ _HALVINGS = 3
 """Number of halvings of an interval in which multipliers may coalesce. A choice."""
 
 _POINTS_INSIDE = 15
-"""Number of further points inside every band, used to find the largest multiplier of the band, and stable
-speeds. A choice."""
+"""Number of further points inside every band, which find its largest multiplier and any stable speeds. A
+choice."""
 
 _MAX_SPLITS = 8
 """Maximum number of times that bands are split at stable speeds inside them. A choice."""
@@ -83,8 +84,8 @@ _MAX_PHASE_ADVANCE = 128.0
 finer grid."""
 
 _STEPS, _AGREEMENT = (192, 256), 1e-4
-"""Steps of the two grids on which slow modes are solved, and largest difference of a multiplier that belongs
-to a slow mode. Choices."""
+"""Steps of the two grids on which slow modes are solved, and largest difference between the two grids in a
+multiplier of a slow mode. Choices."""
 
 _RESIDUAL = 1e-2
 """Amplitude of a fast mode after a period, relative to its start, above which it is not damped out."""
@@ -131,8 +132,8 @@ def bands(
 
     Notes
     -----
-    Speeds are added until there are at least 40 intervals and no multiplier above 0.01 rotates by more than
-    0.25 rad from one speed to the next, with a limit of about 2000. Narrower bands are searched where
+    Speeds are added, up to about 2000, until there are at least 40 intervals and no multiplier above 0.01
+    rotates by more than 0.25 rad from one speed to the next. Narrower bands are searched where
     multipliers come closest to each other, to +1 and to -1. They may still be missed, as may a stable range
     narrower than a sixteenth of the unstable range around it. Growth below 1e-6 per period does not count as
     instability. If M, C and K are constant over the period, eigenvalues decide on a grid of at least 200
@@ -158,8 +159,8 @@ def bands(
     if fast:
         left_out = (
             f"{counted(fast, f'of {system.n} modes has', f'of {system.n} modes have')} a phase advance of "
-            f"more than {_MAX_PHASE_ADVANCE:g} rad per period without being damped out: the unstable bands "
-            "of such modes, of high order, are not searched for; a solution at one speed includes all modes"
+            f"more than {_MAX_PHASE_ADVANCE:g} rad per period without being damped out; their unstable "
+            "bands, of high order, are not searched for, but a solution at one speed includes all modes"
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
     if constant:
@@ -284,7 +285,7 @@ class _UnstableRuns:
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
         """Additional points inside runs between the speeds `low` and `high` (k,) with the states `states` at
-        their ends, and whether (k,) each run is mixed."""
+        their ends, and a mask (k,) of the mixed runs."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
         self.inside.append(looked)
@@ -303,8 +304,8 @@ class _UnstableRuns:
         return cached[:, 0], cached[:, 1].astype(bool)
 
     def _borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
-        """Speeds (k,) at which the state changes, and whether (k,) a neighbour has no result. Next to a speed
-        without a result, the border is the last unstable speed."""
+        """Speeds (k,) at which the state changes, and a mask (k,) of those with a neighbour without a result.
+        There the border is the last unstable speed."""
         low, high = known[changes], known[changes + 1]
         borders = np.empty(len(changes))
         search = BoundarySearch(self.evaluate, self.highest, self.tolerance)

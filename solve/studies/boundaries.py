@@ -1,8 +1,8 @@
 """Stability boundaries on lines in the space of the varied quantities of a family, for many lines at once.
 
 SciPy's `find_root` takes one trial per bracket and iteration, and abandons a bracket at the first NaN. Here a
-few brackets share a batch of trials, and the verdict at a trial, not the sign of a smooth function alone,
-decides which end of the bracket it replaces: failed points and a second edge within the bracket are allowed.
+few brackets share a batch of trials. The verdict at a trial, not only the sign of a smooth function, decides
+which end of the bracket the trial replaces. Failed points and a second edge within a bracket are allowed.
 """
 
 import functools
@@ -55,8 +55,8 @@ Prediction = Callable[["Brackets", Array], tuple[Array, Array]]
 fraction of each bracket (k,) at which an edge is predicted, and the error of this fraction (k,)."""
 
 Differs = Callable[[StabilitySamples, Array], Array]
-"""Type of functions that return whether (k,) samples on the lines with the indices (k,) belong to the high
-end of their bracket."""
+"""Type of functions of samples and of the indices (k,) of their lines. They return a mask (k,) of the samples
+that belong to the high end of their bracket."""
 
 
 class Brackets(NamedTuple):

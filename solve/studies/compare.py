@@ -36,7 +36,8 @@ _BISECTION_RATIO = 1.02
 """Ratio of two step counts at which the bisection for the smallest sufficient number ends. A choice."""
 
 _MAX_SECONDS = 2.0
-"""Longest time of one solution in the search for the smallest sufficient number of steps. A choice."""
+"""Longest time in seconds of one solution in the search for the smallest sufficient number of steps. A
+choice."""
 
 _REPEATS = 5
 _MAX_REPEAT_SECONDS = 0.1

@@ -161,7 +161,7 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
 
 
 def _are_constant(entries: Array, n: int) -> Array:
-    """Whether (P,) M, C and K are constant, from entries (P, k, 3n² + n)."""
+    """Mask (P,) of the points with constant M, C and K, from entries (P, k, 3n² + n)."""
     some = entries[..., : 3 * n**2]
     largest, change = np.abs(some).max(axis=1), np.ptp(some, axis=1)
     unit = np.sqrt(np.abs(largest[:, : n**2 : n + 1]))
@@ -233,7 +233,8 @@ def _exponents(
 
 
 def _eigenvalues(A: Array) -> tuple[Array, Array]:
-    """Eigenvalues (P, N) of matrices (P, N, N), positive imaginary part first, and their errors (P, N)."""
+    """Eigenvalues (P, N) of matrices (P, N, N), and their errors (P, N). In conjugate pairs, the positive
+    imaginary part comes first."""
     finite = np.asarray(np.isfinite(A).all(axis=(1, 2)))
     values, right = np.linalg.eig(np.where(finite[:, None, None], A, 0.0))
     left = solved(right, np.broadcast_to(np.eye(A.shape[1]), A.shape))

@@ -226,7 +226,7 @@ class CriticalSearch:
         return maxima
 
     def _is_unbounded(self, trials: Array, results: PointResults) -> Array:
-        """Whether (k,) the response is unbounded near each maximum, because a multiplier passes +1 there.
+        """Mask (k,) of the maxima near which a multiplier passes +1, so that the response is unbounded.
         trials (5, k): speeds of the results, of which the middle three are tested."""
         rho, errors = (
             values.reshape(5, trials.shape[1], -1)[1:4].copy()

@@ -83,8 +83,8 @@ def critical_speeds(
     figure : str
         "max_abs", "rms", "max", "min" or "mean" of the quantity over the period.
     orders : int
-        Highest order of integer divisions and combinations. Maxima are not searched for at speeds where the
-        lowest frequency is of a higher order.
+        Highest order of integer divisions and combinations. Maxima are not searched for at speeds at which
+        the ratio of the lowest frequency to the speed exceeds this order.
     method : str or Method
         Method, as in `periodic`.
     rtol : float
@@ -232,8 +232,8 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, comb
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
-    """Whether (P,) the ratio of the lowest frequency to the speed, rounded to an integer, is at most
-    `orders`."""
+    """Mask (P,) of the speeds at which the ratio of the lowest frequency to the speed, rounded to an integer,
+    is at most `orders`."""
     return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 

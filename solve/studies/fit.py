@@ -160,7 +160,7 @@ def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
 def _uncertainty(
     problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
-    """Covariance (r, r) of x in the identifiable directions; whether (r,) each parameter has a component in
+    """Covariance (r, r) of x in the identifiable directions; mask (r,) of the parameters with a component in
     the other directions; and sentences that name unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
     is_identifiable = sizes > np.finfo(float).eps * count * sizes[0]

@@ -94,9 +94,9 @@ def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, A
 
 
 def _autocorrelation(residuals: Array, lag: int) -> tuple[float, float]:
-    """Autocorrelation at a lag in two normalisations. The sum of the products of residuals is divided first
-    by its standard deviation, which is estimated from the products, and its modulus is taken; then by the sum
-    of the squares of the residuals."""
+    """Autocorrelation at a lag in two normalisations. First: modulus of the sum of the products of residuals,
+    divided by its standard deviation, which is estimated from the products. Second: this sum divided by the
+    sum of the squares of the residuals."""
     products = np.real(residuals[lag:] * np.conj(residuals[:-lag]))
     deviation = float(np.sqrt(np.sum(products**2)))
     size = float(np.sum(np.abs(residuals) ** 2))

@@ -64,8 +64,8 @@ class _Solver:
             return None
 
     def choose_steps(self, values: Sequence[float]) -> None:
-        """Double the steps until all multipliers at these values are accurate enough and a doubling yields no
-        further multiplier that is accurate to one digit, or until two doublings bring no improvement."""
+        """Double the steps until all multipliers at these values are accurate enough, and a doubling resolves
+        no further multiplier. The search also ends after two doublings without improvement."""
         history: list[tuple[int, float]] = []
         while True:
             count, error = self._quality(values)

@@ -70,8 +70,8 @@ class KeptValues:
 
         The equations are combinations of the changes, from the singular value decomposition of the
         derivatives at the start, relative to the allowed changes. Combinations that stay within the allowed
-        change for all parameters within the bounds are omitted: several speeds, or neighbouring phases, give
-        the same equation.
+        change for all parameters within the bounds are omitted, because several speeds, or neighbouring
+        phases, give the same equation.
         """
         chosen = [
             (at, place)

@@ -42,8 +42,8 @@ STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
 
 class Event(NamedTuple):
     """Event at points (P,) and speeds (k,). margins (P, k): positive where the event occurs, NaN without a
-    result. occurs (P,): whether the event occurs at at least one speed. Otherwise the point is undetermined
-    or failed if it is undetermined or failed at one speed."""
+    result. occurs (P,): whether the event occurs at any of the speeds. If it does not, the point counts as
+    undetermined or failed if it is undetermined or failed at any of the speeds."""
 
     margins: Array
     occurs: Array
@@ -98,7 +98,7 @@ class Machines:
         return np.array([[self.model.parameters[name] for name in self.spreads]])
 
     def parameters(self, z: Array) -> Array:
-        """Parameters (P, r) of standard normal variables (P, r)."""
+        """Parameters (P, r) from standard normal variables z (P, r)."""
         return np.stack(
             [spread.values(column) for spread, column in zip(self.spreads.values(), z.T, strict=True)], axis=1
         )
@@ -142,7 +142,7 @@ class Machines:
         return np.take_along_axis(values, speed_indices[..., None], axis=2)[..., 0].T, speed_indices.T
 
     def design(self, speed: float) -> Design:
-        """Model at one speed with variables x from 0 to 1, which cover all values of nonnegligible
+        """Design at one speed, whose variables x from 0 to 1 cover all parameter values of nonnegligible
         probability."""
         low, high = np.array(
             [

@@ -55,7 +55,7 @@ class MeanFrequencies:
 
     @property
     def imaginary(self) -> Array:
-        """Whether (P,) a frequency is imaginary or complex at some phase."""
+        """Mask (P,) of the speeds at which a frequency is imaginary or complex at some phase."""
         return self._results[1]
 
     @property
@@ -73,7 +73,7 @@ class MeanFrequencies:
         means = np.full((len(self.speeds), self.system.n), np.nan)
         imaginary, rigid = np.zeros(len(self.speeds), dtype=bool), np.zeros(len(self.speeds), dtype=int)
         for at, speed in enumerate(self.speeds.tolist()):
-            # The solution at such a speed, without matrices, reports the reason.
+            # Where matrices are missing, the solution at the speed reports the reason.
             with progress.subtask("speeds"), suppress(SolveError, np.linalg.LinAlgError):
                 if speed not in self._cache:
                     mean, _, is_imaginary, count = mean_modes(self.system, speed)

@@ -81,9 +81,9 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
 def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     """Largest relative difference between mean frequencies with and without C, at a speed (rad/s).
 
-    With C they are moduli of eigenvalues. Gyroscopic forces change them, and damping that couples modes, but
-    not modal damping. The result is 0 if an eigenvalue is real, and for systems with first-order coordinates,
-    whose frequencies include C.
+    With C, frequencies are moduli of eigenvalues. Gyroscopic forces and damping that couples modes change
+    these moduli; modal damping does not. The result is 0 if an eigenvalue is real, and for systems with
+    first-order coordinates, whose frequencies include C.
     """
     if len(system.states):
         return 0.0

@@ -63,9 +63,9 @@ def minimised(
     reach: float,
     rtol: float,
 ) -> tuple[Array, float]:
-    """Variables x (r,) in 0 … 1 that minimise the largest value of the objective, with every element changed
-    by at most `reach`, and the change of the objective relative to its largest modulus. Raises the exceptions
-    of the functions that compute the values."""
+    """Variables x (r,) in 0 … 1 that minimise the largest value of the objective, and the relative change of
+    this value. reach: largest change of an element of x. Raises the exceptions of the functions that compute
+    the values."""
     from scipy.optimize import minimize
 
     scale = max(float(np.abs(each.values(x)).max()) for each in objective) or 1.0

@@ -106,8 +106,8 @@ class ModeVectors:
 
     @cached_property
     def coincident(self) -> Array:
-        """Whether (k, k) two modes have equal exponents within their errors. Their eigenvectors are then
-        undetermined within the plane that they span."""
+        """Mask (k, k) of the pairs of modes with equal exponents within their errors. The eigenvectors of
+        such a pair are undetermined within the plane that they span."""
         limit = SURE * (self.errors[:, None] + self.errors)
         return self.distances(self.exponents) <= limit
 

@@ -76,8 +76,8 @@ def _solve(
 
 
 def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]) -> NonlinearOrbit:
-    """Orbit started from the nearest solved point. If there is no such point, or if the orbit found is
-    unstable or none is found, the strategies of `solve.nonlinear` are used."""
+    """Orbit started from the nearest solved point. The strategies of `solve.nonlinear` are used if there is
+    no solved point, if no orbit is found, or if the orbit is unstable."""
     system, speed = task.family.system(points[at])
     request = task.request
     settings = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}

@@ -1,5 +1,5 @@
-"""Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds
-with exact derivatives, where error estimates are counted against the design."""
+"""Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds,
+with exact derivatives. Values are increased by their error estimates before they are compared with limits."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -83,9 +83,9 @@ def optimise(
     prove : bool
         Whether to prove the verdicts of the optimum, as by `solve.prove`.
     robust : float or str, optional
-        Minimise the mean plus this many standard deviations of the quantity, or its quantile for a text such
-        as "95 %", over machines whose parameters deviate by the tolerances of the case and those of `vary`.
-        The widths of the deviations are those at the start.
+        Minimise the mean plus this many standard deviations of the quantity, or, for a text such as "95 %",
+        its quantile. Both refer to machines whose parameters deviate by the tolerances of the case and those
+        of `vary`. The widths of the deviations are those at the start.
     vary : mapping of str to str, optional
         Tolerance or distribution by parameter, as in `tolerances`.
 
@@ -161,7 +161,7 @@ def _machines(
         )
     if not isinstance(design.model, Model):
         raise ValueOutOfBoundsError(
-            f"robust requires a model; {design.model.labels.name} is none; leave out robust"
+            f"robust requires a model, and {design.model.labels.name} is not a model; leave out robust"
         )
     return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 

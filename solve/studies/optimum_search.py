@@ -37,8 +37,8 @@ STATIONARY = 100.0
 errors of the orbits, which differ from grid to grid, prevent the end for some optima of the manipulator."""
 
 _MAX_RESTORATIONS, _GAIN = 6, 0.01
-"""Largest number of minimisations of the violation, and reduction of the violation, relative to it, below
-which it is taken for a local minimum. Choices."""
+"""Maximum number of minimisations of the violation, and relative reduction below which the violation counts
+as a local minimum. Choices."""
 
 _RESTARTS = 4
 """Number of random designs from which the violation is minimised if no feasible design is near. A choice."""
@@ -72,9 +72,10 @@ class State:
 class Search:
     """Search for the optimum of a quantity, or of a function of the orbits at all speeds.
 
-    machines, statistic: deviating machines of a robust objective, and what it is of their values.
-    limit: of the spectral radius. failures: reasons of trials without a solution. given: speeds without those
-    of the peaks. peaks: local maxima over the speed. edges: of unstable bands, outside the range.
+    machines, statistic: deviating machines of a robust objective, and the statistic of their values.
+    limit: largest permitted spectral radius. failures: reasons of trials without a solution. given: speeds
+    without those of the peaks. peaks: local maxima over the speed. edges: edges of unstable bands, which must
+    stay outside the range.
     """
 
     design: Design
@@ -155,7 +156,7 @@ class Search:
         points = self.design.points(x)
         violations = [violation for _, violation in self.bounded(points)]
         violations += [float(each.values(x)[0]) / each.end for each in self.edges]
-        # Twice what is allowed violates a kept quantity as much as 1e-7 a bound.
+        # A change of a kept quantity by twice the allowed change counts as much as 1e-7 beyond a bound.
         violations += [
             _VIOLATION * (change / allowed - 1) for _, change, allowed in self.kept_values.changes(points)
         ]
@@ -193,9 +194,9 @@ class Search:
         return state
 
     def _feasible_near(self, state: State) -> State:
-        """Feasible design from an infeasible one or from random ones, since violations have several local
-        minima if an unstable band moves through the speeds; otherwise the design of least violation. Raises
-        the exceptions of `_round`."""
+        """Feasible design near an infeasible one or near random ones; if none is found, the design of least
+        violation. Random designs help because the violation has several local minima if an unstable band
+        moves through the speeds. Raises the exceptions of `_round`."""
         best = self._least_violation(state)
         for x in np.random.default_rng(1).random((_RESTARTS, len(best.x))):
             if best.feasible:
@@ -264,7 +265,7 @@ class Search:
         return [self._at_speed(tracked(self.design, x, at, self.minimise)) for at in speed_indices]
 
     def _at_speed(self, values: Single | Extrema) -> Tracked:
-        """Values at a speed of the design, or their local maximum about it if it is followed.
+        """Values at a speed of the design, or their local maximum near this speed if it is followed.
 
         Bounds are not followed: the largest spectral radius of a band that moves does not change.
         """

@@ -20,15 +20,14 @@ _TOLERANCE = 1e-10
 """Tolerance of the edge of a band, relative to its speed. A choice: far below that of the optimum."""
 
 _BRACKETS = 0.25, 0.02
-"""Half widths of the bracket of a predicted edge, in widths of the band at the start: the other edge must be
-outside, also when the band becomes narrower. Choices."""
+"""Half widths of the bracket of a predicted edge, in widths of the band at the start. Choices: small, so that
+the other edge stays outside the bracket even if the band becomes narrower."""
 
 _SMALLEST_STEP = 1e-3
-"""Change of the design within which an edge that is not found again is taken for that of a band that has
-closed. A choice."""
+"""Change of the design within which a band counts as closed if its edge is not found again. A choice."""
 
 _MAX_STEPS = 20
-"""Most steps in which an edge is followed to a design. A choice."""
+"""Maximum number of steps in which an edge is followed to a design. A choice."""
 
 _DIFFERENCE = 1e-6
 """Relative difference of the speed for the derivative of the spectral radius at an edge, near the cube root
@@ -51,8 +50,8 @@ class PeakSpeed(NamedTuple):
 class Peak:
     """Local maxima (k,) over the speed of values at three equidistant speeds, on the parabolas through them.
 
-    The maximum between the speeds is a smooth function of the design, and exact where it is at the middle
-    one. Its derivatives are those of the parabola at a fixed place (envelope theorem).
+    The maximum between the speeds is a smooth function of the design, and exact if it is at the middle speed.
+    Its derivatives are those of the parabola at a fixed speed (envelope theorem).
     """
 
     three: Sequence[Tracked]
@@ -67,7 +66,7 @@ class Peak:
 
 
 def _weights(values: Array) -> Array:
-    """Weights (3, k) of three values (3, k) in the maxima of the parabolas between the first and the last."""
+    """Weights (3, k) with which three values (3, k) enter the maximum of the parabola through them."""
     low, middle, high = values
     slope, bend = (high - low) / 2, low - 2 * middle + high
     is_peak = bend < 0
@@ -116,8 +115,8 @@ class BandEdge:
 
     @property
     def may_leave(self) -> bool:
-        """Whether the edge may leave the range within the bounds of the design: half of the way by its
-        derivatives, which are those at the start."""
+        """Whether the edge may leave the range within the bounds of the design: whether the derivatives at
+        the start predict at least half of the required shift."""
         (distance,), (slopes,) = self.values(self.x), self.slopes(self.x)
         decrease = float(np.maximum(slopes * self.x, slopes * (self.x - 1)).sum())
         return decrease > distance / 2
@@ -144,7 +143,7 @@ class BandEdge:
         raise NoResultError("an edge of an unstable band is too far away to be followed")
 
     def _refined(self, x: Array, known: _Edge) -> float | None:
-        """Edge at a design near the one predicted from a known edge; None if there is none."""
+        """Edge at a design, searched near the prediction from a known edge; None if it is not found there."""
         from scipy.optimize import brentq
 
         predicted = known.speed + float(known.slopes @ (x - known.x))

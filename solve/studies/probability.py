@@ -86,7 +86,7 @@ class Mixture(NamedTuple):
 
     def _interval(self, weighted: Array) -> tuple[float, float, float]:
         """Mean of weighted events (P,) and its interval (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927)
-        209-212), for the number of unweighted samples with the same variance."""
+        209-212), for the number of equally weighted samples with the same variance."""
         total = len(weighted)
         value = min(float(weighted.mean()), 1.0)
         by_centre = np.split(weighted, np.cumsum(self.counts)[:-1])
@@ -111,7 +111,7 @@ def centres_of(gradient: Gradient, found: Array, most: int) -> list[Array]:
     starts, centres = [np.zeros(found.shape[1])], []
     with suppress(SolveError):
         if gradient(starts[0])[0] > 0:
-            # If the event includes 0, it is frequent.
+            # An event that includes 0 is frequent and needs no further centre.
             return []
     left = found[np.argsort((found**2).sum(axis=1))]
     while starts and len(centres) < most:

@@ -17,26 +17,26 @@ from solve.studies.optimum_search import STATIONARY, Search, State
 from solve.studies.over_speed import BandEdge, PeakSpeed
 
 _BETWEEN, _MAX_ROUNDS = 4, 10
-"""Parts of each interval of speeds, at whose ends the optimum of a range is checked, and most rounds in which
-maxima are added. Choices."""
+"""Number of parts of each interval of speeds, at whose ends the optimum of a range is checked, and maximum
+number of rounds in which maxima are added. Choices."""
 
 _MAX_BANDS = 4
-"""Most unstable bands that are removed, one after another. A choice."""
+"""Maximum number of unstable bands that are removed, one after another. A choice."""
 
 _NEARLY = 0.01
-"""Distance below the largest value, relative to it, from which on a maximum between speeds is refined. A
-choice."""
+"""Distance from the largest value, relative to this value, within which a maximum between speeds is refined.
+A choice."""
 
 _SPEED_TOLERANCE = 1e-5
 """Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
 
 _DROP = 1e-3
-"""Relative decrease from a maximum to the two speeds with which it is followed, until no further maximum is
-found; then √rtol, which balances the errors of the orbits and of the parabola. A choice."""
+"""Relative decrease from a maximum to the two speeds with which it is followed, while maxima are added.
+Afterwards it is √rtol, which balances the errors of the orbits and of the parabola. A choice."""
 
 _SPACING, _WIDER = (1e-4, 1e-2), 10.0
-"""Least and largest distance of these speeds, relative to the speed, and multiple of the least one at which
-the decrease is measured. Choices."""
+"""Smallest and largest distance between a maximum and these two speeds, relative to the speed, and multiple
+of the smallest distance at which the decrease is measured. Choices."""
 
 _SAME_PEAK = 4.0
 """Distance, in spacings, up to which a maximum that has moved replaces the previous one. A choice."""
@@ -46,7 +46,7 @@ _Trial = tuple[State, tuple[Sequence[PeakSpeed], Sequence[BandEdge]]]
 
 
 def over_range(search: Search, state: State) -> tuple[State, list[str]]:
-    """Optimum of a range from that of its speeds, and reasons for doubt."""
+    """Optimum over a range of speeds, from the optimum at the given speeds, and reasons for doubt."""
     state, doubts = _with_peaks(search, state)
     for _ in range(_MAX_BANDS):
         missed, unsearched = _missed_bands(search, state)
@@ -67,7 +67,7 @@ def over_range(search: Search, state: State) -> tuple[State, list[str]]:
 
 
 def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
-    """Optimum with those maxima over the speed that are worse than the values at the given speeds."""
+    """Optimum that also follows the maxima over the speed that are worse than values at the given speeds."""
     drop, fine = _DROP, min(_DROP, math.sqrt(search.design.rtol))
     for _ in range(_MAX_ROUNDS):
         found = _worse_between(search, state, drop)
@@ -95,8 +95,8 @@ def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
 
 
 def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Iterator[_Trial]:
-    """Optima in which the first of the missed bands is closed, lies above the range or lies below it, as far
-    as they are found. At the end the search follows the same as before."""
+    """Optima, if found, in which the first of the missed bands is closed, lies above the range, or lies below
+    the range. At the end the search follows the same maxima and edges as before."""
     (peaks, edges), design = (search.peaks, search.edges), search.design
     band, low, high = missed[0], search.given[0], search.given[-1]
     width = band.high - band.low
@@ -120,8 +120,8 @@ def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Itera
 
 
 def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]:
-    """Local maxima over the speed of the objective or of a bound that are worse than all values at the speeds
-    of the design, with the spacing at which they decrease by `drop`."""
+    """Local maxima over the speed, of the objective or a bounded quantity, that are worse than all values at
+    the speeds of the design. Their spacing is the distance in which they decrease by `drop`."""
     from scipy.optimize import minimize_scalar
 
     found = []

@@ -152,7 +152,8 @@ def _quantity(text: str, whole: str) -> float | str:
         if isinstance(value, str) or math.isfinite(value):
             return value
     raise ValueOutOfBoundsError(
-        f"'{whole}' has no finite number '{text}'; write one, such as 0.9, or with a unit, such as '0.1 mm'"
+        f"'{text}' in '{whole}' is not a finite number; write one, such as 0.9, or with a unit, such as "
+        "'0.1 mm'"
     )
 
 

@@ -30,8 +30,8 @@ _DECAY_TOLERANCE = 0.25
 A choice."""
 
 _MAX_COST = 9.0
-"""Upper limit of a single squared difference, that of three times the allowed difference, so that no single
-difference decides the matching. A choice."""
+"""Upper limit of a single squared difference, reached at three times the allowed difference. No single
+difference then decides the matching. A choice."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
 """Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part;
@@ -123,7 +123,7 @@ class MultiplierMatcher:
 
     @cached_property
     def _resolved(self) -> Array:
-        """Whether (n,) both multipliers of each pair are resolved."""
+        """Mask (n,) of the pairs whose multipliers are both resolved."""
         return np.all(np.abs(self.rho[np.array(self.pairs)]) > 0, axis=1)
 
     @cached_property
@@ -218,8 +218,8 @@ class MultiplierMatcher:
 
         Where the multiplier passes +1, up to the angle arctan(δ/ω) at which exp(-δT) cos ωT is largest, the
         maximum is attributed to an order of the multiplier's mode. Elsewhere, and where the motion is
-        unstable, it is attributed to a combination if the multiplier of another mode has the same angle and
-        the sum or difference of the frozen frequencies is near an order.
+        unstable, it is attributed to a combination under two conditions: the multiplier of another mode has
+        the same angle, and the sum or difference of the frozen frequencies is near an order.
         """
         rho = self.rho[multiplier]
         if rho == 0:
@@ -309,5 +309,5 @@ def _nearest(total: float) -> int:
 
 
 def _folded(turns: Array | float) -> Array:
-    """Angles as fractions of 2π, reduced modulo 1 and by the sign to 0 … 1/2."""
+    """Angles as fractions of 2π, reduced modulo 1, without sign, to 0 … 1/2."""
     return np.abs(turns - np.round(turns))

@@ -31,15 +31,15 @@ _EXTREME = 0.01
 
 
 class Statistic(NamedTuple):
-    """Mean plus a multiple of the standard deviation, or quantile of a fraction, of values of machines."""
+    """Statistic of the values of machines: mean plus a multiple of the standard deviation, or a quantile."""
 
     amount: float
     is_quantile: bool
 
     @classmethod
     def parse(cls, given: float | str) -> "Statistic":
-        """Statistic of a multiple such as 3, or of a percentage such as "95 %". Raises
-        ValueOutOfBoundsError.
+        """Statistic from a multiple of the standard deviation such as 3, or from a quantile such as "95 %".
+        Raises ValueOutOfBoundsError.
 
         >>> Statistic.parse("95 %").text, Statistic.parse(3).text
         ('95 % quantile', 'mean + 3 σ')
@@ -64,7 +64,7 @@ class Statistic(NamedTuple):
 
     @property
     def machines(self) -> int:
-        """Number of machines."""
+        """Number of machines that the statistic requires."""
         if not self.is_quantile:
             return _MACHINES
         needed = _BEYOND / min(self.amount, 1 - self.amount)
@@ -110,8 +110,8 @@ class Robust:
 
 
 def deviating(design: Design, spreads: Mapping[str, Spread], count: int) -> list[Design]:
-    """Machines of a design, `count` in number (a power of two), whose parameters deviate from those of the
-    design as the spreads deviate from the values of the model."""
+    """Machines of a design, `count` in number (a power of two). The spreads, which are those of the model's
+    values, give the deviations of the machines from the parameters of the design."""
     from scipy.stats.qmc import Sobol
 
     cube = Sobol(len(spreads), rng=np.random.default_rng(0)).random(count)

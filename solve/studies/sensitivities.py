@@ -273,7 +273,7 @@ def _of_edge(quantity: str, speed: float, derivatives: Derivatives) -> Sensitivi
 
 
 def _of_maximum(quantity: str, speed: float, derivatives: Derivatives) -> Sensitivity:
-    # The differences below use all but one of their points in common.
+    # Cached, because the differences below share all points but one.
     @functools.cache
     def gradient(omega: float) -> Array:
         return derivatives(quantity, omega).derivatives

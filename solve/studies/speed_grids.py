@@ -75,7 +75,7 @@ def separate_crossings(
     evaluate: Evaluate, samples: StabilitySamples, rotation: Rotation, signs: Sequence[int] = (1, -1)
 ) -> StabilitySamples:
     """Samples over ascending speeds, refined where two pairs of multipliers may both pass +1, or both -1,
-    between two speeds, so that each pair has a separate minimum of the distance."""
+    between two speeds. Each pair then has a separate minimum of the distance."""
     for _ in range(_HALVINGS):
         speeds = samples.points[:, 0]
         max_change = np.minimum(-2 * np.diff(1 / speeds) * rotation(speeds[1:]), _NEIGHBOURHOOD)
@@ -87,8 +87,8 @@ def separate_crossings(
 
 
 def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> Array:
-    """Whether (k - 1,) two pairs may pass +1, or -1, between neighbours, because the distances of both from
-    +1 or -1 at one end are below the largest possible change."""
+    """Mask (k - 1,) of the intervals in which two pairs may pass +1, or -1: at one end the distances of both
+    pairs from this point are below the largest possible change."""
     values = crossing_function(samples.multipliers, sign)
     distance, beyond = np.sqrt(np.maximum(values, 0.0)), values[:, 1:] < 0
     farther, separation = (

@@ -81,7 +81,7 @@ class StabilitySamples:
 
     @property
     def failed(self) -> Array:
-        """Whether (k,) a point has neither a stable nor an unstable verdict."""
+        """Mask (k,) of the points with neither a stable nor an unstable verdict."""
         return ~(self.stable | self.unstable)
 
     @property
@@ -169,7 +169,7 @@ def coalescence_distance(multipliers: Array, leading: Array) -> Array:
 
 
 def crosses_plus_one(multipliers: Array, error: Array) -> Array:
-    """Whether (k,) a multiplier passes +1 at the second of three neighbouring points.
+    """Mask (k,): whether a multiplier passes +1 at the second of three neighbouring points.
 
     multipliers (3, k, N) with absolute errors (3, k). A multiplier passes +1 along the real axis at the edge
     of an unstable range, and along the unit circle at an undamped resonance, with or without a narrow

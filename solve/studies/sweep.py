@@ -364,8 +364,8 @@ def validity(
     Returns
     -------
     Validity
-        Errors as by `Orbit.linearisation_error`. At speeds without a linear orbit, or at which the correction
-        diverges, the error is NaN and the model counts as invalid.
+        Errors as from `Orbit.linearisation_error`. At speeds without a linear orbit, or at which the
+        correction diverges, the error is NaN and the model counts as invalid.
 
     Raises
     ------

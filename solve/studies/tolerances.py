@@ -40,8 +40,8 @@ _SEARCH = 8
 """Divisor of the number of samples: 1 / _SEARCH of the samples search for rare events. A choice."""
 
 _MOST_SPEEDS, _MOST_CENTRES = 4, 8
-"""Largest number of speeds at which points of an event are sought, and largest number of these points, of
-which the nearest to the nominal parameters are kept. Choices."""
+"""Largest number of speeds at which points of an event are sought, and largest number of these points; those
+nearest to the nominal parameters are kept. Choices."""
 
 _MOST_STEPS = 40
 """Largest number of evaluations in the search for a worst point. A choice."""

@@ -190,7 +190,7 @@ class Function:
 
 
 def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> Single | Extrema:
-    """Quantity at one speed, multiplied by a sign, as values of which the largest is the quantity."""
+    """Values at one speed whose largest is the quantity multiplied by a sign."""
     sides = {("max", 1.0): (1.0,), ("min", -1.0): (-1.0,), ("max_abs", 1.0): (1.0, -1.0)}.get(
         (quantity.figure, sign)
     )

@@ -1,6 +1,6 @@
 """Command lines: exit status, messages on standard error, and interruptions.
 
-Exit status 0: completed, or the reader of the output has closed it. 2: invalid input. 70: internal error.
+Exit status 0: completed, or the reader has closed the output pipe. 2: invalid input. 70: internal error.
 130: interrupted. Each failure prints one line on standard error.
 """
 
@@ -103,7 +103,7 @@ class _Stream(io.TextIOBase):
         self._attempt(self._stream.flush)
 
     def close(self) -> None:
-        """Do nothing: the wrapped stream must stay open, and closing would flush it again."""
+        """Do nothing, so that the wrapped stream stays open and is not flushed again."""
 
     def _attempt(self, action: Callable[..., object], *text: str) -> None:
         try:
@@ -113,7 +113,7 @@ class _Stream(io.TextIOBase):
             # Discard the remaining buffer, so that the flush at interpreter exit does not fail.
             with suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
-        # Raised on every call, because a library may have suppressed the first failure.
+        # Raised again on every call, because a library may have suppressed the first exception.
         if self._failure is not None and not self._silent:
             raise self._failure
 
@@ -179,7 +179,7 @@ def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[
         warnings.simplefilter("ignore")
     status = run_cli(name, work, sys.argv[1:], refusals)
     if status == INTERRUPTED and any(thread.daemon for thread in threading.enumerate()):
-        # A daemon thread still inside a library could hang or crash during interpreter shutdown.
+        # A daemon thread that still runs library code could hang or crash the interpreter at shutdown.
         with suppress(AttributeError, OSError, ValueError):
             sys.stdout.flush()
         os._exit(status)
@@ -209,7 +209,7 @@ def _repeat_sigint(received: list[object]) -> Iterator[None]:
     unraisable_hook = sys.unraisablehook
 
     def ignore_interruption(unraisable: Any) -> None:
-        # Raised in a finaliser or callback, it would be printed with its traceback.
+        # An interruption raised in a finaliser or callback would be printed with its traceback.
         if unraisable.exc_type is not KeyboardInterrupt:
             unraisable_hook(unraisable)
 
@@ -233,7 +233,7 @@ def _is_missing_library(error: Exception) -> TypeGuard[ModuleNotFoundError]:
 
 
 def _interrupted(name: str) -> int:
-    # Python would end itself by the signal if the interruption occurred in code compiled from text.
+    # After an interruption that left code run by exec, Python would end by the signal; exec resets this.
     exec("")
     return _fail(name, "interrupted", INTERRUPTED)
 

@@ -43,7 +43,7 @@ class Task:
         self.add()
 
     def fraction(self, inner: float) -> float | None:
-        """Fraction done (None: unknown). inner: fraction done of the parts in progress."""
+        """Completed fraction of the task (None: unknown). inner: completed fraction of the current parts."""
         if not self.total:
             return None
         return min((self.done + inner * self.under_way) / self.total, 1.0)
@@ -59,7 +59,7 @@ class Task:
 
 
 class Status(NamedTuple):
-    """Description of the progress, and fraction done (None: unknown)."""
+    """Progress as text, and fraction done (None: unknown)."""
 
     text: str
     fraction: float | None
@@ -145,8 +145,8 @@ def listen(listener: Callable[[Tracker], object] | None = None) -> Iterator[Trac
 
 @contextmanager
 def steps(total: int) -> Iterator[Callable[[str], None]]:
-    """Context manager for a task of `total` dissimilar steps. It yields a function that begins the next step
-    by name."""
+    """Context manager for a task of `total` steps of different duration. It yields a function that begins the
+    next step and takes its name."""
     with task("", total, even=False) as uneven:
         yield uneven.step
 

@@ -96,7 +96,7 @@ class Animation:
             return "rigid motion"
         if self.scale != 1:
             return f"{self.about} magnified {self.scale:g} times"
-        return f"{self.about}, of any size" if self._free else f"{self.about} at its true size"
+        return f"{self.about}, amplitude arbitrary" if self._free else f"{self.about} at its true size"
 
     @property
     def _free(self) -> bool:
@@ -165,7 +165,7 @@ def animate(
     speed : float or str, optional
         Speed in rad/s, or a text with unit; by default the speed of the case.
     scale : float, optional
-        Magnification; by default the vibration is visible.
+        Magnification; by default chosen so that the vibration is visible.
     frames : int, optional
         Number of frames, by default 90 (240 for a free vibration), or of positions in a picture, by default
         6.

@@ -186,7 +186,8 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
 
 
 class _Plane(NamedTuple):
-    """Values at points, kind of the nearest unstable point, and a function that fills axes with a field."""
+    """Values at points, kind of the nearest unstable point, and function of axes and values that draws filled
+    contours."""
 
     values: Array
     kinds: Array
@@ -194,7 +195,7 @@ class _Plane(NamedTuple):
 
 
 def _plane(field: Field, values: Array) -> _Plane:
-    """Points of the grid, and points of the boundaries with value zero."""
+    """Values at the points of the grid, with zeros at the points of the boundaries."""
     from scipy.spatial import Delaunay, KDTree
 
     points = np.column_stack([axis.ravel() for axis in np.meshgrid(field.x, field.y)])

@@ -107,7 +107,7 @@ def _goal(comparison: Comparison, row: Row) -> str:
 
 
 def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> list[RenderableType]:
-    """Table of the rows with a result, and notes on the others."""
+    """Table of the rows with a result, and notes on rows without one."""
     done = [row for row in rows if row.reason is None]
     if rows[0].target is not None:
         done.sort(key=lambda row: row.time)

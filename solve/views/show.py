@@ -43,7 +43,7 @@ T = TypeVar("T")
 
 
 class ByClass(Generic[T]):
-    """A function of a result that is selected by the class of the result, like `functools.singledispatch`.
+    """Function of a result that dispatches on the class of the result, like `functools.singledispatch`.
 
     The modules that register functions for classes of `solve.results` are imported at the first call.
     """

@@ -120,7 +120,7 @@ def test_the_printed_damping_differs_from_the_derived():
     assert abs(B - printed).max() > 0.99 * abs(B).max()
 
 
-def test_no_slip_is_forgotten():
+def test_every_misprint_of_the_stiffness_is_listed():
     assert {*SLIPS, Misprint.MATERIAL_DAMPING} == set(Misprint)
     assert AS_PRINTED < set(Misprint) != CORRECTED
 
@@ -227,7 +227,7 @@ def test_more_modes_keep_the_equations_of_the_fewer():
 
 
 @branches
-def test_the_residual_is_the_linear_part_of_the_lagrangian_s(branch):
+def test_residual_agrees_with_the_lagrangian_to_first_order(branch):
     """Along one direction of motion the difference of the two falls with the square of its size, at least."""
     q, qd, qdd = np.random.default_rng(6).normal(size=(3, MODES)) * np.array([[1e-3], [1e-1], [10.0]])
     p, speed, phase = vector(DRAGGED), SPEEDS[1], 0.7

@@ -117,7 +117,7 @@ def test_derive_offers_its_names_for_completion():
     assert {"Mechanism", "Piecewise", "rate", "wrapped"} <= set(dir(derive))
 
 
-def test_the_pages_pendulum(capsys, tmp_path):
+def test_pendulum_of_the_page_runs(capsys, tmp_path):
     page = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
     match = re.search(r"```python\n# in_memory.py\n(.*?)```", page, re.DOTALL)
     assert match

@@ -88,7 +88,7 @@ def test_a_four_bar_a_requirement_and_the_speed(run):
         )
 
 
-def test_a_loop(run):
+def test_slider_crank_loop_matches_the_closed_form(run):
     """m q̈ + c q̇ + k q = −m s̈ harmonic by harmonic, with s from the right-angled triangle."""
     record = run("press")
     r, L, e, m, k, c, speed, count = 0.1, 0.3, 0.02, 2.0, 8e4, 40.0, 20.0, 256
@@ -100,7 +100,7 @@ def test_a_loop(run):
         assert harmonic(record["coordinates"]["q"], order) == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
-def test_a_field_and_its_period(run):
+def test_beam_with_pulsating_load_matches_mathieus_equation(run):
     """Each mode obeys ẅ + ω²(1 − P/P_k) w = 0 (Euler's loads P_k) and the whole is Mathieu's equation, whose
     growth at the middle of the first band is ω1²ε/(4ω), ε = P1/P_1, to second order."""
     record = run("column")

@@ -96,7 +96,7 @@ def test_band_edges_to_eight_digits_by_bands_sweep_and_chart(mesh, engine):
             assert chart.spectral_radius[row, column] == pytest.approx(radius, abs=1e-8)
 
 
-def test_the_pages_command(mesh, monkeypatch, capsys):
+def test_command_of_the_page_runs(mesh, monkeypatch, capsys):
     (line,) = re.findall(r"python -m solve (floquet mesh.py .*)\n", PAGE)
     monkeypatch.chdir(mesh.parent)
     assert run(shlex.split(line)) == 0

@@ -179,7 +179,7 @@ def test_hand_matrices_of_chapter_4_for_any_length():
     np.testing.assert_allclose(table("linear", "stiffness") / L, published.axial_stiffness(L), rtol=1e-14)
 
 
-def test_a_family_is_a_declaration():
+def test_new_beam_element_is_declared_by_its_shape_functions():
     """A cubic rod with nodes at its thirds, which the package does not have."""
     third = sympy.Rational(1, 3)
     rod = Family("cubic_rod", AXIAL, ((0, 0), (0, third), (0, 2 * third), (0, 1)))

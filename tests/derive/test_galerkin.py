@@ -221,7 +221,7 @@ def test_drive_torque_is_the_rate_of_angular_momentum():
     assert float(torque) == pytest.approx(MU * moment @ qdd, rel=1e-12)
 
 
-def test_values_at_points():
+def test_field_values_at_points_match_the_mode_sum():
     module, modes = module_of(column(sine)), 7
     q, qd = np.random.default_rng(2).normal(size=(2, modes))
     values = module.outputs(modes=modes)(0.3, 1.0, q, qd, 0 * q, [L, MU, EI, ALPHA])[1:]
@@ -357,7 +357,7 @@ def projected(beam):
     return module_text(beam, "0" * 64, "beam")
 
 
-def test_no_inertia():
+def test_field_without_inertia_is_refused():
     beam, line, mu = declared()
     beam.potential = line.integral(mu * line.curvature**2 * line.length**4 * beam.speed**2)
     with pytest.raises(SingularMassError, match="no inertia to w"):

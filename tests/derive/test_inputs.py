@@ -37,7 +37,7 @@ def test_force_acts_along_the_derivative_of_its_displacement():
     assert found.gain(0.3).shape == (1, 2, 2)
 
 
-def test_outputs_that_inputs_change_at_once_are_no_weights():
+def test_outputs_with_accelerations_cannot_be_weighted():
     wheel = beam_on_a_wheel(push=("N", lambda q, x, r: x))
     (q,) = (each.symbol for each in wheel.declared_coordinates)
     wheel.output("acceleration_of_q", rate(rate(q)), "m/s^2", "acceleration")

@@ -31,7 +31,7 @@ def symbols(names: str) -> list[sympy.Symbol]:
     return [sympy.Symbol(name, real=True) for name in names.split()]
 
 
-def test_pendulum():
+def test_equation_of_a_pendulum_matches_the_textbook():
     m, L, c, g = symbols("m L c g")
     theta, thetad, thetadd = (Moving("theta" + order) for order in ("", "d", "dd"))
     textbook = m * L**2 * thetadd + c * thetad + m * g * L * sympy.sin(theta)

@@ -98,7 +98,7 @@ def test_a_force_without_a_tangent_is_named():
         module_of(pair)
 
 
-def test_terms_that_cancel_are_gone():
+def test_cancelling_terms_are_removed():
     a, b = sympy.symbols("a b", real=True)
     assert gathered((a + b) * SPEED - a * SPEED) == b * SPEED
     assert gathered(a * SPEED + b * SPEED) == (a + b) * SPEED

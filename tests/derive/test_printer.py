@@ -22,7 +22,7 @@ def evaluated(expression: sympy.Expr, x_value: float, y_value: float) -> float:
 
 
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
-def test_elementary_functions(name):
+def test_elementary_functions_are_printed_with_their_values(name):
     arguments = (x, y) if name == "atan2" else (x,)
     expression = getattr(sympy, name)(*arguments)
     at = WITHIN.get(name, -0.3 if name in ("Abs", "sign", "atan2") else 0.4)
@@ -48,7 +48,7 @@ def test_elementary_functions(name):
         sympy.Heaviside(x - y) + 2 * sympy.Heaviside(y - x),
     ],
 )
-def test_arithmetic(expression):
+def test_arithmetic_is_printed_with_its_value(expression):
     expected = float(expression.subs({x: 1.25, y: 0.75}).evalf(30))
     assert evaluated(expression, 1.25, 0.75) == pytest.approx(expected, rel=4e-16)
 

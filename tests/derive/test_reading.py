@@ -142,7 +142,7 @@ def test_a_series_may_be_called_like_a_function():
     assert [text(equation) for equation in module_of(shaken("Ei")).EQUATIONS][-1] == "d=-4mΩ2Ei\u2033(2φ)"
 
 
-def test_long_equations_are_not_printed_and_why(monkeypatch):
+def test_long_equations_are_omitted_with_a_reason(monkeypatch):
     monkeypatch.setattr(emit, "MOST_TO_READ", 3)
     module = module_of(shaken())
     assert not hasattr(module, "EQUATIONS")

@@ -54,7 +54,7 @@ def test_case_files_without_numbers_for_the_equations(derive, rotor, content, me
         (["cam", "--out"], "--out"),
     ],
 )
-def test_bad_arguments(derive, arguments, message):
+def test_invalid_arguments_are_refused_in_one_line(derive, arguments, message):
     status, out, err = derive(*arguments)
     assert (status, out) == (2, "")
     assert err.startswith("derive: ")
@@ -92,7 +92,7 @@ def test_bad_arguments(derive, arguments, message):
         ),
     ],
 )
-def test_bad_files(derive, rotor, text, message):
+def test_invalid_mechanism_files_are_refused_in_one_line(derive, rotor, text, message):
     rotor.write_text(text, encoding="utf-8")
     status, out, err = derive(rotor)
     assert (status, out) == (2, "")

@@ -100,7 +100,7 @@ def test_coordinate_rate_cannot_share_a_parameter_name():
         one.coordinates(x=("m", "position"))
 
 
-def test_outputs_share_the_names():
+def test_output_names_must_differ_from_all_other_names():
     one, q, *_ = oscillator()
     with pytest.raises(DeclarationError, match='"k" is declared twice'):
         one.output("k", q, "m", "displacement")
@@ -284,7 +284,7 @@ def test_names_that_are_no_coordinates_or_outputs():
 
 
 @pytest.mark.parametrize("bound", [0, -1.0, math.inf, math.nan, "5", None])
-def test_trust_must_be_positive(bound):
+def test_bounds_of_the_linear_model_must_be_positive(bound):
     with pytest.raises(DeclarationError, match=r"trust: q=.* must be a positive number"):
         oscillator()[0].trust(q=bound)
 

@@ -172,7 +172,7 @@ def checked(build) -> None:
         ),
     ],
 )  # fmt: skip
-def test_refusals(build, kind, words):
+def test_invalid_structures_are_refused(build, kind, words):
     with pytest.raises(kind) as caught:
         checked(build)
     for word in words:
@@ -215,7 +215,7 @@ def test_show_prints_the_links_and_the_elements():
     assert "\\frac{13}{35}" in elements()
 
 
-def test_links_have_no_steps():
+def test_discontinuous_link_angles_are_refused():
     frame, parts = stated()
     frame.support("foot")
     angle = Piecewise((0, frame.phase < 2), (1, True))

@@ -138,7 +138,7 @@ def test_contact_without_clearance_has_no_linearisation(contact):
         derive_equations(one)
 
 
-def test_the_modulus_of_a_root():
+def test_modulus_of_a_square_root_is_differentiated():
     """SymPy does not recognise √(L² − q²) as real."""
     one, q, p = oscillator(L=("m", "wire"), u=("m", "side"), F=("N", "load"))
     side = sqrt(p["L"] ** 2 - q**2)
@@ -212,7 +212,7 @@ def test_breaks_that_parameters_move():
     assert "would contain impulses" in module.NO_DRIVE_TORQUE
 
 
-def test_a_step_lies_nowhere_on_a_branch_that_has_no_value():
+def test_step_phases_on_undefined_branches_are_ignored():
     one, _, p = oscillator(a=("1", "one number"), b=("1", "another"), s=("1", "slope"))
     threshold = Piecewise((sqrt(p["a"] - p["b"]), p["a"] > p["b"]), (sqrt(p["b"] - p["a"]), True))
     one.potential *= 1 + Heaviside(sin(one.phase) - threshold) + Heaviside(p["s"] * wrapped(one.phase) - 1)
@@ -343,7 +343,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("kind", REFUSED)
-def test_steps_that_cannot_be(kind):
+def test_unsupported_steps_are_refused(kind):
     one, q, p = oscillator(gap=("m", "clearance"))
     m, k, gap, phase = p["m"], p["k"], p["gap"], one.phase
     one.output("reach", gap, "m", "clearance")

@@ -66,7 +66,7 @@ def test_cam_error_grows_faster_than_its_load(case):
     assert (fast.max - fast.min) / (slow.max - slow.min) > 36
 
 
-def test_the_profile_matters():
+def test_cam_profile_changes_the_vibration():
     """Chapter §§ 4.1 and 4.3: by half and more of the smaller peak to peak."""
     for model, speed, name in (("cam", "100 rpm", "q3"), ("manipulator", "50 rpm", "q2")):
         size = [

@@ -119,7 +119,7 @@ def test_a_narrow_band_where_two_modes_combine(method):
     np.testing.assert_allclose(radius, [1, 1 + 3.89e-6, 1], rtol=0, atol=1e-8)
 
 
-def test_the_deflection_anywhere():
+def test_deflection_at_any_point_matches_the_modes():
     system = solve.load("coupler")
     orbit = solve.periodic(system, "1500 rpm", "radau")
     middle = system.field("w", 0.5) @ orbit.q

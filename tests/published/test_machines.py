@@ -75,7 +75,7 @@ def test_hookes_joint_turns_between_the_cosine_and_its_inverse():
     assert (ratio.min, ratio.max) == (pytest.approx(np.sqrt(3) / 2), pytest.approx(2 / np.sqrt(3)))
 
 
-def test_hookes_joint_is_unstable_where_it_should_be():
+def test_spectral_radius_of_hookes_joint_matches_time_integration():
     """u(φ) = cos α/(1 − sin²α cos²φ) is the ratio of the speeds: d/dt ∂T/∂q̇ − ∂T/∂q of T = J u²(1 + q′)²Ω²/2
     gives J(u²q″ + 2uu′q′ + (uu″ + u′²)q) + (c/Ω)q′ + (k/Ω²)q about the rigid motion."""
     J, k, c, alpha = 0.1, 1000.0, 0.02, np.radians(30)
@@ -104,7 +104,7 @@ def test_hookes_joint_is_unstable_where_it_should_be():
 
 
 @pytest.mark.parametrize("dampers", [(0.0, 0.0), (51078.7, 4067.5)])
-def test_ground_resonance_as_coleman_has_it(dampers):
+def test_ground_resonance_matches_colemans_equations(dampers):
     """With z = x + iy and Z = Σ ζ_k exp(iψ_k) the coefficients are constant: (M + 3m)z̈ + Cż + Kz + iSZ̈ = 0,
     I(Z̈ − 2iΩŻ − Ω²Z) + c(Ż − iΩZ) + Ω²eSZ − (3i/2)Sz̈ = 0; the mean lag stands alone."""
     C, cz = dampers

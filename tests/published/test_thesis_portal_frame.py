@@ -108,7 +108,7 @@ def test_the_quintic_column_of_table_5_1_b(exact):
 
 
 @pytest.mark.parametrize(("elements", "k", "worst"), [(4, 10, 2.18), (3, 7, 1.97), (2, 4, 1.63)])
-def test_half_of_the_frequencies_are_good(elements, k, worst):
+def test_lower_half_of_the_frequencies_is_accurate(elements, k, worst):
     """The thesis' rule of thumb, 2k freedoms for k frequencies: these are within 2.2 %, the last of all is
     more than 20 % off."""
     count = {4: 21, 3: 15, 2: 9}[elements]

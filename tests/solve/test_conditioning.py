@@ -114,7 +114,7 @@ def test_error_estimate_covers_growth_within_a_turn(detuned, damping):
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
 @pytest.mark.parametrize(("damping", "stiffness"), [(-6, 10), (-12, 40), (-20, 100)])
-def test_a_response_that_falls_where_all_solutions_grow(damping, stiffness, engine):
+def test_decaying_response_is_accurate_although_all_solutions_grow(damping, stiffness, engine):
     """All solutions grow, so that the periodic one falls to nothing behind the push, along a growing map."""
     end = 0.5
     A = np.array([[0.0, 1.0, 0.0], [-stiffness, -damping, 1.0], [0.0, 0.0, 0.0]])
@@ -172,7 +172,7 @@ def test_multiplier_at_one_is_refused_for_orbits_and_warned_otherwise(method, da
 
 @pytest.mark.parametrize("method", ["fourier", "hill", "bahgat-willmert"])
 @pytest.mark.parametrize("stiffness", [1.0, 4.0])
-def test_balances_of_harmonics_refuse_resonance_too(method, stiffness):
+def test_harmonic_balance_methods_refuse_resonance(method, stiffness):
     with pytest.raises(ResonanceError, match="change the speed"):
         periodic(oscillator(0.0, stiffness), 1.0, method)
 

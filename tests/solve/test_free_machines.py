@@ -157,7 +157,7 @@ def test_drag_balances_the_mean_load_by_a_drift():
     orbit = solve.periodic(train(DRAG, mean=3.0), SPEED)
     (mode,) = orbit.rigid_body_modes
     assert mode.drift == pytest.approx(3 / 0.07, rel=1e-10)
-    assert f"a steady velocity along it (q1: {3 / 0.07:.6g} per second)" in orbit.notes[0]
+    assert f"a steady velocity along this mode (q1: {3 / 0.07:.6g} per second)" in orbit.notes[0]
     twist = np.linalg.lstsq(K, 3 * TORQUE / 10 - DRAG.sum(axis=1) * 3 / 0.07)[0]
     twist -= np.diag(J) @ twist / np.trace(J)
     np.testing.assert_allclose(orbit.curve.mean, twist, rtol=1e-8)

@@ -79,7 +79,7 @@ def test_orbit_is_linear_in_the_load(seed, n, factor, method):
 
 @given(seeds, sizes, st.floats(0.0, 2 * np.pi), METHODS)
 @few
-def test_the_origin_of_the_phase_is_free(seed, n, shift, method):
+def test_shifted_phase_origin_only_shifts_the_orbit(seed, n, shift, method):
     matrices = random_matrices(seed, n)
     here = periodic(system(matrices, n), 1.0, method, rtol=1e-11)
     there = periodic(system(lambda phase, speed: matrices(phase + shift, speed), n), 1.0, method, rtol=1e-11)
@@ -102,7 +102,7 @@ def test_orbit_closes_and_repeats(seed, n, method):
 
 @given(seeds, sizes, st.floats(-8.0, 8.0), st.floats(-4.0, 4.0), METHODS)
 @few
-def test_units_of_force_and_of_coordinates_are_free(seed, n, force, length, method):
+def test_units_of_force_and_coordinates_only_scale_the_orbit(seed, n, force, length, method):
     """Rows times 10^force, and each coordinate in a unit of its own, 10^(length i)."""
     matrices = random_matrices(seed, n)
     units = 10.0 ** (length * np.arange(n))
@@ -119,7 +119,7 @@ def test_units_of_force_and_of_coordinates_are_free(seed, n, force, length, meth
 
 @given(seeds, sizes, st.floats(0.2, 5.0), METHODS)
 @few
-def test_time_may_run_faster(seed, n, factor, method):
+def test_rescaled_time_leaves_the_orbit_over_phase_unchanged(seed, n, factor, method):
     """Speed, 1/C and 1/√K and √M alike: the same orbit over the phase, rates times the factor."""
     matrices = random_matrices(seed, n)
 

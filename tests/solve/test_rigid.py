@@ -107,14 +107,14 @@ def test_rigid_mechanism_has_no_vibration(crank):
     assert pickle.loads(pickle.dumps(crank)).outputs == crank.outputs
 
 
-def test_its_record_has_the_kinds_of_any_orbit(crank):
+def test_record_of_a_rigid_mechanism_has_the_usual_types(crank):
     """Numbers where others have numbers, lists where they have lists."""
     record, other = solve.periodic(crank, 30.0).record(), solve.periodic(solve.load("cam"), 30.0).record()
     for name in ("unresolved", "multipliers", "rigid_body_modes", "outputs", "coordinates", "warnings"):
         assert type(record[name]) is type(other[name]), name
 
 
-def test_many_points(crank):
+def test_sweep_of_a_rigid_mechanism_matches_single_points(crank):
     """Statistics agree with `periodic`; refused values fail individually."""
     sweep = solve.sweep(
         crank, ["300 rpm", "600 rpm"], over={"r": [0.05, 0.1, 0.25]}, spectra=["drive_torque"]
@@ -146,7 +146,7 @@ def test_results_are_saved(crank, tmp_path):
     assert solve.open(tmp_path / "sweep.npz").record() == sweep.record()
 
 
-def test_its_animation(crank, tmp_path):
+def test_animation_of_a_rigid_mechanism_matches_its_kinematics(crank, tmp_path):
     animation = solve.animate(crank, OMEGA, frames=5)
     x, *_ = slider(np.array([0.7]))
     assert animation.lines(np.array([0.7]), 1.0)["crank"][-1, 0] == pytest.approx(complex(x[0], 0))
@@ -197,7 +197,7 @@ def test_empty_mechanism_is_refused():
         module_of(Mechanism("empty", "Nothing"))
 
 
-def test_only_outputs():
+def test_mechanism_with_outputs_only_is_solved():
     made = Mechanism("law", "A law of motion")
     h = made.parameter("h", "mm", "lift")
     made.decline_drive_torque("nothing has mass")

@@ -25,7 +25,7 @@ def test_speeds_are_read_in_every_unit_of_rotation(number, unit):
 
 
 @given(positive, st.sampled_from(sorted(ROTATION)), st.sampled_from(sorted(ROTATION)))
-def test_round_trips_between_units_come_back(number, first, second):
+def test_unit_conversions_are_reversible(number, first, second):
     there = with_unit(f"{number!r} {first}", "rad/s") / conversion(second, "rad/s")
     back = there * conversion(second, "rad/s") / conversion(first, "rad/s")
     assert back == pytest.approx(number, rel=1e-13)
@@ -128,7 +128,7 @@ def test_invalid_tolerances_are_refused(rtol):
         checked_rtol(rtol)
 
 
-def test_tolerances_pass_as_they_are():
+def test_valid_tolerances_are_unchanged():
     assert [checked_rtol(rtol) for rtol in (1e-14, 1e-8, 0.5)] == [1e-14, 1e-8, 0.5]
 
 
@@ -161,7 +161,7 @@ def test_ranges_of_speeds_without_a_space():
         "m^-",
     ],
 )
-def test_units_are_read_and_never_computed(unit):
+def test_unit_texts_are_never_evaluated(unit):
     with pytest.raises(UnitError, match="does not convert to 'm'; allowed: units of the same kind"):
         conversion(unit, "m")
 

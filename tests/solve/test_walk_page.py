@@ -40,7 +40,7 @@ def test_the_page_is_short_and_names_each_room_once():
 
 
 @pytest.mark.skipif(bool(trouble()), reason=trouble() or "compiles")
-def test_the_command_takes_that_way(capsys):
+def test_command_enters_the_functions_in_the_order_of_the_page(capsys):
     """The functions and classes that the page names, in the order in which they are first entered."""
     entered: dict[tuple[str, str], None] = {}
     folder = str(Path(solve.__file__).parent)

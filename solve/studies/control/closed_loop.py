@@ -144,10 +144,10 @@ def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> 
     Returns
     -------
     ClosedLoop
-        Closed loop for `solve.periodic`, `solve.sweep`, `solve.chart` and `solve.transient`. An observer has
-        the equations with the parameters and options of the design. Files contain no equations: with a
-        controller from a file, the observer has those of `system`, with the parameters and options of the
-        design if `system` has parameters.
+        Closed loop for `solve.periodic`, `solve.sweep`, `solve.chart` and `solve.transient`. An observer
+        keeps the equations, parameters and options of the design. A file contains no equations; the observer
+        of a controller from a file then uses the equations of `system`, with the parameters and options of
+        the design if `system` has parameters.
 
     Raises
     ------
@@ -170,8 +170,8 @@ def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> 
         if isinstance(controller, str | Path):
             what = f"{str(controller)!r}"
         raise ControlError(
-            f"{what} holds no feedback; allowed: a controller of solve.lqr, solve.lqg or "
-            "solve.control with lqr, or the .npz or .nc file of one"
+            f"{what} holds no feedback; allowed: a controller from solve.lqr, solve.lqg or "
+            "solve.control with lqr, or its .npz or .nc file"
         )
     system_text, design_text = (
         f"the states {', '.join(states)}, the inputs {', '.join(inputs)} and the period {period:.6g}"

@@ -177,7 +177,7 @@ def lqg(
     Returns
     -------
     Controller
-        Result as of `lqr`, with the filter as `observer`. The closed loop has additional states, the
+        Result as from `lqr`, with the filter as `observer`. The closed loop has additional states, the
         estimates NAME_hat.
 
     Raises
@@ -239,14 +239,14 @@ def control(
     vibration : bool
         Whether to compute the periodic vibration without and with feedback.
     margin : sequence of str
-        Names of parameters whose smallest change that makes the closed loop unstable is computed, see
+        Names of parameters. Their smallest change that makes the closed loop unstable is computed, see
         `stability_margin`.
     norms : sequence of str
         Names of states and outputs whose norms from disturbances at the inputs are computed, see `h2_norm`
         and `hinf_norm`.
     samples : int, optional
-        Number of samples per period of a drive that holds the inputs, with a delay of one sample, for which
-        the stability is computed, see `sampled`.
+        Number of samples per period of a digital controller, which holds the inputs and delays them by one
+        sample. The stability with this controller is computed, see `sampled`.
 
     Returns
     -------
@@ -316,7 +316,7 @@ _NORM_RTOL = 1e-6
 """Smallest tolerance of norms. A choice: H∞ norms are found by bisection."""
 
 _DESIGNS = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
-"""Design functions by name: inside `control`, its arguments have the same names."""
+"""Design functions by name. Inside `control`, arguments of the same names hide the functions."""
 
 
 def _vibration(controller: Controller) -> dict[str, Vibration]:

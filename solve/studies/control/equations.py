@@ -72,7 +72,7 @@ def _factor(B: Array, R: Array) -> Array:
 
 
 def _inverse(R: Array) -> Array:
-    """Inverses of matrices (k, r, r), or (1, r, r) of equal ones."""
+    """Inverses of matrices (k, r, r); (1, r, r) if all matrices are equal."""
     return np.linalg.inv(R[:1] if R.strides[0] == 0 else R)
 
 

@@ -35,8 +35,8 @@ estimates of one grid evaluate the same phases up to four times. Choices."""
 
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
-    """System with feedback. Its inputs NAME_disturbance are added to the values that the feedback sets, which
-    are outputs.
+    """System with feedback. Its inputs NAME_disturbance are added to the values that the feedback sets; these
+    values are outputs.
 
     open_loop: the system without feedback, or its equations linearised about a motion; model: the system
     itself; design: the system for which the feedback was designed, which an observer contains.
@@ -165,7 +165,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return self.around(self.model.varied(parameters, options))
 
     def around(self, system: PeriodicSystem) -> Self:
-        """Same feedback of another system with the states and inputs of the design."""
+        """Closed loop with the same feedback and another system with the states and inputs of the design."""
         changed = copy(self)
         changed._take(system)
         return changed
@@ -224,7 +224,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
 
 
 class _NoDerivatives:
-    """Derivatives with respect to no parameter; see `ParameterDerivatives`."""
+    """Derivatives object that rejects every parameter; see `ParameterDerivatives`."""
 
     names: tuple[str, ...] = ()
 

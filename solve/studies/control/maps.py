@@ -18,21 +18,21 @@ from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 
 _MOST_DOUBLINGS = 60
-"""Number of doublings of the period after which no solution exists: with closed-loop multipliers of up to 1 −
-1e-17, the iteration converges earlier."""
+"""Maximum number of doublings of the period; if they do not converge, no solution exists. With closed-loop
+multipliers of up to 1 − 1e-17, the iteration converges earlier."""
 
 _CONVERGED = 16 * EPS
 """Relative change or residual of the solution that counts as round-off. A choice."""
 
 _CORRECTIONS = 2
-"""Largest number of Newton corrections. The first one reaches round-off; a choice."""
+"""Maximum number of Newton corrections. A choice: the first correction reaches round-off."""
 
 _BYTES = 2**20
 """Memory, in bytes, of the stage systems that are solved at a time. A choice."""
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
 """Function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N), with G = sign E Eᵀ and
-derivatives by the phase."""
+derivatives with respect to the phase."""
 
 
 class Maps(NamedTuple):
@@ -89,10 +89,10 @@ class Maps(NamedTuple):
 class Stages(NamedTuple):
     """States at the stages of the steps, and the coefficients there.
 
-    A, G, Q: coefficients (m, s, N, N), multiplied by the lengths of the steps. states: states (m, s, N,
-    N + s r) by those at the start and the inputs at the stages. optimal: matrices (m, s r, 2N) from the state
-    at the start and the costate at the end to the inputs, with the opposite sign. method: weights of the
-    stages."""
+    A, G, Q: coefficients (m, s, N, N), multiplied by the lengths of the steps. states (m, s, N, N + s r):
+    matrices from the state at the start and the inputs at the stages to the states at the stages. optimal (m,
+    s r, 2N): matrices from the state at the start and the costate at the end to the inputs times −1. method:
+    weights of the stages."""
 
     A: Array
     G: Array
@@ -102,8 +102,8 @@ class Stages(NamedTuple):
     method: Collocation
 
     def closed(self, X: Array, closed: Array) -> Array:
-        """States (m, s, N, N) of the closed loop at the stages by those at the start, from X at the ends of
-        the steps and the maps of the closed loop (m, N, N)."""
+        """Matrices (m, s, N, N) from the state at the start of a step to the states of the closed loop at the
+        stages. X: solution at the ends of the steps; closed (m, N, N): maps of the closed loop."""
         N = X.shape[-1]
         inputs = self.optimal[..., :N] + self.optimal[..., N:] @ X @ closed
         return self.states[..., :N] - self.states[..., N:] @ inputs[:, None]
@@ -122,9 +122,9 @@ def symmetric(A: Array) -> Array:
 def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 1.0) -> tuple[Maps, Stages]:
     """Maps of the steps by the Gauss method of the given order, for G = sign E Eᵀ, and their stages.
 
-    Gauss collocation of states and costates is that of the states alone with those inputs w at the stages
-    that make the sum of the cost xᵀQx + sign wᵀw over the stages stationary (W. W. Hager, Numer. Math. 87
-    (2000) 247-282). It has half the unknowns."""
+    Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, with the
+    inputs w at the stages for which the sum of xᵀQx + sign wᵀw over the stages is stationary (W. W. Hager,
+    Numer. Math. 87 (2000) 247-282). The latter has half the unknowns."""
     method = Gauss(order).collocation
     s, phases = len(method.c), grid.stages(np.array(method.c))
     A, E, Q = coefficients(phases.ravel())
@@ -142,9 +142,10 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 
 
 
 def _condensed(states: Array, Q: Array, b: Array, sign: float) -> tuple[Array, Array, Array, Array]:
-    """Matrices A, G and H of the maps of m steps, and `Stages.optimal`, from the states at the stages and at
-    the end (m, s + 1, N, N + s r) by those at the start and the inputs, and Q (m, s, N, N) multiplied by the
-    lengths of the steps. NaN where a cost that is to be maximised, with a negative sign, is not bounded."""
+    """Matrices A, G and H of the maps of m steps, and `Stages.optimal`; NaN if the sign is negative and the
+    cost, which is then maximised, is not bounded.
+
+    states: matrices as from `_response`. Q (m, s, N, N): multiplied by the lengths of the steps."""
     m, s, N, _ = Q.shape
     of_cost = (b[:, None, None] * Q) @ states[:, :-1]
     cost = transposed(states[:, :-1].reshape(m, s * N, -1)) @ of_cost.reshape(m, s * N, -1)
@@ -175,8 +176,10 @@ def _is_mechanical(A: Array, E: Array) -> bool:
 
 
 def _response(A: Array, E: Array, method: Collocation) -> Array:
-    """States at the stages and at the end (m, s + 1, N, N + s r), by those at the start and the inputs at the
-    stages, for A (m, s, N, N) multiplied by the lengths of the steps and E (m, s, N, r) by their roots."""
+    """Matrices (m, s + 1, N, N + s r) from the state at the start and the inputs at the stages to the states
+    at the stages and at the end.
+
+    A (m, s, N, N) is multiplied by the lengths of the steps, E (m, s, N, r) by their square roots."""
     m, s, N, _ = A.shape
     implicit = A[:, :, :, None, :] * method.A[:, None, :, None]
     given = np.concatenate((A.reshape(m, s * N, N), _by_inputs(E)), axis=-1)
@@ -185,7 +188,7 @@ def _response(A: Array, E: Array, method: Collocation) -> Array:
 
 
 def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
-    """As `_response`, for second-order systems, from equations for the rates of the velocities T v alone."""
+    """Result of `_response` for second-order systems, from equations for the accelerations alone."""
     N = A.shape[-1]
     p, weights = N // 2, method.A
     T = np.diagonal(A[:, 0, :p, p:], axis1=1, axis2=2)[:, None, :, None]
@@ -200,8 +203,8 @@ def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
 
 
 def _accelerations(by_q: Array, by_v: Array, loads: Array, method: Collocation) -> Array:
-    """Accelerations (m, s p, 2p + c) at the stages by q and v at the start and by loads (m, s p, c), for
-    v′ = by_q q + by_v v and steps of length 1."""
+    """Accelerations (m, s p, 2p + c) at the stages due to unit q and v at the start, and due to loads
+    (m, s p, c), for v′ = by_q q + by_v v and steps of length 1."""
     m, s, p, _ = by_q.shape
     every, weights = np.arange(p * p), method.A
     parts = np.ones((m * s, p)), -by_v.reshape(m * s, -1), -by_q.reshape(m * s, -1)
@@ -218,7 +221,8 @@ def _accelerations(by_q: Array, by_v: Array, loads: Array, method: Collocation) 
 
 
 def _by_inputs(E: Array) -> Array:
-    """Loads (m, s p, s r) at the stages, of which each input acts at its own stage, from E (m, s, p, r)."""
+    """Loads (m, s p, s r) at the stages due to unit inputs, each of which acts at one stage only, from
+    E (m, s, p, r)."""
     m, s, p, r = E.shape
     loads = np.zeros((m, s, p, s, r))
     loads[:, range(s), :, range(s)] = np.swapaxes(E, 0, 1)
@@ -263,11 +267,11 @@ def sums_over_steps(closed: Array, terms: Array) -> Array | None:
 
 
 def bounded(maps: Maps) -> bool:
-    """Whether max ∫ xᵀQx − wᵀw over the inputs w is finite over any number of periods, for maps of the sign
-    −1 and a stable system.
+    """Whether max ∫ xᵀQx − wᵀw over the inputs w is finite over any number of periods. maps: of a stable
+    system, with the sign −1.
 
-    The maximum over two intervals exists if it does over each of them and 1 + G H of the first G and the
-    second H has positive eigenvalues."""
+    The maximum over two intervals exists if it exists over each interval and the eigenvalues of 1 + G H are
+    positive, with G of the first and H of the second interval."""
     with np.errstate(all="ignore"):
         while len(maps.A) > 1:
             first, second = maps.halves
@@ -286,7 +290,7 @@ def bounded(maps: Maps) -> bool:
 
 
 def _joined(first: Maps, second: Maps) -> bool:
-    """Whether the maxima over first and second intervals have a common maximum."""
+    """Whether the maximum over two successive intervals exists, if it exists over each of them."""
     joint = np.eye(first.A.shape[-1]) + first.G @ second.H
     return bool(np.isfinite(joint).all() and (np.linalg.eigvals(joint).real > 0).all())
 

@@ -22,10 +22,11 @@ _ON_CIRCLE = 1e-7
 choice: double multipliers lose half their digits."""
 
 _MAP_RTOL = 1e-8
-"""Tolerance for which the steps of the map of the Hamiltonian system are chosen, which has twice as many."""
+"""Tolerance for which a number of steps is chosen; the map of the Hamiltonian system has twice as many."""
 
 _GROWTH, _MOST = 4.0, 200
-"""Factor between the gains that are tried until they enclose the norm, and their largest number. Choices."""
+"""Factor between the gains that are tried until they enclose the norm, and maximum number of trials.
+Choices."""
 
 
 class Norm(NamedTuple):
@@ -150,10 +151,11 @@ def hinf_norm(
     Notes
     -----
     γ exceeds the norm if and only if the maximum of ∫ yᵀy − γ² uᵀu over all inputs is finite over any number
-    of periods, that is, if the Riccati equation with the matrices A, −BBᵀ/γ² and CᵀC has a stabilising
-    solution that does not become infinite. The maxima over the steps are combined by doubling, and γ is found
-    by bisection; the error is that of the bisection. γ below the norm may be no gain at any frequency, since
-    the gains, the singular values of the harmonic transfer function (N. M. Wereley, 1990), may leave gaps.
+    of periods. Then the Riccati equation with the matrices A, −BBᵀ/γ² and CᵀC has a stabilising solution that
+    does not become infinite. The maxima over the steps are combined by doubling, and γ is found
+    by bisection; the error is that of the bisection. A value γ below the norm need not be a gain at any
+    frequency, because the gains, which are the singular values of the harmonic transfer function (N. M.
+    Wereley, 1990), may leave gaps.
 
     Examples
     --------

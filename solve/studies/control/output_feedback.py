@@ -1,4 +1,4 @@
-"""Output feedback that a drive can compute: constant gains or few harmonics, a delay, and resonators at
+"""Output feedback for digital controllers: constant gains or few harmonics, a delay, and resonators at
 harmonics of the drive, with derivatives with respect to the gains."""
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +28,7 @@ frequency."""
 
 
 class _Section(NamedTuple):
-    """Filter of a signal w with the output w − c ż, z̈ + b ż + a z = a w: a delay or a notch."""
+    """Filter of a signal w with the output w − c ż, where z̈ + b ż + a z = a w: a delay or a notch."""
 
     a: float
     b: float
@@ -48,7 +48,7 @@ class Gain(NamedTuple):
 
 
 class OutputFeedback(FeedbackLoop):
-    """System with u = −Σ g(φ) w of measured outputs w, whose gains are parameters of the closed loop.
+    """System with the feedback u = −Σ g(φ) w of measured outputs w; the gains g are parameters of the loop.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ class OutputFeedback(FeedbackLoop):
     harmonics : int
         Highest harmonic of the gains; 0 for constant gains.
     delay : float or str
-        Delay of the measured outputs in s, or a text with unit. A drive that samples, computes and holds with
-        the period T delays them by 1.5 T.
+        Delay of the measured outputs in s, or a text with unit. A digital controller that computes during one
+        sampling period T and holds its output delays the outputs by 1.5 T.
     sections : int
         Number of sections of the delay.
     resonators : sequence of int
@@ -80,8 +80,8 @@ class OutputFeedback(FeedbackLoop):
     Gains have the names u_by_q1 and, for the harmonics, u_by_q1_cos1 and u_by_q1_sin1. They are initially
     zero; `varied` and `solve.optimise` change them. A section of the delay is Padé's approximant
     1 − sτ/(1 + sτ/2 + s²τ²/12) of exp(−sτ), whose error at the frequency ω is (ωτ)⁵/720. A resonator
-    z̈ + 2ζω ż + ω² z = ω² w at a harmonic ω with ζ = 0.01 has a gain of z, u_by_q1_res2, and one of ż/ω,
-    u_by_q1_res2_dot. A notch at ω is (s² + ω²)/(s² + ωs + ω²).
+    z̈ + 2ζω ż + ω² z = ω² w at a harmonic ω with ζ = 0.01 has two gains: u_by_q1_res2 of z, and
+    u_by_q1_res2_dot of ż/ω. A notch at ω is (s² + ω²)/(s² + ωs + ω²).
 
     Examples
     --------

@@ -31,12 +31,13 @@ _ADVANCE, _AT = 7.0, 1e-8
 constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
 _ROUNDOFF = 1e-5
-"""Relative residual of the difference equation, as a part of rtol, that is not corrected. A choice."""
+"""Relative residual of the difference equation, as a fraction of rtol, up to which it is not corrected. A
+choice."""
 
 _FALL, _MARGIN, _GROWTH = 12, 1.1, 2.0
-"""Power of the step with which the error of the interpolant of values and slopes at 6 nodes decreases, factor
-on the number of steps that it predicts for the tolerance, and largest ratio of the steps of successive grids.
-With the factor, an error decreases by at least 1.1^-12 = 0.32. The last two are choices."""
+"""Order of the interpolant of values and slopes at 6 nodes; factor on the number of steps predicted from this
+order; largest ratio of the numbers of steps of successive grids. With the factor, an error decreases by at
+least 1.1^-12 = 0.32. The last two are choices."""
 
 _RESOLVED = 1e-7
 """Error below which a solution counts as resolved. An error of a resolved solution that no longer decreases
@@ -50,8 +51,8 @@ _LEAST, _MOST = 24, 6000
 """Smallest and largest number of steps: choices. With 12 states, 6000 steps take several seconds."""
 
 _TOO_FAST, _COARSE = 10.0, 2.0
-"""Modes with feedback are too fast if they are faster than those of the system by the first factor, and than
-those that the largest number of steps resolves by the second factor. Choices."""
+"""Modes with feedback are too fast if they exceed the fastest mode of the system by the first factor, and the
+fastest mode that the largest number of steps resolves by the second factor. Choices."""
 
 _SAFETY = 1.5
 """Factor on the estimated error. The residual is known at the stages only: for a hundred random systems with
@@ -69,8 +70,8 @@ that vanishes at the Chebyshev points. With the second one alone, an error of 3e
 1e-8, for inputs of the harmonic 192."""
 
 _SMALL = 1e-6
-"""Entries of the gain that are smaller than the largest one by this factor are compared with this fraction
-of it, because they can be round-off. A choice."""
+"""Smallest scale of the error of an entry of the gain, relative to the largest entry, because smaller entries
+can be round-off. A choice."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,8 @@ class Riccati:
     """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, with G = sign E Eᵀ.
 
     coefficients: function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N), with
-    derivatives by time. rtol: tolerance of the solution. filters: whether it is the equation of a filter,
-    that of the regulator of the dual system in reversed phase."""
+    derivatives with respect to time. rtol: tolerance of the solution. filters: whether the equation is that
+    of a filter, which is the regulator of the dual system in reversed phase."""
 
     coefficients: Callable[[Array], tuple[Array, Array, Array]]
     speed: float
@@ -200,7 +201,7 @@ class Solved(NamedTuple):
 
     @property
     def mirrored(self) -> "Solved":
-        """Solution in reversed phase: of a filter, from that of the regulator of the dual system."""
+        """Solution in reversed phase. It converts the solution for the dual system to that of a filter."""
         nodes = self.grid.period - self.grid.nodes[::-1]
         coefficients = self.curve.coefficients[:, ::-1] @ _reversal(self.curve.coefficients.shape[-1])
         grid = Grid(nodes, np.roll(self.grid.at_break[::-1], 1))
@@ -224,12 +225,12 @@ def solve_riccati(equation: Riccati) -> Solved:
 def _errors(
     grid: Grid, curve: Curve, maps: Maps, stages: Stages, X: Array, factor: Array
 ) -> tuple[float, float]:
-    """Error of a curve with the values X (m+1, N, N) at the nodes relative to √(X_ii X_jj), and residual,
-    with units of X in `factor` (N, N).
+    """Error of a curve relative to √(X_ii X_jj), and its residual. X (m+1, N, N): values of the curve at the
+    nodes. factor (N, N): units of X.
 
-    The error e of a curve with the residual R obeys e′ + (A − GX)ᵀe + e(A − GX) = R up to its square. Its
-    values at the nodes are sums of ∫ΦᵀRΦ over the steps, with the states Φ of the closed loop at the stages;
-    within a step the integral of R is added."""
+    The error e of a curve with the residual R obeys e′ + (A − GX)ᵀe + e(A − GX) = R up to terms of second
+    order in e. Its values at the nodes are sums of ∫ΦᵀRΦ over the steps, with the states Φ of the closed loop
+    at the stages; within a step the integral of R is added."""
     (m, s, N, _), method = stages.A.shape, stages.method
     phase = grid.stages(np.array(method.c)).ravel()
     values, slopes = (

@@ -1,4 +1,4 @@
-"""Closed loops whose feedback is sampled, computed and held by a drive."""
+"""Closed loops with a digital controller, which samples, computes and holds the feedback."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +25,7 @@ _ORDER, _ADVANCE, _AT = 8, 1.0, 1e-8
 tolerance of 1e-8. Choices: intervals between samples are short."""
 
 _SAME = 1e-12
-"""Distance of a node from a sample, relative to the period, that is round-off."""
+"""Distance of a node from a sample, relative to the period, up to which both count as equal: round-off."""
 
 _PHASES, _MOST = 48, 20000
 """Phases at which frozen modes are computed, and largest number of steps. Choices."""
@@ -64,8 +64,8 @@ def sampled(
 
     Notes
     -----
-    At each sample the drive reads the measured quantities y, computes u = −K x + f, or u = −K x̂ + f, and
-    holds it. Between samples u and y are constant, and the observer is advanced exactly:
+    At each sample the controller reads the measured quantities y, computes u = −K x + f or u = −K x̂ + f, and
+    holds u. Between samples u and y are constant, and the observer is advanced exactly:
     x̂′ = (A − LC) x̂ + B u + b + L y. The monodromy matrix is the product of the transition matrices of the
     intervals, from Gauss collocation, and of the jumps at the samples. The error of the spectral radius is
     the difference of two grids.
@@ -126,7 +126,7 @@ class _Drive:
         return self.loop.observer if isinstance(self.loop, ClosedLoop) else None
 
     def rates(self, phase: Array) -> Array:
-        """Matrix (k, Z, Z) of z′ by the phase."""
+        """Matrix (k, Z, Z) that maps z to dz/dφ between samples."""
         x, estimate, y, u, later = self.places
         A, B, b = self.plant.dynamics(phase)
         rates = np.zeros((len(phase), later.stop + 1, later.stop + 1))
@@ -167,7 +167,7 @@ class _Drive:
         phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
         fastest = np.abs(np.linalg.eigvals(self.rates(phase))).max() * system.period
         steps = int(np.ceil(max(fastest / (_ADVANCE * (rtol / _AT) ** (1 / _ORDER)), self.samples)))
-        # Every interval between samples has more steps on a grid of twice the steps.
+        # With a multiple of the samples, doubling the steps refines every interval between samples.
         steps = self.samples * -(-min(steps, _MOST) // self.samples)
         radius = self.solved(steps).spectral_radius
         while True:

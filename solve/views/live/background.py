@@ -19,7 +19,7 @@ _INTERVAL = 0.2
 """Seconds between two reports of the progress. A choice."""
 
 _JOIN = 2.0
-"""Seconds until a terminated process is killed. A choice."""
+"""Seconds after which a process that ignores termination is killed. A choice."""
 
 
 class Work(Protocol):
@@ -61,7 +61,7 @@ class Background:
             process = self._process
             listening = threading.Thread(target=self._listen, args=(process, report), daemon=True)
         listening.start()
-        # A process that has ended is reported by the thread.
+        # If the process has ended, the listening thread reports it.
         with suppress(OSError):
             _write(process.stdin, content)
 
@@ -122,7 +122,7 @@ def _write(stream: Any, content: object) -> None:
 
 def serve() -> None:
     """Carry out calculations received on standard input until it is closed."""
-    # An interruption in the terminal is sent to all processes; this one is ended by the window.
+    # The terminal sends an interruption to all processes, but the window ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     reports = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

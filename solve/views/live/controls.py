@@ -22,8 +22,8 @@ _SPEEDS = 0.2, 3.0
 """Ends of the slider of the speed, relative to the first speed. A choice."""
 
 _BELOW_RESONANCE = 0.1
-"""First speed, relative to the lowest natural frequency, if the case states no speed: the tenth harmonic of
-the motion is then in resonance. A choice."""
+"""First speed, relative to the lowest natural frequency, if the case states no speed: only the tenth and
+higher harmonics of the motion then reach a natural frequency. A choice."""
 
 _DIGITS = 4
 """Number of significant digits of slider values."""

@@ -34,7 +34,7 @@ def motion(
     scale : float, optional
         Magnification of the vibration; by default the vibration is visible.
     fineness : float
-        Fraction of the points of curves in animations.
+        Number of points of curves, relative to their number in animations.
 
     Returns
     -------

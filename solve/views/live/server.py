@@ -31,7 +31,7 @@ _MOST_BYTES = 100_000
 """Largest message of a page in bytes: several thousand values of parameters."""
 
 _LAST = 1 << 53
-"""Number above those of all requests: the largest whole number of a page."""
+"""Number above those of all requests: up to this one, JavaScript represents all integers exactly."""
 
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -95,13 +95,14 @@ class LiveServer:
 
     @property
     def state(self) -> State:
-        """State of the window that was opened last, or the initial state if no window was opened."""
+        """State of the window that was opened last; without a window, the initial state."""
         if self.last is not None:
             return self.last.state
         return Session(self.model, self._origin, self._speed, *2 * [lambda *_: None]).state
 
     async def serve(self, ready: Callable[[], object]) -> None:
-        """Serve until `stop`, also if it was called before. ready: called when the page can be opened."""
+        """Serve until `stop` is called; end at once if it was called before. ready: called when the page can
+        be opened."""
         self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
         if self._is_stopped:
             self._stop.set()
@@ -139,7 +140,7 @@ class LiveServer:
 
 
 def _whole(number: object) -> int:
-    """Number of a message; 0 where it is none."""
+    """Number of a message; 0 if it is not an integer."""
     return number if isinstance(number, int) else 0
 
 
@@ -225,7 +226,7 @@ class Page(websocket.WebSocketHandler):
             self._run(partial(self._answer, action, values))
 
     def _answer(self, action: str, values: Mapping[str, Any]) -> None:
-        """Answer a message in the numerical thread, in which `_begin` precedes all messages."""
+        """Answer a message, in the numerical thread. `_begin` has run there before any message."""
         session = self._session
         if session is None:
             return
@@ -289,5 +290,5 @@ class Page(websocket.WebSocketHandler):
         self._newest = _LAST
         if self._session is not None:
             self._session.replace(_LAST)
-        # The end of the loop waits for it: no calculation outlives the program.
+        # The event loop waits for this call at its end, so that no calculation outlives the program.
         asyncio.get_running_loop().run_in_executor(None, self._background.close)

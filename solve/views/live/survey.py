@@ -35,7 +35,7 @@ class Axis:
 
     @classmethod
     def from_request(cls, model: Model, unit: ShownUnit, values: Mapping[str, Any], most: int) -> Self:
-        """Axis from the request of a page, with limits in any unit. unit: that of speeds without one.
+        """Axis from the request of a page, with limits in any unit. unit: unit of speeds without a unit.
         Raises SolveError subclasses."""
         name, count = str(values.get("name")), str(values.get("count"))
         low, high = (typed(model, name, str(values.get(end)), unit) for end in ("low", "high"))

@@ -18,7 +18,7 @@ from solve.results.files import write_atomic
 from solve.views.live.controls import number
 
 SOURCE = "chosen in solve explore"
-"""Source of a number that a slider has changed."""
+"""Source, as a case file states it, of a number that was changed with a slider."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.toml")

@@ -30,7 +30,7 @@ _START = 30.0
 """Seconds within which the server must start."""
 
 _END = 0.5
-"""Seconds within which a calculation that is no longer needed ends by itself. A choice."""
+"""Seconds to wait at the end for a running calculation. A choice."""
 
 _HEIGHT = 900
 """Height of the window in a notebook, in pixels."""
@@ -200,7 +200,7 @@ def run(live: "LiveServer", opens_browser: bool) -> None:
     with _ended_by_interruption(live.stop):
         asyncio.run(live.serve(ready))
     if not live.calculating.acquire(timeout=_END):
-        # Nobody waits for the result, and the interpreter would wait for the thread.
+        # Otherwise the interpreter would wait for the thread, whose result is no longer needed.
         os._exit(0)
 
 

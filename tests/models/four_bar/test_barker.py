@@ -71,7 +71,7 @@ def test_there_are_fourteen_classes_and_each_has_an_example():
 
 
 @pytest.mark.parametrize("symbol", EXAMPLES)
-def test_example(symbol):
+def test_example_linkage_has_its_class(symbol):
     computed = classify(Linkage(*EXAMPLES[symbol]))
     assert computed.symbol == symbol
     assert table_symbol(EXAMPLES[symbol]) == symbol
@@ -124,7 +124,7 @@ def test_the_thesis_linkage_is_a_crank_rocker():
     assert base_plane(linkage) == pytest.approx((0.328 + 0.525 + 0.547) / 0.170 / math.sqrt(3))
 
 
-def test_mobility():
+def test_mobility_follows_from_the_number_of_links():
     """Thesis 3.2: a triangle is a structure, an odd number of links has no mobility 1."""
     assert mobility() == mobility(4, 4, 0) == 1
     assert mobility(3, 3) == 0

@@ -40,7 +40,7 @@ def work_of_the_drive():
     return np.ptp(np.cumsum(torque[:-1] + torque[1:]) * (angles[1] / 2))
 
 
-def test_json(answer):
+def test_json_has_the_promised_keys(answer):
     out, err = answer("--json", "--speed", "300 rpm", "--position", "70 deg")
     record = json.loads(out)
     assert set(record) >= KEYS
@@ -104,7 +104,7 @@ def degrees(angle: float, decimals: int) -> str:
     return f"{math.degrees(angle):.{decimals}f}".rstrip("0").rstrip(".")
 
 
-def test_report(answer):
+def test_terminal_output_contains_the_numbers_of_the_json(answer):
     """The numbers of the JSON, in words."""
     requested = ("--speed", "300 rpm", "--position", "70 deg", "--coupler-point", "0.1,0.15")
     out, err = answer(*requested)
@@ -214,7 +214,7 @@ def test_bad_input_is_one_line_and_status_2(arguments, message, refusal, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_from_a_shell(answer):
+def test_program_runs_from_a_shell(answer):
     assert "--coupler-point" in answer("linkage", "--help")[0]
     command = [sys.executable, "-m", "models.four_bar", "linkages"]
     refused = subprocess.run(command, capture_output=True, text=True, check=False)

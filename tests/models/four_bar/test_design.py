@@ -83,7 +83,7 @@ def test_effect_of_damping_agrees_with_finite_differences(design):
         assert computed.sensitivity[link] == pytest.approx(slope, abs=0.06)
 
 
-def test_moving_the_pivot_never_needs_more(design):
+def test_moving_the_pivot_never_increases_the_required_stress(design):
     needed = design.needed
     assert (needed.moving <= needed.returning).all()
     assert (needed.returning <= needed.fixed).all()
@@ -117,7 +117,7 @@ def test_no_plan_and_the_smallest_allowable_that_has_one(design):
         assert (planned(scaled, 33.0) is not None) == exists
 
 
-def test_a_need_within_the_error_of_the_map_is_no_proof(design):
+def test_infeasibility_within_the_map_error_is_not_claimed(design):
     """Where L4 is greatest, a hundredth above 1 is not distinguished from 1 by a map that errs by two."""
     outcome = carry_out(design, 33.0)
     assert design.map.error_until(33.0) == max(design.map.interpolation_error, design.map.error.max())
@@ -179,7 +179,7 @@ def test_a_coarse_start_finds_the_same_map(design):
     assert between == pytest.approx(design.map.own_ratio, rel=0.03)
 
 
-def test_json(answer):
+def test_json_has_the_promised_keys(answer):
     out, _ = answer("design", "--allowable", "crank=100 MPa,coupler=90MPa,follower=100 MPa", "--json", *SMALL)
     record = json.loads(out)
     assert set(record) >= KEYS

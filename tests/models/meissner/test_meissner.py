@@ -26,7 +26,7 @@ def test_half_the_sum_of_the_multipliers_is_j2(x1, x2):
 
 @given(frequencies, frequencies, st.floats(0.2, 0.8), st.floats(0.5, 5.0))
 @settings(max_examples=25)
-def test_other_shares_and_speeds(w1, w2, share, speed):
+def test_multipliers_match_the_closed_form_at_other_shares_and_speeds(w1, w2, share, speed):
     x1, x2 = 2 * np.pi * share * w1 / speed, 2 * np.pi * (1 - share) * w2 / speed
     mean = (w1 / w2 + w2 / w1) / 2
     half = np.cos(x1) * np.cos(x2) - mean * np.sin(x1) * np.sin(x2)

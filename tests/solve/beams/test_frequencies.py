@@ -48,7 +48,7 @@ def test_exact_frequencies_of_a_beam(ends, EA, parts):
 
 
 @pytest.mark.parametrize("ends", CHARACTERISTIC, ids="-".join)
-def test_finite_elements_tend_to_them_from_above(ends):
+def test_finite_element_frequencies_converge_from_above(ends):
     expected = closed_form(ends, 1e4, 6)
     positions = Positions(beam(*ends, "cubic", 16, EA=1e4), STILL)
     computed = lowest_frequencies(*positions.matrices(), 6)[0]

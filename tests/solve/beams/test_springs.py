@@ -123,7 +123,7 @@ def test_units_joints_and_places_are_checked():
         check(made)
 
 
-def test_a_sprung_joint_must_not_be_carried_along():
+def test_joint_on_a_spring_with_prescribed_motion_is_refused():
     made = rotor.__wrapped__()
     made.spring("tip", x=made.declared_parameters[6].symbol)
     numbers = {"E": 1e14, "A": 1e-4, "I": 1e-5, "rho": 5e3, "L": 0.5, "m": 0.4}

@@ -82,18 +82,18 @@ def test_another_integrator_agrees(kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("index", range(21, 42))
-def test_another_integrator_agrees_on_more(index):
+def test_another_integrator_agrees_on_further_systems(index):
     assert max(differences(fresh.member(index))) < 1e-11
 
 
 @pytest.mark.parametrize("index", FIRST)
-def test_panels_half_as_long_agree(index):
+def test_reference_is_unchanged_by_halved_panels(index):
     assert max(halving(fresh.member(index))) < 1e-11
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("index", range(7, 2000, 41))
-def test_panels_half_as_long_agree_on_more(index):
+def test_reference_of_further_systems_is_unchanged_by_halved_panels(index):
     assert max(halving(fresh.member(index))) < 1e-11
 
 
@@ -138,7 +138,7 @@ def test_frozen_frequencies_cross():
         assert (np.diff(frequency, axis=1) / frequency[:, :1]).min() < 0.01
 
 
-def test_verdicts_of_all_sorts_are_true():
+def test_each_verdict_is_frequent_and_correct():
     """Growing, at rest and dying systems each make a tenth or more of four kinds."""
     growth = np.array(
         [fresh.member(index).truth().growth for index in range(70) if index % 7 in {0, 1, 4, 5}]

@@ -30,7 +30,7 @@ def kicked():
 
 @pytest.mark.parametrize("place", np.linspace(0.1, 6.1, 9))
 @pytest.mark.parametrize("method", ["auto", "radau"])
-def test_a_thousandth_of_the_turn_is_seen(place, method):
+def test_stiffness_pulse_of_a_thousandth_of_the_period_is_detected(place, method):
     stability = floquet(struck(place, 2 * np.pi / 1000), 1.0, method)
     assert stability.warnings == []
     np.testing.assert_allclose(np.abs(stability.multipliers), np.abs(kicked()), rtol=1e-4)

@@ -255,7 +255,7 @@ def toothed(teeth):
         for teeth in (32, 48, 96)
     ],
 )
-def test_teeth_that_all_grids_see_alike(name, rtol, teeth):
+def test_ripple_aliased_equally_on_all_grids_is_detected(name, rtol, teeth):
     """Evenly spaced samples of 16, 24 and 48 steps take cos 48φ for 1, and a series of few orders has none
     of it."""
     given, truth = toothed(teeth)

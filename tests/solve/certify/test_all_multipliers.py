@@ -67,7 +67,7 @@ def test_the_cam_at_twelve_rpm_by_two_methods_and_by_liouville():
     assert other.modes[4].unfolded == pytest.approx(other.modes[4].order * other.speed, rel=1e-4)
 
 
-def test_periods_taken_in_parts_are_whole_ones(monkeypatch):
+def test_step_maps_computed_in_blocks_give_the_same_multipliers(monkeypatch):
     """Steps of which memory holds a part only."""
     given, _ = turning(1)
     whole = solve.floquet(given, 1.0, "radau", rtol=1e-8, engine="numpy", all_multipliers=True)

@@ -21,7 +21,7 @@ def test_command_and_python_produce_the_same_animation(command, tmp_path):
 
 
 @pytest.mark.parametrize("ending", [".gif", ".GIF", ".png", ".svg", ".pdf"])
-def test_files_by_their_ending(command, tmp_path, ending):
+def test_file_ending_selects_the_format(command, tmp_path, ending):
     ran = command(*CAM, "--out", f"mine{ending}")
     assert ran.status == 0
     content = (tmp_path / f"mine{ending}").read_bytes()

@@ -51,7 +51,7 @@ def test_search_without_bands_reports_none_found(command):
     assert record(command("bands", "coupler", "--speeds", "600 1500 rpm", "--json"))["bands"] == []
 
 
-def test_files(command, tmp_path):
+def test_picture_and_data_are_written(command, tmp_path):
     arguments = ("bands", *UNDAMPED, "--speeds", "5600:6000:5 rpm")
     computed = record(command(*arguments, "--plot", "b.svg", "--save", "b.csv", "--json"))
     assert "unstable bands" in (tmp_path / "b.svg").read_text()
@@ -75,7 +75,7 @@ def test_files(command, tmp_path):
         (("--speeds", "600:900:3 rpm", "--plot", "b.jpeg"), ("b.jpeg", ".png")),
     ],
 )
-def test_refusals(command, arguments, words):
+def test_invalid_arguments_are_refused_in_one_line(command, arguments, words):
     ran = command("bands", "coupler", *arguments)
     assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1), ran.err
     assert [word for word in words if word not in ran.err] == [], ran.err

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 
-def test_help_needs_no_numbers():
+def test_help_loads_no_numerical_packages():
     """What takes longest to load is left alone."""
     program = "import sys; from solve.commands.app import run; run(['--help']); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -37,7 +37,7 @@ def test_four_frequencies_at_position_0_by_default(command):
     assert len(computed["frequencies"]) == 4
 
 
-def test_as_many_as_there_are_where_there_are_fewer(command):
+def test_systems_with_few_coordinates_list_all_frequencies(command):
     assert len(record(command, "manipulator")["frequencies"]) == 2
 
 
@@ -48,7 +48,7 @@ def test_frozen_frequencies_follow_from_m_and_k_at_rest(command):
     np.testing.assert_allclose(computed["frequencies"], expected, rtol=1e-9)
 
 
-def test_over_the_turn(command):
+def test_frequencies_over_a_revolution_with_means(command):
     computed = record(command, "four_bar", "--turn", "12")
     turn = computed["turn"]
     np.testing.assert_allclose(turn["positions"], 2 * np.pi * np.arange(12) / 12)
@@ -92,7 +92,7 @@ def test_over_a_parameter_of_a_mechanism(command):
     assert (over["pinned"], len(over["positions"])) == ({}, 8)
 
 
-def test_modes(command):
+def test_mode_shapes_of_a_structure_are_listed_by_link(command):
     modes = record(command, "portal_frame", *EXACT, "--count", "4", "--modes")["modes"]
     assert len(modes) == 4
     assert set(modes[3]["links"]) == {"left", "beam", "right"}
@@ -127,7 +127,7 @@ def test_the_report_of_the_portal_frame(command):
     assert "°" not in out, "a frame that stands still has no position"
 
 
-def test_files(command, tmp_path):
+def test_pictures_and_data_are_written(command, tmp_path):
     for number, arguments in enumerate(
         (
             ("four_bar", "--position", "60 deg"),

@@ -333,7 +333,7 @@ def test_bounds_of_a_fit_take_a_unit(command, tmp_path):
             assert json.loads(ran.out)["parameters"]["k1"]["value"] == pytest.approx(value, rel=1e-3)
 
 
-def test_values_of_a_study_take_one_unit_behind():
+def test_unit_after_the_last_value_applies_to_all_values():
     from models.four_bar.studies.study import _values
 
     assert _values("L4=500,600 mm") == ("L4", ["500 mm", "600 mm"])

@@ -126,7 +126,7 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
             ("branch", "cam", "--scatter", "3", "--switch"),
             ("--scatter excludes --switch, --follow, --start and --unforced",),
         ),
-        (("branch", "cam", "--scatter", "3", "--begin", "1 Hz"), ("--begin needs a range",)),
+        (("branch", "cam", "--scatter", "3", "--begin", "1 Hz"), ("--begin requires a range",)),
         (("branch", "cam", "--speeds", "3:4 Hz", "--begin", "9 Hz"), ("9 Hz", "between 3 Hz and 4 Hz")),
         (
             ("branch", "cam", "--over", "k1=1:2", "--begin", "soft", "--speed", "1 Hz"),

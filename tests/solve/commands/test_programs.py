@@ -113,7 +113,7 @@ def test_closed_streams_are_no_error():
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_help_has_two_names(program, inside):
+def test_short_and_long_help_flags_are_equal(program, inside):
     status, shown, _ = inside(program, "-h")
     assert inside(program, "--help") == (status, shown, "") == (0, shown, "")
     assert "--help" in shown
@@ -167,7 +167,7 @@ def test_a_command_without_any_result_exits_2(command, arguments):
     assert ran.err.count("\n") == 1
 
 
-def test_no_setting_for_windows_matters(tmp_path):
+def test_matplotlib_backend_setting_is_ignored(tmp_path):
     environment = {**os.environ, "MPLBACKEND": "nonsense"}
     file = tmp_path / "m.png"
     ran = started("solve", *RESULTS["solve"], "--plot", str(file), env=environment, capture_output=True)

@@ -54,7 +54,7 @@ def test_bad_input_is_one_line(command, flags, words):
     assert len(ran.err.splitlines()) == 1
 
 
-def test_over_speed_and_of_speeds(command, tmp_path):
+def test_derivatives_over_speed_and_of_critical_speeds(command, tmp_path):
     cam = ("--speeds", "300 400 rpm", "--of", "q3.max_abs", "--by", "k1", "--by", "k3")
     ran = command("sensitivity", "cam", *cam, "--json", "--plot", "over.png", "--save", "over.nc")
     assert ran.status == 0

@@ -82,7 +82,7 @@ def test_each_kind_of_warning_is_printed_once_in_full(command):
     assert len(last["warnings"]) == 2
 
 
-def test_the_table(command):
+def test_table_shows_the_requested_quantity(command):
     ran = command("sweep", "coupler", "--speeds", LIST, "--show", "q1")
     assert ran.status == 0, ran.err
     assert "max|q1|" in ran.out
@@ -99,7 +99,7 @@ def test_a_long_table_shows_one_speed_in_k(command):
     assert len(ran.out.splitlines()) < 60
 
 
-def test_files(command, tmp_path):
+def test_picture_and_data_are_written(command, tmp_path):
     arguments = ("sweep", "coupler", "--speeds", LIST, "--plot", "s.svg", "--save", "s.csv", "--json")
     computed = record(command(*arguments))
     assert "<svg" in (tmp_path / "s.svg").read_text()
@@ -110,7 +110,7 @@ def test_files(command, tmp_path):
         assert saved == pytest.approx(shown, rel=1e-12)
 
 
-def test_a_waterfall(command, tmp_path):
+def test_waterfall_picture_is_drawn(command, tmp_path):
     ran = command("sweep", "coupler", "--speeds", "600:900:5 rpm", "--waterfall", "q1", "--plot", "w.svg")
     assert ran.status == 0, ran.err
     assert "<svg" in (tmp_path / "w.svg").read_text()
@@ -142,7 +142,7 @@ USAGE = ("give 'A:B:N unit' or numbers with one unit", "'600 900 1200 rpm'")
         (("--speeds", LIST, "--save", "s.xlsx"), ("s.xlsx", ".csv")),
     ],
 )  # fmt: skip
-def test_refusals(command, arguments, words):
+def test_invalid_arguments_are_refused_in_one_line(command, arguments, words):
     ran = command("sweep", "coupler", *arguments)
     assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1), ran.err
     assert [word for word in words if word not in ran.err] == [], ran.err
@@ -185,7 +185,7 @@ def test_the_table_of_twenty_modes_keeps_its_speeds(command):
     assert "--show NAME" in ran.out
 
 
-def test_over_parameters(command, tmp_path):
+def test_every_combination_of_parameter_and_speed_is_solved(command, tmp_path):
     ran = command("sweep", "cam", "--speeds", "200:300:2 rpm", "--over", "k1=6e4:9e4:2", "--json")
     points = json.loads(ran.out)["points"]
     assert [point["parameters"]["k1"] for point in points] == [6e4, 6e4, 9e4, 9e4]

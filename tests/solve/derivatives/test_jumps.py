@@ -81,7 +81,7 @@ def test_extremum_at_a_jump_uses_the_one_sided_limit(name):
 
 
 @pytest.mark.parametrize("nonlinear", [False, True])
-def test_a_push_that_begins_later_moves_the_vibration_as_it_is(nonlinear):
+def test_later_push_only_shifts_the_vibration_in_phase(nonlinear):
     of = ["q.rms", "q.max", "spring.harmonic1", "spring.phase1", "q.phase3", "rho1.abs", "exponent1.im"]
     sensitivities = solve.sensitivities(pushed(), 2.0, of, "begin", steps=192, nonlinear=nonlinear)
     for quantity in of:
@@ -93,7 +93,7 @@ def test_a_push_that_begins_later_moves_the_vibration_as_it_is(nonlinear):
 
 
 @pytest.mark.parametrize("method", [solve.Radau(), solve.Gauss()])
-def test_two_pushes_against_differences(method):
+def test_derivatives_for_two_pushes_match_finite_differences(method):
     of, by, model = (
         ["q.max", "q.min", "q.harmonic1", "spring.max"],
         ["begin", "other", "k"],

@@ -57,7 +57,7 @@ def test_multiplier_derivatives_at_rest_match_the_linear_model():
 
 
 @pytest.mark.slow
-def test_the_cam():
+def test_cam_derivatives_match_finite_differences():
     of = ["q1.max_abs", "q3.rms", "contact_force.min", "rho1"]
     check(solve.load("cam"), 30.0, of, ["k1", "speed"], 1024)
 

@@ -276,7 +276,7 @@ def test_adjoint_and_direct_derivatives_agree():
 @pytest.mark.parametrize(
     ("name", "of"), [("cam", ["q3.max", "rho1"]), ("gear_pair", ["q.rms", "mesh_force.max"])]
 )
-def test_engines_give_the_same(name, of):
+def test_engines_give_the_same_derivatives(name, of):
     oscillator_sensitivities = [
         solve.sensitivities(solve.load(name), 60.0, of, steps=96, method=solve.Gauss(), engine=engine)
         for engine in ("compiled", "numpy")

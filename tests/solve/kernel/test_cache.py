@@ -43,7 +43,7 @@ def script(path, text):
 
 
 @needs_compiler
-def test_libraries_are_kept(own_cache):
+def test_compiled_libraries_are_reused(own_cache):
     library.library(SMALL)
     made = {file: file.stat().st_mtime_ns for file in own_cache.iterdir()}
     assert sorted(file.suffix for file in made) == [".sha256", ".so"]

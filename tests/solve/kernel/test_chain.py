@@ -53,7 +53,7 @@ def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
 
 
 @needs_compiler
-def test_every_width(width):
+def test_every_vector_width_gives_the_same_solution(width):
     same(4, 50, 5, growth=0.7)
 
 
@@ -64,7 +64,7 @@ def test_a_chain_that_cannot_close():
 
 
 @needs_compiler
-def test_states_from_a_first_one():
+def test_states_follow_from_the_first_state():
     rng = np.random.default_rng(3)
     A, start = rng.standard_normal((20, 4, 4)) / 2, rng.standard_normal(4) + 1j * rng.standard_normal(4)
     ours, theirs = followed(A, start[:, None]), states_from(Steps(A, np.zeros((20, 4), dtype=complex)), start)

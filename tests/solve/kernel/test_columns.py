@@ -37,12 +37,12 @@ def same(ours, theirs):
 
 @needs_compiler
 @pytest.mark.parametrize("name", MODELS)
-def test_every_model(name):
+def test_compiled_derivatives_of_every_model_match_casadi(name):
     smooth = solve.load(name).derivatives.names
     same(*both(name, [smooth[-1], SPEED, smooth[0]], 13))
 
 
 @needs_compiler
-def test_every_width(width):
+def test_compiled_derivatives_match_casadi_at_every_width(width):
     for count in (1, 9):
         same(*both("mathieu", ["delta"], count))

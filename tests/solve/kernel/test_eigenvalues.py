@@ -32,7 +32,7 @@ def by_generalised_problem(M, C, K):
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, SMALL])
 @pytest.mark.parametrize("count", [1, 7, 16])
-def test_any_pencils(n, count, width):
+def test_eigenvalues_of_random_pencils_match_lapack(n, count, width):
     M, C, K = np.random.default_rng(n).standard_normal((3, n, n, count))
     M += 3 * n * np.eye(n)[..., None]
     computed = eigenvalues(np.stack((M, C, K)))
@@ -68,7 +68,7 @@ def test_rows_are_exchanged_where_the_first_inertia_is_zero():
     np.testing.assert_allclose(sorted(computed[0].imag), [-3, -2, 2, 3], rtol=1e-12)
 
 
-def test_shifts_that_would_go_round_in_circles():
+def test_cyclic_matrix_converges_with_exceptional_shifts():
     """A cyclic matrix stays as it is under QR steps without a shift that breaks its symmetry."""
     n = 3
     K = -np.roll(np.eye(n), 1, axis=0)
@@ -86,7 +86,7 @@ def test_non_finite_pencils_give_nan_and_leave_others_unchanged():
     np.testing.assert_allclose(sorted(computed[1].imag), [-3, -2, 2, 3], rtol=1e-12)
 
 
-def test_each_is_as_it_is_alone(width):
+def test_eigenvalues_do_not_depend_on_other_lanes(width):
     """Whatever its neighbours in the lanes need."""
     pencils = np.random.default_rng(9).standard_normal((3, 3, 3, 24)) + np.eye(3)[..., None]
     together, alone = eigenvalues(pencils), [eigenvalues(pencils[..., [at]]) for at in range(24)]
@@ -94,7 +94,7 @@ def test_each_is_as_it_is_alone(width):
     np.testing.assert_array_equal(together, np.concatenate(alone))
 
 
-def test_large_pencils_are_left_to_others():
+def test_large_pencils_are_not_solved_by_the_kernel():
     assert eigenvalues(np.zeros((3, SMALL + 1, SMALL + 1, 1))) is None
 
 

@@ -43,7 +43,7 @@ def compared(ours, theirs):
 @needs_compiler
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**20), points=st.sampled_from([1, 5, 8, 17]), steps=st.sampled_from([5, 24, 385]))
-def test_curves_alone(seed, points, steps):
+def test_compiled_statistics_of_curves_match_numpy(seed, points, steps):
     curve, speeds = waves(points, 2, steps, seed), np.ones(points)
     compiled = Quantities(curve, speeds, engine=COMPILED)
     assert compiled.compiled_figures() is not None
@@ -83,7 +83,7 @@ def test_highest_maximum_is_found_between_lower_samples(engine, order, depth, tu
 
 
 @needs_compiler
-def test_one_wave_has_its_closed_form():
+def test_statistics_of_a_cosine_match_the_closed_form():
     nodes = np.linspace(0, 2 * np.pi, 257)
     wave = [(3 * np.cos(nodes - 1 + part * np.pi / 2))[None, :, None] for part in range(3)]
     curve = Curve.quintic(nodes, wave[0], wave[1], wave[2][:, :-1], wave[2][:, 1:])

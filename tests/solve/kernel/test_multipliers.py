@@ -44,7 +44,7 @@ def made_of(values, numbers):
 
 @pytest.mark.parametrize("N", SIZES)
 @pytest.mark.parametrize("count", [1, 7, 16])
-def test_any_matrices(N, count, width):
+def test_eigenvalues_of_random_matrices_match_numpy(N, count, width):
     matrices = np.random.default_rng(N).standard_normal((count, N, N))
     computed = solved(matrices)
     for matrix, values in zip(matrices, computed.values, strict=True):
@@ -115,7 +115,7 @@ def test_defective_pair_has_roundoff_near_the_square_root(engine, size):
     assert 1e-8 < errors[0] < 1e-6
 
 
-def test_zero_and_identity_are_as_they_are():
+def test_multiples_of_the_identity_have_exact_eigenvalues():
     for N in SIZES:
         computed = solved(np.stack((np.zeros((N, N)), np.eye(N), -2 * np.eye(N))))
         np.testing.assert_array_equal(computed.values, np.array([[0], [1], [-2]]) * np.ones(N))
@@ -130,7 +130,7 @@ def test_squares_neither_overflow_nor_vanish(power):
     np.testing.assert_array_equal(scaled.conditions, computed.conditions)
 
 
-def test_each_is_as_it_is_alone(width):
+def test_multipliers_do_not_depend_on_other_lanes(width):
     """Whatever its neighbours in the lanes need."""
     matrices = np.random.default_rng(9).standard_normal((24, 6, 6))
     together = solved(matrices)

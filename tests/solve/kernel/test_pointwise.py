@@ -39,12 +39,12 @@ def same(ours, theirs):
 
 @needs_compiler
 @pytest.mark.parametrize("name", VARIED)
-def test_every_model(name):
+def test_compiled_entries_of_every_model_match_casadi(name):
     same(*both(name))
 
 
 @needs_compiler
-def test_every_width(width):
+def test_compiled_entries_match_casadi_at_every_width(width):
     for points in (1, 9):
         same(*both("mathieu", points))
 

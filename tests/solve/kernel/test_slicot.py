@@ -26,7 +26,7 @@ def test_periodic_schur_factors_reproduce_the_chain(N, m):
     assert below == 0.0
 
 
-def test_products_of_numbers():
+def test_product_of_scalars_has_its_logarithm():
     assert product_logarithms(np.array([[[2.0]], [[-3.0]]])) == pytest.approx([np.log(6.0) + 1j * np.pi])
 
 

@@ -53,7 +53,7 @@ def test_stage_solutions_match_with_different_pivots():
 
 
 @needs_compiler
-def test_every_width(width):
+def test_every_vector_width_gives_the_same_stages(width):
     same(Radau(order=3), 2, 11)
 
 

@@ -59,7 +59,7 @@ def test_named_compiler_is_never_replaced(without_compilers, monkeypatch):
     ("macros", "wide"),
     [("__clang__ __AVX512F__", True), ("__GNUC__ __AVX512F__", False), ("__clang__ __ARM_NEON", False)],
 )
-def test_clang_alone_is_asked_for_whole_registers(macros, wide, own_cache, monkeypatch):
+def test_only_clang_gets_the_vector_width_flag(macros, wide, own_cache, monkeypatch):
     monkeypatch.setenv("CC", "python")
     monkeypatch.setattr(compiler, "_run", lambda command: macros)
     assert ("-mprefer-vector-width=512" in compiler.c_compiler().machine) == wide

@@ -30,7 +30,7 @@ def test_file_is_short_and_cites_its_source():
     assert re.search(r"\(20\d\d\) \d+-\d+\)", FILE)
 
 
-def test_orders():
+def test_page_method_has_its_stated_orders():
     truth = Shooting(claims.SYSTEM, 1.0)
     claims.test_order_at_the_nodes(*ROW, truth)
     claims.test_order_of_the_continuous_curve(*ROW, truth)
@@ -77,7 +77,7 @@ def test_amplitude_halves_after_the_phase_stated_on_the_page():
     assert stability.spectral_radius ** (500 / (2 * np.pi * frequency)) == pytest.approx(0.5, abs=0.1)
 
 
-def test_the_certificate_is_honest():
+def test_page_method_error_estimate_covers_the_true_error():
     equation = random_system(5, 3)
     better = solve.periodic(equation, 1.0, rtol=1e-10)
     orbit = solve.periodic(equation, 1.0, METHOD, rtol=1e-4)
@@ -92,7 +92,7 @@ def test_page_method_is_compared_with_others():
     assert all(row.orbit_error < 0.1 for row in rows)
 
 
-def test_the_page_uses_it():
+def test_usage_example_of_the_page_runs():
     names: dict = {}
     exec(USE, names)
     assert names["orbit"].method == "bathe"

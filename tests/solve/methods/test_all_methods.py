@@ -203,7 +203,7 @@ def test_order_is_kept_behind_jumps(method, steps):
 
 
 @pytest.mark.parametrize("method", ["auto", "radau", "gauss", "hsu"])
-def test_jumps_to_rounding(method):
+def test_jumps_are_solved_to_round_off(method):
     orbit, truth = periodic(EQUATION, 1.0, method, rtol=1e-13), states(INSIDE)
     assert multiplier_error(orbit.multipliers, MULTIPLIERS) < 1e-12
     np.testing.assert_allclose(orbit.at(INSIDE)[0], truth[0], rtol=0, atol=1e-12 * np.abs(truth[0]).max())

@@ -54,7 +54,7 @@ def test_the_speed_decides_too():
     ("model", "speed", "method"),
     [("cam", "100 rpm", "radau"), ("cam", "600 rpm", "radau"), ("mathieu", 1.0, "gauss")],
 )
-def test_models(model, speed, method):
+def test_auto_selects_the_expected_method_for_each_model(model, speed, method):
     assert periodic(load(model), speed).method == method
 
 

@@ -25,7 +25,7 @@ def test_settings_reach_the_method_and_absent_ones_do_not():
     assert (chosen("radau", order=5), chosen("gauss", order=8)) == (Radau(5), Gauss(8))
 
 
-def test_an_object_is_its_own_choice():
+def test_method_object_is_used_unchanged():
     rule = Radau(7)
     assert chosen(rule) is rule
 

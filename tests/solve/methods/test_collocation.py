@@ -185,7 +185,7 @@ def test_stepwise_and_batched_collocation_agree(n, loads):
     np.testing.assert_allclose(computed, truth, rtol=0, atol=1e-13 * np.abs(truth).max())
 
 
-def test_a_singular_step_alone_is_no_number():
+def test_singular_step_alone_gives_nan():
     n, h = 20, np.array([0.1, 0.1])
     M = np.tile(np.eye(n), (1, 2, 5, 1, 1))
     M[0, 1, :, 3, 3] = 0.0

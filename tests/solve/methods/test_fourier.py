@@ -22,7 +22,7 @@ def test_orbit_and_multipliers_equal_dop853(seed):
     assert multiplier_error(orbit.multipliers, truth.multipliers) < 1e-9
 
 
-def test_forty_one_points_suffice_where_no_mode_rings():
+def test_forty_one_points_suffice_without_lightly_damped_modes():
     given = random_system(4, 2)
     truth = periodic(given, 1.0, Radau(13), rtol=1e-13)
     orbit = periodic(given, 1.0, "fourier", steps=41, rtol=0.5)
@@ -40,7 +40,7 @@ def test_condition_number_does_not_grow_with_the_harmonics(method):
 
 
 @pytest.mark.parametrize(("index", "steps"), [(495, 203), (347, 17), (499, 33)])
-def test_vectors_at_the_edge_of_the_orders_give_no_multipliers(index, steps):
+def test_eigenvectors_at_the_truncation_limit_give_no_multipliers(index, steps):
     """Undamped systems with a mode of 75 to 109 times the speed: once the orders reach it, vectors with
     weight at both of their ends must not pass for central ones; before, nothing must break."""
     given = member(index)

@@ -31,7 +31,7 @@ def test_every_break_is_a_node_wherever_the_turn_is_counted_from(breaks, steps):
     assert grid.steps == pytest.approx(steps, abs=len(breaks) + 1)
 
 
-def test_breaks_are_marked_where_they_are_and_nowhere_else():
+def test_only_nodes_at_breaks_are_marked():
     inner = Grid.uniform(10, PERIOD, (0.6, 1.5))
     np.testing.assert_allclose(inner.nodes[:-1][inner.at_break], [0.6, 1.5])
     wrapped = Grid.uniform(10, PERIOD, (PERIOD, -1.5))

@@ -119,7 +119,7 @@ def test_a_stable_constant_system_has_no_boundary():
     assert boundaries(lambda speed: (plain, speed), np.linspace(0.5, 3.0, 11), multiplier=1) == []
 
 
-def test_questions_that_make_no_sense_are_refused():
+def test_invalid_multipliers_and_values_are_refused():
     with pytest.raises(ValueOutOfBoundsError, match=r"multiplier is 0; allowed: 1 .* or -1"):
         determinant(mathieu(1.0, 0.1), 1.0, 8, multiplier=0)
     for values in ([1.0], [1.0, 0.5], [1.0, 1.0]):

@@ -80,7 +80,7 @@ def test_the_limit_of_oscillation_is_where_eigenvalues_become_real(gamma, beta):
         assert np.abs(above.imag).max() == 0
 
 
-def test_between_both_conditions_long_steps_are_stable_all_the_same():
+def test_oscillatory_parameters_between_both_conditions_are_unconditionally_stable():
     gamma, beta = 0.9, 0.46
     assert gamma / 2 < beta < (gamma + 0.5) ** 2 / 4
     assert stability_limit(gamma, beta) == np.inf

@@ -57,7 +57,7 @@ def test_maps_equal_the_corrected_closed_forms(seed, n, speed, steps):
 
 
 @pytest.mark.parametrize(("coefficient", "order"), [(CORRECTED, 4), (PRINTED, 1)])
-def test_the_printed_coefficients_cost_three_orders(coefficient, order):
+def test_printed_coefficients_have_a_lower_order(coefficient, order):
     system = random_system(4, 2)
     truth = Shooting(system, 1.0)
     steps = (128, 192, 256)

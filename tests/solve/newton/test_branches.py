@@ -47,7 +47,7 @@ def test_curves_of_a_branch_are_its_orbits(rotor_branch):
         np.testing.assert_allclose(np.abs(q).max(axis=1), branch.peaks[point], rtol=1e-3)
 
 
-def test_every_orbit_of_the_branch_is_one(rotor_branch):
+def test_branch_orbits_satisfy_the_equations(rotor_branch):
     computed = rotor_branch
     assert computed.warnings == []
     assert computed.errors[:, 0].max() < 1e-5
@@ -79,7 +79,7 @@ def test_turning_points_match_the_closed_form(rotor_branch):
     assert set(verdicts[: places[0]]) == set(verdicts[places[1] + 1 :]) == {"asymptotically stable"}
 
 
-def test_the_same_branch_the_other_way(rotor_branch):
+def test_reversed_range_gives_the_same_branch(rotor_branch):
     back = solve.branch(model_of(cubic_rotor(), **NUMBERS), (1.6, 0.8), rtol=1e-5)
     np.testing.assert_allclose(back.turning, rotor_branch.turning[::-1], rtol=1e-6)
     assert back.speeds[-1] == pytest.approx(0.8, rel=1e-9)
@@ -157,7 +157,7 @@ def test_bad_input_is_refused(given, words):
 
 
 @pytest.mark.parametrize("numbers", [{"zeta": 0.005, "f": 0.3}, {"zeta": 0.01, "f": 1.0}])
-def test_sharp_resonances_are_passed_in_both_ways(numbers):
+def test_sharp_resonances_are_passed_in_both_directions(numbers):
     """A third of the speed of resonance: two folds that lie within a fiftieth of the range."""
     model = model_of(duffing(), k=1.0, alpha=1.0, **numbers)
     up, down = (solve.branch(model, speeds, points=100, rtol=1e-5) for speeds in ((0.3, 1.0), (1.0, 0.3)))

@@ -41,7 +41,7 @@ def peaks(orbit):
 @pytest.mark.parametrize(
     ("speed", "q1", "q3"), [("100 rpm", -0.03, 0.45), pytest.param("300 rpm", -3.5, 65, id="300 rpm")]
 )
-def test_how_far_the_linear_answer_is_off(speed, q1, q3):
+def test_nonlinear_peaks_differ_from_linear_ones_as_stated(speed, q1, q3):
     """Per cent that the peaks change from the linear to the nonlinear orbit."""
     cam = solve.load("cam")
     change = 100 * (peaks(solve.nonlinear(cam, speed)) / peaks(solve.periodic(cam, speed)) - 1)

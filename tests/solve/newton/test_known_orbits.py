@@ -43,7 +43,7 @@ def test_fifty_known_orbits_are_found_from_near_them_within_their_estimates(seed
 
 
 @pytest.mark.slow
-def test_without_a_start_no_other_than_the_known_orbits_are_found():
+def test_only_known_orbits_are_found_without_a_start():
     for seed in range(50):
         model, orbit = known_system(seed)
         computed = solve.nonlinear(model, 1.0)
@@ -59,7 +59,7 @@ def test_the_methods_agree():
         assert relative_error(computed.at(PHASE), orbit(PHASE)) < 1e-8
 
 
-def test_given_steps_are_kept_and_judged_by_twice_as_many():
+def test_error_on_given_steps_is_estimated_with_doubled_steps():
     model, orbit = known_system(0)
     computed = solve.nonlinear(model, 1.0, orbit, method=solve.Gauss(order=4), steps=40)
     error = relative_error(computed.at(PHASE), orbit(PHASE))
@@ -99,7 +99,7 @@ class InUnits(solve.PeriodicSystem, Nonlinear):
 
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
-def test_units_of_the_equations_cost_no_digit(engine):
+def test_units_of_the_equations_do_not_reduce_accuracy(engine):
     model, orbit = known_system(2)
     computed, again = (
         solve.nonlinear(each, 1.0, start=orbit, rtol=1e-11, engine=engine)

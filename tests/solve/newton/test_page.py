@@ -17,7 +17,7 @@ def test_page_states_the_spectral_radius_of_the_example():
 
 
 @pytest.mark.slow
-def test_the_refusal_is_the_one_that_the_page_shows(monkeypatch):
+def test_page_shows_the_actual_error_message(monkeypatch):
     def unsettled(task, grid):
         raise solve.errors.NoOrbitError("it does not settle")
 

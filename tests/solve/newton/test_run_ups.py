@@ -124,7 +124,7 @@ def test_an_output_has_the_acceleration_of_the_drive(linear):
 
 
 @pytest.mark.parametrize("nonlinear", [True, False])
-def test_a_speed_that_hardly_varies_is_constant(nonlinear):
+def test_nearly_constant_speed_gives_the_constant_speed_motion(nonlinear):
     cam = solve.load("cam")
     ends = [
         solve.transient(cam, turns=2, nonlinear=nonlinear, **given).motions[-1, 0, :, -1]
@@ -238,7 +238,7 @@ def test_bad_input_is_refused(given, error, words):
         solve.transient(solve.load(crank(), **CRANK), turns=2, **given)
 
 
-def test_who_states_no_varying_speed_is_refused():
+def test_system_for_constant_speeds_only_is_refused():
     def oscillator(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]

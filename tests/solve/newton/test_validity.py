@@ -33,7 +33,7 @@ def check(model, speed):
     return compared
 
 
-def test_the_cam_at_a_speed_where_it_begins_to_be_off():
+def test_cam_linearisation_error_where_it_becomes_noticeable():
     assert check(solve.load("cam"), "140 rpm") == 3
 
 

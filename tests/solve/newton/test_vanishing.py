@@ -83,7 +83,7 @@ def test_an_equilibrium_is_an_orbit_with_the_multipliers_of_its_linearisation(mo
 
 @pytest.mark.parametrize(("module", "numbers", "speed"), AT_REST)
 @pytest.mark.parametrize("F", [1e-2, 0.3])
-def test_the_same_under_a_load(module, numbers, speed, F):
+def test_orbit_about_an_equilibrium_under_load_matches_shooting(module, numbers, speed, F):
     orbit = solve.nonlinear(model_of(module(), **numbers, F=F), speed)
     assert orbit.warnings == []
     assert orbit.statistics("q").max_abs == pytest.approx(shot(module, numbers, speed, F), rel=1e-6)

@@ -71,7 +71,7 @@ def test_a_coefficient_that_is_not_analytic_has_no_bound(low, bounded):
     assert growth.is_finite() == bounded
 
 
-def test_halves_are_the_same_polynomial():
+def test_polynomial_is_unchanged_by_halving_its_interval():
     rng = np.random.default_rng(7)
     c, x = rng.normal(size=12), rng.uniform(-1, 1, 50)
     for side in (-1, 1):

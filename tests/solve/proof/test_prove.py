@@ -81,7 +81,7 @@ def test_the_trace_of_mathieus_equation(delta, epsilon, zeta, message):
         assert mpmath.mpf(high) - mpmath.mpf(low) < mpmath.mpf(10) ** -23
 
 
-def test_more_digits_lie_within_fewer():
+def test_enclosures_with_more_digits_lie_within_those_with_fewer():
     system = mathieu(delta=3.3, epsilon=2.2, zeta=0.01)
     coarse, fine = (prove(system, 1.0, digits=digits).spectral_radius for digits in (8, 40))
     assert float(coarse[0]) <= float(fine[0]) <= float(fine[1]) <= float(coarse[1])

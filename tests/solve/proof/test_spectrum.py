@@ -110,7 +110,7 @@ def test_a_defective_pair_shares_a_disc(radius):
         ([(-1.0, 0.0), (0.2, 0.0)], False, "undetermined"),
     ],
 )
-def test_verdicts(places, conservative, message):
+def test_discs_give_the_verdict_of_the_spectrum(places, conservative, message):
     with precision(120):
         Phi = with_eigenvalues(places, 1e-25)
         assert VERDICTS[verdict(Phi, multipliers(Phi), conservative)] == message

@@ -32,7 +32,7 @@ from solve.results.formatting import fixed, prefixed
         ("m", math.nan, "m"),
     ],
 )
-def test_prefixes(unit, magnitude, shown):
+def test_unit_prefixes_and_factors(unit, magnitude, shown):
     factor, label = prefixed(unit, magnitude)
     assert label == shown
     prefixes = {"µm": 1e6, "mm": 1e3, "MN m": 1e-6, "kN": 1e-3, "mm/s": 1e3, "mrad": 1e3, "ps": 1e12}
@@ -57,5 +57,5 @@ def test_prefixed_numbers_lie_between_1_and_1000(magnitude):
         (math.nan, 1.0, "–"),
     ],
 )
-def test_fixed(value, magnitude, text):
+def test_fixed_decimals_follow_the_magnitude(value, magnitude, text):
     assert fixed(value, magnitude) == text

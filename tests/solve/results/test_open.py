@@ -89,7 +89,7 @@ def test_reopened_chart_keeps_its_cuts_and_refuses_new_points(tmp_path):
             ask()
 
 
-def test_the_model_its_numbers_and_versions_travel_along(tmp_path):
+def test_file_contains_model_parameters_and_versions(tmp_path):
     cam = solve.load("cam")
     solve.floquet(cam, "300 rpm").save(tmp_path / "cam.npz")
     read = solve.open(tmp_path / "cam.npz").record()

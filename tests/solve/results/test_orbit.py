@@ -53,7 +53,7 @@ def test_nodes_satisfy_the_equation_of_motion(method):
         np.testing.assert_allclose(left, d[k], rtol=0, atol=1e-9)
 
 
-def test_one_phase_and_any_turn(orbit):
+def test_orbit_is_evaluated_at_scalar_phases_of_any_period(orbit):
     assert orbit.at(0.3).shape == (3, 1)
     np.testing.assert_allclose(orbit.at(0.3 + 40 * np.pi), orbit.at(0.3), rtol=1e-11)
 
@@ -158,7 +158,7 @@ def test_orbit_states_its_method_steps_and_speed():
     assert orbit.speed == pytest.approx(6 * np.pi)
 
 
-def test_an_undriven_system_rests():
+def test_orbit_without_a_load_is_zero():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, (4 + np.cos(phase))[:, None, None], 0 * one[:, 0]

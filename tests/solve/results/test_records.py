@@ -27,7 +27,7 @@ def test_records_are_json_without_nan():
     assert solve.floquet(oscillators(), SPEED).record()["error_estimate"]["orbit"] is None
 
 
-def test_plain_data():
+def test_values_are_converted_to_json_data():
     assert to_json({"a": (1, float("inf"), float("nan"), 2j, "text", None, True)}) == {
         "a": [1, None, None, [0.0, 2.0], "text", None, True]
     }

@@ -176,7 +176,7 @@ def slowly(name):
     return pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name
 
 
-def test_the_page_has_every_result_and_no_hole():
+def test_page_lists_every_result_with_all_abilities():
     """Every public function of `solve` whose return value is declared to be a result has a row."""
     public = {name: getattr(solve, name) for name in solve.__all__}
     returned = {name: get_type_hints(each).get("return") for name, each in public.items() if isfunction(each)}
@@ -191,7 +191,7 @@ def test_the_page_has_every_result_and_no_hole():
 
 @pytest.mark.parametrize("ability", HEAD[1:-1])
 @pytest.mark.parametrize("name", [slowly(name) for name in names()])
-def test_every_cell(name, ability, tmp_path):
+def test_every_ability_in_the_table_works(name, ability, tmp_path):
     TRIED[ability](made(name), tmp_path)
 
 

@@ -21,7 +21,7 @@ def result():
     return orbit()
 
 
-def test_npz(result, tmp_path):
+def test_npz_file_contains_the_arrays(result, tmp_path):
     result.save(tmp_path / "orbit.npz")
     with np.load(tmp_path / "orbit.npz") as file:
         read = dict(file)
@@ -69,7 +69,7 @@ def test_coordinate_names_resembling_internal_names_are_read_back(ending, tmp_pa
     assert solve.open(tmp_path / f"sweep{ending}").record() == sweep.record()
 
 
-def test_csv(result, tmp_path):
+def test_csv_file_contains_the_columns(result, tmp_path):
     result.save(tmp_path / "orbit.csv")
     text = (tmp_path / "orbit.csv").read_bytes().decode("utf-8")
     assert "\r" not in text
@@ -79,7 +79,7 @@ def test_csv(result, tmp_path):
     assert_array_equal(np.array(rows, dtype=float).T, expected)
 
 
-def test_mat(result, tmp_path):
+def test_mat_file_contains_the_arrays(result, tmp_path):
     from scipy.io import loadmat
 
     result.save(tmp_path / "orbit.mat")
@@ -123,7 +123,7 @@ def test_parameter_named_like_a_column_is_refused(name, tmp_path):
         assert list(charted.to_pandas()[name]) == [1.0, 1.2, 1.0, 1.2]
 
 
-def test_dataset(result):
+def test_dataset_has_dimensions_units_and_names(result):
     dataset = result.to_xarray()
     assert dataset["x"].dims == ("phase",)
     assert_array_equal(dataset["phase"], result.phase)
@@ -139,14 +139,14 @@ def test_dataset(result):
     assert dataset.attrs["speed"] == 3.0
 
 
-def test_nc(result, tmp_path):
+def test_nc_file_equals_the_dataset(result, tmp_path):
     result.save(tmp_path / "orbit.nc")
     with xarray.open_dataset(tmp_path / "orbit.nc", engine="h5netcdf") as read:
         xarray.testing.assert_identical(read.load(), result.to_xarray())
 
 
 @pytest.mark.parametrize("name", ["orbit", "orbit.txt", "none/orbit.csv", "."])
-def test_an_unfit_file_is_refused(result, tmp_path, name):
+def test_invalid_file_name_is_refused_and_writes_nothing(result, tmp_path, name):
     with pytest.raises(FileError):
         result.save(tmp_path / name)
     assert list(tmp_path.iterdir()) == []

@@ -53,7 +53,7 @@ def test_bands_reach_to_the_ends_of_the_range():
     assert (band.low, band.high, band.open_low, band.open_high) == (1.95, 2.05, True, True)
 
 
-def test_the_largest_multiplier_inside():
+def test_spectral_radius_of_a_band_is_its_maximum():
     (band,) = solve.bands(mathieu(), np.linspace(1.5, 3.0, 12))
     radii = [solve.floquet(mathieu(), w).spectral_radius for w in np.linspace(band.low, band.high, 41)[1:-1]]
     assert band.spectral_radius == pytest.approx(max(radii), rel=3e-3)

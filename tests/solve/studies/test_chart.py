@@ -176,12 +176,12 @@ def test_bad_input(x, y, error, text):
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1e-6, float("nan"), 1.0])
-def test_a_tolerance_that_cannot_be(tolerance):
+def test_invalid_tolerance_is_refused(tolerance):
     with pytest.raises(ValueOutOfBoundsError, match="tolerance is"):
         solve.chart("mathieu", X, Y, tolerance=tolerance)
 
 
-def test_a_case_belongs_to_a_name():
+def test_case_is_refused_for_a_loaded_system():
     with pytest.raises(ValueOutOfBoundsError, match="case is 'stable', but a system already has values"):
         solve.chart(solve.load("mathieu"), X, Y, case="stable")
 
@@ -255,7 +255,7 @@ def test_orbit_chart_warns_where_the_linear_model_fails():
     assert solve.chart(cam, speeds, stiff, boundaries=False, of="rho1.re").warnings == []
 
 
-def test_points_without_an_orbit_hide_no_bound_that_others_leave():
+def test_violated_bounds_are_reported_despite_points_without_orbit():
     made = Mechanism("trusted", "An oscillator that is trusted to 1 m")
     q = made.coordinate("q", "m", "displacement")
     m, k, f = made.parameters(m=("kg", "mass"), k=("N/m", "spring"), f=("N", "load"))

@@ -129,7 +129,7 @@ def test_unattainable_accuracy_is_reported():
     assert "out of reach" in row.reason
 
 
-def test_an_unstable_method_shows_in_its_verdict():
+def test_unstable_method_has_an_unstable_verdict():
     row = rows(compare(oscillator(), SPEED, [solve.Newmark(0.0, 0.0)], [6], [0.9]), "equal steps")[0]
     assert row.verdict == "unstable"
     assert any("gamma = 0 < 1/2" in text for text in row.warnings)

@@ -117,7 +117,7 @@ def test_bands_end_open_where_speeds_fail():
     assert "NaN" in bands.notes[0]
 
 
-def test_an_edge_swallowed_by_failed_speeds_is_open():
+def test_band_edge_among_failed_speeds_is_open():
     (band,) = solve.bands(broken(4.0, 9, 9), np.linspace(1.2, 3.0, 20))
     system = broken(4.0, band.low - 0.1, band.low + 0.1)
     (cut,) = solve.bands(system, np.linspace(1.2, 3.0, 20))

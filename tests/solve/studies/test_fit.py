@@ -58,7 +58,7 @@ def test_exact_curves_give_the_parameters_back(file):
 
 
 @pytest.mark.parametrize("phases", [True, False])
-def test_amplitudes_of_orders_give_them_back(file, phases):
+def test_amplitudes_of_orders_give_the_parameters_back(file, phases):
     rows = []
     for speed in (1.5, 2.0, SPEED):
         size = amplitude(**TRUE, speed=speed)
@@ -224,7 +224,7 @@ def test_outlier_keeps_a_robust_fit_within_its_intervals(file):
         assert abs(plain.parameters[name].value - value) > abs(disturbed.parameters[name].value - value)
 
 
-def test_bounds_hold(file):
+def test_fitted_parameter_stays_within_its_bounds(file):
     fitted = solve.fit(model(), file(curve()), ["k"], {"k": (10.5, 20.0)})
     assert fitted.parameters["k"].value >= 10.5
     assert fitted.parameters["k"].value == pytest.approx(10.5, rel=1e-3)

@@ -57,7 +57,7 @@ def misfit(N, harmonics, n, printed):
     return printed * 1e6 / fourier_series(N, n, harmonics) - 1
 
 
-def test_the_misfit_of_the_fourier_column():
+def test_printed_fourier_column_differs_from_its_formula():
     """What the formula gives in the four places where the printed number is furthest from it in digits."""
     assert fourier_series(90, 10, 6) == 216 * 11_200 + 36 * 112 + 6 * 36_700 - 12_460
     for (N, harmonics, n), millions in {
@@ -69,7 +69,7 @@ def test_the_misfit_of_the_fourier_column():
     assert max(map(abs, misfits.values())) == pytest.approx(100 * (1 - 2.59 / 2.782_172))
 
 
-def test_the_cheaper_way_depends_on_the_cycles():
+def test_marching_is_cheaper_only_for_few_cycles():
     """Stored, marching wins while the transient dies soon; algorithm 1 always beats algorithm 2."""
     assert time_marching(90, 10, 5) < algorithm_1(90, 10) < time_marching(90, 10, 100)
     for n in range(1, 60):

@@ -46,7 +46,7 @@ def ends(result, planted):
         for rotating in (True, False)
     ],
 )
-def test_no_swap_of_two_modes_is_unnoticed(gap, rotating):
+def test_modes_are_never_swapped_without_a_warning(gap, rotating):
     planted = pair(gap, seed=int(-np.log10(gap + 1e-12)), rotating=rotating)
     result = followed(planted)
     values_agree(result, planted)

@@ -20,7 +20,7 @@ ALL = ["periodic", "sweep", "chart", "compare", "critical", "sensitivity", "vali
 
 
 @pytest.mark.parametrize("command", ALL)
-def test_all_commands_agree(command):
+def test_all_studies_agree_on_a_free_machine(command):
     machine, truth = mechanism(), amplitudes(SPEED, SHAFTS)
     if command == "periodic":
         assert orders(solve.periodic(machine, SPEED)) == pytest.approx(truth, rel=1e-8)
@@ -72,7 +72,7 @@ def test_rigid_body_modes_come_first_on_the_unit_circle():
 
 def test_drag_without_a_mean_load_leaves_no_steady_velocity():
     (note,) = solve.periodic(mechanism(b=0.07), SPEED).notes
-    assert note.endswith("; it has no steady velocity along it")
+    assert note.endswith("; the motion has no steady velocity along this mode")
 
 
 def test_bands_name_rigid_body_modes():

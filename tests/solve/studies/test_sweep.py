@@ -100,7 +100,7 @@ def test_spectra_over_speed():
         sweep.spectrum("q1")
 
 
-def test_unstable_runs():
+def test_ranges_of_unstable_speeds_have_edges_and_kind():
     model = solve.load("mathieu", zeta=0.0)
     sweep = solve.sweep(model, np.linspace(0.6, 1.7, 56))
     runs = sweep.unstable

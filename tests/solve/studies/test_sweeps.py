@@ -31,7 +31,7 @@ def oscillator_sweeps():
     return sweeps({str(z): oscillator(z) for z in (0.05, 0.2)}, SPEEDS, ["q"], "zeta")
 
 
-def test_responses(oscillator_sweeps):
+def test_responses_match_the_closed_form(oscillator_sweeps):
     expected = np.array([amplitude(zeta, SPEEDS) for zeta in (0.05, 0.2)])
     assert oscillator_sweeps.figures("q") == pytest.approx(expected, rel=1e-6)
     assert oscillator_sweeps.figures("q", "rms") == pytest.approx(expected / np.sqrt(2), rel=1e-6)

@@ -67,7 +67,7 @@ def test_probability_of_instability_equals_that_of_negative_damping(model):
     assert unstable.low < norm.sf(4.0) < unstable.high < 1.3 * norm.sf(4.0)
 
 
-def test_lower_limits_are_left_downwards(model):
+def test_values_below_a_lower_limit_violate_it(model):
     limit = f"q.max_abs > {amplitude(9.5):.17g}"
     found = solve.tolerances(model, SPEED, {"k": "uniform(8, 10)"}, [limit], samples=1024, index_samples=0)
     probability = found.probability[limit]
@@ -174,7 +174,7 @@ def test_failed_samples_are_counted_and_included_upwards(model):
     assert "have no result" in found.warnings[0]
 
 
-def test_seed_and_workers_do_not_and_do_change_the_samples(model, tmp_path):
+def test_samples_depend_on_the_seed_but_not_on_workers(model, tmp_path):
     request = {"vary": {"k": "±1 %"}, "samples": 64, "index_samples": 16}
     one, same = (solve.tolerances(model, SPEED, **request) for _ in range(2))
     other = solve.tolerances(model, SPEED, **request, seed=1)

@@ -175,7 +175,7 @@ def test_picture_states_an_unstable_motion():
     assert "unstable" not in steady.plot()._supxlabel.get_text()
 
 
-def test_an_animation_has_its_frames_and_runs_without_end(mathieu, coupler):
+def test_animation_has_ninety_frames_and_loops(mathieu, coupler):
     assert len(coupler.drawn(still=False).phase) == 90
     image = Image.open(BytesIO(gif(mathieu)))
     assert image.format == "GIF"
@@ -285,7 +285,7 @@ def test_lines_that_shrink_to_a_point_are_drawn():
     assert Image.open(BytesIO(gif(animation))).n_frames == 2
 
 
-def test_a_line_without_place_is_named():
+def test_undefined_sketch_line_is_named():
     with pytest.raises(ValueOutOfBoundsError, match="sketch rod of spring is not defined"):
         solve.animate(solve.load(spring(True), **NUMBERS | {"L": 0.05}), "50 rad/s", **ROUGH)
 

@@ -37,7 +37,7 @@ def test_gaps_stay_gaps_and_points_that_come_twice_are_drawn_once():
     assert np.isfinite(values[(fine <= 2) | (fine >= 4)]).all()
 
 
-def test_by_logarithm_a_power_is_straight_on_logarithmic_paper():
+def test_logarithmic_interpolation_of_a_power_is_straight():
     axes = Figure().subplots()
     x = np.linspace(0.0, 3.0, 5)
     draw_through(axes, x, np.append(0.0, 10.0 ** x[1:]), True)

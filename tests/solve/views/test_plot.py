@@ -42,7 +42,7 @@ def overlaps(figure):
     ]
 
 
-def test_a_row_a_coordinate_with_curve_and_spectrum(result):
+def test_one_row_per_coordinate_with_curve_and_spectrum(result):
     curves, spectra, planes = panels(result.plot())
     assert [axes.get_title(loc="left") for axes in curves] == ["slide", "twist"]
     assert [axes.get_ylabel() for axes in curves] == ["x (mm)", "φ (mrad)"]
@@ -77,7 +77,7 @@ def stems(axes):
     return {round(foot[0]): head[1] for foot, head in axes.collections[0].get_segments()}
 
 
-def test_spectra_show_the_orders_that_are_there(result):
+def test_spectra_show_only_nonzero_orders(result):
     _, (x, phi), _ = panels(result.plot())
     assert stems(x) == {1: pytest.approx(1e3 * abs(response(4.0, 0.4, 1)), rel=1e-6)}
     assert stems(phi) == {3: pytest.approx(1e3 * abs(response(9.0, 0.4, 3)), rel=1e-6)}

@@ -76,7 +76,7 @@ def test_the_page_is_html_with_language_title_and_headings_in_order(page):
     assert all(later <= before + 1 for before, later in itertools.pairwise(levels))
 
 
-def test_every_name_is_given_once_and_every_reference_leads_to_one(page):
+def test_identifiers_are_unique_and_references_resolve(page):
     tree = parsed(page)
     names = [each.get("id") for each in tree.iter() if each.get("id")]
     assert len(set(names)) == len(names)
@@ -134,7 +134,7 @@ def cells(table):
     return [["".join(cell.itertext()) for cell in row] for row in table.iter(HTML + "tr")]
 
 
-def test_members_of_a_series_that_are_alike_are_one_row():
+def test_numbered_parameters_share_one_row():
     page = Report(solve.load("cam"), [], [], 1e-8).html
     names = [row[0] for row in cells(next(parsed(page).iter(HTML + "table")))]
     assert "b1 … b12" in names
@@ -142,7 +142,7 @@ def test_members_of_a_series_that_are_alike_are_one_row():
     assert "Fa1 … Fa6" in names
 
 
-def test_each_result_is_on_the_page_as_it_shows_itself(driven):
+def test_page_contains_the_html_of_each_result(driven):
     orbit = solve.periodic(driven.system, 1.0, rtol=1e-6)
     bare = re.compile(r"<[^>]*>|\s")
     assert bare.sub("", orbit._repr_html_()) in bare.sub("", driven.html)
@@ -250,7 +250,7 @@ def test_notes_are_shown_once(undrawn):
     assert page.count("made by hand") == page.count("narrow &amp; few") == 1
 
 
-def test_the_same_report_is_the_same_to_the_byte(frame):
+def test_repeated_report_is_identical_byte_for_byte(frame):
     assert solve.report(solve.load("portal_frame")).html == frame.html
 
 

@@ -29,7 +29,7 @@ def curves(figure):
     }
 
 
-def test_a_curve_a_speed_over_the_whole_turn(coupler):
+def test_one_curve_per_speed_over_the_whole_period(coupler):
     drawn = curves(turn_figure(coupler, "midpoint_deflection"))
     assert list(drawn) == ["600", "1500"]
     for orbit, label in zip(coupler, ("1500", "600"), strict=True):
@@ -84,7 +84,7 @@ def test_invalid_figures_are_refused(coupler):
         turn_figure(coupler[:1] * 13, "q1")
 
 
-def test_the_command_draws_it(tmp_path, capsys):
+def test_command_draws_the_curves(tmp_path, capsys):
     file = tmp_path / "turn.svg"
     arguments = ["sweep", "coupler", "--speeds", "600 900 rpm", "--turn", "q1", "--plot", str(file)]
     assert run(arguments) == 0
@@ -101,7 +101,7 @@ def test_the_command_draws_it(tmp_path, capsys):
         (["--turn", "q1", "--plot", "t.png", "--speeds", "600:900:13 rpm"], "13 curves to draw"),
     ],
 )
-def test_the_command_refuses_in_one_line(arguments, message, tmp_path, monkeypatch, capsys):
+def test_command_refuses_invalid_arguments_in_one_line(arguments, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     speeds = [] if "--speeds" in arguments else ["--speeds", "600 900 rpm"]
     assert run(["sweep", "coupler", *speeds, *arguments]) == 2
