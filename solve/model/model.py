@@ -165,8 +165,9 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def _check(self, speed: float) -> None:
-        """Check as for any system, and that the fundamental motion exists, that generated matrices jump
-        only at the breaks, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
+        """Check everything that is checked for any system; also that the fundamental motion exists, that
+        generated matrices jump only at breaks, and that M is positive definite. Raises DesiredMotionError,
+        MatricesError."""
         require_desired_motion(shown_in(self, speed), np.array([speed]))
         if not self._valid_at_all_speeds:
             require_no_jump(self, speed)
@@ -263,7 +264,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         """Matrices M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping added
         to C.
 
-        For matrices about a motion, modal damping cancels in d, where it occurs in C q̇ and in the residual.
+        In d of matrices about a motion, modal damping cancels, since it occurs in C q̇ and in the residual.
         """
         M, C, K, d = split_entries(entries, self.n)
         if isinstance(self.sampler, DampedSampler):
@@ -282,7 +283,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @cached_property
     def tangent_formulas(self) -> Formulas | None:
-        """Matrices of `tangent` as C code; None if unavailable."""
+        """C code of the function of `tangent`; None if unavailable."""
         return self.setup.formulas("residual", (), tangent)
 
     def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
