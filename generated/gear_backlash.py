@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "31bfb0baebfe5e8dc5aee591b9099cffab629d45336469c6a6aa4c747a80df34"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "075b44084e8d68b90cea8f41eb6cbdc2b5cc83e9e7b51f0a8f1bf91e7cdbc359"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0785d70bf87c6c2db8d8c621fbb2a73c8c8f3a71b307e85662ae07c8c01d4ccf"
+FILE_SHA256 = "55c442405632265c278c6492310e427bd75e806c1e96b7b0965c0468b23defba"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "075b44084e8d68b90cea8f41eb6cbdc2b5cc83e9e7b51f0a8f1bf91e7cdbc359"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "06bd819fed5851cb0aa8cea4bb468dd8f2632439eaca015faa5f6cf57d280ab2"
+FILE_SHA256 = "b6cda5d227c939b2dba81439edae3832c4ec5bf28d501c3544daa0e32637d23b"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

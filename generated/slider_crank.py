@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "be65000cf1335ea3208e09eed72e61c741965f099589b98b75406632b9ee8c04"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "075b44084e8d68b90cea8f41eb6cbdc2b5cc83e9e7b51f0a8f1bf91e7cdbc359"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "faf1d6b2237531fae844eeb3a790cea518fdba2c5969917bf577e90d91541c11"
+FILE_SHA256 = "08966fad94b8d79bd2af5ae4a1c37dc22fa94d1a1ed456a81e70b1da34efbf83"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (

@@ -6,9 +6,9 @@ from derive import Abs, Heaviside, Max, Mechanism, cos, rate, sin, sqrt
 def mechanism() -> Mechanism:
     """The rod turns freely on the crank; its pin moves in the bearing of the slider in both directions.
 
-    The pin is at a distance from the centre of the bearing. Beyond the radial clearance g the normal force
-    k δ (1 + χ δ̇) acts at the penetration δ. Its damping is proportional to δ, so that the force is
-    continuous. At u = v = 0 the constant load presses the bearing on the pin along the stroke.
+    If the distance of the pin from the centre of the bearing exceeds the radial clearance g by the
+    penetration δ, the normal force k δ (1 + χ δ̇) acts. The damping is proportional to δ, so that the force
+    is continuous. At u = v = 0 the constant load presses the bearing on the pin along the stroke.
     """
     joint = Mechanism("planar_joint", "Slider-crank mechanism with a planar clearance joint")
     u, v = joint.coordinates(

@@ -160,7 +160,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     of them to an orbit that is not unstable. If the transient does not settle, an unstable orbit to which the
     iteration converged is returned. Raises NoOrbitError, which states the progress."""
     change, next_trial, unstable, motion = np.inf, _FIRST_TRIAL, None, task.rest(grid)
-    with progress.task("turns at most", _MAX_PERIODS) as count:
+    with progress.task("periods at most", _MAX_PERIODS) as count:
         for turns, motion, change in _march(task, grid):
             count.add(turns - count.done)
             settled = change < _SETTLED

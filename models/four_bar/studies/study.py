@@ -58,7 +58,8 @@ def study(
 def _systems(
     model: StructureModel, over: str | None, corrected: bool
 ) -> tuple[str, dict[str, PeriodicSystem]]:
-    """Heading that names the varied quantity, and systems by its values. Raises SolveError subclasses."""
+    """Heading with the name of the varied quantity, and systems by the values of this quantity. Raises
+    SolveError subclasses."""
     systems: dict[str, PeriodicSystem] = {}
     title = ""
     if over is not None:
