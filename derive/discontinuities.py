@@ -123,7 +123,7 @@ def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Itera
             if margin is None or margin.xreplace(dict(signs)).is_positive:
                 continue
             names = tuple(symbol.name for symbol in in_order(margin))
-            meaning = "a piece of the equations without a tangent is active in the fundamental motion"
+            meaning = "a nondifferentiable piece of the equations is active in the fundamental motion"
             yield Condition(f"{short(margin)} > 0", meaning, margin, names)
 
 

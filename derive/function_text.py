@@ -164,7 +164,7 @@ def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
 
 
 def in_si(mechanism: MechanismStatement) -> list[str]:
-    """Lines that convert parameters to SI, for parameters whose unit is not coherent SI."""
+    """Lines that convert parameters to SI, for parameters in units other than coherent SI."""
     sizes = {parameter.symbol.name: size(parameter.unit) for parameter in mechanism.declared_parameters}
     return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]
 

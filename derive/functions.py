@@ -1,8 +1,8 @@
 """Functions in expressions: unknowns of closed loops of rigid links, and Fourier series.
 
 A loop c(z; x) = 0 determines its unknowns z, angles or positions, as functions of its arguments x, such as
-the angle of a crank. In expressions, an unknown or a series is a function whose further arguments are its
-orders of derivative; rates and Lagrange's equations follow by the chain rule. The derivatives of the unknowns
+the angle of a crank. In expressions, an unknown or a series is a function with its orders of derivative as
+additional arguments; rates and Lagrange's equations follow by the chain rule. The derivatives of the unknowns
 of any loop solve linear systems with the matrix ∂c/∂z. Expressions do not contain the coefficients of a
 series, so that formulas remain short.
 """

@@ -13,7 +13,7 @@ from derive.structure import StructureStatement
 from derive.structure_text import generated_text
 
 _MAX_CACHED = 64
-"""Number of mechanisms whose generated code is cached. A choice: at most a few megabytes of text."""
+"""Number of mechanisms for which generated code is cached. A choice: at most a few megabytes of text."""
 
 _cache: dict[str, str] = {}
 

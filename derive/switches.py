@@ -127,7 +127,8 @@ STEPPING = (sympy.Piecewise, sympy.Heaviside, sympy.sign, sympy.Abs, sympy.Max, 
 
 
 def switches(expression: Any, by: Iterable[Any]) -> list[Any]:
-    """Switches of an expression: expressions in the symbols `by` at whose zeros it has a step or kink."""
+    """Switches of an expression: functions of the symbols `by`, at the zeros of which the expression has a
+    step or kink."""
     moving, zeros = set(by), set()
     for node in sympy.preorder_traversal(expression):
         zeros |= {g for g in _switching(node) if g.free_symbols & moving and -g not in zeros}

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "21df2e36ae8f6afa12b318f16745dda625b41d6102df712828755b47ad3774e8"
-DERIVE_SHA256 = "075b44084e8d68b90cea8f41eb6cbdc2b5cc83e9e7b51f0a8f1bf91e7cdbc359"
+DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "08c51ce9a30dfdff333362429b713adb37c0e9f9948aa3fdd73356bd52883f1b"
+FILE_SHA256 = "99bd1fc08b281cb2d0fdaac6b26ca56621d49d32d4fd562bf6ed1a650d82ebe6"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "31bfb0baebfe5e8dc5aee591b9099cffab629d45336469c6a6aa4c747a80df34"
-DERIVE_SHA256 = "075b44084e8d68b90cea8f41eb6cbdc2b5cc83e9e7b51f0a8f1bf91e7cdbc359"
+MECHANISM_SHA256 = "0f26d10ec86660d1fc03730825f28c9068ab65deea8c0904ee8d7eff75d3321c"
+DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "55c442405632265c278c6492310e427bd75e806c1e96b7b0965c0468b23defba"
+FILE_SHA256 = "4d07bc9bc1f48ecc62b07de0a7f3a91fdffc8b9c845f10071cd67ccf14fcef73"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
@@ -26,7 +26,7 @@ PARAMETERS = (
     ("e", "1", "relative amplitude of the mesh stiffness", "> -1, < 1"),
     ("E", "m", "amplitude of the transmission error without load", ""),
     ("b", "m", "half of the backlash", ">= 0"),
-    ("s", "1", "fraction of the period with two pairs of teeth, if rectangular", "> 0, < 1"),
+    ("s", "1", "fraction of the period with two pairs of teeth, for rectangular stiffness", "> 0, < 1"),
     ("p", "m", "base pitch, for the sliding speed", "> 0"),
     ("z1", "1", "teeth of the pinion, for the sliding speed", "integer, >= 1"),
     ("z2", "1", "teeth of the wheel, for the sliding speed", "integer, >= 1"),

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "075b44084e8d68b90cea8f41eb6cbdc2b5cc83e9e7b51f0a8f1bf91e7cdbc359"
+DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b6cda5d227c939b2dba81439edae3832c4ec5bf28d501c3544daa0e32637d23b"
+FILE_SHA256 = "18b45e3f4e4e5265d7fafc5c3c92eb141ea8350d8ea890c0594313dea17d6575"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "be65000cf1335ea3208e09eed72e61c741965f099589b98b75406632b9ee8c04"
-DERIVE_SHA256 = "075b44084e8d68b90cea8f41eb6cbdc2b5cc83e9e7b51f0a8f1bf91e7cdbc359"
+DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "08966fad94b8d79bd2af5ae4a1c37dc22fa94d1a1ed456a81e70b1da34efbf83"
+FILE_SHA256 = "aa2e12a5566058c5a552cf2dbda62cb321c0b7168d90d93818460fa98fc1d3f7"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (

@@ -106,7 +106,7 @@ def definite_solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """Array-valued function of phases whose latest values are cached, up to a number of bytes.
+    """Array-valued function of phases with a cache of its latest values, up to a number of bytes.
 
     The next solution often uses the phases of the same grid. Cached values must not be modified.
     """

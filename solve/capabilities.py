@@ -139,7 +139,7 @@ class Linearisation(Protocol):
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         """Bounds (k, n), as multiples of the machine precision, on the round-off in the load d at phases
-        (k,), whose terms may cancel."""
+        (k,). Terms of d may cancel."""
         ...
 
 

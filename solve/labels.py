@@ -129,8 +129,8 @@ def known_quantities(system: Labelled, names: str | Iterable[str] | None = None)
 
 
 def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
-    """Coordinates or outputs that determine a quantity: the quantity itself, or the outputs whose largest
-    value it is. Raises UnknownNameError."""
+    """Coordinates or outputs of a quantity: the quantity itself, or the outputs of which it is the largest.
+    Raises UnknownNameError."""
     largest_of = system.labels.largest_of
     allowed = (*system.coordinates, *system.outputs, *largest_of)
     require_name(f"coordinate or output of {system.labels.name}", quantity, allowed)

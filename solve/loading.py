@@ -222,8 +222,8 @@ def case_numbers(
 def missing_parameters(
     model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
 ) -> list[str]:
-    """Parameters of a model that have no value, neither in its case nor in `parameters`. Raises the
-    exceptions of `load`."""
+    """Parameters of a model that have a value neither in its case nor in `parameters`. Raises the exceptions
+    of `load`."""
     unset = dict.fromkeys(parameter_units(model), math.nan)
     _, chosen = _module_and_case(model, case, cases, parameters, unset)
     return [name for name in unset if chosen.parameters[name] is math.nan]

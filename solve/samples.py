@@ -115,7 +115,7 @@ class Samples:
 
     @property
     def resolved(self) -> int:
-        """Highest harmonic whose cosine and sine coefficients the azimuths determine."""
+        """Highest harmonic of which the azimuths determine both the cosine and the sine coefficient."""
         return (len(self.arrays[0]) - 1) // 2
 
     @cached_property
@@ -130,7 +130,7 @@ class Samples:
 
     @property
     def significant(self) -> Array:
-        """Harmonic numbers (h,) above 0 whose amplitudes exceed round-off in some entry."""
+        """Numbers (h,) of the harmonics above 0 that exceed round-off in some entry."""
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
     def decay(self, first: float, last: float) -> float:

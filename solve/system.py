@@ -259,7 +259,7 @@ def built_by(
 
 
 def shown_in(system: System, speed: float) -> System:
-    """Copy of a system whose display unit is the unit of a given speed, if it has one."""
+    """Copy of a system that displays speeds in the unit of a given speed, if it has one."""
     unit = unit_given(speed, system.labels.speed_unit)
     if unit == system.labels.speed_unit:
         return system
@@ -272,7 +272,7 @@ def shown_in(system: System, speed: float) -> System:
 
 
 def _agree(copied: PeriodicSystem, system: PeriodicSystem) -> bool:
-    """Whether the attributes equal those of another system, except the unit and cached values."""
+    """Whether a copy and a system have equal attributes, except for the unit and cached values."""
     return replace(copied.labels, speed_unit=system.labels.speed_unit) == system.labels and all(
         vars(copied).get(name) is value
         for name, value in vars(system).items()

@@ -163,8 +163,8 @@ _text_in_si = lru_cache(_in_si)
 
 
 def require_size_of_number(what: str, value: float) -> None:
-    """Raise ValueOutOfBoundsError for a finite number, in SI units, whose magnitude is too large or too small
-    for computations."""
+    """Raise ValueOutOfBoundsError for a finite number, in SI units, with a magnitude that is too large or too
+    small for computations."""
     if math.isfinite(value) and value != 0 and not 1 / LARGEST <= abs(value) <= LARGEST:
         raise ValueOutOfBoundsError(
             f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in magnitude, in SI units"

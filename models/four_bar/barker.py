@@ -2,8 +2,8 @@
 
 C. R. Barker, A complete classification of planar four-bar linkages, Mech. Mach. Theory 20 (1985) 535-554.
 Barker's solution space has the coordinates λ2, λ3, λ4: the lengths of coupler, follower and ground link
-divided by that of the crank. Three planes divide it into eight regions. On each plane, one pair of links is
-as long as the other pair:
+divided by the length of the crank. Three planes divide it into eight regions. On each plane, one pair of
+links is as long as the other pair:
 
     u2 = L1 + L2 - L3 - L4 = 0,   u3 = L1 + L3 - L2 - L4 = 0,   u4 = L1 + L4 - L2 - L3 = 0
 

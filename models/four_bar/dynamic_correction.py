@@ -40,7 +40,7 @@ _FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
 
 
 class Corrected(PeriodicSystem, Outputs):
-    """Four-bar linkage whose cubic elements are corrected at ω1.
+    """Four-bar linkage with cubic elements that are corrected at ω1.
 
     load: one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1. Raises
     UnknownNameError for another load, or for a model whose options the correction does not support.

@@ -21,7 +21,7 @@ def mechanism() -> Mechanism:
         e=("1", "relative amplitude of the mesh stiffness", "> -1, < 1"),
         E=("m", "amplitude of the transmission error without load"),
         b=("m", "half of the backlash", ">= 0"),
-        s=("1", "fraction of the period with two pairs of teeth, if rectangular", "> 0, < 1"),
+        s=("1", "fraction of the period with two pairs of teeth, for rectangular stiffness", "> 0, < 1"),
     )
     p, z1, z2 = pair.parameters(
         p=("m", "base pitch, for the sliding speed", "> 0"),

@@ -1,4 +1,4 @@
-"""Slider-crank mechanism whose slider bearing surrounds the pin of the rod with a radial clearance."""
+"""Slider-crank mechanism with a radial clearance between the bearing of the slider and the pin of the rod."""
 
 from derive import Abs, Heaviside, Max, Mechanism, cos, rate, sin, sqrt
 

@@ -174,7 +174,8 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """Yield positions and points whose entries the shared terms represent; return all other positions."""
+    """Yield positions and points for which the shared terms represent the entries; return all other
+    positions."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])

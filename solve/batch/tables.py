@@ -197,8 +197,8 @@ def training(points: Array) -> Array:
 
 
 def _scales(largest: Array, n: int) -> Array:
-    """Size (P, E) of which the round-off of each entry is a fraction: the largest entry of its matrix M, C, K
-    or d in units in which the diagonal of M is 1, converted to the unit of the entry."""
+    """Sizes (P, E) relative to which the entries have round-off. For an entry it is the largest entry of its
+    matrix M, C, K or d, in units in which the diagonal of M is 1, converted to the unit of the entry."""
     units = np.sqrt(largest[:, : n * n : n + 1])
     both = (units[:, :, None] * units[:, None, :]).reshape(len(largest), -1)
     ends = np.arange(n * n, 3 * n * n + 1, n * n)

@@ -164,7 +164,7 @@ class StructureModel(Model, Outputs):
 
     @property
     def freedoms(self) -> int:
-        """Number of degrees of freedom after subtraction of those that inextensible links remove."""
+        """Number of degrees of freedom, without those that inextensible links remove."""
         return self.at_positions(np.zeros(1)).n
 
     @property

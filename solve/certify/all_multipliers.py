@@ -194,8 +194,8 @@ class Spectrum:
 
     @cached_property
     def _solutions(self) -> Solutions:
-        """Solutions whose step maps determine the modes and the multipliers that the monodromy matrix does
-        not resolve to one digit."""
+        """Solutions with the step maps from which modes are computed, and multipliers that the monodromy
+        matrix does not resolve to one digit."""
         certified, steps = self.certified, self._factor_steps
         if self.refined is not None and self._work(self.refined.steps) <= _MAX_WORK[1]:
             steps = self.refined.steps
@@ -205,7 +205,7 @@ class Spectrum:
 
     @property
     def _factor_steps(self) -> int:
-        """Number of steps of the factors. Unless the steps are given, it is twice that of the solution,
+        """Number of steps of the factors. Unless the steps are given, it is twice the number of the solution,
         because small multipliers belong to fast modes."""
         certified = self.certified
         is_small = self.refined is None and not self._has_digit.all() and certified.request.steps is None
@@ -370,7 +370,7 @@ def _blocks_on_steps(
     """Factors on a grid of `steps` steps, computed in chunks if memory requires it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
-    with progress.task(f"parts of {steps} steps, for every multiplier", len(chunks)) as done:
+    with progress.task(f"factors of {steps} steps, for all multipliers", len(chunks)) as done:
         if len(chunks) == 1:
             maps = solved_on(point, method, steps, engine, rigid).steps
             assert maps is not None

@@ -108,7 +108,7 @@ class InterpolationError(NamedTuple):
     azimuths : int
         Number of sampled azimuths.
     harmonic : int
-        Highest harmonic of the samples whose amplitude exceeds round-off.
+        Highest harmonic of the samples with an amplitude above round-off.
     orbit, multipliers : float
         Relative errors, scaled as in `ErrorEstimate`; 0 if no harmonic above the resolved ones exceeds
         round-off.

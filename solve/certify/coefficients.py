@@ -91,7 +91,7 @@ def _entry_count(n: int) -> int:
 
 
 def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
-    """Sizes (P, E) of which the round-off of entries is a fraction, from their `largest` values (P, E).
+    """Sizes (P, E) relative to which the entries have round-off, from their `largest` values (P, E).
 
     An entry that is zero in exact arithmetic, such as a sum of products, has the round-off of its terms. The
     terms are bounded by the diagonals, as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½. A load d_i

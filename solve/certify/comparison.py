@@ -128,8 +128,8 @@ class Comparison(PointSolver):
     def _change(
         self, points: Points, rigid: Free | None, steps: int, positions: Array, solutions: Solutions
     ) -> Array:
-        """Differences (k, 2) between given solutions and those of `points`, which have changed coefficients,
-        on the same grid; infinite if `points` have no solution."""
+        """Differences (k, 2) between given solutions and solutions of `points`, with changed coefficients, on
+        the same grid; infinite if `points` have no solution."""
         change = np.full((len(positions), 2), np.inf)
         other = self.solve_points(self.method.corrector, points, steps, rigid)
         rows = other.known
@@ -166,7 +166,7 @@ class Comparison(PointSolver):
     def _aliased(self, steps: int, positions: Array) -> Array:
         """Errors (k, 2) due to aliasing: sum of the aliased harmonics of the coefficients, times their
         amplification."""
-        # A Fourier series couples its harmonics by those of the coefficients, hence the factor 2.
+        # The harmonics of the coefficients couple those of a Fourier series, hence the factor 2.
         resolved, points = steps // (2 if self.method.spectral else 1), self.points[positions]
         aliased = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
         return np.column_stack(tuple(aliased)) * _AMPLIFICATION

@@ -46,8 +46,8 @@ from solve.system import PeriodicSystem, with_samples
 from solve.terminal import progress
 
 _FASTEST = 1e-3
-"""Smallest ratio of the effects of successive multiples of harmonics that is extrapolated: a choice, because
-a difference may be zero by chance."""
+"""Lower limit of the ratio of the effects of successive harmonics in the extrapolation: a choice, because a
+difference may be zero by chance."""
 
 _FLAT = 0.9
 """Ratio of the effects of successive multiples above which the harmonics count as not decaying. A choice: at
@@ -185,7 +185,7 @@ def _relative_error(values: Array, exact: Array) -> float:
 
 
 def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers:
-    """Multipliers whose errors are increased by `error`, relative to the spectral radius."""
+    """Multipliers with errors increased by `error`, relative to the spectral radius."""
     sizes = np.real(refined.logarithms)
     with np.errstate(over="ignore", invalid="ignore"):
         errors = refined.errors + error * np.exp(sizes.max() - sizes)

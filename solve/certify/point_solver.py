@@ -183,8 +183,8 @@ class PointSolver:
 
 
 def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, MatricesError]]:
-    """Positions of the points whose M is singular at some phase, including phases that no step samples, and
-    the exceptions.
+    """Positions of points with an M that is singular at some phase, and the exceptions. Phases between the
+    samples are included.
 
     The phase is sought if det M at a sampled phase is below `_STEADY` times its median.
     """

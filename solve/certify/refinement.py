@@ -46,7 +46,7 @@ estimates, and the verdicts are the same."""
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:
     """Solutions with error estimates. Each point is yielded once, in groups as they are completed.
 
-    The grid has the given number of `steps`, or is the first grid whose errors are at most `rtol` or the
+    The grid has the given number of `steps`, or is the first grid on which errors are at most `rtol` or the
     round-off. Errors are estimated as differences from a more accurate solution, see `Comparison`. A point
     fails with ResonanceError if an orbit is requested and a multiplier equals +1 within the difference of
     both solutions. Raises StepsError for `steps` that the method cannot use at any point."""

@@ -55,7 +55,7 @@ class GridDerivatives:
 
     @cached_property
     def problem(self) -> PeriodicProblem:
-        """Linear periodic problem of the orbit; for a free machine, that of the anchored system."""
+        """Linear periodic problem of the orbit; for a free machine, of the anchored system."""
         system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
         point = SinglePoint(system, self.solved.speed)

@@ -173,7 +173,7 @@ class PeriodicProblem:
         return self._unanchored(motions, drift, level)
 
     def _solve(self, loads: Array, jumps: Array | None) -> Motions:
-        """Periodic solutions; for a free machine, those of the anchored system."""
+        """Periodic solutions; for a free machine, of the anchored system."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
@@ -188,8 +188,8 @@ class PeriodicProblem:
         return Motions(x, a, lambda: self._states(x, ends, a))
 
     def _unanchored(self, motions: Motions, drift: Array | None, level: Array | None) -> Motions:
-        """Motions of the free machine from those of the anchored system. drift (r, n): steady velocities
-        whose drag the loads already include."""
+        """Motions of the free machine from motions of the anchored system. drift (r, n): steady velocities;
+        the loads already include their drag."""
         anchored, held = self._repeated(motions)
         curves = self.curves(motions)
         moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)

@@ -14,7 +14,7 @@ _POINT_TABLES, _SEGMENTS = 1, 2
 
 
 class Samples(NamedTuple):
-    """Values, at the phases that a method samples, of the terms whose sums are the matrix entries.
+    """Terms of the matrix entries, sampled at the phases that a method uses. An entry is a sum of terms.
 
     table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): index of the entry to
     which each term belongs, in ascending order."""
@@ -76,10 +76,10 @@ def solved(
 ) -> Periods:
     """Solutions of the points on steps of lengths h (m,), by compiled code.
 
-    Coefficients are sampled at the stages (m s phases, step by step). Orbits by a method whose steps do not
-    end at a stage also need the starts of steps (m phases); with jumps at ends of steps, orbits by any method
-    need the starts and then the ends (2m). Lanes contain different points. If points are solved `alone`, one
-    after another, lanes contain the segments of one point. Raises CompilerError, MemoryError."""
+    Coefficients are sampled at the stages (m s phases, step by step). If steps do not end at a stage, orbits
+    also require samples at the starts of steps (m phases). With jumps at ends of steps, orbits by any method
+    require samples at the starts, then at the ends (2m). Lanes contain different points. If points are solved
+    `alone`, one after another, lanes contain the segments of one point. Raises CompilerError, MemoryError."""
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
     if segments and points > 1:

@@ -137,8 +137,8 @@ class Compiler(NamedTuple):
 
 @lru_cache
 def c_compiler() -> Compiler:
-    """C compiler of this machine: GCC or Clang, otherwise that of Zig if it is installed for this Python.
-    Raises CompilerError."""
+    """C compiler of this machine: GCC or Clang, otherwise Zig's compiler if its package is installed. Raises
+    CompilerError."""
     named = os.environ.get("CC")
     wanted = [named] if named else ["cc", "gcc", "clang"]
     found = next(filter(None, map(shutil.which, wanted)), None)

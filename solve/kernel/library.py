@@ -1,4 +1,4 @@
-"""Compiled kernels of lanes.c, whose vector registers contain points, or segments of one period."""
+"""Compiled kernels of lanes.c, in which vector registers contain points, or segments of one period."""
 
 import ctypes
 import logging

@@ -72,7 +72,7 @@ def _acceleration(points: Points, phase: Array, x: Array) -> Array:
 
 
 class Collocated(OneStep):
-    """Base class of the Gauss and Radau methods, whose number of stages follows from their order.
+    """Base class of the Gauss and Radau methods. The order determines the number of stages.
 
     orders: available orders. follows: ω h up to which an undamped mode retains at least about half of its
     amplitude over a phase advance of 500 rad."""
@@ -99,7 +99,7 @@ class Collocated(OneStep):
 
     @cached_property
     def with_another_stage(self) -> Self:
-        """Method of the same family with s + 1 stages. Its order is higher by two and may exceed those in
+        """Method of the same family with s + 1 stages. Its order is higher by two and need not be in
         `orders`."""
         method = object.__new__(type(self))
         method._set(order=self.order + 2)

@@ -60,7 +60,7 @@ class Collocation:
 
     @cached_property
     def curve_nodes(self) -> tuple[float, ...]:
-        """Fractions of the step at which the accelerations of the curve equal those of the solution.
+        """Fractions of the step at which the curve has the accelerations of the solution.
 
         If the end of the step is added as a node, the integrals of the curve agree with the step only if the
         quadrature is exact for the curve, s ≥ 3."""

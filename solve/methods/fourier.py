@@ -149,7 +149,7 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
 
     samples: function that converts columns p to their values (m, N, r) at m uniform phases from 0. Each
     multiplier exp(λT) belongs to a family of pairs with exponents λ + 2πik/T. Truncation affects pairs with p
-    at the highest harmonics, so that of each family the pair with p nearest to harmonic 0 is used."""
+    at the highest harmonics. Therefore, the pair with p nearest to harmonic 0 is used from each family."""
     from scipy.linalg import qr
 
     exponents, vectors = np.linalg.eig(A)

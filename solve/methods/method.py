@@ -1,4 +1,4 @@
-"""Base classes of methods, each of which solves one period of many points on one grid."""
+"""Base classes of methods. A method solves one period of many points on one grid."""
 
 from collections.abc import Callable, Mapping
 from copy import copy
@@ -222,7 +222,7 @@ class Method:
         if steps > most:
             raise StepsError(
                 f"{self.name} takes at most {most} steps a period for {counted(points.n, 'coordinate')}; "
-                f"given: {steps}; use fewer, raise --limit, or leave steps out to have their number chosen"
+                f"given: {steps}; use fewer, raise --limit, or leave out steps for automatic selection"
             )
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
@@ -332,7 +332,7 @@ def singular_inertia_error(where: str, first_order: int) -> MatricesError:
     """Exception for equations that do not determine the highest derivatives at some phase."""
     if first_order:
         return MatricesError(
-            "the columns of M of coordinates and of C of first-order states are linearly dependent "
+            "the columns of M (coordinates) and of C (first-order states) are linearly dependent "
             f"{where}; the equations must determine every highest derivative"
         )
     return MatricesError(

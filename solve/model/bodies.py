@@ -52,7 +52,7 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
         if not isinstance(given, str) or len(given) < 8 or not digest.startswith(given.lower()):
             raise CaseFileError(
                 f"the SHA-256 of '{file}' is {digest}, but the case states {given!r}; give the file with "
-                "this hash, or correct the case"
+                "the stated hash, or correct the case"
             )
         rows = _interface(entry, arrays, len(body.units))
         M, K, C = _in_si(arrays, rows, body, _sizes(entry.get("unit")))

@@ -138,7 +138,7 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
     checked at their assembly."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
-            f"'reduce' requires a beam structure, and {module.NAME} is none; omit 'reduce'"
+            f"'reduce' requires a beam structure, but {module.NAME} is not one; omit 'reduce'"
         )
     modes = _as_integer(value)
     if type(modes) is not int or modes < 1:

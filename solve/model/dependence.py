@@ -20,8 +20,8 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _CHUNK = 1024
-"""Number of phases whose derivatives are summed together. A choice: the derivatives fit in the processor's
-cache."""
+"""Number of phases for which derivatives are summed at a time. A choice: the derivatives fit into the
+processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +137,7 @@ class GeneratedSlopes:
         return self._slopes(values[names.index(name)], [a, v, q])
 
     def _slopes(self, value: Any, states: Sequence[Any], *further: Any) -> _Slopes:
-        """Derivatives of a symbolic column with respect to θ, followed by those with respect to the
-        states."""
+        """Derivatives of a symbolic column with respect to θ, then with respect to the states."""
         import casadi
 
         *inputs, p = self._symbols

@@ -264,7 +264,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         """Matrices M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping added
         to C.
 
-        In d of matrices about a motion, modal damping cancels, since it occurs in C q̇ and in the residual.
+        For matrices about a motion, modal damping does not change d, because it cancels between C q̇ and the
+        residual.
         """
         M, C, K, d = split_entries(entries, self.n)
         if isinstance(self.sampler, DampedSampler):

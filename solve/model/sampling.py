@@ -107,8 +107,8 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
     """Linearisation of a generated residual: ∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and
     d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r, concatenated.
 
-    It is a function of the inputs of the residual, the last of which are q, qd and qdd, and of the free
-    parameters, if any; the other parameters are substituted.
+    Its inputs are the inputs of the residual, ending with q, qd and qdd, and the free parameters, if any.
+    Values of the other parameters are substituted.
     """
     import casadi
 

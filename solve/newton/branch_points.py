@@ -23,7 +23,7 @@ _PHASES = 2048
 """Number of phases per period at which orbits with different events are compared. A choice."""
 
 _MAX_TASKS = 8
-"""Number of values of the parameters whose systems are cached. A choice: a point uses one or two."""
+"""Number of cached systems, one for each value of the parameters. A choice: a point uses one or two."""
 
 
 @serializable

@@ -48,7 +48,7 @@ def first_value(
         one, other = ({**each.labels.parameters, name: 0.0} for each in (start.system, system))
         if one != other or (name != SPEED and start.speed != parameters.task.speed):
             raise ValueOutOfBoundsError(
-                f"the scattered starts are of other parameters or another speed; vary only {name}"
+                f"the scattered starts belong to other parameters or another speed; vary only {name}"
             )
         if not start.orbits:
             raise NoOrbitError("no scattered motion settled on an orbit; use more starts or another seed")

@@ -40,8 +40,8 @@ amplifies round-off. A choice."""
 
 
 _FREE_JUMPS = (
-    "forces jump at an event of the orbit, such as that of a dashpot in a contact, or at a phase that the "
-    "parameter moves; branches of free machines need continuous forces; use sweep --nonlinear"
+    "forces jump at an event of the orbit, such as a contact with a dashpot, or at a phase that depends on "
+    "the parameter; branches of free machines require continuous forces; use sweep --nonlinear"
 )
 
 

@@ -69,7 +69,7 @@ def _both_ways(
 
 
 def _reversed(point: Point) -> Point:
-    """The same point, directed the other way along the branch."""
+    """Copy of a point with the opposite direction along the branch."""
     return replace(point, tangents=tuple(tangent.times(-1.0) for tangent in point.tangents))
 
 

@@ -199,7 +199,7 @@ def from_state(task: Task, state: Array, grid: Grid) -> Converged:
         except SolveError:
             continue
     raise NoOrbitError(
-        "the motion repeats, but Newton's iteration does not converge from it on up to "
+        "the motion repeats, but Newton's iteration does not converge from this motion on grids of up to "
         f"{_REFINEMENTS[-1] * grid.steps} steps"
     )
 

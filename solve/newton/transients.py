@@ -47,8 +47,8 @@ _MARCH_RTOL, _MIN_MARCH_RTOL = 1e-4, 1e-12
 """Tolerance of the motion as a fraction of rtol, and its smallest value. Choices."""
 
 _OFF_RESONANCE = 0.9
-"""Factor from a resonant speed to the speed whose linear orbit supplies the sizes of the coordinates. A
-choice."""
+"""Factor by which a resonant speed is multiplied, if the linear orbit is only required for the sizes of the
+coordinates. A choice."""
 
 _FIRST_STEPS, _MAX_STEPS = 64, 2**14
 """First and maximum number of steps per period. Choices."""
@@ -57,7 +57,8 @@ _PHASES = 32
 """Number of phases per period at which the frequency of the fastest mode is computed. A choice."""
 
 _MAX_CACHED = 2**21
-"""Largest number of matrix entries of a period whose one-step maps are kept for the next: 16 MB."""
+"""Largest number of matrix entries in the one-step maps of a period that are reused for the next period: 16
+MB."""
 
 _METHOD = Radau()
 

@@ -33,8 +33,8 @@ _LEAST, _MOST, _GROWTH = 1e-9, 1e6, 2.0
 of successive trial amplitudes. Choices."""
 
 _DETUNED, _FAR = 1e-3, 0.05
-"""Smallest and largest difference of the first orbit's frequency from that of small vibrations, relative to
-the range. Choices."""
+"""Smallest and largest difference between the frequencies of the first orbit and of small vibrations,
+relative to the range. Choices."""
 
 _IS_ZERO = 1e-9
 """Size of loads, damping and their variation, relative to the other terms, that counts as zero. A choice:
@@ -49,8 +49,8 @@ the error is about 1e-6 of the energy."""
 
 
 def follow_modes_of(task: Task, ends: Array, most: int, store: BranchStore) -> list[Followed]:
-    """Branch of each undamped mode whose frequency of small vibrations is between two speeds (2,). Raises
-    ValueOutOfBoundsError for equations with load or damping, and without such a mode."""
+    """Branches of the undamped modes that have a frequency of small vibrations between two speeds (2,).
+    Raises ValueOutOfBoundsError for equations with load or damping, and without such a mode."""
     frequencies, shapes = _small_vibrations(task)
     low, high = sorted(ends.tolist())
     inside = np.flatnonzero((frequencies >= low) & (frequencies <= high)).tolist()

@@ -50,7 +50,7 @@ def balanced_blocks(steps: Array, first: int = 0, loss: float = LOSS) -> Blocks:
 
 
 def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
-    """Blocks of the whole period from those of its consecutive parts."""
+    """Blocks of the whole period, from the blocks of its consecutive parts."""
     alike = [part.in_units(parts[0].units) for part in parts]
     factors, variance, starts = (
         np.concatenate([getattr(part, name) for part in alike], axis=axis)

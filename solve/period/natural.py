@@ -36,7 +36,7 @@ class NaturalFrequencies(NamedTuple):
 
     @property
     def signed(self) -> Array:
-        """Frequencies in ascending order of λ, with the negative growth rate for λ < 0."""
+        """Frequencies in ascending order of λ; for λ < 0, growth rates with negative sign."""
         return np.where(np.isnan(self.frequencies), -self.growth_rates, self.frequencies)
 
     @classmethod

@@ -220,7 +220,7 @@ class SpeedPoints(_OfSystem):
 
 
 class DerivedPoints:
-    """Base class of points whose tables follow from those of other points."""
+    """Base class of points with tables computed from the tables of other points."""
 
     def __init__(self, points: Points):
         self.points, self.n, self.first_order = points, points.n, points.first_order

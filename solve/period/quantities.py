@@ -131,8 +131,8 @@ def _above(
 def _reach(values: Array) -> Array:
     """Upper bounds on the curve near samples (…, k) that are not below their neighbours; -inf elsewhere.
 
-    The distance of the bound above the sample is twice that of the maximum of the parabola through the sample
-    and its neighbours."""
+    The bound exceeds the sample by twice as much as the maximum of the parabola through the sample and its
+    neighbours."""
     before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
     peak, bend = (values >= before) & (values >= after), 2 * values - before - after
     above = np.square(before - after) / (4 * np.where(bend > 0, bend, np.inf))

@@ -77,8 +77,8 @@ class RigidBodyModes:
         )
 
     def of_one_kind(self, first_order: int) -> "RigidBodyModes":
-        """Modes without those that move both first-order and second-order coordinates. The first-order
-        coordinates are the last ones."""
+        """Modes that move only first-order or only second-order coordinates. The first-order coordinates are
+        the last ones."""
         if not first_order:
             return self
         moves = self.vectors != 0

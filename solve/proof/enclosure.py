@@ -55,7 +55,7 @@ _ALL_WITHIN = (
     "ones; whole numbers are exact"
 )
 
-_OF_FUNCTIONS = "the matrices are the operations of the given function on symbolic phases"
+_OF_FUNCTIONS = "the matrices are defined by the operations of the given function on symbolic phases"
 _OF_SAMPLES = "the matrices are the interpolant of the samples, with coefficients in double precision"
 
 _DENOMINATORS = range(1, 13)
@@ -79,8 +79,8 @@ def enclosed(
     bounds, orbit_error, warnings = {}, math.nan, []
     if found.verdict == UNDETERMINED:
         warnings.append(
-            "no verdict is proved: discs of multipliers meet the unit circle; more digits help unless "
-            "a multiplier lies on the circle, as those of rigid-body modes do"
+            "no verdict is proved: discs of multipliers meet the unit circle; more digits help unless a "
+            "multiplier lies on the circle, such as the multipliers of rigid-body modes"
         )
     with precision(2 * bits):
         if isinstance(result, Orbit):

@@ -52,14 +52,10 @@ class Equation:
 
     Parameters
     ----------
-    instructions : M, C, K, d of phase, speed and parameters
-    n : number of coordinates
-    speed : ball, rad/s
-    parameters : balls
-    modes : T (n, n), exact
-    frequencies : W (n,), exact, in multiples of the speed
-    load : λ, exact
-    about : motion about which the equations are linearised, whose q, q̇, q̈ are inputs of the instructions
+    instructions : M, C, K, d of phase, speed and parameters n : number of coordinates speed : ball, rad/s
+    parameters : balls modes : T (n, n), exact frequencies : W (n,), exact, in multiples of the speed load :
+    λ, exact about : motion about which the equations are linearised; its q, q̇, q̈ are inputs of the
+    instructions
     """
 
     instructions: Instructions

@@ -3,9 +3,9 @@ Newton–Kantorovich theorem.
 
 In the scaled coordinates of `solve.proof.equation`, with z = y₂′, the deviation from the polynomial satisfies
 y₁′ = W y₂, z = A₂ y − m⁻¹r_d + g, g = −m⁻¹N, where A = [0 W; A₂] and N is the nonlinear remainder. Let (y¹,
-z¹) be the periodic solution for g = 0, which is enclosed like that of any linear system. Periodic solutions
-of the full equations are fixed points of (y, z) ↦ (y¹, z¹) + G g(y, z), where G g is the periodic solution
-with input g.
+z¹) be the periodic solution for g = 0. It is enclosed like the solution of any linear system. Periodic
+solutions of the full equations are fixed points of (y, z) ↦ (y¹, z¹) + G g(y, z), where G g is the periodic
+solution with input g.
 
 **G.** By variation of constants, w(t) = Y(t) w(0) + ∫_0^t Ψ(t, s) (0, g) ds and w(0) = (1 − Φ)⁻¹ ∫_0^T
 Ψ(T, s) (0, g) ds. With κ and τ of `solve.proof.transitions`

@@ -60,8 +60,8 @@ def prove(
     Raises
     ------
     LinearModelError
-        For systems whose matrices are not a function of symbols, and for nonlinear orbits of equations with
-        jumps.
+        For systems with matrices that cannot be evaluated for symbols, and for nonlinear orbits of equations
+        with jumps.
     MissingLibraryError
         Without python-flint.
     StepsError
@@ -123,8 +123,8 @@ def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Periodi
         possible = type(system) is PeriodicSystem and not nonlinear
     if not possible:
         raise LinearModelError(
-            "a proof requires matrices that are a function of the phase; those of structures, of models "
-            "with modal damping and of first-order systems are not"
+            "a proof requires matrices that are symbolic functions of the phase; structures, models with "
+            "modal damping and first-order systems do not have them"
         )
     if nonlinear and system.breaks:
         raise LinearModelError(

@@ -32,7 +32,7 @@ from solve.views.tables import RenderableType, table_of
 
 REFERENCE = "reference"
 _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
-"""Quintic elements of the reference model, whose stresses are accurate to about 0.2 %."""
+"""Quintic elements of the reference model; its stresses are accurate to about 0.2 %."""
 
 
 @serializable

@@ -186,7 +186,7 @@ def curve(
     results: Results,
     speed: SpeedText = "30 rad/s",
     along: Annotated[float, Flag("Position on the coupler, from 0 at A to 1 at B.", "S")] = 0.5,
-    across: Annotated[float, Flag("Distance from its axis, in m.", "M")] = 0.0,
+    across: Annotated[float, Flag("Distance from the axis of the coupler, in m.", "M")] = 0.0,
     quasi_static: Annotated[bool, Flag("The quasi-static path instead of the dynamic one.")] = False,
     rtol: Tolerance = 1e-6,
 ) -> None:

@@ -226,7 +226,7 @@ def design(
         typer.Option(
             "--L4",
             metavar='"A:B:N m"',
-            help="Range and number of ground links; by default all with a transmission angle of 40° to 140°.",
+            help="Range and number of lengths L4; by default all with a transmission angle of 40° to 140°.",
         ),
     ] = None,
     time: Annotated[str, Flag("Duration of the slowest simulated run-up.", '"60 s"')] = "60 s",

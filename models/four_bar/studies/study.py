@@ -39,7 +39,9 @@ def study(
         ),
     ] = None,
     figure: Annotated[str, Flag("Statistic of the modulus over a revolution.", "max|rms")] = "max",
-    corrected: Annotated[bool, Flag("Add one element a link corrected by dynamic stiffness.")] = False,
+    corrected: Annotated[
+        bool, Flag("Add the model with one corrected element per link; see the command corrected.")
+    ] = False,
     rtol: EachTolerance = 1e-6,
 ) -> None:
     """Stress, deflection or energy over speed for several values of a parameter or option."""
