@@ -118,8 +118,8 @@ def jumps_at_zero(period: float, breaks: Sequence[float]) -> bool:
 
 
 def with_neighbours(phase: Array, later: Array, period: float) -> Array:
-    """Phases (3k,): the phases (k,), those about one period later, and neighbours of the first phases at the
-    distance of the round-off of the period."""
+    """Phases (3k,): the phases (k,), the phases `later` (about one period later), and neighbours of the
+    former at the distance of the round-off of the period."""
     distance = np.maximum(np.abs(later - phase - period), 8 * EPS * period)
     return np.concatenate((phase, later, phase + distance))
 

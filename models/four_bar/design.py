@@ -363,7 +363,7 @@ class Outcome(Serializable):
         if stresses.radius_bound.max() >= 1:
             speed = stresses.speeds[stresses.radius_bound >= 1][0]
             lowest = stresses.model.labels.speed_unit.text(speed, ".4g")
-            texts.append(f"from {lowest} on the vibration may be unstable; see: python -m solve bands")
+            texts.append(f"the vibration may be unstable from {lowest} upwards; see: python -m solve bands")
         if stresses.interpolation_error > _MAX_MAP_ERROR:
             error = f"{stresses.interpolation_error:.2g}"
             texts.append(f"interpolation between the speeds of the map has a relative error of {error}")

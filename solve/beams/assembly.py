@@ -39,7 +39,7 @@ class Properties:
 
     For each link: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): point masses at
     the joints. damping_ratio: damping ratio of every mode. spring, dashpot: constants of springs and dashpots
-    to the ground (N/m, N m, N s/m, N m s), one value for each degree of freedom on which one acts.
+    to the ground (N/m, N m, N s/m, N m s), one value per degree of freedom with a spring or dashpot.
     """
 
     length: Array

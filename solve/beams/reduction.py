@@ -79,8 +79,8 @@ class Body:
         return loads[:-1]
 
     def _rows(self) -> list[tuple[Array, Array]]:
-        """For each element, the positions in `freedoms` of its degrees of freedom (len(freedoms) for fixed
-        ones), and a mask of the fixed ones."""
+        """For each element, the positions of its degrees of freedom in `freedoms`, and a mask of those that
+        are fixed. The position of a fixed one is len(freedoms)."""
         indices = self.member.indices
         return [
             (np.where(row < 0, len(self.freedoms), np.searchsorted(self.freedoms, row)), row < 0)

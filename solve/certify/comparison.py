@@ -25,8 +25,8 @@ from solve.period.points import Points, ScaledEntries
 from solve.period.rigid_body import Free
 
 PHASES_PER_STEP = 4
-"""Smallest number of phases per step at which curves are compared. With 2 or 8, 65 results on 14 systems of
-both populations remain honest with the same verdicts."""
+"""Smallest number of phases per step at which curves are compared. With 2 or 8, the errors of 65 results on
+14 systems of both populations stay within their estimates, and the verdicts are the same."""
 
 SAFETY = 2.0
 """Ratio of the error estimate to the difference from a better solution. The difference equals the error to
@@ -46,8 +46,8 @@ close to them."""
 _COEFFICIENTS = 1e-3
 """Largest difference between coefficients and their interpolant, relative to the stiffness of the softest
 mode, as a fraction of `rtol`. The response amplifies this difference by at most the phase advance of a
-resolved mode, a few hundred radians. Half and twice this value leave 65 results on 14 systems of both
-populations honest with the same verdicts."""
+resolved mode, a few hundred radians. With half and twice this value, the errors of 65 results on 14 systems
+of both populations stay within their estimates, and the verdicts are the same."""
 
 _AMPLIFICATION = 100.0
 """Factor by which the response may amplify aliased harmonics of the coefficients: that of a resonance with a

@@ -139,8 +139,8 @@ class PointSolver:
             yield Failed(position, reason)
 
     def chunks(self, steps: int, positions: Array, method: Method | None = None) -> list[Array]:
-        """Chunks of the positions, split so that each chunk fits into memory and can be interrupted after
-        it."""
+        """Chunks of the positions. A chunk fits into memory, and an interruption takes effect after a
+        chunk."""
         if len(positions) < 2:
             return [positions] if len(positions) else []
         method = method or self.method

@@ -74,8 +74,9 @@ class WeightedSums(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Forward:
     """Forward derivatives of the orbit with respect to r quantities θ, used for many statistics. nodes (m,
-    r): shift of the starts of steps with θ; where q″ jumps by a, the derivative of q′ jumps by -a times
-    this shift. level: derivatives of the means along rigid-body modes, see `PeriodicProblem.solve`."""
+    r): derivatives of the starts of steps with respect to θ; where q″ jumps by a, the derivative of q′ jumps
+    by -a times this value. level: derivatives of the means along rigid-body modes, see
+    `PeriodicProblem.solve`."""
 
     orbit: GridOrbit
     dependence: Dependence

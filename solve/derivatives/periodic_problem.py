@@ -119,7 +119,7 @@ class PeriodicProblem:
 
     @cached_property
     def orbit(self) -> Motions:
-        """Periodic solution of the system, r = 1. Raises ResonanceError."""
+        """Periodic solution of the system, as `Motions` with r = 1. Raises ResonanceError."""
         if self._known is None:
             return self.solve(self._matrices[3][..., None])
         (m, k), n = self.phases.shape, self.point.n
@@ -315,7 +315,8 @@ class PeriodicProblem:
         return sums
 
     def _groups(self, phase: Array) -> tuple[Any, Array]:
-        """Permutation that sorts phases by steps, and the index of the first phase of each step in it."""
+        """Permutation that sorts phases by steps, and for each step the index of its first phase in the
+        permutation."""
         key = phase.tobytes(), -1
         if key not in self._cache:
             step = self._basis(phase, 0)[0]

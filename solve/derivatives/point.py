@@ -229,8 +229,8 @@ def _sensitivity(quantity: Named, fine: Array, errors: Array, grid: GridDerivati
     reasons = {
         "several extrema are equally large, and their derivatives differ": np.isnan(fine) & ~moved,
         (
-            f"{quantity.subject} jumps at phases that depend on these parameters, which sums over samples "
-            "do not resolve"
+            f"{quantity.subject} jumps at phases that depend on these parameters, and sums over samples do "
+            "not resolve the jumps"
         ): moved,
     }
     reason = "; ".join(

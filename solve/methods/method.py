@@ -216,7 +216,8 @@ class Method:
             )
 
     def require_steps(self, steps: Any, points: Points) -> None:
-        """Raise StepsError for a number of steps that permits no error estimate at one of the points."""
+        """Raise StepsError for a number of steps with which no error can be estimated at one of the
+        points."""
         require_steps(steps, max(1, len(points.breaks)))
         most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
         if steps > most:

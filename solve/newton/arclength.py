@@ -291,8 +291,8 @@ def _orientation(point: Point) -> float:
 
 
 def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:
-    """First argument at which the cubic Hermite interpolant of the parameter reaches a level between 0 and
-    its change."""
+    """First argument at which the cubic Hermite interpolant of the change of the parameter reaches a
+    level."""
     first, last = (length * slope for slope in slopes)
     found = np.roots([first + last - 2 * change, 3 * change - 2 * first - last, first, -level])
     real = found[np.isreal(found)].real

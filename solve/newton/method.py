@@ -85,7 +85,7 @@ class Newton(Method):
         return self.task.method.error_constant
 
     def linearised(self, points: Points, solutions: Solutions) -> Points:
-        """Equations linearised along the solution of the only point."""
+        """Equations linearised along the solution of the single point."""
         assert isinstance(solutions.curve, Curve)
         curve, speed = solutions.curve[0], self.task.speed
         return SinglePoint(_without_roundoff(self.task.along(curve), curve), speed)

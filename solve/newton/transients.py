@@ -313,9 +313,10 @@ def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -
 class StepMarcher:
     """Linear motion, one period at a time, by steps of Radau's method, with `count` states per period.
 
-    The number of steps is doubled until two results agree to rtol, relative to the largest value of each
-    coordinate so far, from `sizes` (n,) on, or until it is 16384. error: largest relative difference so far;
-    angle: largest ω_max h of the fastest mode. The steps damp out modes that they do not resolve.
+    The number of steps is doubled until two results agree to rtol, or until it reaches 16384. The difference
+    is relative to the largest value of each coordinate so far, initially `sizes` (n,). error: largest
+    relative difference so far; angle: largest ω_max h of the fastest mode. The steps damp out modes that they
+    do not resolve.
     """
 
     def __init__(self, system: PeriodicSystem, sizes: Array, count: int, rtol: float):

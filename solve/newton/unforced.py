@@ -1,10 +1,10 @@
 """Undamped nonlinear modes: periodic orbits of the equations without load and damping, over their frequency.
 
 Such orbits are not isolated solutions at a frequency: each shift of the phase gives another orbit, and energy
-is conserved. With an additional term ε Ω M q̇ and ε, which is zero on every orbit, as a second parameter,
-orbits become regular solutions with equal numbers of equations and unknowns (F. J. Muñoz-Almaraz, E. Freire,
-J. Galán, E. Doedel, A. Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has one
-tangent along the branch and one that shifts the phase."""
+is conserved. A term ε Ω M q̇ is therefore added, with ε as a second parameter, which is zero on every orbit.
+Orbits are then regular solutions with equal numbers of equations and unknowns (F. J. Muñoz-Almaraz, E.
+Freire, J. Galán, E. Doedel, A. Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has
+one tangent along the branch and one that shifts the phase."""
 
 from dataclasses import replace
 from functools import partial
@@ -112,8 +112,9 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
     for present, words in found:
         if present.any():
             raise ValueOutOfBoundsError(
-                f"the equations of {system.labels.name} at rest contain {words}; unforced orbits need "
-                "constant equations without load and damping: set these to zero, such as --set c=0"
+                f"the equations of {system.labels.name} at rest contain {words}; unforced orbits require "
+                "constant equations without load and damping: set the parameters of these terms to zero, "
+                "such as --set c=0"
             )
     from scipy.linalg import eigh
 

@@ -124,7 +124,7 @@ class Multipliers:
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), without_scale)
 
     def with_digits(self, error: Array, bound: float) -> "Multipliers":
-        """Multipliers in which those that are not accurate to one digit are replaced by zero.
+        """Multipliers, with zero for those that are not accurate to one digit.
 
         error (…): error of the multipliers relative to the spectral radius. bound (…): upper bound on all
         moduli, used where the error is infinite.
@@ -247,8 +247,8 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
 def _may_be_defective(Phi: Array, values: Array, pairs: Array, error: float) -> bool:
     """Whether multipliers (N,) that may coincide (`pairs` (N, N)) may be defective.
 
-    They are not defective if as many singular values of Φ - ρ as there are coinciding multipliers are zero,
-    within the errors and the distances between multipliers."""
+    They are not defective if Φ - ρ has one zero singular value per coinciding multiplier, within the errors
+    and the distances between multipliers."""
     for row in np.flatnonzero(pairs.any(axis=-1)):
         singular = np.linalg.svd(Phi - values[row] * np.eye(len(Phi)), compute_uv=False)
         distance = float(np.abs(values[pairs[row]] - values[row]).max())

@@ -3,8 +3,9 @@ product.
 
 SLICOT's periodic QZ algorithm (A. Bojanczyk, G. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31-42; D.
 Kressner, BIT 46 (2006) 421-440) finds unitary matrices Q_k for which every Q_{k+1}ᴴ A_k Q_k is upper
-triangular; an eigenvalue is a product of diagonal entries. The backward error of each factor is a few units
-of round-off of its own norm. Even an eigenvalue of 1e-400 is therefore as accurate as the factors permit."""
+triangular; an eigenvalue is a product of diagonal entries. The backward error of a factor is a few units of
+round-off, relative to its norm. Even an eigenvalue of 1e-400 is therefore as accurate as the factors
+permit."""
 
 import math
 from dataclasses import dataclass

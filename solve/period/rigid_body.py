@@ -343,5 +343,5 @@ def _reduced(vectors: Array) -> tuple[Array, Array]:
         rows[column] = place
     rounded = np.round(basis)
     is_integer = np.abs(basis - rounded) <= _INTEGER * np.maximum(np.abs(rounded), 1.0)
-    # Without −0.0, which records would show.
+    # Replaces −0.0, which output would show.
     return np.where(is_integer, rounded, basis) + 0.0, rows
