@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "94609be273dce4716b1283dca26ff5bc954f445cc9623df8cc395d18c97f5f11"
-DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
+DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c2929916924be66036e4b13b09ad5e9865bdd6e8eb32dcd426d0a8075699de7f"
+FILE_SHA256 = "a77e98dede57df08fa3c3ece91ef1aeb44328ebe47a6eafe881b97f6bb2c57a1"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

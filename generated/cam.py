@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "21df2e36ae8f6afa12b318f16745dda625b41d6102df712828755b47ad3774e8"
-DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
+DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "99bd1fc08b281cb2d0fdaac6b26ca56621d49d32d4fd562bf6ed1a650d82ebe6"
+FILE_SHA256 = "c31641a7ff3ac3a5e7843f24151e4f0a701c8ca9f47e57e57591b50a873d52c4"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

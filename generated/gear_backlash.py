@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f26d10ec86660d1fc03730825f28c9068ab65deea8c0904ee8d7eff75d3321c"
-DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
+DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4d07bc9bc1f48ecc62b07de0a7f3a91fdffc8b9c845f10071cd67ccf14fcef73"
+FILE_SHA256 = "4ed1c9d4d5d2dbab0660dc2c2ce383ac20106fce7920a9ac29ecbdb09982ca40"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

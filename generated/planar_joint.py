@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "d8c4b5a405d64a1aae28e105d1630f5fa0cb68c4e1e6f871080b01b01abf9c2f"
-DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
+DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2ae8ffd461b47e4edee1d825944f9d68d4b3aea730aa8640e91a39a64e01c782"
+FILE_SHA256 = "9c56d657b7252bbd4485b757f1af75c6ef2238c0c857255270d1a40abc0fc93b"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "66b8ff9bbb4d727235c73f0d2bc195257cc4755f6e16dec9b1daf039caae6943"
+DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "18b45e3f4e4e5265d7fafc5c3c92eb141ea8350d8ea890c0594313dea17d6575"
+FILE_SHA256 = "3b963f1deb7ba81f2910f039ea5e821c44305066666f8eb62898fc3fc36a9261"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

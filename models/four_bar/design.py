@@ -97,8 +97,8 @@ class Design:
 
     peaks: critical speeds at the mechanism's own L4. quiet: quiet bands at this L4; the first begins at rest,
     the others lie above critical speeds at which the stress exceeds the allowable stress. quiet_of: bands of
-    each link alone. quiet_above: for each critical speed, if a variation of L4 is useful, the speed below the
-    next critical speed with the smallest ratio, with return of L4.
+    each link alone. quiet_above: for each critical speed, the speed below the next one with the smallest
+    ratio if L4 returns; only if a variation of L4 is useful.
     """
 
     map: DesignMap

@@ -26,11 +26,11 @@ from solve.period.rigid_body import Free
 
 PHASES_PER_STEP = 4
 """Smallest number of phases per step at which curves are compared. With 2 or 8, the errors of 65 results on
-14 systems of both populations stay within their estimates, and the verdicts are the same."""
+14 random test systems stay within their estimates, and the verdicts are the same."""
 
 SAFETY = 2.0
 """Ratio of the error estimate to the difference from a better solution. The difference equals the error to
-first order, and is at least half of the error in 99.8 % of the stored population."""
+first order, and is at least half of the error for 99.8 % of the stored random test systems."""
 
 NO_DIGIT = 0.1
 """Relative error above which a value is not accurate to even one digit. docs/certificate.md states the

@@ -28,8 +28,8 @@ longest delay after an interruption by the user."""
 
 _AMPLIFIED = 32.0
 """Divisor of the bound on the effect of round-off in the entries. With 32, the effect is at most 0.7 of the
-bound on 430 grids of systems of both populations, of systems with stiff modes in rotated axes, and of models.
-With 16 and 64, none of 80 estimates for stiff modes falls below the error."""
+bound on 430 grids of random test systems, of systems with stiff modes in rotated axes, and of models. With
+16 and 64, none of 80 estimates for stiff modes falls below the error."""
 
 _STEADY = 0.02
 """Fraction of the median of det M below which a phase with singular M is sought. A choice."""

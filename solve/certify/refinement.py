@@ -34,13 +34,13 @@ STEPS = "steps"
 """Name of the progress counter for the steps of a single solution."""
 
 _MAX_GROWTH = 6.0
-"""Largest ratio of the steps of successive grids. With 3 and 12, the errors of 65 results on 14 systems of
-both populations stay within their estimates, and the verdicts are the same."""
+"""Largest ratio of the steps of successive grids. With 3 and 12, the errors of 65 results on 14 random test
+systems stay within their estimates, and the verdicts are the same."""
 
 _UNKNOWN = 0.5
 """Estimate above which an error is reported as infinite, because the error may then be as large as the
-result. With 0.25 and 1, the errors of 65 results on 14 systems of both populations stay within their
-estimates, and the verdicts are the same."""
+result. With 0.25 and 1, the errors of 65 results on 14 random test systems stay within their estimates, and
+the verdicts are the same."""
 
 
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:

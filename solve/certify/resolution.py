@@ -36,7 +36,7 @@ steps changes by less than 10 %."""
 _UNRESOLVED = 0.25
 """Relative error of a mode over the period above which it is unresolved: a quarter of a radian of phase, far
 below half a revolution, where two solutions may agree by chance. With half and twice this value, the errors
-of 65 results on 14 systems of both populations stay within their estimates, and the verdicts are the same."""
+of 65 results on 14 random test systems stay within their estimates, and the verdicts are the same."""
 
 
 def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float) -> Array:

@@ -28,8 +28,8 @@ points."""
 Rule = Method | Choice
 
 RESOLVABLE = 512
-"""Phase advance ω_max T in rad up to which a grid of moderate size resolves even the fastest mode, so that
-Gauss is safe."""
+"""Phase advance ω_max T in rad up to which a grid of moderate size resolves even the fastest mode, so that a
+Gauss method is safe."""
 
 _FEW = 9
 """Number of coordinates up to which order 13 is faster than the lower order. With more coordinates, order 13

@@ -76,7 +76,7 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
         except ValueError:
             found = math.nan
         if not math.isfinite(found):
-            raise ValueOutOfBoundsError(f"{where} is '{text}', with the number '{part}'; {_FORMS}")
+            raise ValueOutOfBoundsError(f"{where} is '{text}', but '{part}' is not a finite number; {_FORMS}")
         return found
 
     if tolerance := _TOLERANCE.fullmatch(text.strip()):
