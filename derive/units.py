@@ -193,7 +193,7 @@ def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimensio
         return ONE
     if not isinstance(expression.exp, sympy.Rational):
         raise UnitError(
-            f"{what}: {short(expression)} raises a quantity in {base} to a power that is not a rational number"
+            f"{what}: {short(expression)} raises a quantity in {base} to a power that is not rational"
         )
     return base ** Fraction(int(expression.exp.p), int(expression.exp.q))
 

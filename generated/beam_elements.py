@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "94609be273dce4716b1283dca26ff5bc954f445cc9623df8cc395d18c97f5f11"
-DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a77e98dede57df08fa3c3ece91ef1aeb44328ebe47a6eafe881b97f6bb2c57a1"
+FILE_SHA256 = "6d4de1a5a9077258f4f8622091525768a792006d092118c1a7fa49105e8a7983"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "21df2e36ae8f6afa12b318f16745dda625b41d6102df712828755b47ad3774e8"
-DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c31641a7ff3ac3a5e7843f24151e4f0a701c8ca9f47e57e57591b50a873d52c4"
+FILE_SHA256 = "3ec06d7ed8e8a9db92d81170bd5eef5314de5fcacd7db331d721d252c58ea1bd"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

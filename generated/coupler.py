@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "5da26999f0523fb1f4104b6f48ba3a41b401c0d431fab5559fb13424c78f2df2"
-DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "643e8e39e55faa9d029c9e94ef0dc0cb9f1441c938a5873e11f4b13e8fe9e542"
+FILE_SHA256 = "a7b5c266eef89b00c066d2db7eb0bcd9e739f7c844c1f731b749382bcfced99a"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

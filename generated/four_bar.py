@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "22bb5e94e49578049979d593f1862300af7bb954e8e233e3f9b4e52619d5466b"
+FILE_SHA256 = "6540bf56fa9fe7699d6ba5a3e7d54bbcac28bf82730ec00a8ec06d835ebd39b2"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0f26d10ec86660d1fc03730825f28c9068ab65deea8c0904ee8d7eff75d3321c"
-DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4ed1c9d4d5d2dbab0660dc2c2ce383ac20106fce7920a9ac29ecbdb09982ca40"
+FILE_SHA256 = "a6aad79b21f97764c107557b37dfc0324a8457030d9386afd37d9ab6c38baef1"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

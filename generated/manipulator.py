@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "acf82af50cd08780e560fd7f77274d2a619b53cb45e28d8251a0f18a78d92245"
-DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2d6b6b7d7ba21184da595ff35dde6b608ae527cf83271a59f79ecb21a66dcb53"
+FILE_SHA256 = "c94bb8ff657f8516df4e5b363243eed275a3aa5b6c708e56f8bb00b772334d0c"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "d8c4b5a405d64a1aae28e105d1630f5fa0cb68c4e1e6f871080b01b01abf9c2f"
-DERIVE_SHA256 = "dbf6e668f863be51aaf2467eb1209b2746ffc04c0a1b4c4ff27bbcb327f1ca99"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "9c56d657b7252bbd4485b757f1af75c6ef2238c0c857255270d1a40abc0fc93b"
+FILE_SHA256 = "fce430de15bead41ba6facf86806db4cc82c38c3edb5c36b770370480a72a7d6"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
