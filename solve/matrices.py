@@ -81,7 +81,8 @@ def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Arr
     are unknowns. For these coordinates, columns of C become columns of M, and columns of K become columns of
     C.
 
-    λ²M + λC + K has the eigenvalues of the given matrices, and a zero for each of these coordinates.
+    λ²M + λC + K then has the same eigenvalues as before, and an additional zero for each of these
+    coordinates.
     """
     if not first_order:
         return M, C, K

@@ -1,9 +1,9 @@
 """Curves of folds and of period doublings in two parameters.
 
-The orbits over both parameters are a surface. A function g on this surface is zero at the special points. For
-folds, g is the determinant of the parameter components of two tangents: if it is zero, one direction changes
-neither parameter. For doublings, g = Π (1 + ρ)/(1 + |ρ|). The curve g = 0 is followed on the surface, where
-it is smooth even at cusps (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.3)."""
+The orbits over both parameters form a surface. A function g on this surface is zero at the special points.
+For folds, g is the determinant of the parameter components of two tangents: if it is zero, one direction
+changes neither parameter. For doublings, g = Π (1 + ρ)/(1 + |ρ|). The curve g = 0 is followed on the surface,
+where it is smooth even at cusps (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.3)."""
 
 import math
 from collections.abc import Callable

@@ -36,8 +36,8 @@ _CUBIC[:4] = np.linalg.inv(
 )
 
 _ALIKE = 4e-13
-"""Difference between fractions of a step, per step of the grid, that counts as zero. It exceeds round-off and
-the small displacement of phases at jumps."""
+"""Difference between fractions of a step that counts as zero, to be multiplied by the number of steps. It
+exceeds round-off and the small displacement of phases at jumps."""
 
 
 class PeriodicCurve(Protocol):

@@ -45,8 +45,9 @@ def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | N
 def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, Array]:
     """Eigenvalues (…, N) in order of decreasing modulus, + imaginary part first, and Frobenius norms (…).
 
-    Norms are those of the balanced matrices. For 2×2 matrices they are the smallest over all units; otherwise
-    they may be larger if the accuracy is the same. units (…, N): as in `balance_matrices`, if known."""
+    Norms are those of the balanced matrices. For 2×2 matrices they are the smallest over all units. For other
+    matrices they may be larger, without loss of accuracy. units (…, N): as in `balance_matrices`, if
+    known."""
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         norm = np.asarray(unit * _least_pair_norm(*scaled))

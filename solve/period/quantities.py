@@ -225,8 +225,8 @@ class Quantities:
     """The q quantities of P points: their coordinates, followed by their outputs, if any.
 
     curve (P, n, …): curves of the points. speeds (P,): in rad/s. formulas: formulas of the outputs, with
-    parameters (P, p). positions: indices of the quantities among the formulas. outputs: function that
-    computes the same outputs in NumPy."""
+    parameters (P, p). positions: indices of the outputs among the formulas. outputs: function that computes
+    the same outputs in NumPy."""
 
     curve: PeriodicCurve
     speeds: Array
@@ -320,7 +320,7 @@ _REPEATS, _SAMPLES = 1e-6, 512
 periods agree, the orbit has a single period. Choices."""
 
 _A_STEP = 4
-"""Phases per step at which outputs of two curves are compared."""
+"""Number of phases per step at which outputs of two curves are compared."""
 
 
 def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
