@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "0f26d10ec86660d1fc03730825f28c9068ab65deea8c0904ee8d7eff75d3321c"
+MECHANISM_SHA256 = "eac3bce0033e2724d2be10b9ad1523f3ba5d8bfcb278621dbac670d910411b8e"
 DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a6aad79b21f97764c107557b37dfc0324a8457030d9386afd37d9ab6c38baef1"
+FILE_SHA256 = "b3e0957ca64f39841eec06e94ff9242dad7bfaf464bb2d7e5ad434d5c94c3055"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
@@ -37,7 +37,7 @@ OPTIONS = (
 OUTPUTS = (
     ("mesh_force", "N", "elastic force between the teeth, driving flanks positive"),
     ("gap", "m", "between the driving flanks, at most 2b"),
-    ("driving_contact", "1", "1 while the driving flanks touch; its mean is their fraction"),
+    ("driving_contact", "1", "1 while the driving flanks touch; mean: fraction of time"),
     ("back_contact", "1", "1 while the rear flanks touch: contact is then double-sided"),
     ("wear", "W", "mesh force times sliding speed"),
 )

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "d8c4b5a405d64a1aae28e105d1630f5fa0cb68c4e1e6f871080b01b01abf9c2f"
+MECHANISM_SHA256 = "e62be5ada10d05c9a39a99ddddaefdf5432c4e87f00ff1783a820871b8b53d8a"
 DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "fce430de15bead41ba6facf86806db4cc82c38c3edb5c36b770370480a72a7d6"
+FILE_SHA256 = "0609645601602c2d173c0d4ccb43945878f06824ef6c01358c135526c7b4b922"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
@@ -37,7 +37,7 @@ OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
     ("contact_force", "N", "pin on bearing, along the normal"),
     ("gap", "m", "between pin and bearing, at most g"),
-    ("contact", "1", "1 while pin and bearing touch; mean: fraction"),
+    ("contact", "1", "1 while pin and bearing touch; mean: fraction of time"),
     ("wear", "W", "contact force times sliding speed"),
     ("pin_along", "m", "pin from the centre of the bearing, along the stroke"),
     ("position", "m", "centre of the bearing along the stroke"),

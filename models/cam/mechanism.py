@@ -63,7 +63,7 @@ def mechanism() -> Mechanism:
     sliding = (R0 + y1) * rate(phi1)
     cam.output("gap", opening, "m", "follower above the undeformed cam, negative if pressed")
     cam.limit("gap", "<= 0", beyond="the follower lifts off the cam")
-    cam.output("in_contact", closed, "1", "1 in contact, 0 apart; its mean is the fraction of the period")
+    cam.output("in_contact", closed, "1", "1 in contact, 0 apart; mean: fraction of the period in contact")
     cam.output(
         "wear", Max(0, contact_force) * sliding, "W", "contact force times sliding speed of a flat face"
     )

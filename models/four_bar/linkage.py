@@ -74,9 +74,8 @@ class Linkage:
         sum_of_others = sum(self.lengths) - longest
         if longest >= sum_of_others - self.slack:
             raise LinkageError(
-                f"the longest link is {longest:g} m, the others together {sum_of_others:g} m, so that they "
-                "cannot be assembled into a linkage that moves; shorten the longest or lengthen the "
-                "others"
+                f"the longest link is {longest:g} m, the others together {sum_of_others:g} m, so that no "
+                "movable linkage can be assembled; shorten the longest link or lengthen the others"
             )
 
     @property

@@ -44,7 +44,7 @@ def mechanism() -> Mechanism:
     pair.output("mesh_force", mesh_force, "N", "elastic force between the teeth, driving flanks positive")
     pair.output("gap", Max(0, -deflection) - Max(0, -behind), "m", "between the driving flanks, at most 2b")
     drive, back = Heaviside(deflection), Heaviside(-behind)
-    pair.output("driving_contact", drive, "1", "1 while the driving flanks touch; its mean is their fraction")
+    pair.output("driving_contact", drive, "1", "1 while the driving flanks touch; mean: fraction of time")
     pair.output("back_contact", back, "1", "1 while the rear flanks touch: contact is then double-sided")
     pair.output("wear", Abs(mesh_force) * sliding, "W", "mesh force times sliding speed")
 

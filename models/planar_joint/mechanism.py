@@ -50,7 +50,9 @@ def mechanism() -> Mechanism:
     sliding = (gap * rate(v) - v * rate(u)) / distance + R * turning
     joint.output("contact_force", force, "N", "pin on bearing, along the normal")
     joint.output("gap", Max(0, g - distance), "m", "between pin and bearing, at most g")
-    joint.output("contact", Heaviside(distance - g), "1", "1 while pin and bearing touch; mean: fraction")
+    joint.output(
+        "contact", Heaviside(distance - g), "1", "1 while pin and bearing touch; mean: fraction of time"
+    )
     joint.output("wear", Abs(force * sliding), "W", "contact force times sliding speed")
     joint.output("pin_along", gap, "m", "pin from the centre of the bearing, along the stroke")
     joint.output("position", slider, "m", "centre of the bearing along the stroke")

@@ -139,7 +139,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     def entries(self, phase: Array, speed: float) -> Array | None:
         over = self.entries_over(phase, np.array([speed]))
-        # The evaluation of the matrices raises the error.
+        # If None is returned, the caller evaluates the matrices, which raises the error.
         return over[0] if over is not None and np.isfinite(over).all() else None
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
@@ -379,7 +379,7 @@ class LinearisedModel(Model):
         if self.model.assembled:
             return None
         entries = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
-        # The evaluation of the matrices raises the error.
+        # If None is returned, the caller evaluates the matrices, which raises the error.
         return entries if np.isfinite(entries).all() else None
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":
