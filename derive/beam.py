@@ -1,9 +1,9 @@
 """Beam elements: matrices from shape functions, and the text of their generated module.
 
-A family is a polynomial in ξ = x/L with as many coefficients as degrees of freedom. A degree of freedom is
-the derivative of the polynomial, of a given order, at a given ξ. Exact integration gives mass, stiffness,
-geometric stiffness, load and strain, and the coupling of axial with transverse displacement by rotation
-(thesis 4.2, Appendix A).
+The displacement is a polynomial in ξ = x/L with as many coefficients as degrees of freedom. A degree of
+freedom is a derivative of this polynomial at a node. Exact integration gives mass, stiffness, geometric
+stiffness, load and strain, and the coupling of axial with transverse displacement by rotation (thesis 4.2,
+Appendix A).
 """
 
 import json
@@ -20,18 +20,18 @@ XI = sympy.Symbol("xi", real=True)
 HALF = sympy.Rational(1, 2)
 
 AXIAL, BENDING = 1, 2
-"""Order of the derivative in the strain energy: elongation u′, curvature v″."""
+"""Order of the derivative in the strain energy: 1 for the elongation u′, 2 for the curvature v″."""
 
 LOADS = (0, 1)
-"""Powers of ξ of a distributed load along the element."""
+"""Powers of ξ in a distributed load along the element."""
 
 
 @dataclass(frozen=True)
 class Family:
     """Shape functions that interpolate `freedoms`: pairs (order of the derivative, ξ).
 
-    `strain` is AXIAL or BENDING. Because x = Lξ, row i of every table has the factor L to the power of the
-    order of the degree of freedom i.
+    `strain` is AXIAL or BENDING. Because x = Lξ, row i of every table must be multiplied by L^k if degree of
+    freedom i is a derivative of order k.
     """
 
     name: str
@@ -76,8 +76,8 @@ class Family:
 
 @dataclass(frozen=True)
 class Element:
-    """Plane beam element with one family of shape functions along the axis and one across it, at common
-    nodes."""
+    """Plane beam element with one family of shape functions for axial displacement and one for bending, at
+    common nodes."""
 
     name: str
     axial: Family
@@ -88,8 +88,8 @@ class Element:
         """Integral ∫ N̂u N̂vᵀ dξ, to be multiplied by ρA L: the blocks −X and Xᵀ of P = ∫ ρA Nᵀ S N dx, S =
         [[0, −1], [1, 0]].
 
-        In axes that rotate at ω, the Coriolis matrix is ωP, and the remaining terms of the acceleration of
-        the frame are ω̇P − ω²M: thesis (4.22).
+        In axes that rotate at ω, the Coriolis matrix is ωP, and the other terms due to the rotation are ω̇P −
+        ω²M: thesis (4.22).
         """
         return overlap(self.axial.shape, self.bending.shape)
 

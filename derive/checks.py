@@ -1,4 +1,4 @@
-"""Checks of the statement of a mechanism before the derivation."""
+"""Checks of a mechanism before the derivation of its equations."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Set
@@ -21,7 +21,7 @@ Dimensions = Mapping[sympy.Symbol, Dimension]
 
 @dataclass(frozen=True)
 class _Statement:
-    """Stated expression with its required unit and its forbidden symbols."""
+    """Expression in the mechanism file, with its required unit and its forbidden symbols."""
 
     what: str
     expression: sympy.Expr
@@ -29,7 +29,7 @@ class _Statement:
     """Required unit; None if any consistent unit is allowed."""
     forbidden: Set[Any] = frozenset()
     symbols: Mapping[Any, Dimension] = field(default_factory=dict)
-    """Dimensions of symbols that only this expression may contain."""
+    """Dimensions of symbols that are permitted in this expression only."""
 
 
 def check(mechanism: MechanismStatement) -> None:
@@ -175,7 +175,7 @@ def _period(mechanism: MechanismStatement) -> sympy.Expr:
 
 
 def _expression(what: str, given: Any) -> sympy.Expr:
-    """Convert the given value to an expression. Raises DeclarationError for text."""
+    """Convert a number or expression to a SymPy expression. Raises DeclarationError for text."""
     try:
         expression = sympy.sympify(given, strict=True)
     except sympy.SympifyError:

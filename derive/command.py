@@ -98,7 +98,7 @@ def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> s
     """Derived text of the generated module. SymPy is imported only in this function, because its import is
     slow.
 
-    report: callback for each sentence on terms of the statement that the equations ignore.
+    report: callback for sentences on terms of the energies that the equations ignore.
     """
     if source.name == loader.BEAM_ELEMENTS:
         from derive.beam import beam_elements_text

@@ -1,4 +1,4 @@
-"""Constants of a generated module as Python source."""
+"""Python source of the constants of a generated module."""
 
 import json
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ def constants(
     operations: dict[str, int],
     conditions: Sequence[Condition],
 ) -> str:
-    """Constants of a generated module, without its hashes."""
+    """Text of the constants of a generated module, without its hashes."""
     names = {parameter.symbol.name for parameter in mechanism.declared_parameters}
     rows = {
         "COORDINATES": [
@@ -63,8 +63,8 @@ def constants(
 def _series(series: type[PeriodicFunction]) -> tuple:
     """Entry for a series in the constant SERIES.
 
-    The entry contains: name, form, whether the coefficients are those of the derivative, mean, prefixes of
-    the two kinds of coefficients, number of harmonics.
+    The entry contains the name, the form, whether the coefficients are those of the derivative, the mean, the
+    prefixes of both kinds of coefficients, and the number of harmonics.
     """
     prefixes = (family[0].name.removesuffix("1") for family in (series.first, series.second))
     mean = series.mean.name if series.mean else ""

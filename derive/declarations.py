@@ -1,5 +1,4 @@
-"""Declared quantities, conditions and sketches of a mechanism, and the source lines at which they are
-stated."""
+"""Declared quantities, conditions and sketches of a mechanism, with their source lines."""
 
 import keyword
 import os
@@ -20,17 +19,17 @@ RESERVED = (
     *("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math", "running"),
     *("time", "speedd", "multiplier_re", "multiplier_im", "exponent_re", "exponent_im"),
 )
-"""Names that are reserved because generated code, or columns of result files, use them."""
+"""Names that are reserved because generated code or result files use them."""
 
 ARGUMENTS = ("q", "qd", "qdd", "p")
-"""Names of arguments of generated functions, which outputs, inputs, options and sketched lines must not
-have."""
+"""Names of arguments of generated functions. Outputs, inputs, options and sketched lines must not have these
+names."""
 
 _CLAUSE = r"\s*(?:(integer)|([<>]=?)\s*(-?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?))\s*"
 
 
 def require_plain(name: str) -> None:
-    """Raise DeclarationError unless generated code can use the name."""
+    """Raise DeclarationError unless the name can be used in generated code."""
     plain = isinstance(name, str) and re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name)
     if not plain or keyword.iskeyword(name) or name in RESERVED:
         raise DeclarationError(
@@ -125,8 +124,8 @@ class Option:
 
     @property
     def indicators(self) -> tuple[sympy.Symbol, ...]:
-        """Symbols, one per word of the option, that are 1 if the word is selected and 0 otherwise. Empty for
-        an option with numbers."""
+        """Symbols, one per word of the option, with the value 1 if the word is selected and 0 otherwise.
+        Empty for an option with numbers."""
         words = () if isinstance(self.values, range) else self.values
         return tuple(sympy.Symbol(f"{self.name}_{value}", real=True) for value in words)
 
@@ -144,7 +143,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Condition:
-    """Condition on parameters: `margin` > 0 at every phase."""
+    """Condition that the parameters must satisfy: `margin` > 0 at every phase."""
 
     text: str
     meaning: str
@@ -158,7 +157,7 @@ _MADE = "<string>"
 
 
 def note(lines: dict[Any, int], expression: Any) -> None:
-    """Record the source line, in the author's file, at which an expression is stated."""
+    """Record the line of the mechanism file at which an expression is stated."""
     frame: Any = sys._getframe(1)
     while frame and (frame.f_code.co_filename.startswith(_HERE) or frame.f_code.co_filename == _MADE):
         frame = frame.f_back
@@ -167,7 +166,7 @@ def note(lines: dict[Any, int], expression: Any) -> None:
 
 
 def line_of(lines: Mapping[Any, int], error: DeriveError) -> int | None:
-    """Recorded source line of the expression that an error concerns; None if it is unknown."""
+    """Recorded line of the expression to which an error refers; None if unknown."""
     about = error.about
     if about is None or not isinstance(about, Hashable):
         return None
@@ -190,14 +189,14 @@ RUNNING = sympy.Symbol("running", real=True)
 """Symbol of the fraction from 0 to 1 along a curve."""
 
 METRE = sympy.Symbol("1 m", real=True)
-"""Symbol of the unit metre, for sizes that occur only in the sketch."""
+"""Symbol of the unit metre, for lengths that occur only in the sketch."""
 
 POINTS, CURVE, BEAM = "points", "curve", "beam"
 
 
 @dataclass(frozen=True)
 class Sketch:
-    """Line through points x, y in the plane of motion, or curve described by one moving point.
+    """Line through points x, y in the plane of motion, or curve traced by one moving point.
 
     kind: POINTS, CURVE for a closed curve, or BEAM for an elastic link.
     """

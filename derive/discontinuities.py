@@ -1,11 +1,12 @@
-"""Steps and kinks: the phases at which they occur, and the existence of tangents at the fundamental motion.
+"""Steps and kinks of the equations: their phases, and the existence of a linearisation at the fundamental
+motion.
 
-The fundamental motion may keep clear of a switch g(φ, q, q̇) of the residual (a clearance), pass it at some
-phases, or lie on it throughout (friction at rest, contact without clearance).
+The fundamental motion may stay away from a switch g(φ, q, q̇) = 0 of the residual (a clearance), pass it at
+some phases, or remain on it (friction at rest, contact without clearance).
 
-The phases (`BREAKS` of a generated module) are zeros of switches of the phase. A switch takes the form A
-cos(aφ+b) + B sin(aφ+b) + c, or to an angle modulo a period, whose zeros are known. For nested switches the
-zeros of all branches are included; superfluous phases are harmless.
+The phases (`BREAKS` of a generated module) are zeros of switches that depend on the phase. Such a switch has
+the form A cos(aφ+b) + B sin(aφ+b) + c, or is an angle modulo a period; its zeros are known in closed form.
+For nested switches the zeros of all branches are included; superfluous phases do no harm.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -41,7 +42,7 @@ SMOOTHED = "smooth it by a velocity v0, a parameter: v/sqrt(v**2 + v0**2) in pla
 
 
 def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]) -> None:
-    """Raise ExpansionError if a switch leaves the residual without a tangent at the fundamental motion.
+    """Raise ExpansionError if a switch makes the residual nondifferentiable at the fundamental motion.
 
     jacobian: derivatives of the residual with respect to all time-varying symbols, away from the switches.
     """
@@ -70,8 +71,8 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 def open_clearances(
     residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
-    """Conditions on parameters: a clearance must not be exactly zero if the slopes on both sides of its
-    switch differ."""
+    """Conditions on parameters under which a clearance is not exactly zero, for clearances with different
+    slopes on both sides of the switch."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
     values = [substituted(part, rest) for part in parts]
@@ -92,8 +93,8 @@ def open_clearances(
 def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
     """Matrix with zero substituted for all time-varying symbols.
 
-    At switches that are zero in the fundamental motion, both sides have the same value. Singular pieces are
-    assumed inactive, see `inactive`.
+    At switches that are zero in the fundamental motion, both sides must have the same value. Singular pieces
+    are assumed inactive, see `inactive`.
     """
     rest = resting(moving)
     at_switch = [
@@ -109,9 +110,9 @@ def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | Non
 
 
 def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
-    """Conditions under which pieces that are singular in the fundamental motion are inactive in it.
+    """Conditions under which pieces that would be singular in the fundamental motion are inactive.
 
-    No condition is needed where the signs of the parameters guarantee it.
+    Conditions that follow from the signs of the parameters are omitted.
     """
     rest = resting(moving)
     for part in parts:
@@ -122,7 +123,7 @@ def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Itera
             if margin is None or margin.xreplace(dict(signs)).is_positive:
                 continue
             names = tuple(symbol.name for symbol in in_order(margin))
-            meaning = "a piece of the equations without a tangent is active in the fundamental motion"
+            meaning = "a nondifferentiable piece of the equations is active in the fundamental motion"
             yield Condition(f"{short(margin)} > 0", meaning, margin, names)
 
 
@@ -140,8 +141,8 @@ def vanishes(expression: Any) -> bool:
 
 
 def _is_discontinuous(parts: Sequence[Any], resting_value: Any, moving: Sequence[Any]) -> bool:
-    """Whether the expressions have different values on the two sides of the fundamental motion, at zeros of
-    the switch."""
+    """Whether the expressions have different values on both sides of the fundamental motion, at zeros of the
+    switch."""
     symbols = in_order(*parts, resting_value, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
     other = {symbol: -value for symbol, value in side.items()}
@@ -159,7 +160,7 @@ def _beside(moving: Sequence[Any]) -> dict[Any, Any]:
 
 
 def _chosen(node: Any, moving: Sequence[Any]) -> Any:
-    """Value of a step close to the fundamental motion."""
+    """Value of a step or kink close to the fundamental motion."""
     argument = _argument(node)
     symbols = in_order(argument, *moving)
     numbers = Numbers([argument], symbols)({**arbitrary_points(symbols)[0], **_beside(moving)})
@@ -212,7 +213,7 @@ class MathPrinter(CasadiPrinter):
 
 @dataclass(frozen=True)
 class Passage:
-    """Phases at which slope · φ + offset equals a target modulo `turn`.
+    """Set of phases at which slope · φ + offset equals a target modulo `turn`.
 
     targets: text of expressions, or of a call of _angles.
     """
@@ -230,8 +231,8 @@ class Passage:
 
 
 def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:
-    """Phases at which a switch changes: all switches of the matrices, and the switches of outputs that depend
-    only on the phase.
+    """Phases at which switches change sign: all switches of the matrices, and switches of the outputs that
+    depend only on the phase.
 
     Raises UnsupportedExpressionError if the phase of a switch has no closed form.
     """

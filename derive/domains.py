@@ -1,10 +1,10 @@
-"""Domains of functions, and the pieces of expressions in which domain conditions must hold.
+"""Domain conditions of functions, and replacement of pieces of expressions that may be singular.
 
-A domain is a condition on the argument of a root, quotient or arccosine. Inactive pieces of piecewise
-expressions contribute nothing, even if they are singular: a contact `Heaviside(r - gap)*k*(r - gap)*x/r` is
-0·(0/0) at r = 0. It becomes a selection of its value or 0. Within the value, arguments at which a function or
-its derivatives would not be finite are replaced where the piece is inactive. Values and automatic derivatives
-of any order are then finite.
+A domain condition restricts the argument of a root, quotient or arccosine. Inactive pieces of piecewise
+expressions should contribute nothing, even if they are singular: the contact `Heaviside(r - gap)*k*(r -
+gap)*x/r` would be 0·(0/0) at r = 0. Such a piece is replaced by a selection: its value if it is active,
+otherwise 0. Where the piece is inactive, arguments at which a function or its derivatives would be infinite
+are replaced by safe ones. Values and automatic derivatives of any order are then finite.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,13 +21,13 @@ LARGEST_EXPONENT = 709
 """Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
-"""Type of mappings from the real symbols of a mechanism to symbols with declared sign that replace them."""
+"""Type of substitutions of symbols with a known sign for the real symbols of a mechanism."""
 
 
 class Need(NamedTuple):
     """Domain condition of a function: it is real and finite where `margin` satisfies `relation`.
 
-    safe: value of the first argument at which the function and its derivatives are finite.
+    safe: value of the first argument for which the function and its derivatives are finite.
     """
 
     margin: Any
@@ -89,8 +89,8 @@ def is_met(need: Need, signs: Signs) -> bool:
 
 
 def substituted(part: Any, rest: Mapping[Any, Any]) -> Any:
-    """Expression evaluated at the values `rest` of symbols. Limits are used for log(0) and 1/0, which SymPy
-    cannot compare; NaN if the sign of a limit is unknown."""
+    """Expression evaluated at the values `rest` of symbols. If SymPy cannot compare log(0) or 1/0, their
+    limits are used; NaN if the sign of a limit is unknown."""
     try:
         return part.xreplace(rest)
     except (TypeError, ValueError):
@@ -110,7 +110,7 @@ def limit(part: Any, rest: Mapping[Any, Any]) -> Any:
 
 
 def rebuilt(part: Any, args: Iterable[Any]) -> Any:
-    """Expression with new arguments; NaN if they cannot be compared."""
+    """Expression with new arguments; NaN if SymPy cannot compare these."""
     try:
         return part.func(*args)
     except (TypeError, ValueError):
@@ -142,8 +142,8 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """Functions in an expression with their domain conditions, which hold trivially where their pieces are
-    inactive; inner functions first."""
+    """Functions in an expression, inner ones first, with their domain conditions. A condition holds trivially
+    where the piece that contains the function is inactive."""
     collected: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
         condition = need(node)
@@ -156,7 +156,7 @@ def needs(expression: Any) -> list[tuple[Any, Need]]:
 
 
 def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[Any, ...]]]:
-    """All subexpressions with the conditions under which they are active; arguments come before functions."""
+    """All subexpressions with the conditions under which they are active; arguments before functions."""
     if isinstance(part, sympy.Piecewise):
         for value, condition in branches(part.args):
             yield from _guarded(value, guards if condition == sympy.true else (*guards, condition))
@@ -174,8 +174,8 @@ PIECEWISE = (sympy.Max, sympy.Min, sympy.Piecewise, *STEPS)
 
 
 class Selected(sympy.Function):
-    """Function Selected(condition, value, otherwise), which is `value` where the condition holds and
-    `otherwise` elsewhere."""
+    """Function Selected(condition, value, otherwise): `value` where the condition holds, `otherwise`
+    elsewhere."""
 
     nargs = 3
     is_real = True
@@ -189,13 +189,14 @@ class Selected(sympy.Function):
 
 
 def guarded(expression: Any, signs: Signs) -> Any:
-    """Expression whose possibly singular pieces are replaced by selections that are finite on both sides."""
+    """Expression in which pieces that may be singular are replaced by selections that are finite on both
+    sides."""
     return _Selection(signs, True).selected(sympy.sympify(expression))
 
 
 def value_at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
-    """Expression at the values `rest` of the time-varying symbols, and conditions under which singular pieces
-    are inactive."""
+    """Expression at the values `rest` of the time-varying symbols, and conditions under which its singular
+    pieces are inactive."""
     conditions: list[Any] = []
 
     def value(part: Any) -> Any:
@@ -244,7 +245,8 @@ def _may_hold(condition: Any, signs: Signs) -> bool:
 
 @dataclass(frozen=True)
 class _Selection:
-    """Replacement of singular pieces by selections. safe: whether inactive values are made finite."""
+    """Replacement of singular pieces by selections. safe: whether values are made finite where they are
+    inactive."""
 
     signs: Signs
     safe: bool
@@ -278,7 +280,7 @@ class _Selection:
         return part if args == list(arguments) else part.func(*args)
 
     def _product(self, product: sympy.Mul, gates: Mapping[Any, Any]) -> Any:
-        # Max(0, x) is x where its condition holds.
+        # Where the condition holds, Max(0, x) is replaced by x.
         factors = [_opened(argument) if argument in gates else argument for argument in product.args]
         value, condition = sympy.Mul(*map(self.selected, factors)), sympy.And(*gates.values())
         return Selected(condition, self._finite(value, condition), sympy.S.Zero)
@@ -286,7 +288,7 @@ class _Selection:
     def _split(self, part: Any) -> Any:
         """Selection for a sum or product that is regular on one side of a step or kink, as in (|x| + x)*y.
 
-        None if the part has no such side.
+        None if it is singular on both sides.
         """
         terms = [argument for argument in sympy.Add.make_args(part) if self._is_singular(argument)]
         singular, others = (
@@ -308,7 +310,7 @@ class _Selection:
         return None
 
     def _extreme(self, extreme: Any) -> Any:
-        """Selection that makes singular arguments of Max or Min inactive unless they are the extremum."""
+        """Max or Min as selections, in which singular arguments are inactive unless they are the extremum."""
         if not any(map(self._is_singular, extreme.args)):
             return extreme
         value, *others = map(self.selected, sorted(extreme.args, key=sympy.default_sort_key))
@@ -340,7 +342,7 @@ class _Selection:
         return not is_met(needed._replace(relation=relation), self.signs)
 
     def _finite(self, part: Any, condition: Any) -> Any:
-        """Value under a condition, made finite where the condition does not hold."""
+        """Value of a piece, made finite where its condition does not hold."""
         if not self.safe or isinstance(part, Selected) or not part.args or condition == sympy.true:
             return part
         args, needed = [self._finite(argument, condition) for argument in part.args], need(part)

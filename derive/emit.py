@@ -80,15 +80,15 @@ ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
 
 @dataclass(frozen=True)
 class Equations:
-    """All results that a generated module contains.
+    """All results of the derivation, from which a generated module is written.
 
-    residual, outputs: at varying speed; residual is None if `functions` contain it or there are no
-    coordinates. definitions: text of the symbols that are not inputs. tools, functions: texts before and
+    residual, outputs: results at varying speed; residual is None without coordinates, or if `functions`
+    contain it. definitions: text that defines symbols that are not inputs. tools, functions: texts before and
     after the other functions. conditions: conditions on the parameters. passages: phases of the switches of
-    the matrices. nonlinear, idle: sentences on terms that the linear equations, or all equations, ignore.
-    switched: sentences on steps and kinks that the vibration may pass. no_drive_torque: reason why there is
-    no drive torque. projection: projection of a deflection on its mode functions. inputs: B, if there are
-    inputs.
+    the matrices. nonlinear: sentences on terms that the linear equations ignore. idle: sentences on terms
+    that all equations ignore. switched: sentences on steps and kinks that the vibration may pass.
+    no_drive_torque: reason why there is no drive torque. projection: projection of a deflection on its mode
+    functions. inputs: B, if there are inputs.
     """
 
     linearised: dict[str, Any]
@@ -123,7 +123,7 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
-            # With modal damping, which the residual does not contain, its rows do not vanish on a motion.
+            # The residual does not contain modal damping: its rows then do not vanish on a motion.
             rows = () if mechanism.damping_ratios else [*varying]
             outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
@@ -208,7 +208,8 @@ def module_text(
 
 
 def _require_own_names(body: str) -> None:
-    """Raise DeclarationError if a field or an unknown has the name of another generated function."""
+    """Raise DeclarationError if a field, or an unknown of a loop, has the name of another generated
+    function."""
     defined = re.findall(r"^def _(\w+)", body, re.MULTILINE)
     for name in defined:
         if defined.count(name) > 1:
@@ -253,8 +254,7 @@ def equations_text(equations: Sequence[Equation], projection: Projection | None 
 def functions_text(
     mechanism: MechanismStatement, functions: list[GeneratedFunction]
 ) -> tuple[list[str], dict[str, int]]:
-    """Texts of the functions, preceded by the texts of their loops, and the number of operations of each
-    function."""
+    """Texts of the loops and the functions, and the number of operations of each function."""
     orders = loop_orders([matrix for function in functions for matrix in function.matrices])
     loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
     printed = {function.name: function_text(mechanism, function, orders) for function in functions}
@@ -307,13 +307,13 @@ def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
 
 
 def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
-    """List with the generated function that computes the lines of the sketch; empty if there is no sketch."""
+    """List with the generated function that computes the lines of the sketch; empty without a sketch."""
     if not mechanism.declared_sketches:
         return []
     deflection, still = mechanism.declared_field, {AROUND: 2 * sympy.pi * RUNNING}
     texts: dict[sympy.Symbol, str] = {}
     if deflection:
-        # Shortening is of second order in the deflection.
+        # The shortening of the link is neglected, since it is of second order in the deflection.
         still |= dict.fromkeys((deflection.shortening, deflection.total_shortening), sympy.S.Zero)
         texts = along(deflection)
 

@@ -21,7 +21,7 @@ from derive.symbols import ACCELERATION, PHASE, SPEED, Moving, counted, rate, st
 
 
 def gathered(entry: sympy.Expr) -> sympy.Expr:
-    """Sum in which terms with the same dependence on phase, speed and motion are collected."""
+    """Expression in which terms with the same dependence on phase, speed and motion are collected."""
     factors: dict[sympy.Expr, list[sympy.Expr]] = {}
     for term in sympy.Add.make_args(sympy.expand_mul(entry)):
         factor, varying = term.as_independent(PeriodicFunction, Moving, SPEED)
@@ -31,7 +31,7 @@ def gathered(entry: sympy.Expr) -> sympy.Expr:
 
 
 def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
-    """Matrices with collected terms; unchanged if the original form has fewer operations.
+    """Matrices with collected terms, or unchanged if the original form has fewer operations.
 
     Collecting terms shortens transmission functions but lengthens explicit kinematics.
     """
@@ -79,8 +79,8 @@ def residuals(mechanism: MechanismStatement) -> sympy.Matrix:
 
 
 def _in_parts(rows: Sequence[Any]) -> sympy.Matrix:
-    """Rows in which terms at constant speed and terms due to an acceleration of the drive are simplified
-    separately."""
+    """Simplified rows, in which terms due to an acceleration of the drive are kept separate from the
+    others."""
     matrix = sympy.Matrix(rows)
     return simplified([steady(matrix)])[0] + simplified([accelerated(matrix)])[0]
 
@@ -97,10 +97,10 @@ def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> symp
     """Torque of the drive in N m, from the row of the phase (chapter Eq. (51)) and the rows of the
     coordinates.
 
-    The row of a coordinate that adds to the phase, such as the twist of a shaft, is subtracted. This row
-    vanishes on every motion, and the torque in the shaft remains. Without the subtraction, the inertia terms
-    would be in error on motions of the linear equations. residual: rows of the coordinates; None if the rows
-    are incomplete.
+    The row of a coordinate that is added to the phase, such as the twist of a shaft, is subtracted from the
+    row of the phase, which leaves the torque in the shaft. The subtracted row vanishes on every exact motion.
+    For motions of the linear equations, however, inertia terms would be inaccurate without the subtraction.
+    residual: rows of the coordinates; None if the rows are incomplete.
     """
     torque = _row(mechanism, PHASE)
     accelerations = [coordinate.symbol.rate.rate for coordinate in mechanism.declared_coordinates]
@@ -172,10 +172,10 @@ def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearis
 
 def taylor_expansion(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
     """First-order Taylor expansion of a residual about the fundamental motion, in the coordinates q, their
-    rates and accelerations; valid away from switches.
+    rates and accelerations. It is valid between switches.
 
-    signs: signs of the parameters. Raises ExpansionError if a step or kink in the coordinates leaves no
-    tangent.
+    signs: signs of the parameters. Raises ExpansionError if the residual is not differentiable because of a
+    step or kink in the coordinates.
     """
     jacobian, moving = _jacobian(residual, q)
     require_tangents(residual, jacobian, moving)
@@ -209,7 +209,7 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
-    """Derivatives of the residual with respect to q̈, q̇ and q, taken beside the switches, and the symbols
+    """Derivatives of the residual with respect to q̈, q̇ and q, valid next to the switches, and the symbols
     q̈, q̇ and q."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
@@ -229,7 +229,8 @@ def _require_expansion(mechanism: MechanismStatement, matrices: Linearised) -> N
 
 
 def _require_inertia(mechanism: MechanismStatement, M: sympy.Matrix) -> None:
-    """Raise SingularMassError if M is singular at an arbitrary rational point, and therefore everywhere."""
+    """Raise SingularMassError if M is singular at an arbitrary rational point, and therefore presumably
+    everywhere."""
     unknown = sorted(M.atoms(PeriodicFunction, LoopFunction), key=sympy.default_sort_key)
     unknown += sorted(M.free_symbols, key=lambda symbol: symbol.name)
     point = {symbol: sympy.Rational(sympy.prime(i + 5), 7) for i, symbol in enumerate(unknown)}

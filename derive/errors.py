@@ -6,7 +6,7 @@ from typing import Any
 class DeriveError(Exception):
     """Base class of the errors of `derive`, with a message of one line.
 
-    about: the expression concerned, if there is one.
+    about: expression to which the error refers, if there is one.
     """
 
     def __init__(self, text: str, about: Any = None):
@@ -47,7 +47,7 @@ class UnsupportedExpressionError(DeriveError):
 
 
 class UnknownMechanismError(DeriveError):
-    """Name of no known mechanism, or path of no existing file."""
+    """Name of an unknown mechanism, or path of a missing file."""
 
 
 class MechanismFileError(DeriveError):
@@ -67,4 +67,4 @@ class UnwritableError(DeriveError):
 
 
 class ImpulseError(DeriveError):
-    """Derivative of a discontinuous expression, which would be an impulse."""
+    """Derivative of a discontinuous expression; it would be an impulse."""

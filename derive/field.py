@@ -1,10 +1,11 @@
 """Deflection w(x, t) along an elastic link, and integrals of products of its mode functions.
 
-The author of a mechanism writes energies per length in w, its slope and curvature, the rates of these, and
-the position x, as if they were coordinates at one position, and integrates the energies over the link. Mode
-functions are sums of powers of ξ = x/l times sines and cosines of π(ak + c)ξ, with an integer a. Their
-products are sums of waves ξ^p exp(iπtξ), which are integrated by parts; at ξ = 1 only the parity (−1)^k of a
-mode number remains. Equal mode numbers, for which some t vanish, have a separate integral.
+The author of a mechanism writes energies per length as functions of w, its slope and curvature, their rates,
+and the position x. In these energies, w and its derivatives are used like coordinates at one position. The
+energies are then integrated over the link. Mode functions are sums of powers of ξ = x/l times sines and
+cosines of π(ak + c)ξ, with an integer a. Their products are sums of waves ξ^p exp(iπtξ), which are integrated
+by parts. At ξ = 1 a wave depends only on the parity (−1)^k of the mode number. For equal mode numbers, some t
+are zero; these integrals are computed separately.
 """
 
 from collections.abc import Callable
@@ -59,8 +60,8 @@ def modal_moment(shape: Shape, a: int, power: int, most: int) -> sympy.Expr:
 
 @cache
 def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sympy.Expr:
-    """Integral over 0 … 1 for all distinct mode numbers up to `most`. Cached, because energies and outputs of
-    all fields with the same shape contain the same integrals."""
+    """Integral over 0 … 1 for all distinct mode numbers up to `most`. It is cached, because energies and
+    outputs of all fields with the same shape contain the same integrals."""
     numbers = [
         dict(zip(symbols, permutation, strict=True))
         for permutation in permutations(range(1, most + 1), len(symbols))
@@ -74,9 +75,8 @@ def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sy
 
 
 def _factored(total: sympy.Expr) -> sympy.Expr:
-    """Sum of powers of π and parities, each multiplied by a factored quotient of mode numbers. The integral
-    is real; imaginary terms cancel with those of the opposite frequency and are omitted, because factoring is
-    slow."""
+    """Sum of powers of π and parities, each multiplied by a factored quotient of mode numbers. Imaginary
+    terms are omitted, because they cancel in the real integral and factoring is slow."""
     quotients: dict[sympy.Expr, sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(total)):
         imaginary = term.as_coefficient(sympy.I)
@@ -91,7 +91,7 @@ def _factored(total: sympy.Expr) -> sympy.Expr:
 
 
 def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
-    """Coefficients of ξ^power exp(iπ half_waves ξ) in a function, in a dictionary by power and half_waves."""
+    """Coefficients of ξ^power exp(iπ half_waves ξ) in a function; keys are (power, half_waves)."""
     waves: dict[tuple[int, sympy.Expr], sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(function.rewrite(sympy.exp))):
         factor, varying = term.as_independent(XI)
@@ -130,8 +130,8 @@ def _end_value(half_waves: Any) -> sympy.Expr:
 
 
 def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
-    """Raise an error if the frequency of a wave vanishes for some mode numbers only, for which its formula
-    would be 0/0."""
+    """Raise UnsupportedExpressionError if the frequency of a wave is zero for some mode numbers only: the
+    formula of the integral would be 0/0."""
     if half_waves == 0:
         return
     for number in numbers:
@@ -167,13 +167,14 @@ class FieldIntegral(sympy.Function):
         return super().free_symbols - self.field.local
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the integral, from the dimensions of density and length."""
+        """Dimension of the integral, computed from the dimensions of density and length."""
         return parts[0] * parts[1]
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Deflection w(x, t) = Σ q_k(t) ψ_k(x/length). The option `modes` is the number of modes.
+    """Deflection w(x, t) = Σ q_k(t) ψ_k(x/length) of an elastic link. The option `modes` is the number of
+    modes.
 
     shape: ψ_k as a function of k and xi = x/length.
     """
@@ -185,7 +186,7 @@ class Field:
     shape: Shape = field(repr=False)
     modes: str
     points: dict[Any, tuple[Moving, sympy.Expr]] = field(default_factory=dict, init=False)
-    """Symbols returned by `at`, for w, w′, w″ or the tension at a position."""
+    """Symbols returned by `at`, which represent w, w′, w″ or the tension at a position."""
 
     @cached_property
     def position(self) -> sympy.Symbol:
@@ -214,12 +215,12 @@ class Field:
 
     @cached_property
     def shortening(self) -> Any:
-        """Displacement u = ½∫w′² (from 0 to x) of an inextensible link at x towards its start."""
+        """Displacement u(x) = ½∫w′² dx, integrated from 0 to x, of an inextensible link towards its start."""
         return Moving(f"{self.name}_shortening")
 
     @cached_property
     def total_shortening(self) -> Any:
-        """Displacement u at the end, which is the length of the link minus that of its chord."""
+        """Displacement u at the end of the link: its length minus that of its chord."""
         return Moving(f"{self.name}_total_shortening")
 
     @cached_property

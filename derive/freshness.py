@@ -30,7 +30,7 @@ def _banner(title: str, command: str) -> str:
 
 
 def hashed_module(title: str, command: str, source_sha256: str, body: str, imports: str = IMPORTS) -> str:
-    """Text of the module with the hashes of its inputs and of all its other lines.
+    """Text of the module, including the hashes of its inputs and the hash of all other lines.
 
     command: arguments of `python -m derive` that regenerate it.
     """
@@ -61,8 +61,8 @@ def derive_sha256() -> str:
 def code(source: str) -> str:
     """Source without comments and without statements that are strings, such as docstrings.
 
-    They are removed by their positions in the text, because the result of the parser differs between versions
-    of Python.
+    Comments and strings are removed by position in the text, because the output of a parser would differ
+    between versions of Python.
 
     >>> code('x = "#"  # a number sign\\n')
     'x = "#"\\n'
@@ -112,7 +112,7 @@ def staleness(text: str, source_sha256: str) -> str:
 
 
 def difference(path: Path, present: str, wanted: str) -> str:
-    """Unified diff between the text of the file and the derived text."""
+    """Unified diff between the present text of the file and the derived text."""
     old, new = (text.splitlines(keepends=True) for text in (present, wanted))
     return "".join(difflib.unified_diff(old, new, f"{path} (present)", f"{path} (derived)"))
 

@@ -28,7 +28,7 @@ VECTORS["acceleration"] = ACCELERATION.name
 class GeneratedFunction:
     """Function of the generated module, with its CasADi inputs and named results.
 
-    definitions: text that defines those symbols of the results that are not inputs.
+    definitions: text that defines the symbols of the results that are not inputs.
     """
 
     name: str
@@ -47,7 +47,7 @@ def function_text(
 ) -> tuple[str, int]:
     """Text of one function, and its number of operations; common subexpressions are counted once.
 
-    loops: orders of derivatives that the generated function of each loop returns.
+    loops: for each loop, the orders of derivatives that its generated function returns.
     """
     taken = (
         mechanism.names()
@@ -124,7 +124,7 @@ def _varying(steady, added):
 
 
 def varying_text(name: str, given: str, options: Iterable[str]) -> str:
-    """Text of the variant, for varying speed, of a function of a state.
+    """Text of the variant for varying speed of a function of a state.
 
     given: text of the function's parameters; options: names of the module's options.
     """
@@ -164,7 +164,7 @@ def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
 
 
 def in_si(mechanism: MechanismStatement) -> list[str]:
-    """Lines that convert parameters to SI, for parameters whose unit is not coherent SI."""
+    """Lines that convert parameters to SI, for parameters in units other than coherent SI."""
     sizes = {parameter.symbol.name: size(parameter.unit) for parameter in mechanism.declared_parameters}
     return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]
 
@@ -191,7 +191,7 @@ def _listed(names: Iterable[str]) -> str:
 
 def _return(function: GeneratedFunction, printed: Sequence[str]) -> list[str]:
     names = (function.inputs, tuple(function.results))
-    # An output may have the name of an input, such as acceleration.
+    # An output may have the same name as an input, such as acceleration.
     options = '    {"allow_duplicate_io_names": True},' if {*function.inputs} & {*function.results} else ""
     return [
         "return casadi.Function(",

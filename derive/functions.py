@@ -1,11 +1,10 @@
 """Functions in expressions: unknowns of closed loops of rigid links, and Fourier series.
 
-A loop c(z; x) = 0 makes its unknowns z, angles or positions, functions of its arguments x, such as the angle
-of a crank. In expressions an unknown or a series is a function that carries its order of derivative with
-respect to each argument, so that rates and Lagrange's equations follow from the chain rule. The derivatives
-of an unknown solve linear systems with the matrix ∂c/∂z, for planar four-bars and for any other loop.
-Expressions do not contain the coefficients of a series, so that formulas remain as short as they are on
-paper.
+A loop c(z; x) = 0 determines its unknowns z, angles or positions, as functions of its arguments x, such as
+the angle of a crank. In expressions, an unknown or a series is a function with its orders of derivative as
+additional arguments; rates and Lagrange's equations follow by the chain rule. The derivatives of the unknowns
+of any loop solve linear systems with the matrix ∂c/∂z. Expressions do not contain the coefficients of a
+series, so that formulas remain short.
 """
 
 from collections.abc import Iterable, Mapping
@@ -53,7 +52,7 @@ class LoopFunction(sympy.Function):
         return self.func(*self.arguments, *order)
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the derivative, from the dimensions of the arguments."""
+        """Dimension of the derivative, computed from the dimensions of the arguments."""
         dimension = parse(self.unit)
         for part, times in zip(parts, self.order, strict=False):
             dimension /= part**times
@@ -87,9 +86,10 @@ def _exponent(times: int) -> str:
 class Loop:
     """Closed loop of rigid links.
 
-    unknowns: z, with their units. given: formal arguments, with the actual ones in `arguments`. closure: one
-    expression in z, `given` and parameters per unknown, which vanishes. start: expressions for z in `given`
-    and parameters: exact if `iterations` is 0, otherwise the initial guess of Newton's method.
+    unknowns: z, with their units. given: formal arguments; `arguments` contains the actual ones. closure:
+    expressions in z, `given` and parameters, one per unknown, that vanish if the loop is closed. start:
+    expressions in `given` and parameters for z; exact if `iterations` is 0, otherwise the initial guess of
+    Newton's method.
     """
 
     unknowns: tuple[sympy.Symbol, ...]
@@ -152,7 +152,8 @@ class Loop:
 
     @property
     def margins(self) -> list[Any]:
-        """Expressions that are positive if the loop closes to 1e-9 of the magnitude of its terms."""
+        """Expressions that are positive if the loop is closed to within 1e-9 of the magnitude of its
+        terms."""
         arguments = self.arguments
         values = dict(zip((*self.unknowns, *self.given), (*self.at(arguments), *arguments), strict=True))
         closed = [equation.xreplace(values) for equation in self.closure]
@@ -166,7 +167,7 @@ def _linear_solution(matrix: Any, right: Any) -> Any:
 
 
 def lower_orders(orders: Iterable[Order]) -> list[Order]:
-    """The given orders and all lower orders from which their derivatives follow, lowest first."""
+    """Given orders of derivatives and all lower orders that they require, lowest first."""
     needed = {lower for order in orders for lower in product(*(range(times + 1) for times in order))}
     return sorted(needed, key=lambda order: (sum(order), order))
 
@@ -178,12 +179,12 @@ def at_fundamental_motion(expression: Any) -> Any:
 
 
 def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loop:
-    """Directions of coupler and follower in closed form. A is the crank pin, C the pivot of the follower, and
-    B the joint.
+    """Loop of a planar four-bar linkage, with the directions of coupler and follower in closed form. A is the
+    crank pin, C the pivot of the follower, and B the joint of coupler and follower.
 
-    links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground line;
-    moving lengths and angles are arguments. side: +1 if B lies on the left of the line from A to C, −1 on its
-    right. B is computed from the height of the triangle A, B, C and the foot of the height.
+    links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground line.
+    Lengths and angles that move are arguments of the loop. side: +1 if B lies on the left of the line from A
+    to C, −1 on its right. B is computed from the height of the triangle A, B, C and the foot of the height.
     """
     moving = [name for name, value in links.items() if sympy.sympify(value).atoms(Moving)]
     given = {name: sympy.Dummy(name, real=True) for name in moving}
@@ -210,7 +211,7 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
 
 
 def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any, Any]:
-    """Inequalities that hold if A, B, C form a triangle at every crank angle."""
+    """Two inequalities that hold if A, B, C form a triangle at every crank angle."""
     crank, coupler, follower, ground = (
         at_fundamental_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
     )
@@ -219,7 +220,7 @@ def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any
 
 
 class Series(Protocol):
-    """Declared periodic function, as used by the author of a mechanism."""
+    """Declared periodic function, in the form that the author of a mechanism uses."""
 
     mean: Any
     """Parameter of the mean, if the series has one."""

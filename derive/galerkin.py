@@ -1,13 +1,15 @@
 """Galerkin projection of a deflection onto its mode functions, and the text of the generated functions.
 
-At each position of the link, w, w′ and w″ satisfy Lagrange's equations for the energies per length as if they
-were coordinates. The linearised rows of these equations are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a,
-where a and b count derivatives with respect to x. The equations of the amplitudes are ∫ Σ_a ψ_j^(a) r_a dx =
-0. The coefficients are polynomials of x, so that constant integrals of mode functions remain.
+Lagrange's equations are formed from the energies per length as if w, w′ and w″ at a position were
+coordinates. The linearised rows of these equations are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where
+a and b count derivatives with respect to x. The equations of the amplitudes are ∫ Σ_a ψ_j^(a) r_a dx =
+0. The coefficients are polynomials of x, so that the integrals of products of mode functions and powers of x
+   are constants.
 
-The shortening u = ½∫w′² is of second order. Lagrange's row of u is a force F_u along the link, of which ∫ F_u
-δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is the sum of this inner integral and the
-force at the end, which is the row of the total shortening; N w′²/2 is the energy of geometric stiffness.
+The shortening u = ½∫w′² is of second order. Lagrange's row of u is a force F_u along the link, with the
+virtual work ∫ F_u δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is the sum of this inner
+integral and the force at the end, which is the row of the total shortening; N w′²/2 is the energy of
+geometric stiffness.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +27,7 @@ from derive.printer import CasadiPrinter
 from derive.symbols import PHASE, Moving, counted, steady
 
 ZERO_MATRIX, ZERO_COLUMN = sympy.symbols("zero_matrix zero_column", real=True)
-"""Symbols of a zero matrix and a zero column, whose size is the number of modes."""
+"""Symbols of a zero matrix and a zero column; their size is the number of modes."""
 
 ZEROS = {"C": ZERO_MATRIX, "K": ZERO_MATRIX, "d": ZERO_COLUMN}
 
@@ -54,8 +56,8 @@ class Pair:
 class Projection:
     """Matrices and drive torque at varying speed, as sums of coefficients times integrals of mode functions.
 
-    pairs, moments: symbols of square matrices and of columns. weighted: symbols of the products of a column
-    with the amplitudes. The rates of the symbols are the products with the rates of the amplitudes.
+    pairs, moments: symbols of square matrices and of columns. weighted: symbols of the products of columns
+    with the amplitudes; the rate of such a symbol is the product with the rates of the amplitudes.
     """
 
     deflection: Field
@@ -77,7 +79,7 @@ class Projection:
 
     @property
     def tensions(self) -> dict[Any, Any]:
-        """Tension at each position at which it is requested."""
+        """Tension N at each position for which it is requested."""
         x = self.deflection.position
         return {
             point: self.tension.xreplace({x: position})
@@ -207,8 +209,7 @@ def _torque(projection: Projection, density: Energies) -> Any:
 
 
 def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
-    """Symbol of a column multiplied by the amplitudes, which are differentiated `times` times with respect to
-    time."""
+    """Symbol of a column multiplied by the amplitudes, or by their time derivatives of order `times`."""
     symbol = Moving(f"{moment.name}_q")
     projection.weighted[symbol] = moment
     return symbol.motion[times]
@@ -226,7 +227,7 @@ def _zeroed(moving: list[Moving]) -> Mapping[sympy.Basic, Any]:
 
 
 def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
-    """Coefficients of a polynomial in x, in a dictionary by power."""
+    """Coefficients of a polynomial in x; keys are the powers."""
     factors: dict[int, list[Any]] = {}
     for term in sympy.Add.make_args(sympy.expand(expression)):
         factor, varying = term.as_independent(x, as_Add=False)
@@ -261,7 +262,8 @@ AMPLITUDES = ("coordinates", "rates", "accelerations")
 
 
 def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
-    """Texts that define each symbol of the projected equations, and each point of the field."""
+    """Texts that define the symbols of the projected equations, and those of deflections at points of the
+    field."""
     modes = projection.deflection.modes
     texts = {
         ZERO_MATRIX: f"casadi.DM.zeros({modes}, {modes})",

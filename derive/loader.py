@@ -1,5 +1,5 @@
-"""Mechanism files, found by name (models/NAME/mechanism.py in the folder next to this package) or by path,
-and run without being imported."""
+"""Mechanism files, found by name (models/NAME/mechanism.py next to this package) or by path. They are
+executed without being imported."""
 
 import difflib
 import keyword
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 HOME = Path(__file__).resolve().parent.parent
 
 _NUMERIC = {"cmath", "math", "numpy"}
-"""Libraries whose functions accept numbers only."""
+"""Libraries with functions that accept only numbers."""
 
 BEAM_ELEMENTS = "beam_elements"
-"""Name of the module of element matrices, whose source is beam.py of this package."""
+"""Name of the generated module of element matrices; its source is beam.py of this package."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Source:
 
     @property
     def command(self) -> str:
-        """Argument of the command stated in the banner; it does not depend on the folder."""
+        """Argument of the command in the banner; it does not depend on the folder."""
         return self.path.name if self.argument.endswith(".py") else self.name
 
     @property
@@ -109,11 +109,11 @@ def _is_file(path: Path) -> bool:
 
 
 def require_own_name(path: Path) -> None:
-    """Raise MechanismFileError for file names that are not identifiers or would shadow a Python module."""
+    """Raise MechanismFileError for a file name that is not an identifier or would shadow a Python module."""
     taken = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
     if path.stem in taken or keyword.iskeyword(path.stem) or path.stem.startswith("_"):
         raise MechanismFileError(
-            f'a mechanism cannot be called "{path.stem}": Python has a module or word of this name, or '
+            f'a mechanism cannot be called "{path.stem}": Python has a module or keyword of this name, or '
             f"the name begins with _; rename {path.name} and its mechanism"
         )
 
@@ -164,7 +164,7 @@ def _run(source: Source) -> object:
     except DeriveError as error:
         raise type(error)(f"{source.path}{_line(error, source.path)}: {error}") from error
     except BaseException as error:
-        # An interruption raises this class itself; other exceptions come from the mechanism file.
+        # An interruption raises exactly this class; any other exception is due to the mechanism file.
         if type(error) is KeyboardInterrupt:
             raise
         what = ": ".join(filter(None, (type(error).__name__, str(error)))) + _hint(error, namespace)
@@ -177,7 +177,7 @@ def _run(source: Source) -> object:
 
 
 def _hint(error: BaseException, namespace: dict[str, object]) -> str:
-    """Remedy for numeric functions that were applied to symbols."""
+    """Remedy for the message if numeric functions were applied to symbols."""
     foreign = [
         name
         for name, value in namespace.items()

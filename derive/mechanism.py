@@ -49,7 +49,8 @@ class MechanismStatement(Quantities):
     no_drive_torque: str = field(default="", init=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Accept an energy that is a matrix product with one entry, and record the line of the statement."""
+        """Set an attribute. An energy may be a matrix product with one entry; the line at which it is stated
+        is recorded."""
         object.__setattr__(self, name, scalar(name, value) if name in _ENERGIES else value)
         if name in (*_ENERGIES, "damping_ratio") and hasattr(self, "lines"):
             for each in value if isinstance(value, tuple | list) else [getattr(self, name)]:
@@ -72,7 +73,7 @@ class MechanismStatement(Quantities):
 
     @property
     def metre(self) -> sympy.Symbol:
-        """Unit 1 m, for sizes that occur only in a `sketch`: `0.2 * metre`."""
+        """Unit 1 m, for lengths that occur only in a `sketch`: `0.2 * metre`."""
         return METRE
 
     def require(self, condition: Any, meaning: str) -> None:
@@ -117,7 +118,8 @@ class MechanismStatement(Quantities):
         side: Any = 1,
     ) -> tuple[Any, Any]:
         """Directions of coupler and follower of a planar four-bar linkage. Lengths and angle may vary with
-        time. A crank that cannot turn fully raises an error when the parameters have values.
+        time. If the crank cannot rotate fully with the values of the parameters, loading the model raises an
+        error.
 
         Parameters
         ----------
@@ -156,8 +158,8 @@ class MechanismStatement(Quantities):
     ) -> tuple[Any, ...]:
         """Unknowns of a closed loop, by Newton's method from a guess that selects the assembly configuration.
 
-        A loop that is not closed after `iterations` steps at some phase raises an error when the parameters
-        have values.
+        If the loop is not closed after `iterations` steps at some phase, loading the model with values of the
+        parameters raises an error.
 
         Parameters
         ----------
@@ -166,7 +168,8 @@ class MechanismStatement(Quantities):
         driven_by : sequence of expressions
             Arguments of the loop, such as the phase.
         closure : callable
-            `closure(*driven_by, *unknowns)` returns one expression per unknown, which vanishes.
+            `closure(*driven_by, *unknowns)` returns one expression per unknown, all of which vanish in a
+            closed loop.
         start : callable
             `start(*driven_by)` returns a guess for each unknown.
         iterations : int, default 8
@@ -271,7 +274,7 @@ class MechanismStatement(Quantities):
         Parameters
         ----------
         force, along : expression, or matrices of one shape
-            A force and a displacement, or a torque and an angle; entry by entry for matrices.
+            A force and a displacement, or a torque and an angle. Matrices are multiplied entry by entry.
 
         Raises
         ------
@@ -343,7 +346,7 @@ class MechanismStatement(Quantities):
         bound : str
             Bound, such as ">= 0" or "> -1, < 1".
         beyond : str
-            What happens outside the bound, for the warning.
+            Consequence of a violated bound, for the warning.
 
         Raises
         ------

@@ -1,5 +1,4 @@
-"""Python text of expressions in CasADi symbols, and of calls of the generated functions for series and
-loops."""
+"""Python text of expressions in CasADi symbols, and calls of the generated functions for series and loops."""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence, Set
@@ -48,8 +47,8 @@ NODES = (
 
 
 class CasadiPrinter(AbstractPythonCodePrinter):
-    """Printer that writes `casadi.` or `math.` before each function. Rational numbers are printed as
-    divisions. Raises UnsupportedExpressionError for an expression without counterpart.
+    """Printer that writes functions with the prefix `casadi.` or `math.`, and rational numbers as divisions.
+    Raises UnsupportedExpressionError for an expression without a CasADi counterpart.
     """
 
     def __init__(self) -> None:
@@ -232,8 +231,8 @@ def loop_calls(
 ) -> tuple[list[str], dict[Any, sympy.Symbol]]:
     """Lines that solve the loops in the matrices, and the symbol of each value.
 
-    taken: names in use; the names of the new symbols are added. A loop follows the loops and series that
-    drive it.
+    taken: names in use; the names of the new symbols are added. A loop is listed after the loops and series
+    on which its arguments depend.
     """
     printer, lines = CasadiPrinter(), []
     values: dict[Any, Any] = {}
@@ -257,8 +256,8 @@ def _inner_first(call: tuple[tuple[str, tuple[Any, ...]], Loop]) -> tuple[int, A
 
 
 def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str]) -> tuple[list[str], int]:
-    """Lines of Newton's method, and the number of operations. The number of iterations is fixed, so that the
-    function can be differentiated and mapped."""
+    """Lines of Newton's method, and the number of operations. The number of iterations is fixed, so that
+    CasADi can differentiate and map the function."""
     following = [sympy.Symbol(f"{symbol.name}_new", real=True) for symbol in loop.unknowns]
     step = [value.xreplace(formal) for value in loop.newton_step]
     lines, count = _lines(list(zip(following, step, strict=True)), taken)

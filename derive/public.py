@@ -1,4 +1,4 @@
-"""Public classes in which a user states a mechanism; `solve.load` accepts them."""
+"""Public classes for the statement of a mechanism; `solve.load` accepts their instances."""
 
 from collections.abc import Iterator
 
@@ -13,7 +13,7 @@ from derive.structure import StructureStatement
 from derive.structure_text import generated_text
 
 _MAX_CACHED = 64
-"""Number of mechanisms whose generated code is cached. A choice: at most a few megabytes of text."""
+"""Number of mechanisms for which generated code is cached. A choice: at most a few megabytes of text."""
 
 _cache: dict[str, str] = {}
 
@@ -81,9 +81,9 @@ class Mechanism(MechanismStatement):
 class Structure(StructureStatement, Mechanism):
     """A plane structure of links that are beams, and of the joints between them.
 
-    A joint is a pin unless `weld` or `clamp` declares otherwise: its links share its position and rotate
-    independently. `damping_ratio` applies to every mode. Energies and coordinates follow from the links
-    and from the element types that the user of the generated module chooses, link by link.
+    A joint is a pin unless `weld` or `clamp` declares otherwise: links that meet at a pin rotate
+    independently. `damping_ratio` applies to every mode. Energies and coordinates follow from the links and
+    from the element type of each link, an option of the generated module.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def _derived(mechanism: MechanismStatement, statement: str) -> str:
 
 
 def _statement(mechanism: MechanismStatement) -> Iterator[str]:
-    """Complete statement as texts, with all digits of numbers."""
+    """Texts of the complete statement, with all digits of numbers."""
     yield repr(mechanism)
     if mechanism.declared_field:
         yield sympy.srepr(mechanism.declared_field.shape(*sympy.symbols("k xi")))

@@ -41,10 +41,10 @@ class Quantities:
     declared_loops: list[Loop] = field(default_factory=list, init=False)
     declared_bodies: list[ReducedBody] = field(default_factory=list, init=False)
     lines: dict[Any, int] = field(init=False, repr=False, compare=False)
-    """Line numbers in the author's file, by the expressions stated there."""
+    """Line numbers of the mechanism file; keys are the expressions stated there."""
 
     def __post_init__(self) -> None:
-        # Lines are recorded from here on; default values of the fields have no lines.
+        # Lines are recorded from now on; default values of the fields have no lines.
         self.lines = {}
 
     def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]:
@@ -89,9 +89,9 @@ class Quantities:
         Parameters
         ----------
         **declared : tuple of str
-            `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`. Values have this unit, which may be any unit
-            of pint; equations convert values to SI. A bound is text such as "> 0", ">= 0", "< 1" or "integer,
-            >= 1"; without one any finite number is allowed.
+            `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`. Values have this unit, any unit known to
+            pint; the generated equations convert values to SI. A bound is text such as "> 0", ">= 0", "< 1"
+            or "integer, >= 1"; without one any finite number is allowed.
 
         Returns
         -------
@@ -279,10 +279,10 @@ class Quantities:
         modes: int,
         damping: bool = False,
     ) -> ReducedBody:
-        """Declare an elastic body whose matrices are data of the case, from a finite-element program.
+        """Declare an elastic body with matrices from a finite-element program; the case names the file.
 
         The modes of the body become coordinates `{name}1`, `{name}2`, …; the entries of its matrices become
-        parameters. The case names the file: `blade = { file = "blade.mat", unit = "m kg s", source = "…" }`.
+        parameters. Entry of the case: `blade = { file = "blade.mat", unit = "m kg s", source = "…" }`.
 
         Parameters
         ----------
@@ -310,7 +310,7 @@ class Quantities:
         return body
 
     def input(self, name: str, unit: str, *, along: Any, meaning: str = "input of a controller") -> None:
-        """Declare an input: a force that a controller sets, and that is otherwise zero.
+        """Declare an input, a force that a controller sets; without a controller it is zero.
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
-"""Linearised equations in the form of the literature, and their MathML.
+"""Linearised equations in the notation of the literature, and their MathML.
 
-Entries of the matrices are listed one by one; repeated long subexpressions have names.
+Entries of the matrices are listed one by one; long subexpressions that occur repeatedly are named.
 """
 
 import re
@@ -50,7 +50,8 @@ class Equation:
 
 
 def read(mechanism: MechanismStatement, linearised: Mapping[str, Any]) -> list[Equation]:
-    """Named subexpressions, and the nonzero entries of M, C, K, d or the sums of a projection."""
+    """Equations for named subexpressions, and for the nonzero entries of M, C, K, d or the sums of a
+    projection."""
     named, names = _named(mechanism, linearised.values())
     put = {
         name: _each(part, lambda entry: _shorter(entry.xreplace(names))) for name, part in linearised.items()
@@ -74,7 +75,8 @@ def links(structure: StructureStatement) -> list[Equation]:
 
 
 def with_numbers(expression: Any, numbers: Mapping[sympy.Symbol, Any]) -> Any:
-    """Expression with numbers in place of parameters, except in the arguments of the unknowns of loops."""
+    """Expression with numbers substituted for parameters, except in the arguments of the unknowns of
+    loops."""
     kept = {atom: atom for atom in expression.atoms(LoopFunction)}
     return expression.xreplace({**{each: sympy.Float(x) for each, x in numbers.items()}, **kept})
 
@@ -98,8 +100,8 @@ def _entries(name: str, matrix: Any) -> Iterator[Equation]:
 
 
 def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Equation], dict[Any, Any]]:
-    """Named sums and roots that occur repeatedly, with names that indicate their units, and the substitution
-    by these names."""
+    """Equations that name sums and roots that occur repeatedly, and the substitution of these names. The
+    letter of a name indicates its unit."""
     known, taken = dimensions(mechanism), mechanism.names()
     repeated = _repeated(parts)
     named: list[Equation] = []
@@ -119,7 +121,8 @@ def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Eq
 
 
 def _shorter(expression: Any) -> Any:
-    """Shorter form: the expression or its expansion, in which named subexpressions may cancel."""
+    """The expression or its expansion, whichever is shorter. Named subexpressions may cancel in the
+    expansion."""
     if sympy.count_ops(expression) > _LONG:
         return expression
     return min(expression, sympy.expand(expression), key=sympy.count_ops)
@@ -133,8 +136,8 @@ def _symbols(dimension: Dimension) -> Iterator[sympy.Symbol]:
 
 
 def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
-    """Sums and square roots that occur at least twice and are not short, inner ones first. Each is listed
-    with the forms in which it occurs (factors and powers)."""
+    """Long sums and square roots that occur at least twice, inner ones first, with the factors and powers
+    with which they occur."""
     times: dict[Any, int] = {}
     forms: dict[Any, dict[Any, tuple[Any, Any]]] = {}
     for expression in parts:
@@ -152,7 +155,7 @@ def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
 
 
 def _base(part: Any) -> tuple[Any, Any, Any]:
-    """Base of a subexpression that may be named, with its factor and power; None if it may not be named."""
+    """Base, factor and power of a subexpression that may be named; otherwise None."""
     base, factor, power = sympy.S.Zero, sympy.S.One, sympy.S.One
     if isinstance(part, sympy.Pow) and isinstance(part.exp, sympy.Rational) and part.exp.q == 2:
         base, power = sympy.sqrt(part.base), sympy.Integer(part.exp.p)
@@ -197,7 +200,7 @@ class _Printer(MathMLPresentationPrinter):
         return super().mathml_tag(e).replace("<", "&lt;").replace(">", "&gt;")
 
     def doprint(self, expr: Any) -> str:
-        # XML predefines only these character names; names of several letters need space between them.
+        # XML predefines only these character names; names of several letters require a space between them.
         text = re.sub(_NAMED, lambda name: f"&#{ord(unescape(name[0]))};", super().doprint(expr))
         return text.replace(f"<mo>{_TIMES}</mo>", f'<mo rspace="0.12em">{_TIMES}</mo>')
 

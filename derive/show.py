@@ -29,7 +29,7 @@ _FRACTION = r"\\frac\{((?:[^{}]|\{[^{}]*\})*)\}\{([^{} ]*)\}"
 """Pattern of a fraction with a single short factor in the denominator."""
 
 _BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
-"""Pattern of braces around the whole argument of a function."""
+"""Pattern of the braces around the complete argument of a function."""
 
 
 def equations(
@@ -86,7 +86,7 @@ def _defaults(mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
 
 
 def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float]) -> list[str]:
-    """Comments that explain the symbols which the mechanism does not declare."""
+    """Comments that explain symbols that the mechanism does not declare."""
     if mechanism.declared_field:
         vector = r"\psi: mode functions of \xi = x/l, integrals from 0 to 1; row i, column j"
     else:
@@ -163,8 +163,7 @@ def _folded(text: str, width: int, depth: int = 0) -> list[str]:
 
 
 def _terms(text: str, depth: int) -> list[str]:
-    """Parts of a text, split before each + and − that is between spaces and enclosed in at most `depth`
-    brackets."""
+    """Parts of a text, split before each + or − between spaces that is inside at most `depth` brackets."""
     inside, start, terms = 0, 0, []
     for at, letter in enumerate(text):
         inside += (letter in "({") - (letter in ")}")
@@ -229,7 +228,7 @@ def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[s
             unit = entry.get("unit", "")
             if parse(unit) != parse(declared[member].unit):
                 raise CaseError(f'{path}: {member} is in "{unit}"; it must be in "{declared[member].unit}"')
-            # A hertz is 1 or 2π rad/s, depending on the declared unit.
+            # Hertz and rad/s are not converted into each other, because a hertz may be 1/s or 2π rad/s.
             if ("Hz" in unit) == ("Hz" in declared[member].unit):
                 numbers[declared[member].symbol] = float(value) * size(unit)
     return numbers

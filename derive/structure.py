@@ -1,4 +1,4 @@
-"""Statement of a plane structure of slender beams by links and joints, which may move with the phase."""
+"""Statement of a plane structure of slender beams, whose links and joints may move with the phase."""
 
 import difflib
 from collections.abc import Iterator, Set
@@ -157,12 +157,12 @@ class StructureStatement(MechanismStatement):
         self.supported.append(joint)
 
     def clamp(self, joint: str, *links: str) -> None:
-        """Fix the position of a joint and the directions of all its links, or of the named links."""
+        """Fix the position of a joint and the directions of its links (all, or the named ones)."""
         self.support(joint)
         self.clamped += [(joint, name) for name in self._links_at(joint, links)]
 
     def weld(self, joint: str, *links: str) -> None:
-        """Connect all links of a joint, or the named links, rigidly to each other."""
+        """Connect the links of a joint (all, or the named ones) rigidly to each other."""
         self.welded.append((joint, self._links_at(joint, links)))
 
     def spring(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
@@ -182,8 +182,8 @@ class StructureStatement(MechanismStatement):
         self.declared_springs.append(self._elastic(joint, links, x, y, turn))
 
     def dashpot(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
-        """Add dashpots to a joint, with arguments as in `spring`: along x and y (N s/m) and for rotations (N
-        m s/rad)."""
+        """Add dashpots between a joint and the ground, with arguments as in `spring`: x and y in N s/m, turn
+        in N m s/rad."""
         self.declared_dashpots.append(self._elastic(joint, links, x, y, turn))
 
     def to_ground(self, declared: list[Elastic]) -> dict[str, sympy.Expr]:
@@ -227,7 +227,7 @@ class StructureStatement(MechanismStatement):
         return any(PHASE in link.angle.free_symbols for link in self.declared_links)
 
     def numbers(self) -> Iterator[tuple[str, sympy.Expr, str, Set[sympy.Symbol]]]:
-        """Description, expression, unit and forbidden symbols of every stated expression."""
+        """Description, value, unit and forbidden symbols of every expression in the statement."""
         fixed = {PHASE, SPEED}
         for link in self.declared_links:
             for name, (expression, unit) in link.properties.items():
@@ -272,7 +272,8 @@ class StructureStatement(MechanismStatement):
     def _require_own_freedoms(self) -> None:
         """Raise DeclarationError if two degrees of freedom have the same name.
 
-        Names are "knee" of a joint, "arm_knee" of a link's end, and "arm_1" of a node within a link.
+        Examples of names are "knee" for a joint, "arm_knee" for the end of a link, and "arm_1" for a node
+        within a link.
         """
         ends = [f"{each.name}_{joint}" for each in self.declared_links for joint in (each.start, each.end)]
         for name in (*self.joints, *ends):

@@ -1,4 +1,4 @@
-"""Text of the module generated from a structure: links and joints as data, and outputs."""
+"""Text of the module that is generated from a structure, with links and joints as data, and outputs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import product
@@ -33,9 +33,11 @@ class Observed(NamedTuple):
 
 
 def observed(structure: StructureStatement) -> list[Observed]:
-    """Outputs of a moving structure; empty for a structure at rest. For each link, these are the stresses and
-    the deflection at the midpoint; for a link clamped at one end, the deflection at the tip instead, and also
-    the stresses at the root. Further outputs are the joint forces and the strain energy of all links.
+    """Outputs of a moving structure; empty for a structure at rest.
+
+    Each link has stresses and a deflection at its midpoint. A link clamped at one end has the deflection at
+    its tip instead, and also stresses at its root. Further outputs are the joint forces and the strain energy
+    of all links.
     """
     if not structure.moves:
         return []

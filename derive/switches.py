@@ -1,8 +1,8 @@
-"""Functions with switches (steps, kinks, pieces): derivatives next to the switches, and discontinuities at
-the switches.
+"""Functions with switches (steps, kinks, pieces): their derivatives next to the switches, and their
+discontinuities.
 
-The derivative of a discontinuity is an impulse, which matrices and forces cannot contain. Derivatives are
-therefore taken beside the switches, and a discontinuous function raises an error.
+The derivative of a discontinuous function contains an impulse, which matrices and forces cannot represent.
+Derivatives are therefore those next to the switches, and a discontinuous function raises an error.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ It is far above the round-off of `_DIGITS` digits and far below any change of a 
 """
 
 _SCAN = sorted([k / 45 for k in range(-316, 317)] + [s * 10.0**k for k in range(-6, 7) for s in (-1, 1)])
-"""Values of a symbol between which a sign change of a switch is searched: −7 … 7 in steps of 1/45, and powers
+"""Values of a symbol between which a sign change of a switch is sought: −7 … 7 in steps of 1/45, and powers
 of ten."""
 
 _STEPS = {
@@ -127,7 +127,8 @@ STEPPING = (sympy.Piecewise, sympy.Heaviside, sympy.sign, sympy.Abs, sympy.Max, 
 
 
 def switches(expression: Any, by: Iterable[Any]) -> list[Any]:
-    """Switches of an expression: expressions in the symbols `by` at whose zeros it has a step or kink."""
+    """Switches of an expression: functions of the symbols `by`, at the zeros of which the expression has a
+    step or kink."""
     moving, zeros = set(by), set()
     for node in sympy.preorder_traversal(expression):
         zeros |= {g for g in _switching(node) if g.free_symbols & moving and -g not in zeros}
@@ -147,13 +148,13 @@ def _switching(node: Any) -> Iterator[Any]:
 
 
 def _whole_turns(node: Wrapped) -> Any:
-    """Expression that is zero where a wrapped angle jumps."""
+    """Expression that is zero at the jumps of a wrapped angle."""
     angle, turn = node.args
     return sympy.sin(sympy.pi * angle / turn)
 
 
 def switch_location(switch: Any, expressions: Iterable[Any]) -> str:
-    """Text that locates a switch in the given expressions."""
+    """Text that states where a switch in the given expressions is zero."""
     for node in set().union(*(expression.atoms(Wrapped) for expression in expressions)):
         if _whole_turns(node) in (switch, -switch):
             angle, turn = node.args
@@ -189,7 +190,7 @@ def known_real(expression: Any) -> Any:
 
 
 def beside(derivative: Any) -> Any:
-    """Derivative without the terms that vanish next to the switches. Powers of a step are replaced by the
+    """Derivative without the terms that vanish next to the switches; powers of a step are replaced by the
     step."""
     if not derivative.has(sympy.DiracDelta, sympy.Heaviside):
         return derivative
@@ -208,7 +209,7 @@ def require_no_jump(expression: Any, by: Sequence[Any]) -> None:
             raise ImpulseError(
                 f"{short(expression)} is discontinuous where {switch_location(switch, [expression])}, so its "
                 f"derivative with respect to {moving} is an impulse there; V and forces may be discontinuous "
-                "in the phase; T and displacements, and V as a function of coordinates, may only have kinks",
+                "in the phase; T, displacements, and V as a function of coordinates, may only have kinks",
                 switch,
             )
 
@@ -229,7 +230,7 @@ def jumps(expressions: Sequence[Any], switch: Any, moving: Any) -> bool:
 
 
 def zeros_of(switch: Any, moving: Any, symbols: Sequence[Any]) -> Iterator[dict[Any, Any]]:
-    """Values of all symbols at zeros of the switch, found by varying one symbol at a time."""
+    """Values of all symbols at zeros of a switch, found by varying one symbol at a time."""
     for point, roots in zip(arbitrary_points(symbols), _roots(switch, moving), strict=True):
         for root in roots:
             yield {**point, moving: root}
@@ -245,14 +246,15 @@ class Numbers:
     """Function that evaluates expressions numerically; None if a value is undefined."""
 
     def __init__(self, expressions: Iterable[Any], symbols: Sequence[Any], exact: bool = True):
-        """exact: whether values are computed to `_DIGITS` digits, or in floating point, which is faster."""
+        """exact: whether values are computed to `_DIGITS` digits; otherwise in floating point, which is
+        faster."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
         replaced = [_replace_own_functions(sympy.sympify(expression)) for expression in expressions]
         self._undefined = any(value.has(sympy.zoo, sympy.nan) for value in replaced)
         if self._undefined:
             return
         modules = [_STEPS, "mpmath" if exact else "math"]
-        # Dummy symbols are used, because a symbol may have the name of a function.
+        # Dummy symbols are used, because a symbol may have the same name as a function.
         self._function = sympy.lambdify(symbols, replaced, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
@@ -318,7 +320,7 @@ class _Sign:
         return None if value is None or value[0].imag != 0 else (value[0] > 0) - (value[0] < 0)
 
     def narrowed(self, low: Any, high: Any, halvings: int) -> tuple[Any, Any]:
-        """Interval that contains the change of sign, after a number of halvings."""
+        """Interval that contains the change of sign, narrowed by a number of halvings."""
         first = self(low)
         for _ in range(halvings):
             middle = (low + high) / 2
@@ -333,7 +335,7 @@ def is_derive_function(part: Any) -> bool:
 
 
 def _replace_own_functions(expression: Any) -> Any:
-    """Expression in which sines replace series and unknowns of loops, so that it can be evaluated
+    """Expression in which series and unknowns of loops are replaced by sines, so that it can be evaluated
     numerically."""
     return expression.replace(
         is_derive_function, lambda part: sympy.sin(sympy.Add(*part.args) + len(type(part).__name__))

@@ -43,7 +43,7 @@ PHASE = Phase("phase")
 
 
 def rate(expression: Any) -> Any:
-    """Total time derivative, through phase, speed, coordinates and their rates.
+    """Total time derivative of a function of phase, speed, coordinates and their rates.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def rate(expression: Any) -> Any:
     ImpulseError
         If the expression is discontinuous.
     DeclarationError
-        If a tuple or text is given, or a coordinate shifts the phase in a step or kink.
+        If a tuple or text is given, or if a step or kink contains the phase plus a coordinate.
     """
     if isinstance(expression, sympy.MatrixBase):
         return expression.applyfunc(rate)
@@ -84,10 +84,11 @@ def steady(expression: Any) -> Any:
 
 
 def counted(expression: Any) -> Any:
-    """Expression with the phase modulo 2π in those steps, kinks and pieces that depend on the phase itself.
+    """Expression in which steps, kinks and pieces that depend on the phase itself contain the phase modulo
+    2π.
 
-    Periodic functions of the phase are unchanged. Raises DeclarationError if coordinates shift the phase in
-    these.
+    Periodic functions of the phase are unchanged. Raises DeclarationError if such a step, kink or piece also
+    contains a coordinate.
     """
     if isinstance(expression, STEPPING) and _whole_phase(expression):
         if any(_whole_phase(each) and each.atoms(Moving) != {PHASE} for each in _compared(expression)):
@@ -102,7 +103,7 @@ def counted(expression: Any) -> Any:
 
 
 def _compared(expression: Any) -> Iterable[Any]:
-    """Expressions whose signs select the branch of a step, kink or piecewise function."""
+    """Expressions that select the branch of a step, kink or piecewise function by their signs."""
     if isinstance(expression, sympy.Piecewise):
         return set().union(*(argument.args[1].atoms(Relational) for argument in expression.args))
     return expression.args
@@ -127,7 +128,7 @@ def _wrapped(expression: Any) -> Any:
 
 
 def _repeats(expression: Any) -> bool:
-    """Whether a sine or cosine has the period 2π in the phase."""
+    """Whether an expression is a sine or cosine with the period 2π in the phase."""
     turning = isinstance(expression, sympy.sin | sympy.cos | sympy.tan)
     return turning and bool(sympy.diff(expression.args[0], PHASE).is_Integer)
 
@@ -146,8 +147,8 @@ def primed(order: int) -> str:
 
 
 def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
-    """Symbol with this name, to which underscores are appended while the name is in `taken`. The final name
-    is added to `taken`."""
+    """Symbol with this name, with underscores appended until the name is not in `taken`. The final name is
+    added to `taken`."""
     while name in taken:
         name += "_"
     taken.add(name)

@@ -67,7 +67,7 @@ _LONGEST = 80
 """Maximum number of characters of a unit, and of an expression in a message. A choice."""
 
 _COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))")
-"""Pattern of a power that is not a number with at most two digits before and after the decimal point."""
+"""Pattern of an invalid power: valid ones have at most two digits before and after the decimal point."""
 
 
 @runtime_checkable
@@ -92,8 +92,8 @@ def require_coherent(what: str, text: str) -> None:
     """Raise UnitError unless a unit is one of coherent SI."""
     if size(text) != 1.0:
         raise UnitError(
-            f'{what} is in "{text}", which is {size(text):g} of the SI unit; coordinates and energies are in '
-            f"SI, from {', '.join(UNITS)} (parameters and outputs may have any unit)"
+            f'{what} is in "{text}", which is {size(text):g} times the SI unit; coordinates and energies are '
+            f"in SI, from {', '.join(UNITS)} (parameters and outputs may have any unit)"
         )
 
 
@@ -193,7 +193,7 @@ def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimensio
         return ONE
     if not isinstance(expression.exp, sympy.Rational):
         raise UnitError(
-            f"{what}: {short(expression)} raises a quantity in {base} to a power that is not a fraction"
+            f"{what}: {short(expression)} raises a quantity in {base} to a power that is not rational"
         )
     return base ** Fraction(int(expression.exp.p), int(expression.exp.q))
 

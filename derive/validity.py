@@ -1,6 +1,7 @@
-"""Limits of the generated equations: domains of the motion, and terms that the linearisation neglects.
+"""Limits of validity of the generated equations: domains of the motion, and terms that the linearisation
+neglects.
 
-Roots and arccosines may cancel in the equations, which may then be real where the motion is not.
+Roots and arccosines may cancel in the equations. The equations may then be real where the motion is not.
 """
 
 from collections.abc import Iterable, Iterator
@@ -39,7 +40,7 @@ def demands(mechanism: MechanismStatement) -> list[Demand]:
     signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
     collected: dict[tuple[Any, str], Demand] = {}
     for what, expression, motion in _stated(mechanism):
-        # A factor that vanishes in the fundamental motion does not restrict the domain.
+        # If a factor is zero in the fundamental motion, the other factors do not restrict the domain.
         for node, condition in needs(_about_fundamental(mechanism, expression)):
             needed = condition._replace(margin=at_fundamental_motion(condition.margin))
             if is_met(needed, signs) or not needed.margin.free_symbols <= known:
@@ -77,8 +78,8 @@ def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
 
 
 def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
-    """Descriptions and expressions that are evaluated along the fundamental motion, with a flag that is true
-    for motions."""
+    """Descriptions of the expressions that are evaluated along the fundamental motion, the expressions, and
+    whether they are motions."""
     for symbol, motion in mechanism.fundamental_motion.items():
         yield f"the fundamental motion of {symbol}", motion, True
     for name in ("kinetic", "potential"):
@@ -113,7 +114,8 @@ def _sentence(node: Any) -> str:
 
 
 def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
-    """Sentences, one for each parameter and series that is missing from M, C, K and d."""
+    """Sentences on the terms that M, C, K and d ignore, one for each parameter and series that they do not
+    contain."""
     kept = _names(mechanism, linearised)
     return [_ignored(name) for name in _names(mechanism, residual) if name not in kept]
 
@@ -124,7 +126,8 @@ def switched(mechanism: MechanismStatement) -> list[str]:
 
 
 def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
-    """Sentences, one for each parameter and series of the energies that no result contains."""
+    """Sentences on terms without effect, one for each parameter and series of the energies that no result
+    contains."""
     used = _names(mechanism, results)
     return [_idle(name) for name in _names(mechanism, _energies(mechanism)) if name not in used]
 

@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "272bf05eaa304c83aedcbc40c694e93cacc77f69ac9f19f1d62753a1f4915dd6"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+MECHANISM_SHA256 = "94609be273dce4716b1283dca26ff5bc954f445cc9623df8cc395d18c97f5f11"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4a9d8eac3bd8eef14041a82e8b68f2a55de17b9443ba89597e2ad24abe243036"
+FILE_SHA256 = "6d4de1a5a9077258f4f8622091525768a792006d092118c1a7fa49105e8a7983"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

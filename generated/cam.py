@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "2bd7eb5d3bfc8714663a363c32519f2ec99d28a6620e97a73cf5859349bb7647"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+MECHANISM_SHA256 = "bcbdc583a181a5aefa713eb7391b9c72be0b64cb001b79ffbcbc70ac88c47c67"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3c420fa0910791e44187b3f18b63b427777f6b8af1d202a9915f03a1e9cb93ed"
+FILE_SHA256 = "f68b33d862e3fc2cd39f021b985f3da76e3ac16a3dfcd20325404ecd0a79c285"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -79,7 +79,7 @@ OUTPUTS = (
     ("shaft_torque", "N m", "torque in the shaft, positive where the cam leads"),
     ("contact_force", "N", "follower against cam, compression positive"),
     ("gap", "m", "follower above the undeformed cam, negative if pressed"),
-    ("in_contact", "1", "1 in contact, 0 apart; its mean is the fraction of the period"),
+    ("in_contact", "1", "1 in contact, 0 apart; mean: fraction of the period in contact"),
     ("wear", "W", "contact force times sliding speed of a flat face"),
     ("output_displacement", "m", "position y3 of the output link"),
     ("lift", "m", "lift U(φ) of the cam at the desired motion"),

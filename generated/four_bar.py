@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "576dc6ae04c551d8780e25db65c4111634abe21dbcb5dfd0abd10d72492b4aad"
+FILE_SHA256 = "6540bf56fa9fe7699d6ba5a3e7d54bbcac28bf82730ec00a8ec06d835ebd39b2"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "31bfb0baebfe5e8dc5aee591b9099cffab629d45336469c6a6aa4c747a80df34"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+MECHANISM_SHA256 = "eac3bce0033e2724d2be10b9ad1523f3ba5d8bfcb278621dbac670d910411b8e"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0785d70bf87c6c2db8d8c621fbb2a73c8c8f3a71b307e85662ae07c8c01d4ccf"
+FILE_SHA256 = "b3e0957ca64f39841eec06e94ff9242dad7bfaf464bb2d7e5ad434d5c94c3055"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
@@ -26,7 +26,7 @@ PARAMETERS = (
     ("e", "1", "relative amplitude of the mesh stiffness", "> -1, < 1"),
     ("E", "m", "amplitude of the transmission error without load", ""),
     ("b", "m", "half of the backlash", ">= 0"),
-    ("s", "1", "fraction of the period with two pairs of teeth, if rectangular", "> 0, < 1"),
+    ("s", "1", "fraction of the period with two pairs of teeth, for rectangular stiffness", "> 0, < 1"),
     ("p", "m", "base pitch, for the sliding speed", "> 0"),
     ("z1", "1", "teeth of the pinion, for the sliding speed", "integer, >= 1"),
     ("z2", "1", "teeth of the wheel, for the sliding speed", "integer, >= 1"),
@@ -37,7 +37,7 @@ OPTIONS = (
 OUTPUTS = (
     ("mesh_force", "N", "elastic force between the teeth, driving flanks positive"),
     ("gap", "m", "between the driving flanks, at most 2b"),
-    ("driving_contact", "1", "1 while the driving flanks touch; its mean is their fraction"),
+    ("driving_contact", "1", "1 while the driving flanks touch; mean: fraction of time"),
     ("back_contact", "1", "1 while the rear flanks touch: contact is then double-sided"),
     ("wear", "W", "mesh force times sliding speed"),
 )

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "acf82af50cd08780e560fd7f77274d2a619b53cb45e28d8251a0f18a78d92245"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "666e6de24aae799c0a7e32dba5c8c42ba3659fd2881a5074e361c3f30c2af066"
+FILE_SHA256 = "c94bb8ff657f8516df4e5b363243eed275a3aa5b6c708e56f8bb00b772334d0c"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

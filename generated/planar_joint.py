@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "0b9011b3f4a7e5a3af75e4a9ab7e403e4f3eb07baa41e83a5b5476e9f6f6d1a6"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+MECHANISM_SHA256 = "e62be5ada10d05c9a39a99ddddaefdf5432c4e87f00ff1783a820871b8b53d8a"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "04ca87807bf40455dbde55c5367b6483bb7b84c9fa5faa4079225f5474d2bccf"
+FILE_SHA256 = "0609645601602c2d173c0d4ccb43945878f06824ef6c01358c135526c7b4b922"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
@@ -37,7 +37,7 @@ OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
     ("contact_force", "N", "pin on bearing, along the normal"),
     ("gap", "m", "between pin and bearing, at most g"),
-    ("contact", "1", "1 while pin and bearing touch; mean: fraction"),
+    ("contact", "1", "1 while pin and bearing touch; mean: fraction of time"),
     ("wear", "W", "contact force times sliding speed"),
     ("pin_along", "m", "pin from the centre of the bearing, along the stroke"),
     ("position", "m", "centre of the bearing along the stroke"),

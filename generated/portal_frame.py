@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "06bd819fed5851cb0aa8cea4bb468dd8f2632439eaca015faa5f6cf57d280ab2"
+FILE_SHA256 = "ba0ce54c1bdc38ba9a993a3df9c4b13a7725dac135a62e64112193a036e2e5dd"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "be65000cf1335ea3208e09eed72e61c741965f099589b98b75406632b9ee8c04"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+MECHANISM_SHA256 = "d9d7a0c81d271e5e0130a202cd4aced250bd1ee841a0ed8863aab8df23b8654b"
+DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "faf1d6b2237531fae844eeb3a790cea518fdba2c5969917bf577e90d91541c11"
+FILE_SHA256 = "98d1cfcfbbf78fda9835d875ba77e439095d93f9e25f6fb343134866a687cc75"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
@@ -34,7 +34,7 @@ OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
     ("contact_force", "N", "pin on bearing, positive away from the crank"),
     ("gap", "m", "pin from its side of the bearing, at most g"),
-    ("front_contact", "1", "1 while the load presses; mean: fraction"),
+    ("front_contact", "1", "1 while the load presses; mean: fraction of time"),
     ("rear_contact", "1", "1 while the other side touches"),
     ("wear", "W", "contact force times sliding speed"),
     ("position", "m", "position of the slider along the stroke"),

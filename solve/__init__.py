@@ -1,7 +1,7 @@
 """Periodic solutions, stability, studies and figures of linear systems with periodic coefficients.
 
-Public names are listed in `__init__.pyi`. Their modules are imported at the first use: a command imports
-only what it runs.
+Public names are listed in `__init__.pyi`. Modules are imported at the first use of a name, so that a command
+imports only the modules that it needs.
 """
 
 import ast
@@ -26,6 +26,6 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'solve' has no attribute '{name}'; it has {', '.join(__all__)}")
-    # Later accesses find the name in the module.
+    # Later accesses return this attribute of the module.
     value = globals()[name] = getattr(importlib.import_module(_HOME[name]), name)
     return value

@@ -14,17 +14,19 @@ _FIRST_SAMPLES, _MAX_SAMPLES = 64, 1024
 Choices."""
 
 _MIDPOINT_ERROR = 1e-8
-"""Relative error at the midpoints below which twice as many samples are exact up to round-off: for a smooth
-function the error decreases geometrically, so that doubling the samples squares the error."""
+"""Relative error at the midpoints below which an interpolant of twice as many samples is exact up to
+round-off. For a smooth function the error decreases geometrically, so that doubling the samples squares the
+error."""
 
 _ABOVE_ROUNDOFF = 4.0
-"""Ratio to the largest harmonic of the last eighth above which harmonics are retained. The last eighth is
-round-off: if half as many samples agree to 1e-8, geometric decay reduces these harmonics to 1e-14. Measured
-on the damping of the four-bar with 9 to 198 coordinates: 51 to 68 of 129 harmonics are retained."""
+"""Amplitude above which harmonics are retained, relative to the largest of the last eighth of the harmonics.
+The last eighth is round-off: if half as many samples agree to 1e-8, geometric decay reduces these harmonics
+to 1e-14. Measured on the damping of the four-bar with 9 to 198 coordinates: 51 to 68 of 129 harmonics are
+retained."""
 
 _RELATIVE_STEP = 1e-2
-"""Largest difference step relative to the argument. With four levels of extrapolation, the error is of the
-order of the eighth power of the step, 1e-16."""
+"""Largest step of the differences, relative to the argument. With four levels of extrapolation, the error is
+of the order of the eighth power of this step, 1e-16."""
 
 _LEVELS = 4
 """Number of step sizes, each half of the previous one. A choice."""
@@ -33,8 +35,8 @@ _LEVELS = 4
 class Trigonometric:
     """Trigonometric interpolant of samples (k, …) on a uniform grid over a period, without the end point.
 
-    k samples resolve harmonics below k/2. If `chopped`, harmonics after the last one above round-off are
-    dropped.
+    k samples resolve harmonics below k/2. If `chopped`, harmonics beyond the last one above round-off are
+    omitted.
     """
 
     def __init__(self, samples: Array, period: float, chopped: bool = False):
@@ -52,8 +54,8 @@ class Trigonometric:
         """Values (m, …) at phases (m,)."""
         count = len(self._frequencies)
         base = math.isqrt(count)
-        # Each frequency is the sum of a low frequency and a multiple of `base`, so that few cosines and sines
-        # are computed.
+        # Each frequency is written as the sum of a low frequency and a multiple of `base`, so that few
+        # cosines and sines are computed.
         low, multiples = (
             _exponentials(phase, frequencies)
             for frequencies in (self._frequencies[:base], self._frequencies[::base])
@@ -103,7 +105,7 @@ def interpolated(function: Callable[[Array], Array], period: float) -> Callable[
 
 
 def _resolved_harmonics(spectrum: Array) -> int:
-    """Number of harmonics (k, …) up to the last one above round-off."""
+    """Number of harmonics in a spectrum (k, …) up to the last one above round-off."""
     size = np.abs(spectrum).reshape(len(spectrum), -1).max(axis=1)
     roundoff = _ABOVE_ROUNDOFF * size[-(len(size) // 8) :].max()
     return int(np.flatnonzero(size > roundoff)[-1:].sum()) + 1
@@ -123,7 +125,7 @@ def slopes(
     function: Callable[[float], Array], x: float, largest_step: float | None = None
 ) -> tuple[Array, Array]:
     """Derivative as from `slope`, and a second value, extrapolated without the smallest step. The second
-    value has a larger truncation error and less round-off; the difference between the two is an error
+    value has a larger truncation error and less round-off; the difference between both values is an error
     estimate."""
     largest = _RELATIVE_STEP * abs(x) if largest_step is None else largest_step
     steps = [largest / 2**level for level in range(_LEVELS)]

@@ -1,4 +1,4 @@
-"""Validation of arguments of public functions, and memory limits checked before allocation."""
+"""Validation of arguments of public functions, and checks of the memory limit before allocation."""
 
 import inspect
 import reprlib
@@ -18,7 +18,8 @@ MOST = 2**26
 
 SMALL = 40
 """Largest number of coordinates of a small system. For small systems compiled code is faster than BLAS,
-points are solved in batches, and BLAS uses one thread; tables of larger systems would fill the memory."""
+points are solved in batches, and BLAS uses one thread. Tables for batches of larger systems would exceed the
+memory."""
 
 NUMBERS_A_POINT = 64
 """Estimated number of values stored per point: statistics, multipliers and warnings. A choice."""
@@ -43,7 +44,7 @@ def first_is(
     such_as : str
         Example of a valid argument, for the message.
     demand : callable, optional
-        Further check, which raises for unsuitable arguments.
+        Further check; it raises an exception for unsuitable arguments.
     """
 
     def decorator(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -67,7 +68,7 @@ def first_is(
 
 
 def described(value: object) -> str:
-    """Short text of a wrong argument, without the address in memory of objects that have no text.
+    """Short text of a wrong argument; the type for objects whose text would contain a memory address.
 
     >>> described([1, 2]), described(object()), described(abs)
     ('[1, 2]', 'of type object', 'of type builtin_function_or_method')
@@ -78,7 +79,7 @@ def described(value: object) -> str:
 
 
 def unique_names(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names without repetitions, in their order. A string is a single name."""
+    """Names without repetitions, in the order given. A string counts as a single name."""
     return tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
 
 
@@ -114,7 +115,7 @@ def most_numbers() -> float:
 
 
 def require_size(what: str, count: float, each: float = 1) -> None:
-    """Raise ValueOutOfBoundsError if `count` items of `each` numbers exceed the memory limit.
+    """Raise ValueOutOfBoundsError if `count` items with `each` numbers per item exceed the memory limit.
 
     >>> require_size("points", 1000, each=20)
     >>> require_size("points", 1e9, each=20)

@@ -1,4 +1,5 @@
-"""Named arrays in files: .mat, .npz, netCDF and .op4; and matrices in Matrix Market files."""
+"""Reading of named arrays from .mat, .npz, netCDF and .op4 files, and of matrices from Matrix Market
+files."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -12,11 +13,11 @@ from solve.errors import FileError
 from solve.op4 import op4_matrices
 
 _LARGEST = 5000
-"""Maximum number of rows of a Matrix Market file: matrices are held dense. A choice."""
+"""Maximum number of rows of a Matrix Market file, because matrices are stored as dense arrays. A choice."""
 
 
 def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
-    """Arrays of a file by name, in the form in which they are stored.
+    """Arrays of a file by name, without conversion.
 
     ending: the only allowed ending; by default any of `ENDINGS`. Raises FileError.
     """

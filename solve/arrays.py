@@ -1,5 +1,5 @@
 """Array type and small array operations. Arrays are NumPy arrays of float64 unless a docstring states
-complex."""
+otherwise."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
@@ -20,8 +20,7 @@ EPS = float(np.finfo(float).eps)
 
 
 def covers_all(selection: Array, count: int) -> bool:
-    """Whether indices (k,), or a mask, select all of `count` points in their order, so that no copy is
-    needed."""
+    """Whether indices (k,), or a mask, select all of `count` points in order, so that no copy is needed."""
     if len(selection) != count:
         return False
     if count == 1:
@@ -62,15 +61,16 @@ def runs(flags: Array) -> Array:
 
 
 _MANY_ROWS = 256
-"""Number of rows above which `across` reduces column by column: NumPy's reduction over a short last axis is
-slow for many rows."""
+"""Number of rows above which `across` reduces column by column, because NumPy's reduction over a short last
+axis is slow for many rows."""
 
 _SMALLEST = 4
-"""Number of rows up to which elimination of all matrices at once is faster than LAPACK's of each."""
+"""Number of rows of a matrix up to which simultaneous elimination in all matrices is faster than LAPACK for
+each matrix."""
 
 
 def across(operation: np.ufunc, values: Array, axis: int = -1) -> Array:
-    """Result of `operation.reduce` over a short axis, fast for many rows too."""
+    """Result of `operation.reduce` over a short axis, also fast for many rows."""
     if len(values) < _MANY_ROWS:
         return operation.reduce(values, axis=axis)
     return reduce(operation, np.moveaxis(values, axis, 0))
@@ -87,8 +87,8 @@ def solved(A: Array, b: Array) -> Array:
 
 
 def definite_solved(A: Array, b: Array) -> Array:
-    """As `solved`, faster for many small matrices (k, n, n) that are symmetric and positive definite, for
-    which elimination requires no exchange of rows."""
+    """Solution x of A x = b as in `solved`, for symmetric positive definite matrices (k, n, n). It is faster
+    for many small matrices, because elimination requires no pivoting."""
     k, n, _ = A.shape
     if k < _MANY_ROWS or n > _SMALLEST or not (np.swapaxes(A, 1, 2) == A).all():
         return solved(A, b)
@@ -106,10 +106,9 @@ def definite_solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """Array-valued function of phases whose latest values are cached, up to a number of bytes.
+    """Array-valued function of phases with a cache of its latest values, up to a number of bytes.
 
-    Caching pays because the next solution uses the phases of the same grid. Cached values must not be
-    modified.
+    The next solution often uses the phases of the same grid. Cached values must not be modified.
     """
 
     def __init__(self, function: Callable[[Array], Array], max_bytes: int):
@@ -121,7 +120,7 @@ class Recent:
         value = self._values.get(key)
         if value is None:
             value = self._values[key] = self._function(phase)
-            # Copies of the dictionary are used, because another thread may modify the dictionary.
+            # The dictionary is copied, because another thread may modify it.
             excess = sum(cached.nbytes for cached in [*self._values.values()]) - self._max_bytes
             for oldest, cached in [*self._values.items()][:-1]:
                 if excess <= 0:

@@ -31,7 +31,7 @@ class Outputs(Protocol):
         ...
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
-        """Outputs as C code in which the parameters `varied` are inputs; None if unavailable."""
+        """C code of the outputs, with the parameters `varied` as inputs; None if unavailable."""
         return None
 
 
@@ -65,13 +65,13 @@ class Evaluation(Protocol):
         return None
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Decomposition of the entries into products: terms (k, R) of the phase, their coefficients (P, R) at
-        speeds (P,), and the index (R,) of the entry to which each term belongs, ascending."""
+        """Decomposition of the entries into products: terms (k, R) at phases (k,), coefficients (P, R) at
+        speeds (P,), and the ascending index (R,) of the entry to which each term belongs."""
         return None
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array] | None:
-        """Columns (m, R) of the entries that may differ from zero, and the indices (R,) of these entries,
-        ascending."""
+        """Values (m, R) of the entries that may differ from zero, and the ascending indices (R,) of these
+        entries."""
         return None
 
 
@@ -111,12 +111,12 @@ class Nonlinear(Protocol):
         ...
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> Any:
-        """System as from `along`, whose breaks include the phases at which the motion passes switches at a
-        speed in rad/s."""
+        """System as from `along`, with additional breaks at the phases at which the motion passes switches at
+        a speed in rad/s."""
         return self.along(motion, compiled)
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
-        """Integrator of the equations of motion, period after period from any state, with `count` states per
+        """Integrator of the equations of motion from any state, one period at a time, with `count` states per
         period. sizes (n,): scales of the coordinates, to which rtol is relative. Raises TransientError
         without generated code."""
         raise TransientError(
@@ -132,9 +132,9 @@ class Linearisation(Protocol):
     """Phases at which the motion passes switches."""
 
     def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
-        """Derivatives (k, 1 + 2n + r) with respect to phase, q, dq/dφ and r named parameters, or the "speed",
-        of the switches that a motion passes at its events, at a speed in rad/s. q and dq/dφ are constant in
-        the derivatives with respect to the speed."""
+        """Derivatives (k, 1 + 2n + r) of the switches that a motion passes at its k events, at a speed in
+        rad/s. They are with respect to phase, q, dq/dφ and r named parameters, or the "speed"; derivatives
+        with respect to the speed are at constant q and dq/dφ."""
         ...
 
     def roundoff(self, phase: Array, speed: float) -> Array:
@@ -158,11 +158,11 @@ class Capabilities(NamedTuple):
         Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
         exist at one of these speeds.
     sketch : callable or None
-        Function that returns the lines of the sketch by name, as points x + iy (points, k), for phases (k,),
-        a speed, q (n, k) and a fraction of the default number of points of curves.
+        Function of phases (k,), a speed, q (n, k) and the fraction of the default number of points of curves.
+        It returns the lines of the sketch by name, as points x + iy (points, k).
     varying : callable or None
-        Function that returns the matrices, for derivatives with respect to time, at phases and speeds (m,)
-        and an acceleration in rad/s².
+        Function of phases (m,), speeds (m,) and an acceleration in rad/s² that returns the matrices, for
+        derivatives with respect to time.
     """
 
     outputs: Outputs | None = None

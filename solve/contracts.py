@@ -1,4 +1,4 @@
-"""Data and protocols shared by systems and solvers, so that neither imports the other."""
+"""Data classes and protocols shared by systems and solvers, so that neither imports the other."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
@@ -36,8 +36,8 @@ class Statistics(NamedTuple):
 class Limit(NamedTuple):
     """Limit on the statistics of a quantity.
 
-    exceeded: function that returns whether the statistics of one solution, or arrays of the statistics of
-    many solutions, violate the limit. message: warning for the statistics of one solution.
+    exceeded: function of the statistics of one solution, or of arrays of the statistics of many, that returns
+    whether they violate the limit. message: function that returns the warning for one solution.
     """
 
     quantity: str
@@ -67,16 +67,16 @@ class ModeShape(NamedTuple):
 
 
 class DrawnLink(NamedTuple):
-    """Name of a link, and supports of its start and end: "pinned" or "clamped" to the ground, "joined" to
-    other links by a pin, or "" if welded to other links or free."""
+    """Name of a link, and supports of its start and end. A support is "pinned" or "clamped" to the ground,
+    "joined" to other links by a pin, or "" if the end is welded to other links or free."""
 
     name: str
     ends: tuple[str, str]
 
 
 class Formulas(NamedTuple):
-    """C function `void formulas(const lane *const *in, lane *out)` of a model, with the names and values of
-    its parameters.
+    """C function `void formulas(const lane *const *in, lane *out)` of a model, and names and values of its
+    parameters.
 
     text: source. outputs: number of outputs. names, values (p,), or (P, p) at many points: names and values
     of the parameters, which are the last input. The other inputs are phase, speed and, for the outputs of a
@@ -96,7 +96,7 @@ They return values (outputs, k) or weighted sums (outputs, c); None where compil
 
 
 class Integrator(Protocol):
-    """Time integration of a system over a period, with states at nodes (k,) from 0 to the period.
+    """Protocol of time integration of a system over a period, with states at nodes (k,) from 0 to the period.
 
     Derivatives are with respect to time multiplied by the mean speed, which is the phase at constant speed.
     """
@@ -114,9 +114,9 @@ class Integrator(Protocol):
 class Dependence(Protocol):
     """Derivatives of the equations and outputs of a system with respect to quantities θ (r,).
 
-    States (k, 3, n) at phases (k,) are q″, q′ and q, derivatives with respect to the phase, held constant
-    unless stated otherwise. linear: whether the equations are linear. partial_outputs: whether `output` is
-    available.
+    States (k, 3, n) at phases (k,) are q″, q′ and q, with derivatives with respect to the phase. They are
+    held constant unless stated otherwise. linear: whether the equations are linear. partial_outputs: whether
+    `output` is available.
     """
 
     linear: bool
@@ -138,9 +138,9 @@ class Dependence(Protocol):
         ...
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        """Derivatives of the sum of the entries of M, C and K, weighted by (k, 3, n, n). (M, C and K are the
-        derivatives of the residual with respect to the states.) Returns derivatives with respect to θ
-        (r,), and to the states (k, 3, n), which are 0 for linear equations."""
+        """Derivatives of the sum of the entries of M, C and K with weights (k, 3, n, n), where M, C and K are
+        the derivatives of the residual with respect to the states. Returns derivatives with respect to θ
+        (r,), and with respect to the states (k, 3, n); the latter are 0 for linear equations."""
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
@@ -198,8 +198,8 @@ class Structure(Protocol):
 
 def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]:
     """Phase within a period, speed and acceleration (rad, rad/s, rad/s²) of a drive whose speed changes
-    linearly in time from `first` to `last`. s: time multiplied by the mean speed, from 0 to the period; may
-    be a symbol."""
+    linearly in time from `first` to `last`. s: time multiplied by the mean speed, from 0 to the period; a
+    number or a symbol."""
     mean, slope = (first + last) / 2, (last - first) / period
     return (first * s + slope * s**2 / 2) / mean, first + slope * s, slope * mean
 
@@ -249,9 +249,9 @@ class Reduction(Protocol):
 
 
 class Events(NamedTuple):
-    """Phases (rad) at which a motion passes switches of the equations, such as stops, and phases at which it
-    touches a switch without clearly passing it. sides: sides of each switch on which the motion lies, as
-    the signs of its least and its largest value."""
+    """Phases (rad) at which a motion passes switches of the equations, such as stops, and phases at which the
+    motion grazes a switch. sides: sides of each switch on which the motion lies, as the signs of the smallest
+    and largest value of the switch."""
 
     phases: tuple[float, ...] = ()
     grazing: tuple[float, ...] = ()

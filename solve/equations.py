@@ -1,4 +1,5 @@
-"""Functions for the equations of any system. They use the capabilities of the system where available."""
+"""Functions for the equations of any system. They use capabilities of the system if available, and otherwise
+defaults."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -46,8 +47,8 @@ def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
 
 
 def used_entries_of(system: PeriodicSystem, phase: Array, speed: float) -> tuple[Array, Array]:
-    """Columns (m, R) of the entries that may differ from zero, and the indices (R,) of these entries,
-    ascending."""
+    """Values (m, R) of the entries that may differ from zero, and the ascending indices (R,) of these
+    entries."""
     evaluation = system.capabilities.evaluation
     used = None if evaluation is None else evaluation.used_entries(phase, speed)
     return used or (entries_of(system, phase, speed), np.arange(3 * system.n**2 + system.n))
@@ -68,7 +69,7 @@ def entries_over(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
 
 
 def entries_one_by_one(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
-    """Entries as in `entries_over`, evaluated speed by speed."""
+    """Entries as in `entries_over`, evaluated for one speed after another."""
     entries = np.full((len(speeds), len(phase), 3 * system.n**2 + system.n), np.nan)
     for rows, speed in zip(entries, speeds, strict=True):
         try:
@@ -80,7 +81,8 @@ def entries_one_by_one(system: PeriodicSystem, phase: Array, speeds: Array) -> A
 
 
 def input_matrix(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """B (m, n, r) of the inputs on the right of the equations, at phases (m,). Raises MatricesError."""
+    """Input matrix B (m, n, r) on the right-hand side of the equations, at phases (m,). Raises
+    MatricesError."""
     shape, inputs_at = (len(phase), system.n, len(system.inputs)), system.capabilities.input_matrix
     B = np.zeros(shape) if inputs_at is None else inputs_at(phase, speed)[0]
     if B.shape != shape:
@@ -94,14 +96,14 @@ def input_matrix(system: PeriodicSystem, phase: Array, speed: float) -> Array:
 def output_values(
     system: PeriodicSystem, phase: Array, speed: Array | float, *state: Any
 ) -> Mapping[str, Array]:
-    """Outputs (k,) by name at phases (k,) for a state q, q̇, q̈ (n, k), and an optional acceleration, as for
-    `Outputs.output_values`; empty for a system without outputs."""
+    """Outputs (k,) by name at phases (k,), for a state q, q̇, q̈ (n, k) and an optional acceleration; see
+    `Outputs.output_values`. Empty for a system without outputs."""
     outputs = system.capabilities.outputs
     return {} if outputs is None else outputs.output_values(phase, speed, *state)
 
 
 def output_formulas(system: PeriodicSystem, varied: Sequence[str] = ()) -> Formulas | None:
-    """Outputs as C code in which the parameters `varied` are inputs; None if unavailable."""
+    """C code of the outputs, with the parameters `varied` as inputs; None if unavailable."""
     outputs = system.capabilities.outputs
     return None if outputs is None else outputs.output_formulas(varied)
 
@@ -129,7 +131,7 @@ def limits_of(system: PeriodicSystem, quantities: Iterable[str], linear: bool = 
 def exceeded_limits(
     system: PeriodicSystem, figures: Mapping[str, Statistics], linear: bool = True
 ) -> list[str]:
-    """Warnings about the limits that a solution with these statistics by quantity exceeds. linear: as in
+    """Warnings about exceeded limits, from the statistics of a solution by quantity. linear: as in
     `warnings_of`."""
     pairs = ((limit, figures[limit.quantity]) for limit in limits_of(system, figures, linear))
     return [limit.message(values) for limit, values in pairs if limit.exceeded(values)]
@@ -164,7 +166,7 @@ def sketched(
 
 
 def is_nonlinear(system: PeriodicSystem) -> bool:
-    """Whether there are nonlinear equations, which can be linearised about a motion."""
+    """Whether the system has nonlinear equations, which can be linearised about a motion."""
     return system.capabilities.nonlinear is not None
 
 
@@ -242,7 +244,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
 
 
 def require_load(system: PeriodicSystem, speed: float) -> None:
-    """Raise NoLoadError if d is zero over the entire period, so that the periodic vibration is zero too."""
+    """Raise NoLoadError if d, and hence the periodic vibration, is zero over the entire period."""
     phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
     if not system.at(phase, speed)[3].any():
         raise NoLoadError(f"{system.labels.name} has no load: its periodic vibration is zero at every speed")

@@ -37,7 +37,7 @@ class UnitError(SolveError):
 
 
 class MissingValueError(SolveError):
-    """Missing value of a parameter or of the speed, which the case does not specify either."""
+    """Missing value of a parameter or of the speed, given neither directly nor in the case."""
 
 
 class CaseFileError(SolveError):
@@ -81,7 +81,7 @@ class StepsError(SolveError):
 
 
 class ResonanceError(SolveError):
-    """Singular I - Φ: because of a multiplier +1, a periodic solution does not exist or is not unique."""
+    """Singular I - Φ because of a multiplier +1: a periodic solution does not exist or is not unique."""
 
 
 class UnbalancedLoadError(SolveError):
@@ -126,7 +126,7 @@ class MissingLibraryError(SolveError):
 
     @classmethod
     def of_extra(cls, what: str, library: str, extra: str) -> Self:
-        """Exception for a library that `what` requires and that an extra of this package installs."""
+        """Exception for a missing library that `what` requires; an extra of this package installs it."""
         return cls(
             f'{what} requires {library}; install {library} with: pip install "parametric-vibration[{extra}]"'
         )
@@ -165,7 +165,7 @@ def cause(error: Exception) -> str:
 
 
 def counted(count: object, one: str, more: str = "") -> str:
-    """Number with a noun, or other words, in the singular or plural (the plural ends in s by default).
+    """Number followed by a noun or phrase in the singular or plural; by default the plural adds an s.
 
     >>> counted(1, "point"), counted(0, "point"), counted(1, "mode has", "modes have")
     ('1 point', '0 points', '1 mode has')

@@ -1,7 +1,7 @@
-"""Systems with coordinates that have no second derivatives: ẋ = A(Ωt)x + b(Ωt), and mixed systems.
+"""Systems with first-order states, which have no second derivatives: ẋ = A(Ωt)x + b(Ωt), and mixed systems.
 
-As a special case of M q̈ + C q̇ + K q = d, first-order coordinates are the last ones, and their columns of M
-are zero. A system ẋ = A x + b has M = 0, C = 1, K = -A and d = b."""
+In the form M q̈ + C q̇ + K q = d, first-order coordinates come last, and their columns of M are zero. A
+system ẋ = A x + b has M = 0, C = 1, K = -A and d = b."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -28,9 +28,9 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     Parameters
     ----------
     matrices : callable
-        matrices(phase, speed) returns A of shape (m, N, N) and b of shape (m, N) at phases φ = Ωt of shape
-        (m,) and a speed Ω in rad/s, in SI units, for derivatives with respect to time. If inputs or outputs
-        are named, it returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
+        matrices(phase, speed) returns A of shape (m, N, N) and b of shape (m, N) for phases φ = Ωt of shape
+        (m,) and a speed Ω in rad/s. Units are SI, derivatives with respect to time. If inputs or outputs are
+        named, it returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
     states : sequence of str
         Names of the N states.
     period : float
@@ -174,18 +174,17 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
 class MixedSystem(PeriodicSystem, Evaluation):
     """System M(Ωt)z̈ + C(Ωt)ż + K(Ωt)z = d(Ωt), where z consists of coordinates and first-order states.
 
-    States describe filters, actuators, inflow or other quantities without inertia: the columns of M for
-    states are zero.
+    First-order states describe filters, actuators, inflow or other quantities without inertia.
 
     Parameters
     ----------
     matrices : callable
-        As for `PeriodicSystem`, with n the number of coordinates and states. The columns of M of the states
-        are zero.
+        As for `PeriodicSystem`, where n is the number of coordinates and states. The columns of M that belong
+        to the states are zero.
     coordinates : sequence of str
-        Names of the coordinates with second derivatives, which come first.
+        Names of the coordinates with second derivatives, which are listed first.
     states : sequence of str
-        Names of the states, which come last. Results list the states after the coordinates.
+        Names of the first-order states, in matrices and results after the coordinates.
     period, breaks, inputs : optional
         As for `PeriodicSystem`.
 

@@ -18,7 +18,7 @@ from solve.errors import (
 from solve.units import RPM, ShownUnit, in_unit, raised, speed_in_si
 
 SPEED = "speed"
-"""Name of the speed Ω (rad/s) where the speed varies like a parameter."""
+"""Name of the speed Ω (rad/s) if the speed is varied like a parameter."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,14 @@ class Labels:
     model_hash: str | None = None
     """Hash of the generated code of the equations."""
     solvable: bool = True
-    """Whether the system has equations; a system read from a file of results has labels only."""
+    """Whether the system has equations; a system read from a result file has labels only."""
     options: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Parameters that can be varied, in the units declared by the model."""
     parameter_labels: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """Unit and meaning of each parameter."""
     parameter_sources: Mapping[str, str] = field(default_factory=dict)
-    """Sources of values stated by the case; parameters set by other means are absent."""
+    """Sources of the values from the case; values set otherwise have no source."""
     equations: tuple[str, ...] = ()
     """Equations as HTML elements with MathML."""
     links: tuple[DrawnLink, ...] = ()
@@ -57,7 +57,7 @@ class Labels:
     equation_warnings: tuple[str, ...] = ()
     """Warnings about the equations that hold at any speed: neglected terms, errors of fitted series."""
     largest_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names for the largest of several outputs, such as the stress on either surface."""
+    """Names of quantities that are the largest of several outputs, such as the stress on either surface."""
     units: Mapping[str, str] = field(default_factory=dict)
     meanings: Mapping[str, str] = field(default_factory=dict)
     speed_unit: ShownUnit = RPM
@@ -98,8 +98,8 @@ def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
 def bounds_in_own_unit(
     system: Labelled, name: str, ends: tuple[float | str, float | str]
 ) -> tuple[float, float]:
-    """Lower and upper bounds of a parameter in its declared unit. Its value must lie between the bounds.
-    Raises UnknownNameError, UnitError, ValueOutOfBoundsError."""
+    """Lower and upper bounds of a parameter in its declared unit. The initial value of the parameter must lie
+    between the bounds. Raises UnknownNameError, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     require_name(f"parameter of {labels.name}", name, labels.parameters)
     if isinstance(ends, str) or np.size(ends) != 2:
@@ -119,8 +119,8 @@ def bounds_in_own_unit(
 
 
 def known_quantities(system: Labelled, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
-    """Names of coordinates and outputs without repetitions, all names if `names` is None; a string counts as
-    one name. Raises UnknownNameError."""
+    """Names of coordinates and outputs without repetitions; all of them if `names` is None. A string counts
+    as one name. Raises UnknownNameError."""
     allowed = (*system.coordinates, *system.outputs)
     names = unique_names(allowed if names is None else names)
     for name in names:
@@ -129,8 +129,8 @@ def known_quantities(system: Labelled, names: str | Iterable[str] | None = None)
 
 
 def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
-    """Coordinates or outputs of a quantity: the quantity itself, or the quantities of which it is the
-    largest. Raises UnknownNameError."""
+    """Coordinates or outputs of a quantity: the quantity itself, or the outputs of which it is the largest.
+    Raises UnknownNameError."""
     largest_of = system.labels.largest_of
     allowed = (*system.coordinates, *system.outputs, *largest_of)
     require_name(f"coordinate or output of {system.labels.name}", quantity, allowed)

@@ -1,4 +1,4 @@
-"""Loading of models by name or path, from a mechanism in memory, and of systems from other files."""
+"""Loading of models by name, by path or from a mechanism in memory, and of systems from other files."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ from solve.system import PeriodicSystem, shown_in
 
 
 class Derivable(Protocol):
-    """Object that generates its own code, such as a `derive.Mechanism` (protocol)."""
+    """Protocol of an object that generates its own code, such as a `derive.Mechanism`."""
 
     def code(self) -> str: ...
 
@@ -67,7 +67,8 @@ def load(
 ) -> Model: ...
 
 
-# A name gives a Model, the path of a file of matrices another system. Any in the union spares callers a cast.
+# A name results in a Model, a file of matrices in another system. With Any in the union, callers need no
+# cast.
 @overload
 def load(
     model: str,
@@ -90,15 +91,14 @@ def load(
     Parameters
     ----------
     model : str, Mechanism or callable
-        Name, path of a mechanism file, or, without files, a `derive.Mechanism` or a function that returns
-        one. A mechanism in memory is derived once. Also a path or pattern of files of matrices, of an FMU, or
-        of Python code that defines a system by the name `system`. The code of FMUs and of Python files is
-        executed.
+        Name of a model or path of a mechanism file; or a `derive.Mechanism`, or a function that returns one,
+        which is derived once. Also the path or pattern of files of matrices, of an FMU, or of a Python file
+        that defines a system with the name `system`. The code of FMUs and of Python files is executed.
     case : str or int, optional
         Case of the case file; the first by default.
     options : mapping, optional
-        Options of the model; they may also be given by name among the parameters. Files `.lin` and `.fmu`
-        have the option "exclude", names of states; FMUs also "drive", see `read_fmu`.
+        Options of the model, which may also be given as keyword arguments. Files `.lin` and `.fmu` have the
+        option "exclude", with names of states; FMUs also have "drive", see `read_fmu`.
     reduce : int, optional
         Number of modes retained per link of a beam structure. Results then state the error of the reduction.
     **parameters : float or str
@@ -107,7 +107,7 @@ def load(
     Returns
     -------
     Model or PeriodicSystem
-        Model with its numbers, or the system of a file, which is a `PeriodicSystem` or `FirstOrderSystem`.
+        Model with values of its parameters, or system from a file: a `PeriodicSystem` or `FirstOrderSystem`.
 
     Raises
     ------
@@ -149,15 +149,15 @@ def setup_of(
 ) -> Setup:
     """Setup of a model: generated module, case and options.
 
-    cases: path of another case file. otherwise: values of parameters without another value. Raises the
-    exceptions of `load`.
+    cases: path of another case file. otherwise: default values of parameters. Raises the exceptions of
+    `load`.
     """
     module, chosen = _module_and_case(model, case, cases, parameters, otherwise)
     return Setup.checked(module, chosen, options)
 
 
 def model_of(setup: Setup) -> Model:
-    """Model of a setup, whose class depends on the kind of the generated module."""
+    """Model of a setup. The class of the model depends on the kind of the generated module."""
     if kind_of(setup.module) == EQUATIONS:
         return Model.from_setup(setup) if setup.module.COORDINATES else RigidModel.from_setup(setup)
     from solve.beams.reduced import ReducedStructure
@@ -222,8 +222,8 @@ def case_numbers(
 def missing_parameters(
     model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
 ) -> list[str]:
-    """Parameters of a model that have no value, neither in its case nor in `parameters`. Raises the
-    exceptions of `load`."""
+    """Parameters of a model that have a value neither in its case nor in `parameters`. Raises the exceptions
+    of `load`."""
     unset = dict.fromkeys(parameter_units(model), math.nan)
     _, chosen = _module_and_case(model, case, cases, parameters, unset)
     return [name for name in unset if chosen.parameters[name] is math.nan]

@@ -21,7 +21,8 @@ _ROUNDOFF = 64 * EPS
 """Round-off of an entry relative to the largest term of the equations. A choice."""
 
 _SINGULAR = 0.1 / EPS
-"""Condition number of the scaled M above which it counts as singular: only one digit remains accurate."""
+"""Condition number of the scaled M above which M counts as singular, because only one digit remains
+accurate."""
 
 
 def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]:
@@ -76,10 +77,12 @@ def leading(M: Array, C: Array, first_order: int) -> Array:
 
 
 def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Array, Array]:
-    """Matrices M, C and K (…, n, n) for the rates of the last `first_order` coordinates as unknowns: for
-    these coordinates, columns of C become columns of M, and columns of K become columns of C.
+    """Matrices M, C and K (…, n, n) for equations in which the rates of the last `first_order` coordinates
+    are unknowns. For these coordinates, columns of C become columns of M, and columns of K become columns of
+    C.
 
-    λ²M + λC + K has the eigenvalues of the given matrices, and a zero for each of these coordinates.
+    λ²M + λC + K then has the same eigenvalues as before, and an additional zero for each of these
+    coordinates.
     """
     if not first_order:
         return M, C, K
@@ -116,19 +119,18 @@ def jumps_at_zero(period: float, breaks: Sequence[float]) -> bool:
 
 
 def with_neighbours(phase: Array, later: Array, period: float) -> Array:
-    """Phases (3k,): the given phases (k,), the phases about one period later, and neighbours of the given
-    phases at a distance of the round-off of the period."""
+    """Phases (3k,): the phases (k,), the phases `later` (about one period later), and neighbours of the
+    former at the distance of the round-off of the period."""
     distance = np.maximum(np.abs(later - phase - period), 8 * EPS * period)
     return np.concatenate((phase, later, phase + distance))
 
 
 def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
-    """Symbols of the matrices that differ between given phases and the phases one period later, with the
-    differences.
+    """Symbols of the matrices that change over one period, with the changes.
 
-    matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences are significant if they exceed
-    1e-9 of the size of a matrix, the round-off of the whole equation (a load whose terms cancel is zero up to
-    this round-off), and the effect of a rounded phase (within a narrow pulse).
+    matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Changes are significant if they exceed
+    three limits: 1e-9 of the size of a matrix; the round-off of the whole equation, up to which a load with
+    cancelling terms is zero; and the effect of a rounded phase within a narrow pulse.
     """
     rates = speed**2, speed, 1.0, 1.0
     now, later, beside = zip(*(np.split(array, 3) for array in matrices), strict=True)
@@ -162,13 +164,13 @@ def _negligible(matrices: Sequence[Array]) -> list[Array]:
 
 
 def require_inertia(M: Array, states: Sequence[str] = ()) -> None:
-    """Raise MatricesError if one of the matrices (k, n, n) is singular. states: names of first-order
-    coordinates, whose columns are taken from C."""
+    """Raise MatricesError if one of the matrices M (k, n, n) is singular. states: names of first-order
+    coordinates; their columns are taken from C."""
     diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))
     diagonal[diagonal == 0.0] = 1.0
     scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
     singular = np.linalg.cond(scaled) > _SINGULAR
-    # The equations may be multiplied by factors with units.
+    # Rows are scaled, because equations may be multiplied by factors with units.
     for axis in (2, 1, 2, 1) if singular.any() else ():
         largest = np.abs(scaled).max(axis=axis, keepdims=True)
         scaled = scaled / np.where(largest > 0, largest, 1.0)

@@ -1,10 +1,10 @@
 """Matrices in OUTPUT4 files of NASTRAN (.op4), text or binary.
 
-A matrix has a header and one record per nonzero column, which begins with the number of the column, the row
-of the first value (0 for a sparse column), and the number of values or words. A sparse column consists of
+A matrix has a header and one record per nonzero column. A record begins with the number of the column, the
+row of the first value (0 for a sparse column), and the number of values or words. A sparse column consists of
 strings of consecutive rows. The header of a string contains a length in words and a row, in one integer, or
-in two for matrices with a negative number of rows (BIGMAT). A record of a column after the last one ends the
-matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
+in two for matrices with a negative number of rows (BIGMAT). A record with a column number above that of the
+last column ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
 """
 
 import re
@@ -19,24 +19,24 @@ from solve.arrays import Array
 from solve.errors import FileError
 
 _MOST_ROWS = 5000
-"""Maximum number of rows or columns: matrices are held dense. A choice."""
+"""Maximum number of rows or columns, because matrices are stored as dense arrays. A choice."""
 
 _FULL = 1, 2, 6
-"""Forms with all entries in the file: square, rectangular and symmetric."""
+"""Matrix forms for which the file contains all entries: square, rectangular and symmetric."""
 
 _SHIFT = 16
-"""Bits of the row in a header of one integer."""
+"""Number of bits of the row in the header of a string that consists of one integer."""
 
 _FORMAT = re.compile(r"(\d+)[ED](\d+)\.\d+")
 """Pattern of the count and the width of numbers per line, in a format such as 1P,3E23.16."""
 
 _RECORD_LENGTHS = {24: 4, 48: 8}
-"""Size of an integer in bytes, by the length in bytes of the header of a binary matrix, which consists of six
-integers."""
+"""Size of an integer in bytes, by the length in bytes of the header of a binary matrix; the header consists
+of six integers."""
 
 
 _STIFFNESS = re.compile(r"K([A-Z]{0,2})")
-"""Pattern of the name of a stiffness matrix, whose suffix is the set of coordinates, as in KAA."""
+"""Pattern of the name of a stiffness matrix; the suffix is the set of coordinates, as in KAA."""
 
 
 class _Header(NamedTuple):
@@ -50,7 +50,7 @@ class _Header(NamedTuple):
     name: str
 
     def checked(self) -> "_Header":
-        """Header of a matrix that can be read. Raises FileError."""
+        """Return the header if the matrix can be read. Raises FileError."""
         if self.kind not in (1, 2, 3, 4) or self.form not in _FULL:
             raise FileError(
                 f"matrix {self.name} has type {self.kind} and form {self.form}; allowed: types 1 to 4, forms "
@@ -78,7 +78,7 @@ class _Header(NamedTuple):
 
 
 class _Column(Protocol):
-    """Content of the record of a column, read from its beginning."""
+    """Content of the record of a column, read sequentially."""
 
     def integers(self, count: int) -> list[int]: ...
 
@@ -96,8 +96,8 @@ def op4_arrays(file: Path) -> dict[str, Array]:
 
 
 def op4_matrices(file: Path) -> dict[str, Array]:
-    """Matrices M, K and, if present, C of one set of coordinates, such as MAA, KAA and BAA, or all matrices
-    by name if the file has no pair of M and K.
+    """Matrices M, K and, if present, C of one set of coordinates, such as MAA, KAA and BAA. Without a pair of
+    M and K, all matrices by name.
 
     Raises FileError for pairs of several sets, and other exceptions for a damaged file.
     """
@@ -115,8 +115,9 @@ def op4_matrices(file: Path) -> dict[str, Array]:
 
 
 def _put(matrix: Array, column: int, first: int, count: int, words: tuple[int, int], source: _Column) -> None:
-    """Values of a column. first: first row of the values, 0 for a sparse column. words: number of words per
-    value, and per header of a string. Raises ValueError for rows outside the matrix."""
+    """Write the values of a column into the matrix. first: first row of the values, 0 for a sparse column.
+    words: number of words per value, and per header of a string. Raises ValueError for rows outside the
+    matrix."""
     if first > 0:
         _place(matrix, column, first, source.numbers(count))
         return
@@ -139,7 +140,7 @@ def _place(matrix: Array, column: int, row: int, values: Array) -> None:
 
 
 class _Text:
-    """Lines of a text file, with the format of the present matrix."""
+    """Lines of a text file, with the number format of the current matrix."""
 
     def __init__(self, lines: Iterator[str], per_line: int, width: int):
         self.lines, self.per_line, self.width = lines, per_line, width
@@ -156,7 +157,7 @@ class _Text:
 
 
 def _read_text(lines: Iterator[str]) -> dict[str, Array]:
-    """Matrices of a text file, whose integers have eight characters."""
+    """Matrices of a text file. Integers have eight characters."""
     matrices: dict[str, Array] = {}
     for line in lines:
         if not line.strip():

@@ -21,26 +21,27 @@ _MOST_PERIODS = 20
 spans 57 periods of 2π. A choice."""
 
 _MAX_CONDITION = 30.0
-"""Condition number of the fit of a series to azimuths that are not uniform, above which fewer harmonics are
-fitted. The condition number multiplies the errors of the samples and the unresolved harmonics. A choice: for
-uniform azimuths it is √2."""
+"""Condition number of the fit of a series to non-uniform azimuths above which fewer harmonics are fitted. The
+condition number amplifies the errors of the samples and the unresolved harmonics. A choice: for uniform
+azimuths the condition number is √2."""
 
 _FLATTENING = 0.7
-"""Ratio of the logarithmic decay in the last quarter of the harmonics to that in the quarter before, below
-which the decay counts as flattening: it is 1 for geometric decay and below 0.6 for powers. A choice."""
+"""Logarithmic decay in the last quarter of the harmonics, relative to that in the previous quarter, below
+which the decay counts as flattening. A choice: the ratio is 1 for geometric decay and below 0.6 for
+powers."""
 
 _FEWEST_FOR_POWER = 8
-"""Smallest number of harmonics for which flattening is tested: each quarter then has two harmonics. A
-choice."""
+"""Smallest number of harmonics for which flattening is tested. A choice: each quarter then has two
+harmonics."""
 
 _SIGNIFICANT = 64 * EPS
-"""Amplitude of a harmonic relative to the largest entry of its matrix, above which it is not round-off. A
-choice: about ten operations above the unit round-off."""
+"""Amplitude of a harmonic, relative to the largest entry of its matrix, below which it is round-off. A choice
+that allows for about ten operations."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Arrays sampled at `azimuths` phases of a period, interpolated by harmonics 0 … `resolved`.
+    """Arrays sampled at several phases of a period, interpolated by harmonics 0 … `resolved`.
 
     Attributes
     ----------
@@ -53,7 +54,7 @@ class Samples:
     amplification : float
         Factor by which the fit amplifies errors of the samples: 1 for uniform azimuths.
     given : tuple of arrays, optional
-        Ascending azimuths (k,) that are not uniform, and the arrays sampled at these azimuths.
+        Ascending non-uniform azimuths (k,), and the arrays sampled at these azimuths.
     """
 
     arrays: tuple[Array, ...]
@@ -68,8 +69,8 @@ class Samples:
     ) -> "Samples":
         """Samples at uniform azimuths from 0, or at other `phases` (k,).
 
-        Raises MatricesError for different numbers of azimuths, and for azimuths that coincide, are fewer than
-        three, or do not occur in half of the period.
+        Raises MatricesError if the arrays have different numbers of azimuths, if azimuths coincide, if there
+        are fewer than three, or if half of the period or more contains none.
         """
         counts = {len(array) if array.ndim else 0 for array in arrays}
         if len(counts) != 1 or 0 in counts:
@@ -114,7 +115,7 @@ class Samples:
 
     @property
     def resolved(self) -> int:
-        """Highest harmonic whose cosine and sine coefficients the azimuths determine."""
+        """Highest harmonic of which the azimuths determine both the cosine and the sine coefficient."""
         return (len(self.arrays[0]) - 1) // 2
 
     @cached_property
@@ -129,12 +130,12 @@ class Samples:
 
     @property
     def significant(self) -> Array:
-        """Harmonic numbers (h,) above 0 whose amplitudes exceed round-off in some entry."""
+        """Numbers (h,) of the harmonics above 0 that exceed round-off in some entry."""
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
     def decay(self, first: float, last: float) -> float:
-        """Ratio, at most 1, of the amplitudes of two harmonics, the higher divided by the lower one,
-        extrapolated from the quarters of the resolved harmonics.
+        """Amplitude of harmonic `last` divided by that of harmonic `first`, at most 1, extrapolated from the
+        quarters of the resolved harmonics.
 
         Amplitudes of smooth functions decay geometrically. If the decay of the logarithms is slower in the
         last quarter, as for kinks and jumps, the amplitudes are assumed to decay as a power of the harmonic.
@@ -143,7 +144,7 @@ class Samples:
         if most < 4:
             return 1.0
         ends = np.linspace(0, most, 5).round().astype(int)
-        # Each quarter includes the last harmonic of the previous quarter, because single harmonics may
+        # Each quarter includes the last harmonic of the previous quarter, because a single harmonic may
         # vanish.
         quarters = (self.envelope[max(a, 1) : b + 1] for a, b in itertools.pairwise(ends))
         sizes = [max(float(quarter.max()), EPS) for quarter in quarters]
@@ -156,8 +157,8 @@ class Samples:
         return math.exp(min(slope, 0.0) * (last - first) / (most / 4))
 
     def shifted(self) -> "Samples":
-        """Samples with all entries shifted by the amplitude that aliases to the mean, extrapolated from the
-        last quarter of the harmonics."""
+        """Samples with all entries shifted by the amplitude that aliases to the mean. This amplitude is
+        extrapolated from the last quarter of the harmonics."""
         most = len(self.envelope) - 1
         ratio = self.decay(3 / 4 * most, self.azimuths)
         arrays = []
@@ -187,9 +188,9 @@ class Samples:
         return self._fitted(azimuths, arrays, (len(azimuths) - 1) // 2, self.period)
 
     def truncated(self, harmonics: int) -> "Samples":
-        """Samples of the interpolants without higher harmonics. If azimuths are not uniform, interpolants
-        through fewer azimuths are used; their errors are comparable, because higher harmonics alias to all
-        lower ones."""
+        """Samples of the interpolants without harmonics above `harmonics`. With non-uniform azimuths, higher
+        harmonics alias to all lower ones; interpolants through fewer azimuths, with comparable errors, are
+        then used."""
         if self.given is not None:
             azimuths, arrays = self.given
             if not harmonics:
@@ -246,9 +247,9 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
 
 
 def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
-    """Matrix (2H+1, k) that maps samples at azimuths (k,) to values, at uniform phases, of the fitted series
-    with H harmonics; and the amplification of errors. H is the largest number, at most `most`, for which
-    the fit is well conditioned."""
+    """Matrix (2H+1, k) that converts samples at azimuths (k,) to values of the fitted series at uniform
+    phases, and the amplification of errors. The number of harmonics, H, is the largest for which the fit is
+    well conditioned, and at most `most`."""
     for harmonics in range(most, 0, -1):
         design = _waves(azimuths, harmonics, period)
         singular = np.linalg.svd(design, compute_uv=False)

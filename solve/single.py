@@ -1,4 +1,4 @@
-"""Periodic solution of a system at one speed, and its stability without the solution."""
+"""Periodic solution of a system at one speed, and stability without the periodic solution."""
 
 from solve.arguments import checked_rtol
 from solve.certify.all_multipliers import Spectrum, refined_multipliers, require_step_maps
@@ -47,7 +47,7 @@ def periodic(
         "compiled", "numpy", or "auto" for compiled code if a C compiler is available. The first solution of
         a kind then includes the compilation, once per machine.
     all_multipliers : bool
-        Whether to apply `rtol` to each multiplier, however small, at the cost of more steps.
+        Whether to apply `rtol` to each multiplier, however small; this requires more steps.
 
     Returns
     -------
@@ -142,8 +142,8 @@ def floquet(
 
 
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
-    """Settings for the solution of points: steps, tolerance, engine COMPILED or NUMPY, and the methods that
-    check the results of other methods. Raises ValueOutOfBoundsError."""
+    """Settings for the solution of points: steps, tolerance, engine COMPILED or NUMPY, and reference methods
+    for error estimates. Raises ValueOutOfBoundsError."""
     return SolveRequest(orbit, checked_rtol(rtol), steps, engine, RADAU, auto)
 
 

@@ -33,8 +33,8 @@ class PeriodicSystem:
     Parameters
     ----------
     matrices : callable
-        matrices(phase, speed) returns M, C, K of shape (m, n, n) and d of shape (m, n) at phases φ = Ωt of
-        shape (m,) and a speed Ω in rad/s, in SI units, for derivatives with respect to time.
+        matrices(phase, speed) returns M, C, K of shape (m, n, n) and d of shape (m, n) for phases φ = Ωt of
+        shape (m,) and a speed Ω in rad/s. Units are SI, derivatives with respect to time.
     coordinates : sequence of str
         Names of the n coordinates.
     period : float
@@ -66,7 +66,7 @@ class PeriodicSystem:
     """
 
     _builder: Callable[[Mapping[str, float]], Any] | None = None
-    """Function that builds the system for values of its parameters; None for systems without parameters, and
+    """Function that builds the system from values of its parameters. None for systems without parameters, and
     for models, which vary their setup."""
 
     _FEWEST = 1
@@ -115,9 +115,8 @@ class PeriodicSystem:
         period: float = 2 * math.pi,
         phases: Sequence[float] | Array | None = None,
     ) -> Self:
-        """Create a system from samples at azimuths of the period, between which the matrices are their
-        trigonometric interpolant. Results state the interpolation error and the sufficient number of
-        azimuths.
+        """Create a system from samples at azimuths of the period. Between them, the matrices are interpolated
+        by a Fourier series. Results state the interpolation error and the sufficient number of azimuths.
 
         Parameters
         ----------
@@ -177,7 +176,7 @@ class PeriodicSystem:
     def _called(self, phase: Array, speed: float, symbols: str, square: str, vector: str) -> list[Array]:
         """Finite real arrays of the function `matrices` at phases (m,), one per symbol. square, vector:
         symbols of the arrays of shape (m, n, n) and (m, n). Raises MatricesError."""
-        # The function of the user may modify its argument.
+        # The user's function may modify its argument, so a read-only array is copied.
         argument = phase if phase.flags.writeable else phase.copy()
         try:
             values = self._matrices(argument, speed)
@@ -225,8 +224,8 @@ class PeriodicSystem:
 
 
 def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) -> None:
-    """Raise ValueOutOfBoundsError unless `names` is a sequence of texts that differ from each other and from
-    the names `others`."""
+    """Raise ValueOutOfBoundsError unless `names` is a sequence of distinct texts, none of which is in
+    `others`."""
     texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
     if not texts or len({*others, *names}) != len(others) + len(names):
         raise ValueOutOfBoundsError(
@@ -235,8 +234,8 @@ def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) ->
 
 
 def multiplier_count(system: PeriodicSystem) -> int:
-    """Number of Floquet multipliers: one per coordinate without second derivatives, two per other
-    coordinate."""
+    """Number of Floquet multipliers: one per coordinate without second derivatives, two per coordinate with
+    second derivatives."""
     return 2 * system.n - len(system.states)
 
 
@@ -253,14 +252,14 @@ def relabelled(system: System, **labels: Any) -> System:
 def built_by(
     system: System, builder: Callable[[Mapping[str, float]], Any], parameters: Mapping[str, float]
 ) -> System:
-    """Copy of a system that a function built for values of its parameters."""
+    """Copy of a system, with the function that builds it and the values of its parameters."""
     built = relabelled(system, parameters=dict(parameters))
     built._builder = builder
     return built
 
 
 def shown_in(system: System, speed: float) -> System:
-    """Copy of a system whose display unit is the unit of a given speed, if it has one."""
+    """Copy of a system that displays speeds in the unit of a given speed, if it has one."""
     unit = unit_given(speed, system.labels.speed_unit)
     if unit == system.labels.speed_unit:
         return system
@@ -273,7 +272,7 @@ def shown_in(system: System, speed: float) -> System:
 
 
 def _agree(copied: PeriodicSystem, system: PeriodicSystem) -> bool:
-    """Whether the attributes equal those of another system, except the unit and cached values."""
+    """Whether a copy and a system have equal attributes, except for the unit and cached values."""
     return replace(copied.labels, speed_unit=system.labels.speed_unit) == system.labels and all(
         vars(copied).get(name) is value
         for name, value in vars(system).items()

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 _NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 LARGEST = 1e60
-"""Largest modulus of a number, and inverse of the smallest modulus: products of five numbers remain within
-the range of float64, 1e±308."""
+"""Largest permitted modulus of a number, and inverse of the smallest, so that products of five numbers remain
+within the range of float64, 1e±308."""
 
 _POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2}(\.\d{1,2})?)?"
 _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
@@ -68,7 +68,7 @@ class ShownUnit(NamedTuple):
         return f"{self.from_si(value):{form}} {self.name}".removesuffix(" 1").rstrip()
 
     def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
-        """Text of a range between two numbers in SI units, with more digits if both would look the same.
+        """Text of a range between two numbers in SI units, with enough digits to distinguish both.
 
         >>> RPM.span(math.pi, 2 * math.pi), RPM.span(math.pi, 1.00001 * math.pi)
         ('30 to 60 rpm', '30 to 30.0003 rpm')
@@ -78,8 +78,8 @@ class ShownUnit(NamedTuple):
         return f"{self.from_si(low):{form}} {word} {self.text(high, form)}"
 
     def spans(self, ranges: Iterable[tuple[float, float]]) -> str:
-        """Text of several ranges of numbers in SI units, of which a few are listed. A range with equal ends
-        is written as one number.
+        """Text of several ranges of numbers in SI units; only the first few are listed. A range with equal
+        ends is written as one number.
 
         >>> RPM.spans([(math.pi, 2 * math.pi), (3 * math.pi, 3 * math.pi)])
         'from 30 to 60 rpm, at 90 rpm'
@@ -98,8 +98,7 @@ RPM, RAD_PER_S, _ = USUAL
 
 
 _SAME_SPEED = 1e-9
-"""Relative difference between two speeds below which the speeds count as equal and form no range. A
-choice."""
+"""Relative difference below which two speeds count as equal and form no range. A choice."""
 
 
 class GivenSpeed(float):
@@ -164,8 +163,8 @@ _text_in_si = lru_cache(_in_si)
 
 
 def require_size_of_number(what: str, value: float) -> None:
-    """Raise ValueOutOfBoundsError for a finite number, in SI units, whose magnitude is too large or too small
-    for computations."""
+    """Raise ValueOutOfBoundsError for a finite number, in SI units, with a magnitude that is too large or too
+    small for computations."""
     if math.isfinite(value) and value != 0 and not 1 / LARGEST <= abs(value) <= LARGEST:
         raise ValueOutOfBoundsError(
             f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in magnitude, in SI units"

@@ -47,8 +47,8 @@ def mechanism() -> Mechanism:
     cam.dissipation = (c1 * rate(q1) ** 2 + pressed * c2 * rate(q2) ** 2 + c3 * rate(q3) ** 2) / 2
     cam.force(-F(cam.phase), along=y3)
     # The spring acts between follower and cam, as on the counter-profile of conjugate cams, so that it does
-    # not twist the shaft. It balances the contact force at q = 0. Without adhesion this is at least 0, so
-    # that its change is at most P.
+    # not twist the shaft. Its preload P equals the contact force at q = 0. Without adhesion the contact force
+    # is at least 0 and cannot decrease by more than P.
     extension = k2 * q2 + c2 * rate(q2)
     cam.force(-contact.choose(bilateral=0, unilateral=Min(P, extension)), along=q2)
     cam.input("u", "N m", along=phi1, meaning="torque on the cam in addition to that of the shaft")
@@ -63,7 +63,7 @@ def mechanism() -> Mechanism:
     sliding = (R0 + y1) * rate(phi1)
     cam.output("gap", opening, "m", "follower above the undeformed cam, negative if pressed")
     cam.limit("gap", "<= 0", beyond="the follower lifts off the cam")
-    cam.output("in_contact", closed, "1", "1 in contact, 0 apart; its mean is the fraction of the period")
+    cam.output("in_contact", closed, "1", "1 in contact, 0 apart; mean: fraction of the period in contact")
     cam.output(
         "wear", Max(0, contact_force) * sliding, "W", "contact force times sliding speed of a flat face"
     )

@@ -26,7 +26,7 @@ def transmission(angle: Array, p: Mapping[str, float]) -> tuple[Array, Array, Ar
 
 
 def force(phase: Array, p: Mapping[str, float]) -> Array:
-    """Load F at an array of phases; constant in the chapter, here with six harmonics."""
+    """Load F at an array of phases, with a mean and six harmonics; in the chapter F is constant."""
     total = np.full_like(phase, p["F"])
     for k in range(1, 7):
         total += p[f"Fa{k}"] * np.cos(k * phase) + p[f"Fb{k}"] * np.sin(k * phase)
@@ -34,7 +34,7 @@ def force(phase: Array, p: Mapping[str, float]) -> Array:
 
 
 def matrices(phase: Array, speed: float, p: Mapping[str, float]) -> tuple[Array, Array, Array, Array]:
-    """M, C, K of shape (m, 3, 3) and d of shape (m, 3) of Eq. (64), which is printed correctly."""
+    """M, C, K of shape (m, 3, 3) and d of shape (m, 3) from Eq. (64), which is printed correctly."""
     U1, U2, U3 = transmission(phase, p)
     F = force(phase, p)
     m3, m = p["m3"], p["m2"] + p["m3"]
@@ -62,7 +62,8 @@ def matrices(phase: Array, speed: float, p: Mapping[str, float]) -> tuple[Array,
 
 
 def mass_as_printed_61(phase: Array, p: Mapping[str, float]) -> Array:
-    """M of shape (m, 3, 3) read from Eqs. (61)–(63), where (61) has U″ for q̈2 and U‴ for q̈3, not U′."""
+    """M of shape (m, 3, 3) from Eqs. (61)–(63) as printed: (61) has U″ for q̈2 and U‴ for q̈3 instead of
+    U′."""
     _, U2, U3 = transmission(phase, p)
     M = matrices(phase, 0.0, p)[0]
     M[:, 0, 1] = (p["m2"] + p["m3"]) * U2
@@ -82,7 +83,7 @@ def residual(
     """Left-hand side minus right-hand side (m, 3) of Eqs. (52)–(54), with φ1 = φ + q1, for q, qd, qdd of
     shape (m, 3).
 
-    As printed, (52) has U″ in place of U′ before q̈2 and q̈3.
+    As printed, (52) has U″ instead of U′ before q̈2 and q̈3.
     """
     U1, U2, _ = transmission(phase + q[:, 0], p)
     F = force(phase, p)

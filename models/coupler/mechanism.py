@@ -7,8 +7,8 @@ def mechanism() -> Mechanism:
     """An elastic coupler between crank pin A and joint B of an otherwise rigid linkage.
 
     x is the position along the chord AB, w is positive at +90° from it; the coupler is inextensible.
-    Velocities have components along and across the chord. The axial force is not stated: it follows
-    from the energy terms with the shortening u due to the deflection.
+    Velocities have components along and across the chord. The axial force follows from the energy terms that
+    contain the shortening u due to the deflection.
     """
     linkage = Mechanism("coupler", "Flexible coupler of a four-bar linkage (paper, Section 3)")
     l1, l2, l3, l4 = linkage.parameters(

@@ -19,7 +19,7 @@ from solve.views.panels import SAMPLES, frame_of, titled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
-"""Maximum number of positions: as many as fit on a page. A choice."""
+"""Maximum number of positions that fit on a page. A choice."""
 
 _COLUMNS = 4
 _DRAWN = 0.2
@@ -31,7 +31,7 @@ _LABELS = 0.8
 
 
 class BentCoupler(NamedTuple):
-    """Mechanism at k crank angles, with positions x + iy (m).
+    """Positions x + iy (m) of the mechanism at k crank angles.
 
     phase (k,): rad. joints (4, k): crank pivot, crank pin, joint B, follower pivot. deflection (stations, k):
     m. line (stations, k): the coupler with magnified deflection.
@@ -76,8 +76,8 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
 
 
 def round_magnification(model: Model, orbit: Orbit) -> float:
-    """Largest of 1, 2, 5, 10, 20, … for which the drawn deflection is at most a fifth of the length; at least
-    1."""
+    """Largest of the numbers 1, 2, 5, 10, 20, … for which the drawn deflection is at most a fifth of the
+    length, but at least 1."""
     turn = np.linspace(0.0, orbit.system.period, SAMPLES)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
     return rounded(_DRAWN * model.parameters["l3"] / largest if largest else 1.0)
@@ -86,9 +86,9 @@ def round_magnification(model: Model, orbit: Orbit) -> float:
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:
     """Figure with one panel per crank position; the positions are equidistant.
 
-    Rigid links are thin, the deformed coupler is thick, its chord dashed. Panel titles state the crank angle
-    and the deflection w at midspan; the main title states the magnification, which is automatic by default.
-    Raises ValueOutOfBoundsError.
+    Rigid links are drawn thin, the deformed coupler thick, and its chord dashed. Panel titles state the crank
+    angle and the deflection w at midspan; the main title states the magnification, which is automatic by
+    default. Raises ValueOutOfBoundsError.
     """
     if magnification is None:
         magnification = round_magnification(model, orbit)

@@ -1,18 +1,19 @@
 """Hand-coded equations of the flexible coupler of a four-bar linkage, from the paper's Eqs. (22), (24)–(28),
 (33)–(37).
 
-Reference for tests: NumPy only, without derivation by machine. Each wrong entry of the paper is a named
-`Misprint` that can be selected individually. Without misprints the equations are correct, with `AS_PRINTED`
-they are those of the paper. Eqs. (23) and (31) have errors of dimension that later equations do not contain:
-in (23) f3 and f1 lack the factor x, and in (31) the cosine terms contain iπ/l squared.
+Reference for tests: coded by hand in NumPy, without computer algebra. Each wrong entry of the paper is a
+named `Misprint` that can be selected individually. Without misprints the equations are correct; with
+`AS_PRINTED` they are those of the paper. Eqs. (23) and (31) are dimensionally wrong, but later equations are
+not affected: in (23) f3 and f1 lack the factor x, and in (31) the cosine terms contain iπ/l squared.
 
 Conventions. The crank turns counter-clockwise about the origin, phase Ωt from the x0 axis; the ground line
 runs from the origin to the follower's pivot C at the angle θ; φ3 is the direction from crank pin A to joint
-B, φ4 that from C to B. w is measured from the chord AB, positive at +90° from it. Gravity acts along −y0, the
-external moment M_e on the follower against φ4; the drag c_x, c_y acts on the coupler's absolute velocity
-along and across the chord; s4 and α4 place the follower's centre of mass from C, against its line CB.
-Branch `open` has B on the left of the line from A to C, so that sin(φ4 − φ3) > 0; where the crank is the
-shortest link, this is B above the ground line. `crossed` is the mirror image, sin(φ4 − φ3) < 0.
+B, φ4 that from C to B. w is measured from the chord AB, positive at +90° from the chord. Gravity acts along
+−y0. The external moment M_e acts on the follower against φ4. The drag c_x, c_y opposes the absolute velocity
+of the coupler along and across the chord. s4 and α4 are the distance of the follower's centre of mass from C,
+and its angle from the line CB. Branch `open` has B on the left of the line from A to C, so that sin(φ4 − φ3)
+> 0; if the crank is the shortest link, B is above the ground line. `crossed` is the mirror image, sin(φ4 −
+φ3) < 0.
 """
 
 from collections.abc import Mapping
@@ -49,8 +50,7 @@ TABLE_1: dict[str, float] = {
 omits. The mass per length is ρA; the printed m3 is not used."""
 
 TABLE_2: dict[str, float] = TABLE_1 | {"rho": 7800.0, "I": 45e-9}
-"""Parameters that reproduce paper Table 2: a section of 20 × 30 mm, and the density that follows from the
-printed m3."""
+"""Parameters that reproduce paper Table 2: a section of 20 × 30 mm, and the density from the printed m3."""
 
 BRANCHES = {"open": 1.0, "crossed": -1.0}
 
@@ -105,7 +105,7 @@ def link_angles(
     """Angles of the rigid linkage at phases (m,) in rad and a constant speed in rad/s, from the loop equation
     (22) in closed form.
 
-    Raises `LinkageCannotTurnError` where the loop opens at some crank angle.
+    Raises `LinkageCannotTurnError` if the loop cannot be closed at some crank angle.
     """
     l1, l2, l3, l4, theta = (parameters[name] for name in ("l1", "l2", "l3", "l4", "theta"))
     _check_full_turn(l1, l2, l3, l4)

@@ -2,8 +2,8 @@
 
 C. R. Barker, A complete classification of planar four-bar linkages, Mech. Mach. Theory 20 (1985) 535-554.
 Barker's solution space has the coordinates λ2, λ3, λ4: the lengths of coupler, follower and ground link
-divided by that of the crank. It is divided into eight regions by three planes, on which one pair of links is
-as long as the other pair:
+divided by the length of the crank. Three planes divide it into eight regions. On each plane, one pair of
+links is as long as the other pair:
 
     u2 = L1 + L2 - L3 - L4 = 0,   u3 = L1 + L3 - L2 - L4 = 0,   u4 = L1 + L4 - L2 - L3 = 0
 
@@ -49,9 +49,9 @@ CLASSES = {
         BarkerClass(14, "CP3X", "triple change point", "change point", "four equal links"),
     )
 }
-"""The fourteen classes by symbol, in Barker's order. The names, and the letters of the symbols, state
-whether input, coupler and output turn fully (crank) or not (rocker) against the frame. Thesis Table 3.1
-prints crank-rocker-crank for GCRR and CPCRR.
+"""The fourteen classes by symbol, in Barker's order. Names and symbols state whether input, coupler and
+output rotate fully (crank) or not (rocker) relative to the frame. Thesis Table 3.1 prints crank-rocker-crank
+for GCRR and CPCRR.
 """
 
 REGIONS = {
@@ -70,7 +70,7 @@ REGIONS = {
 def classify(linkage: Linkage) -> BarkerClass:
     """Class of a linkage; sums of lengths that differ by round-off count as equal.
 
-    With one sign zero the class is that of the adjacent Grashof region.
+    If one sign is zero, the class is the change-point class of the adjacent Grashof region.
 
     >>> classify(Linkage(0.170, 0.328, 0.525, 0.547)).symbol
     'GCRR'

@@ -1,6 +1,7 @@
 """Design method for high speed (thesis 7.5): critical speeds, quiet bands, run-up plan and simulated run-ups.
 
-A ratio is that of stress to allowable stress; where no link is named, the largest ratio of all links.
+A ratio is the stress divided by the allowable stress; if no link is named, it is the largest ratio of all
+links.
 """
 
 import math
@@ -23,23 +24,23 @@ RESERVE = 0.03
 """Margin of the stress ratio below 1 at the default target speed. A choice."""
 
 _MARGIN_FRACTION = 0.75
-"""Fraction of the largest possible margin of stress that a plan keeps. A choice: with the full margin, a plan
-has more bends."""
+"""Fraction of the largest possible stress margin that a plan has. A choice: with the full margin, a plan has
+more bends."""
 
 _WORTHWHILE = 0.98
-"""Stress ratio with moving L4, relative to that with fixed L4, below which moving L4 is reported as useful. A
-choice."""
+"""Stress ratio with varying L4, relative to the ratio with fixed L4, below which a variation of L4 is
+reported as useful. A choice."""
 
 _DAMPING_STEP = 0.1
 """Relative step of ζ in the central difference for the effect of damping. A choice."""
 
 _ROUNDED = 0.01
-"""Interval of speeds in which corners of a plan are rounded, relative to the target speed. A choice."""
+"""Interval of speeds over which corners of a plan are rounded, relative to the target speed. A choice."""
 
 
 class Band(NamedTuple):
-    """Range of speeds (rad/s) with a stress ratio below 1 for the mechanism's own L4, and its quietest
-    speed."""
+    """Range of speeds (rad/s) with a stress ratio below 1 for the mechanism's own L4, and the quietest speed
+    in the range."""
 
     start: float
     end: float
@@ -48,8 +49,8 @@ class Band(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """Critical speed (rad/s) for the mechanism's own L4, with the stress ratio and the link of the largest
-    stress."""
+    """Critical speed (rad/s) for the mechanism's own L4, with the stress ratio and the name of the link with
+    the largest ratio."""
 
     speed: float
     ratio: float
@@ -59,7 +60,7 @@ class Peak(NamedTuple):
 class QuietSpeed(NamedTuple):
     """Quiet speed (rad/s) above a critical speed (`peak`, rad/s).
 
-    needed, fixed: largest stress ratio on the way to this speed if L4 changes and returns, and if L4 is
+    needed, fixed: largest stress ratio during a run-up to this speed, if L4 changes and returns, and if L4 is
     fixed.
     """
 
@@ -70,7 +71,8 @@ class QuietSpeed(NamedTuple):
 
 
 class DampingEffect(NamedTuple):
-    """Relative change of the largest stress of each link, per relative change of ζ, at a speed (rad/s)."""
+    """Relative change of the largest stress of each link at a speed (rad/s), divided by the relative change
+    of ζ."""
 
     speed: float
     sensitivity: Mapping[str, float]
@@ -95,8 +97,8 @@ class Design:
 
     peaks: critical speeds at the mechanism's own L4. quiet: quiet bands at this L4; the first begins at rest,
     the others lie above critical speeds at which the stress exceeds the allowable stress. quiet_of: bands of
-    each link alone. quiet_above: for each critical speed, the speed between it and the next with the smallest
-    ratio when L4 returns, if moving the pivot is useful.
+    each link alone. quiet_above: for each critical speed, the speed below the next one with the smallest
+    ratio if L4 returns; only if a variation of L4 is useful.
     """
 
     map: DesignMap
@@ -113,8 +115,8 @@ class Design:
 
     @property
     def rate(self) -> float:
-        """Largest change of L4 with speed (m per rad/s), a choice: L4 can pass through its whole range within
-        a tenth of the range of speeds."""
+        """Largest rate of change of L4 with speed (m per rad/s). A choice: L4 can pass through its entire
+        range within a tenth of the range of speeds."""
         return float((self.map.L4[-1] - self.map.L4[0]) / (0.1 * self.map.speeds[-1]))
 
 
@@ -158,8 +160,7 @@ def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
 
 
 def quiet_bands(speeds: Array, ratio: Array) -> list[Band]:
-    """Bands of neighbouring speeds, among ascending speeds (P,), with a stress ratio (P,) below 1. The first
-    begins at rest."""
+    """Bands of ascending speeds (P,) with a stress ratio (P,) below 1. The first band begins at rest."""
     edges = [0.0]
     for at in np.flatnonzero((ratio[:-1] <= 1) != (ratio[1:] <= 1)):
         fraction = math.log(ratio[at]) / (math.log(ratio[at]) - math.log(ratio[at + 1]))
@@ -207,8 +208,8 @@ def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
 def default_target(design: Design) -> float:
     """Default target speed (rad/s) of a run-up.
 
-    It is the quietest speed of the highest reachable quiet band above a limiting critical speed, otherwise
-    the highest speed reachable with any L4. Both include a margin of stress, `RESERVE`.
+    It is the quietest speed of the highest reachable quiet band above a limiting critical speed; without such
+    a band, the highest speed that is reachable with any L4. Both include the stress margin `RESERVE`.
     """
     speeds = design.map.speeds
     for band in reversed(design.quiet):
@@ -220,14 +221,14 @@ def default_target(design: Design) -> float:
 
 
 def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
-    """Smallest value that the largest stress ratio can have on a plan up to the last speed of a map, if L4
+    """Smallest attainable value of the largest stress ratio on a plan up to the last speed of a map, if L4
     changes by at most `rate` (m per rad/s)."""
     return least_cap(until.speeds, until.L4, until.ratio, until.own_index, rate, returns)
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
-    """Smallest attainable ratio without return of L4 to the mechanism's own length, if L4 may also change at
-    constant speed."""
+    """Smallest attainable ratio if L4 may also change at constant speed and does not return to the
+    mechanism's own length."""
     return float(arrival(until.ratio)[-1].min())
 
 
@@ -288,10 +289,10 @@ class Outcome(Serializable):
     """Result of the design method for a target speed.
 
     target: rad/s; until: the map up to the target. returns: whether L4 returns to the mechanism's own length
-    at the target speed. least: smallest ratio of stress to allowable stress for a run-up to the target,
-    without and with the return. plan: None where no plan exists. steady (k, links): ratios along the plan at
-    the speeds (k,) of `until`. trials: simulations of the plan, each with half the duration of the previous
-    one, until the stress is too high.
+    at the target speed. least: smallest attainable stress ratio of a run-up to the target, without and with
+    return of L4. plan: None if no plan exists. steady (k, links): ratios along the plan at the speeds (k,) of
+    `until`. trials: simulations of the plan, each with half the duration of the previous one, until the
+    stress is too high.
     """
 
     design: Design
@@ -362,7 +363,7 @@ class Outcome(Serializable):
         if stresses.radius_bound.max() >= 1:
             speed = stresses.speeds[stresses.radius_bound >= 1][0]
             lowest = stresses.model.labels.speed_unit.text(speed, ".4g")
-            texts.append(f"from {lowest} on the vibration may be unstable; see: python -m solve bands")
+            texts.append(f"the vibration may be unstable from {lowest} upwards; see: python -m solve bands")
         if stresses.interpolation_error > _MAX_MAP_ERROR:
             error = f"{stresses.interpolation_error:.2g}"
             texts.append(f"interpolation between the speeds of the map has a relative error of {error}")

@@ -1,6 +1,7 @@
 """Map of the design method: ratio of stress to allowable stress over speed and ground length L4 (thesis 7.5).
 
-A ratio is that of stress to allowable stress; where no link is named, the largest ratio of all links.
+A ratio is the stress divided by the allowable stress; if no link is named, it is the largest ratio of all
+links.
 """
 
 import math
@@ -22,15 +23,15 @@ _TOLERANCE = 0.01
 """Tolerance of the interpolated stress, above which an interval of speeds is bisected. A choice."""
 
 _SHORTEST = 0.25
-"""Smallest relative length of an interval that is bisected, divided by ζ: the relative half-power width of a
-peak is 2ζ."""
+"""Smallest relative length of an interval that is bisected, as a multiple of ζ; the relative half-power width
+of a peak is 2ζ."""
 
 _MOST_HALVINGS = 8
 """Largest number of passes of the refinement: a choice."""
 
 
 class DesignError(SolveError):
-    """Raised if the mechanism does not permit a length or speed, whatever the stress is."""
+    """Raised if the mechanism does not permit a length or speed, independently of the stress."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class DesignMap(Serializable):
     """Steady stresses of a four-bar linkage at P ascending speeds (rad/s) and g ground lengths L4 (m).
 
     The mechanism's own L4 is one of them. allowable (links,): Pa. stress (P, g, links): largest |stress| over
-    a revolution, Pa. error (P,) and radius_bound (P,): as in `Peaks`, the radius bound for the worst L4.
+    a revolution, Pa. error (P,) and radius_bound (P,): as in `Peaks`; the bound is the largest over L4.
     interpolation_error: largest relative error between the speeds in the last halving.
     """
 
@@ -87,8 +88,7 @@ class DesignMap(Serializable):
         return self.links[int(self.ratios[at, self.own_index].argmax())]
 
     def error_until(self, target: float) -> float:
-        """Relative error of the stresses for speeds up to the target, at and between the points of the
-        map."""
+        """Relative error of the stresses up to the target speed, at and between the points of the map."""
         return max(self.interpolation_error, float(np.nanmax(self.error[self.speeds <= target])))
 
     def until(self, target: float) -> "DesignMap":
@@ -154,7 +154,7 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
 
 
 def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]:
-    """Values, at speeds (P,), of those fields of a map that depend on the speed."""
+    """Values at speeds (P,) of the fields of a map that depend on the speed."""
     peaks = stress_map.peaks(speeds, L4)
     return {
         "speeds": speeds,

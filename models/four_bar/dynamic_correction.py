@@ -2,13 +2,13 @@
 7.4.1).
 
 At every position, M and K of the cubic elements are replaced by the exact matrices at the lowest frequency
-ω1: M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis iterates towards ω1 from the cubic elements'
-frequency; the algorithm of Wittrick and Williams determines ω1 directly. The first mode is exact; other modes
-are approximate, because the matrices are valid at ω1.
+ω1: M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis determines ω1 by iteration from the frequency
+of the cubic elements; here the algorithm of Wittrick and Williams determines it directly. The first mode is
+exact; other modes are approximate, because the matrices are valid at ω1.
 
 The shape functions at ω1 do not contain rigid motions, so that −M(ω1) q̈_r is not the consistent inertia
-load. The consistent load is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as N solves the equation of
-vibration at ω1 and a_r is linear along a link. It contains the secant of D as a function of ω², whereas M(ω1)
+load. The consistent load is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², because N solves the equation of
+vibration at ω1 and a_r is linear along a link. This load contains the secant of D as a function of ω²; M(ω1)
 is the tangent.
 """
 
@@ -30,7 +30,7 @@ from solve.labels import Labels
 from solve.system import PeriodicSystem
 
 LOADS = ("consistent", "nodal")
-"""Inertia loads: ∫ ρA N(ω1)ᵀ a_r dx, and M(ω1) q̈_r as in the thesis."""
+"""Names of the inertia loads ∫ ρA N(ω1)ᵀ a_r dx, and M(ω1) q̈_r as in the thesis."""
 
 _KINDS = ("deflection", "stress_plus", "stress_minus", "strain_energy")
 """Kinds of outputs that are corrected; joint forces are not corrected."""
@@ -40,11 +40,10 @@ _FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
 
 
 class Corrected(PeriodicSystem, Outputs):
-    """Four-bar linkage whose cubic elements are corrected at ω1.
+    """Four-bar linkage with cubic elements that are corrected at ω1.
 
     load: one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1. Raises
-    UnknownNameError for another load, or for a model with options that differ from those that the correction
-    requires.
+    UnknownNameError for another load, or for a model whose options the correction does not support.
     """
 
     def __init__(self, model: StructureModel, load: str = "consistent"):

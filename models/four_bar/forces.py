@@ -23,7 +23,7 @@ _ACTING = (
     (2, 3, +1, 0),
     (2, 2, +1, 1),
 )
-"""Joints and links at which the unknowns F01, F12, F23, F03 act, with links counted from 0; F_ji = -F_ij."""
+"""Joints and links, counted from 0, at which the unknown forces F01, F12, F23, F03 act; F_ji = -F_ij."""
 
 JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
 """Names of the forces that the joints transmit, by joint."""
@@ -118,7 +118,7 @@ def kinetic_energy(motion: Motion, bodies: Sequence[Body]) -> Array:
 
 
 def inertial_power(motion: Motion, bodies: Sequence[Body]) -> Array:
-    """Power dT/dt (W), which equals the power of drive and load together."""
+    """Rate of change dT/dt (W) of the kinetic energy, which equals the total power of drive and load."""
     power = np.zeros(motion.t.shape[1:])
     for link, body in enumerate(bodies, start=1):
         velocity = motion.velocity(link, body.centre)
@@ -134,7 +134,8 @@ def internal_forces(
     """Internal forces of a link in equilibrium with its joint forces, torque and inertia forces (thesis 3.7).
 
     Returns N + iQ, axial force (tension positive) and shear in N, and the bending moment in N m, both (k, …),
-    on the part from the first joint to the distances `at` (k,) in m. density: mass per length, kg/m.
+    at the distances `at` (k,) in m from the first joint. They act on the segment between this joint and the
+    section. density: mass per length, kg/m.
     """
     length = motion.linkage.lengths[link - 1]
     along = np.conj(motion.direction(link))

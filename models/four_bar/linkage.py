@@ -1,7 +1,7 @@
 """Rigid planar four-bar linkage: positions, velocities and accelerations (thesis Chapter 3).
 
-The crank OA turns about O, the origin; the follower CB about C at (L4, 0); the coupler AB joins them.
-t1, t2, t3 are the angles of OA, AB, CB from the x axis, so that the loop closes by thesis (3.3):
+The crank OA rotates about the origin O, the follower CB about C at (L4, 0), and the coupler AB connects both.
+t1, t2, t3 are the angles of OA, AB, CB from the x axis. The loop equation is thesis (3.3):
 
     L1 exp(i t1) + L2 exp(i t2) = L3 exp(i t3) + L4
 
@@ -74,9 +74,8 @@ class Linkage:
         sum_of_others = sum(self.lengths) - longest
         if longest >= sum_of_others - self.slack:
             raise LinkageError(
-                f"the longest link is {longest:g} m, the others together {sum_of_others:g} m, so that they "
-                "cannot be assembled into a linkage that moves; shorten the longest or lengthen the "
-                "others"
+                f"the longest link is {longest:g} m, the others together {sum_of_others:g} m, so that no "
+                "movable linkage can be assembled; shorten the longest link or lengthen the others"
             )
 
     @property
@@ -112,8 +111,8 @@ class Linkage:
 
     @property
     def slack(self) -> float:
-        """Difference (m) below which two sums of lengths count as equal: far above round-off, 1e-16 of the
-        lengths."""
+        """Difference (m) below which two sums of lengths count as equal; it is far above their round-off of
+        1e-16."""
         return 1e-12 * sum(self.lengths)
 
     @property
@@ -163,7 +162,7 @@ class Linkage:
         crank; infinite at dead points.
 
         T1 drives the crank, and the follower delivers T3, without friction and inertia. The sign is positive
-        if both rotate in the same direction. Thesis (3.1) prints L4 sin β for L1 sin β.
+        if both rotate in the same direction. Thesis (3.1) prints L4 sin β instead of L1 sin β.
         """
         with np.errstate(divide="ignore"):
             return 1.0 / self.motion(t1).omega[2]
@@ -172,10 +171,10 @@ class Linkage:
         """Angles, angular velocities and accelerations (thesis (3.11)) at crank angles t1 (rad).
 
         omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. The angles follow from the triangle
-        ABC instead of thesis (3.5) to (3.8), where (3.7) prints -K1 cos t2 for +K1 cos t2.
+        ABC instead of thesis (3.5) to (3.8); (3.7) prints -K1 cos t2 instead of +K1 cos t2.
 
-        Raises LinkageError for angles out of reach, and for angles at which coupler and follower are in line,
-        so that the motion is undetermined.
+        Raises LinkageError for angles that the linkage cannot reach, and for angles at which coupler and
+        follower are in line, where the motion is undetermined.
         """
         t1, omega1, alpha1 = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (t1, omega1, alpha1)))
         turned = self._coupler_to_follower(t1)
@@ -214,8 +213,8 @@ class Motion:
     """Angles t, angular velocities omega and accelerations alpha of links 1, 2, 3, as arrays (3, …) over the
     crank angles.
 
-    A point of a link is the complex number X + iY (m) in the link's frame: X along it from its first
-    joint (O of the crank, A of the coupler, C of the follower), Y at +90°. Arrays of points broadcast
+    A point of a link is the complex number X + iY (m) in the frame of the link: X along the link from its
+    first joint (O of the crank, A of the coupler, C of the follower), Y at +90°. Arrays of points broadcast
     with the crank angles.
     """
 
@@ -237,7 +236,7 @@ class Motion:
     def acceleration(self, link: int, point: complex | Plane = 0.0) -> Plane:
         """Acceleration (m/s²) of a point of a link.
 
-        At B it is thesis (3.13), which prints sin t1 for sin t2 in two places.
+        At B the result is thesis (3.13), which prints sin t1 instead of sin t2 in two places.
         """
         first = (1j * self.alpha[0] - self.omega[0] ** 2) * self._crank_pin if link == 2 else 0.0
         rate = 1j * self.alpha[link - 1] - self.omega[link - 1] ** 2

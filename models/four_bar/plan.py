@@ -1,8 +1,8 @@
 """Run-up plan: ground length L4 as a function of speed that keeps the stresses low (thesis 7.5).
 
-A map contains ratios (P, g) of stress to allowable stress over ascending speeds (P,) and lengths L4 (g,).
-Among the paths from the lowest speed to a point of the map, the best one has the smallest maximum ratio. A
-plan is a path whose ratios do not exceed a cap, close to the mechanism's own L4 and with few bends."""
+A map contains ratios (P, g) of stress to allowable stress over ascending speeds (P,) and lengths L4 (g,). The
+best path from the lowest speed to a point of the map has the smallest maximum ratio. A plan is a path on
+which the ratios do not exceed a cap; it remains close to the mechanism's own L4 and has few bends."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,8 @@ _BENDING = 0.005
 """Weight of the bends of a plan relative to its distance from the mechanism's own L4. A choice."""
 
 _STRAIGHT, _CLOSE = 1e-4, 1e-12
-"""Bend, relative to the rate, below which points count as collinear; difference (m) below which lengths count
-as equal.
+"""Change of slope, relative to the rate, below which points count as collinear; and difference (m) below
+which lengths count as equal.
 
 Both are above the round-off of the linear program and below any change of practical interest.
 """
@@ -28,8 +28,8 @@ class Plan:
     """Piecewise linear L4 (m) over ascending speeds (rad/s); constant below the first and above the last
     speed.
 
-    lead (rad/s): corners are rounded by the mean of L4 from each speed to `lead` above it. The velocity of
-    the pivot is then continuous, and it is at rest at the last speed.
+    lead (rad/s): corners are rounded by averaging L4 from each speed to `lead` above it. The velocity of the
+    pivot is then continuous, and zero at the last speed.
     """
 
     speed: Array
@@ -80,8 +80,8 @@ def arrival(ratio: Array) -> Array:
 
 
 def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
-    """Smallest and largest L4 (P,) at every speed, between which the ratio does not exceed the cap; None if
-    no such ranges exist.
+    """Ends (P,) of a range of L4 at every speed in which the ratio does not exceed the cap; None if no such
+    ranges exist.
 
     Each range overlaps the next, and the last contains the length with index `final`, if given.
     """
@@ -112,8 +112,8 @@ def _reached_below(ratio: Array, cap: float) -> Array | None:
 
 
 def _runs(chosen: Array) -> tuple[Array, int]:
-    """Labels (from 1) of runs of neighbouring chosen elements (0 for elements that are not chosen), and the
-    number of runs."""
+    """Labels of runs of neighbouring chosen elements, counted from 1, and the number of runs. Elements that
+    are not chosen have the label 0."""
     starts = np.diff(chosen, prepend=False) & chosen
     return np.where(chosen, np.cumsum(starts), 0), int(starts.sum())
 
@@ -157,7 +157,8 @@ def least_change(
             low[at] = high[at] = end
     slope = np.diff(np.eye(P), axis=0) / np.diff(speeds)[:, None]
     bend, one, other = np.diff(slope, axis=0), np.eye(P), np.eye(P - 2)
-    # Unknowns: L4, and upper bounds of its distances from the own L4 and of its bends.
+    # Unknowns: L4 at every speed, and upper bounds of its distances from the mechanism's own L4 and of its
+    # bends.
     rows = [
         np.hstack((sign * of_lengths, distance, bends))
         for of_lengths, distance, bends in (

@@ -1,9 +1,9 @@
 """Hand-coded element matrices and frequency functions of the thesis, Chapters 4 and 5, Appendices A and B.
 
-Reference for tests: NumPy only, without derivation by machine. Each wrong entry of the thesis is a named
-`Misprint` that can be selected individually. Without misprints the equations are correct, with `AS_PRINTED`
-they are those of the thesis. Lengths in m; λ and β in 1/m belong to bending and axial vibration,
-λ⁴ = ρAω²/EI and β² = ρω²/E.
+Reference for tests: coded by hand in NumPy, without computer algebra. Each wrong entry of the thesis is a
+named `Misprint` that can be selected individually. Without misprints the equations are correct; with
+`AS_PRINTED` they are those of the thesis. Lengths are in m. λ and β are the wave numbers (1/m) of bending and
+axial vibration, λ⁴ = ρAω²/EI and β² = ρω²/E.
 """
 
 from collections.abc import Set
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.floating]
 
 CRANK_SECTION = (24.8e-3, 6.35e-3)
-"""Width and thickness in the plane of motion, m: Table 3.2."""
+"""Width of the crank, and its thickness in the plane of motion, m: Table 3.2."""
 
 
 class Misprint(Enum):
@@ -109,7 +109,7 @@ def internal_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[A
 
 def curvature_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[Array, Array]:
     """Matrices M/ρA and K/EI of the element with end curvatures, for v, θ, κ at 0 and L. Instead of these
-    matrices the thesis prints those of (A.1)–(A.4) again."""
+    matrices, the thesis repeats those of (A.1)–(A.4)."""
     if Misprint.CURVATURE_ELEMENT in misprints:
         return internal_matrices(L, misprints)
     orders = (0, 1, 2, 0, 1, 2)

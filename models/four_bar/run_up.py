@@ -1,8 +1,9 @@
-"""Simulation of the run-up: speed and ground pivot change while the links vibrate (thesis 7.5).
+"""Simulation of the vibration during a run-up with moving ground pivot (thesis 7.5).
 
-Over the crank angle φ, with Ω(φ) and Ω̇ = α, the equations of motion are Ω²M q″ + (ΩC + αM) q′ + K q = d. The
-load d is the inertia of the rigid motion with α and with the motion of the pivot; M, C, K depend on the
-position. The steps of Radau's method are computed in batches of one revolution."""
+With the crank angle φ as independent variable, Ω(φ) and Ω̇ = α, the equations of motion are Ω²M q″ + (ΩC +
+αM) q′ + K q = d. The load d is the inertia force of the rigid motion, including α and the motion of the
+pivot; M, C, K depend on the position. The steps of Radau's method are computed in batches of one
+revolution."""
 
 import math
 from collections.abc import Callable
@@ -24,7 +25,8 @@ from solve.terminal import progress
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8
-"""Number of steps per revolution, and of crank angles per step at which the stress is evaluated: choices."""
+"""Number of steps per revolution, and number of crank angles per step at which the stress is evaluated:
+choices."""
 
 
 class Drive(NamedTuple):
@@ -43,9 +45,9 @@ class Drive(NamedTuple):
 class RunUp:
     """Execution of a plan, followed by two revolutions at the final speed.
 
-    The speed rises with constant acceleration from `start` to the plan's last speed (rad/s) within `duration`
-    (s), and L4 follows the rounded plan. If `home` (m) is given, L4 then changes to this length within
-    `returning` (s).
+    The speed increases with constant acceleration from `start` to the last speed of the plan (rad/s) within
+    `duration` (s), and L4 follows the rounded plan. If `home` (m) is given, L4 then changes to this length
+    within `returning` (s).
     """
 
     plan: Plan
@@ -168,8 +170,8 @@ class _Moving:
         return np.concatenate((q, np.zeros_like(q)))
 
     def turn(self, number: int, x: Array, last: Array) -> tuple[Array, Array, Array]:
-        """State and acceleration at the end of revolution `number` (derivatives with respect to φ), and the
-        largest |stress| (links,) in this revolution. x, last: state and acceleration at the start of the
+        """State and acceleration at the end of revolution `number`, with derivatives with respect to φ, and
+        the largest |stress| (links,) in this revolution. x, last: state and acceleration at the start of the
         revolution.
         """
         h, s = self._h, len(self._collocation.c)
@@ -213,7 +215,7 @@ def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, 
     """Angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with their first two derivatives
     with respect to time.
 
-    The ground pivot C moves along the x axis: thesis (3.3) and (3.11) with the rates of L4.
+    The ground pivot C moves along the x axis. The equations are thesis (3.3) and (3.11) with the rates of L4.
     """
     L1, L2, L3 = (model.parameters[name] for name in ("L1", "L2", "L3"))
     side = BRANCHES[str(model.labels.options["branch"])]

@@ -1,8 +1,8 @@
-"""Largest stress of each link over a revolution, for many speeds and ground links (thesis 7.3, 7.4).
+"""Largest stress of each link over a revolution, for many speeds and ground lengths L4 (thesis 7.3, 7.4).
 
-At one L4 all speeds share the matrices over the phase. Between the solved lengths the stress at a position
-and a crank angle is interpolated by a polynomial in L4 through Chebyshev points, because this stress is a
-smooth function of L4. The maximum over a revolution is not smooth.
+At one L4 all speeds share the matrices over the phase. The problem is solved for lengths L4 at Chebyshev
+points. Between them, the stress at a position and a crank angle, a smooth function of L4, is interpolated by
+a polynomial. The maximum over a revolution would not be smooth.
 """
 
 import math
@@ -20,16 +20,16 @@ from solve.beams.structure import StructureModel
 from solve.terminal import progress
 
 METHOD = Radau(order=9)
-"""Method of the map, L-stable because the steps do not resolve the axial modes."""
+"""Method of the map. It is L-stable, because the steps do not resolve the axial modes."""
 
 _STEPS, _SAMPLES = 96, 4
-"""Steps per revolution, and crank angles per step at which the stress is evaluated.
+"""Number of steps per revolution, and number of crank angles per step at which the stress is evaluated.
 
 Choices; `Peaks.error` measures their effect.
 """
 
 _TOGETHER = 8
-"""Number of speeds whose stresses are in memory together. A choice."""
+"""Number of speeds for which stresses are in memory at a time. A choice."""
 
 _BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 """Barlow points of a cubic element, at which its curvature is most accurate: the Gauss points of order 2."""
@@ -40,8 +40,8 @@ class Peaks:
     """Largest |stress| (Pa) over a revolution (P, lengths, links), at P speeds.
 
     place and phase: position of the largest stress as a fraction of the link's length, and crank angle (rad).
-    error (P,): relative change of the largest stress with half the steps, or with two Chebyshev points fewer
-    if that is larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
+    error (P,): relative change of the largest stress with half the steps, or with two Chebyshev points fewer,
+    whichever is larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
     """
 
     stress: Array
@@ -68,7 +68,7 @@ def stress_positions(beams: Beams) -> list[Array]:
 def stress_rows(beams: Beams, angle: Array) -> Array:
     """Axial stress, and bending stress at the + surface, in Pa per unit of each coordinate: (k, 2, S, n).
 
-    S: positions on all links in sequence; angle (k, links): angles of the links.
+    S is the number of positions on all links, in sequence. angle (k, links): angles of the links.
     """
     rows = []
     for member, fractions in zip(beams.members, stress_positions(beams), strict=True):
@@ -178,8 +178,8 @@ def _surfaces(stresses: Array) -> Array:
 
 
 def _highest(histories: Array) -> tuple[Array, Array, Array]:
-    """Largest value, and its row and phase, of histories (g, S, k), by a parabola through three neighbouring
-    samples."""
+    """Largest value of histories (g, S, k), with its row and phase, from a parabola through three
+    neighbouring samples."""
     g, S, k = histories.shape
     at = histories.reshape(g, S * k).argmax(axis=1)
     row, column = np.divmod(at, k)

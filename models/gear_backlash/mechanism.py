@@ -21,7 +21,7 @@ def mechanism() -> Mechanism:
         e=("1", "relative amplitude of the mesh stiffness", "> -1, < 1"),
         E=("m", "amplitude of the transmission error without load"),
         b=("m", "half of the backlash", ">= 0"),
-        s=("1", "fraction of the period with two pairs of teeth, if rectangular", "> 0, < 1"),
+        s=("1", "fraction of the period with two pairs of teeth, for rectangular stiffness", "> 0, < 1"),
     )
     p, z1, z2 = pair.parameters(
         p=("m", "base pitch, for the sliding speed", "> 0"),
@@ -44,7 +44,7 @@ def mechanism() -> Mechanism:
     pair.output("mesh_force", mesh_force, "N", "elastic force between the teeth, driving flanks positive")
     pair.output("gap", Max(0, -deflection) - Max(0, -behind), "m", "between the driving flanks, at most 2b")
     drive, back = Heaviside(deflection), Heaviside(-behind)
-    pair.output("driving_contact", drive, "1", "1 while the driving flanks touch; its mean is their fraction")
+    pair.output("driving_contact", drive, "1", "1 while the driving flanks touch; mean: fraction of time")
     pair.output("back_contact", back, "1", "1 while the rear flanks touch: contact is then double-sided")
     pair.output("wear", Abs(mesh_force) * sliding, "W", "mesh force times sliding speed")
 

@@ -4,10 +4,10 @@ from derive import Mechanism, cos, pi, rate, sin, sqrt, tanh
 
 
 def mechanism() -> Mechanism:
-    """Mechanism of pinion and wheel, Eqs. (66)–(74) of the chapter; their rotations are uniform plus
-    fractions of q.
+    """Pinion and wheel, Eqs. (66)–(74) of the chapter. Each rotation is the sum of a uniform rotation and a
+    fraction of q.
 
-    The fractions satisfy r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and decouple q from the uniform rotation.
+    With these fractions r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and q is decoupled from the uniform rotation.
     """
     pair = Mechanism("gear_pair", "Gear pair with tooth errors (chapter 4.2)")
     (q,) = pair.coordinates(q=("m", "dynamic transmission error, along the line of contact"))

@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 
 
 def mesh_stiffness(phase: Array, p: Mapping[str, float]) -> Array:
-    """Mesh stiffness k_z of Eq. (73) in N/m. Its harmonics are multiples of the meshing frequency, z1 times
-    that of the pinion."""
+    """Mesh stiffness k_z of Eq. (73) in N/m. Its harmonics are multiples of the meshing frequency, which is
+    z1 times the rotational frequency of the pinion."""
     terms = (p[f"k{n}"] * np.cos(n * p["z1"] * phase + p[f"gamma{n}"]) for n in range(1, 11))
     return p["k0"] + sum(terms, np.zeros_like(phase))
 
@@ -39,8 +39,7 @@ def matrices(
 ) -> tuple[Array, Array, Array, Array]:
     """M, C, K of shape (m, 1, 1) and d of shape (m, 1) of Eq. (72), with c_z = 2 ω0 ζ m_red.
 
-    With `load` "tracking" d is the f(t) below (72), which takes F(t) from (71); with "constant"
-    F = k0 q0 in (69).
+    With `load` "tracking", d is f(t) below (72) with F(t) from (71); with "constant", F = k0 q0 in (69).
     """
     m_red = reduced_mass(p)
     natural = np.sqrt(p["k0"] / m_red)

@@ -6,8 +6,9 @@ from derive import Abs, Mechanism, cos, pi, rate, sign, sin, sqrt
 def mechanism() -> Mechanism:
     """q̈ + 2 zeta sqrt(|delta|) q̇ + (delta + epsilon cos 2φ) q = 0, φ = Ωt, of period π in the phase.
 
-    At 1 rad/s the phase equals the time and this is Mathieu's equation. At another speed Ω the stiffness
-    varies at 2Ω: in the phase it is Mathieu's equation with delta/Ω² and epsilon/Ω².
+    At 1 rad/s the phase equals the time, and the equation is Mathieu's equation. At another speed Ω the
+    stiffness varies at 2Ω; with the phase as independent variable, the equation is Mathieu's equation with
+    delta/Ω² and epsilon/Ω².
     """
     mathieu = Mechanism("mathieu", "Mathieu's equation (thesis 7.2.3)", energy="1/s^2", period=pi)
     (q,) = mathieu.coordinates(q=("1", "deflection, for a mass of 1"))
@@ -21,7 +22,7 @@ def mechanism() -> Mechanism:
     mathieu.dissipation = zeta * sqrt(Abs(delta)) * rate(q) ** 2
     mathieu.decline_drive_torque("an equation without physical units has no torque")
 
-    # A pendulum of length 1, upright for delta < 0, with a vibrating pivot.
+    # Sketch of a pendulum of length 1 with a vibrating pivot, upright for delta < 0.
     pivot = -sign(delta) * epsilon / (2 * mathieu.speed) ** 2 * cos(2 * mathieu.phase)
     bob = pivot - sign(delta) * cos(q)
     mathieu.sketch("pivot", [(-0.1, pivot), (0.1, pivot)], unit="1")

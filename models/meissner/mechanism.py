@@ -21,7 +21,7 @@ def mechanism() -> Mechanism:
     meissner.potential = (w2**2 + (w1**2 - w2**2) * first) * q**2 / 2
     meissner.decline_drive_torque("an equation without physical units has no torque")
 
-    # A mass of size 1 on a spring whose width increases with its compliance.
+    # Sketch of a mass of size 1 on a spring; the spring is drawn wider the more compliant it is.
     width, wall = 1 - (w2 + (w1 - w2) * first) / (w1 + w2), -4
     coils = [(wall + (q - wall) * k / 13, width * (-1) ** k) for k in range(1, 13)]
     meissner.sketch("spring", [(wall, 0), *coils, (q, 0)], unit="1")

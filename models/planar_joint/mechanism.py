@@ -1,4 +1,4 @@
-"""Slider-crank mechanism whose slider bearing surrounds the pin of the rod with a radial clearance."""
+"""Slider-crank mechanism with a radial clearance between the bearing of the slider and the pin of the rod."""
 
 from derive import Abs, Heaviside, Max, Mechanism, cos, rate, sin, sqrt
 
@@ -6,9 +6,9 @@ from derive import Abs, Heaviside, Max, Mechanism, cos, rate, sin, sqrt
 def mechanism() -> Mechanism:
     """The rod turns freely on the crank; its pin moves in the bearing of the slider in both directions.
 
-    The pin is at a distance from the centre of the bearing. Beyond the radial clearance g the normal force
-    k δ (1 + χ δ̇) acts at the penetration δ. Its damping is proportional to δ, so that the force is
-    continuous. At u = v = 0 the constant load presses the bearing on the pin along the stroke.
+    If the distance of the pin from the centre of the bearing exceeds the radial clearance g by the
+    penetration δ, the normal force k δ (1 + χ δ̇) acts. The damping is proportional to δ, so that the force
+    is continuous. At u = v = 0 the constant load presses the bearing on the pin along the stroke.
     """
     joint = Mechanism("planar_joint", "Slider-crank mechanism with a planar clearance joint")
     u, v = joint.coordinates(
@@ -50,7 +50,9 @@ def mechanism() -> Mechanism:
     sliding = (gap * rate(v) - v * rate(u)) / distance + R * turning
     joint.output("contact_force", force, "N", "pin on bearing, along the normal")
     joint.output("gap", Max(0, g - distance), "m", "between pin and bearing, at most g")
-    joint.output("contact", Heaviside(distance - g), "1", "1 while pin and bearing touch; mean: fraction")
+    joint.output(
+        "contact", Heaviside(distance - g), "1", "1 while pin and bearing touch; mean: fraction of time"
+    )
     joint.output("wear", Abs(force * sliding), "W", "contact force times sliding speed")
     joint.output("pin_along", gap, "m", "pin from the centre of the bearing, along the stroke")
     joint.output("position", slider, "m", "centre of the bearing along the stroke")

@@ -1,5 +1,5 @@
-"""Command `python -m models.portal_frame`: figure of a determinant whose zeros do not include all natural
-frequencies."""
+"""Command `python -m models.portal_frame`: figure of a determinant that is not zero at every natural
+frequency."""
 
 import sys
 from typing import Annotated

@@ -1,8 +1,8 @@
 """Determinant of the frame's dynamic stiffness over the frequency (thesis Fig. 5.1).
 
-With one exact element per bar the fourth frequency, at which no joint moves, is a pole of det D and not a
-zero, so that a search for zeros misses it. With two elements it is a zero. The algorithm of Wittrick and
-Williams finds it in both cases.
+No joint moves at the fourth natural frequency. With one exact element per bar this frequency is therefore a
+pole of det D and not a zero, and a search for zeros misses it. With two elements it is a zero. The algorithm
+of Wittrick and Williams finds the frequency in both cases.
 """
 
 from dataclasses import dataclass

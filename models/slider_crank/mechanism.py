@@ -41,7 +41,9 @@ def mechanism() -> Mechanism:
     crank.output("contact_force", contact_force, "N", "pin on bearing, positive away from the crank")
     opening = Max(0, -penetration) - Max(0, -penetration - g)
     crank.output("gap", opening, "m", "pin from its side of the bearing, at most g")
-    crank.output("front_contact", Heaviside(penetration), "1", "1 while the load presses; mean: fraction")
+    crank.output(
+        "front_contact", Heaviside(penetration), "1", "1 while the load presses; mean: fraction of time"
+    )
     crank.output("rear_contact", Heaviside(-penetration - g), "1", "1 while the other side touches")
     crank.output("wear", Abs(contact_force) * R * swing, "W", "contact force times sliding speed")
     crank.output("position", slider, "m", "position of the slider along the stroke")

@@ -1,2 +1,2 @@
-"""Batch solution of many points (systems that differ only in parameter values) with shared tables and
-grids."""
+"""Batch solution of many points, that is, of systems that differ only in parameter values, with shared tables
+and grids."""

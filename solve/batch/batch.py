@@ -1,4 +1,5 @@
-"""Batch solution of the points of a family, with shared tables if their entries separate."""
+"""Batch solution of the points of a family, with shared tables if the entries separate into functions of
+phase and of point."""
 
 from collections.abc import Generator, Iterator
 from contextlib import suppress
@@ -24,7 +25,7 @@ POINTS = "points"
 """Name of the unit in progress reports."""
 
 _MIN_GROUP = 4
-"""Minimum number of points with equal parameters for which terms over the speed alone are computed. A
+"""Minimum number of points with equal parameters from which shared terms are computed for the speed alone. A
 choice."""
 
 
@@ -32,15 +33,15 @@ class Batch:
     """Solver of the points of a family by a method, with shared tables."""
 
     def __init__(self, family: Family, region: Array, method: Rule, request: SolveRequest):
-        """region: points (T, v) whose range contains the points to be solved; shared tables are computed from
-        `region`."""
+        """region: points (T, v) from which shared tables are computed; their range contains the points to be
+        solved."""
         self.family, self.method, self.request = family, method, request
         self.region = region
         self._separation: Separation | None = None
         self._is_checked = False
 
     def solved(self, points: Array) -> Iterator[Certified | Failed]:
-        """Yield solutions of points (k, v) in groups, with the position of each among the points."""
+        """Yield solutions of points (k, v) in groups, with their positions among the points."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 yield chunk
@@ -58,8 +59,8 @@ class Batch:
                     yield from (Failed(position, error) for position in positions.tolist())
 
     def solutions(self, points: Array, *grids: int) -> Iterator[tuple[int, Array, Solutions]]:
-        """Yield solutions of points (k, v) on grids with given numbers of steps, without error estimates:
-        steps, positions and solutions. Failed points are omitted."""
+        """Yield steps, positions and solutions of points (k, v), on grids with given numbers of steps,
+        without error estimates. Failed points are omitted."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 continue
@@ -80,8 +81,8 @@ class Batch:
         return values
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:
-        """Reason why a point (v,) failed: the exception that building its system raises, otherwise the given
-        reason."""
+        """Reason why a point (v,) failed: the exception raised on construction of its system, otherwise the
+        given reason."""
         single = self._single(point[None], 0)
         return single.reason if isinstance(single, Failed) else reason
 
@@ -146,7 +147,7 @@ class Batch:
     def _with_tables(
         self, shared: Separation, points: Array, positions: Array
     ) -> Iterator[tuple[Array, Points]]:
-        """Points whose entries separate (over all quantities, or over the speed only), followed by all other
+        """Points with shared terms (for all quantities, or for the speed only), followed by all other
         points."""
         others = yield from _represented(shared, points, positions)
         for group in self._by_parameters(points, others):
@@ -161,7 +162,7 @@ class Batch:
             yield others, Sampled(self.family, points[others], shared.engine, shared.breaks)
 
     def _by_parameters(self, points: Array, positions: Array) -> list[Array]:
-        """Groups of positions with equal parameters, if the speed varies in addition to parameters."""
+        """Groups of positions of points with equal parameters, if both speed and parameters vary."""
         free = [k for k, name in enumerate(self.family.names) if name != SPEED]
         if len(positions) == 0 or not 0 < len(free) < len(self.family.names):
             return []
@@ -173,7 +174,8 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """Yield positions whose entries the terms represent, with their points; return all other positions."""
+    """Yield positions and points for which the shared terms represent the entries; return all other
+    positions."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])

@@ -27,8 +27,8 @@ class Family:
     """Family of systems over points (P, v). Each row contains the values of the quantities `names`.
 
     speed: speed in rad/s, if it is not among the names. example: one system of the family; all systems have
-    the same coordinates, outputs, units and period. Copies and pickles are rebuilt, because CasADi functions
-    belong to one thread of one process.
+    the same coordinates, outputs, units and period. A copied or unpickled family builds its functions anew,
+    because CasADi functions belong to one thread of one process.
     """
 
     names: tuple[str, ...]
@@ -50,8 +50,7 @@ class Family:
         system."""
         entries = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
         for rows, point in zip(entries, points, strict=True):
-            # Entries are NaN at points without a system. The solution of these points fails and reports the
-            # reason.
+            # Entries are NaN at points without a system; their solution then fails and reports the reason.
             with suppress(SolveError):
                 system, speed = self.system(point)
                 rows[:] = entries_of(system, phase, speed)
@@ -67,12 +66,12 @@ class Family:
         return True
 
     def at_speeds(self, points: Array) -> SpeedPoints | None:
-        """Points (P, v) as speeds of one system, if only the speed varies and the system provides `terms`;
-        None otherwise."""
+        """Points (P, v) as one system at several speeds, if only the speed varies and the system provides
+        `terms`; otherwise None."""
         return None
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
-        """Groups of points (P, v) with the same breaks, as breaks and positions (k,). The breaks are None for
+        """Breaks and positions (k,) of groups of points (P, v) with the same breaks; the breaks are None for
         points without a system."""
         groups: dict[tuple[float, ...] | None, list[int]] = {}
         for position, breaks in enumerate(self._breaks(points)):
@@ -218,7 +217,7 @@ class BuiltFamily(Family):
         points: Array,
         speed: float | None = None,
     ):
-        """points (P, v): the first point with a system provides the example system. speed (rad/s): required
+        """points (P, v): the first point with a valid system provides the example. speed (rad/s): required
         unless it is among the names."""
         self.names, self.speed = tuple(names), speed
         self._build = build

@@ -25,7 +25,7 @@ _MIN_POINTS = 8
 """Minimum number of points per chunk, even for large systems. A choice."""
 
 _CHUNK_BYTES = 2**25
-"""Memory limit in bytes of the frozen coefficients of a chunk of points. A choice."""
+"""Memory limit, in bytes, for the frozen coefficients of a chunk of points. A choice."""
 
 
 def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:
@@ -61,15 +61,15 @@ def on_one_grid(batch: Batch, points: Array, steps: int, kept: Kept) -> PointRes
 
 def chunk_size(n: int) -> int:
     """Number of points with n coordinates per chunk."""
-    # With several coordinates, memory also contains the frozen matrices, derived arrays of the same size, and
-    # solutions of points that wait for others on the next grid.
+    # With several coordinates, further memory is required for frozen matrices, derived arrays of the same
+    # size, and solutions of points that await the next grid.
     copies = 1 if n == 1 else 4
     return max(_MIN_POINTS, _CHUNK_BYTES // (copies * 8 * PHASES * (3 * n**2 + n)))
 
 
 @dataclass(frozen=True)
 class _ResultWriter:
-    """Writer of the results of points, beginning at position `start`."""
+    """Writer of results of points to positions from `start`."""
 
     batch: Batch
     points: Array
@@ -109,7 +109,7 @@ class _ResultWriter:
             self.write_figures(found.positions, solutions.curve)
 
     def _system_of(self, found: Certified) -> Callable[[int], tuple[PeriodicSystem, float]]:
-        """Function that maps the index of a point among those in `found` to its system and speed (rad/s)."""
+        """Function that returns the system and speed (rad/s) of the point with a given index in `found`."""
         return lambda at: self.batch.family.system(self.points[found.positions[at]])
 
     def _write_warnings(self, found: Certified) -> None:

@@ -21,11 +21,11 @@ from solve.results.folder import is_empty, locked, require_same, store_errors
 from solve.results.points import Kept, PointResults
 
 _WORK, _FINISHED = "work", "finished"
-"""Attributes of the group: the description of the calculation, and whether it is complete. The latter
-identifies a folder as a store."""
+"""Attributes of the group: the description of the calculation, and whether it is complete. The second
+attribute identifies a folder as a store."""
 
 _CODE = np.int8
-"""Type of the index of a method's name among the names in its chunk."""
+"""Integer type of the index of a method among the method names of its chunk."""
 
 _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "figures": ("point", "quantity", "figure"),
@@ -111,9 +111,9 @@ def opened(
 ) -> Iterator[Store]:
     """Store in a folder for one writer, created if necessary.
 
-    work: description of the calculation in numbers and texts, which distinguishes it from others. columns:
-    values (P,) of the varied quantities. Raises FileError for a folder with other files, of another
-    calculation, in use by another process, or that cannot be written; MissingLibraryError.
+    work: description that identifies the calculation, in numbers and texts. columns: values (P,) of the
+    varied quantities. Raises MissingLibraryError; raises FileError if the folder contains other files or
+    another calculation, is in use by another process, or cannot be written.
     """
     _require_zarr()
     place = Path(folder)
@@ -159,7 +159,7 @@ def _create(group: Any, N: int, kept: Kept, size: int, columns: Mapping[str, Arr
     names = {"quantity": kept.names, "spectrum": kept.spectra, "figure": FIGURES}
     names["result"] = ("orbit", "multipliers")
     for name, dimensions in _DIMENSIONS.items():
-        # Indices of the names of methods, which are in the texts of the chunk.
+        # Indices of the method names; the names are in the texts of the chunk.
         values = getattr(blank, name, np.zeros(1, dtype=_CODE))
         if values.size:
             group.create_array(

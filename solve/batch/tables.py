@@ -1,11 +1,11 @@
-"""Separation of the entries of M, C, K, d into short sums of functions of the phase, multiplied by
-coefficients that depend on the point.
+"""Separation of the entries of M, C, K, d into short sums of functions of the phase with coefficients that
+depend on the point.
 
 Speeds and most parameters, such as powers of Ω, masses and stiffnesses, are factors of functions of the
-phase. An entry is then a fixed combination of its values at a few phases, so that a point is sampled at these
-phases only. These phases result from elimination with complete pivoting on samples of some points (M.
-Barrault, Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every point is checked at
-further phases.
+phase. An entry at any phase is then a fixed linear combination of its values at a few phases, and a point is
+sampled at these phases only. The phases are selected by elimination with complete pivoting on samples of some
+points (M. Barrault, Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every point is
+checked at further phases.
 """
 
 import numpy as np
@@ -17,7 +17,8 @@ from solve.period.grid import pieces
 from solve.period.points import Tables
 
 _MAX_TERMS = 10
-"""Number of terms per entry above which every point is sampled at every phase instead. A choice."""
+"""Number of terms per entry above which separation is not used and every point is sampled at every phase. A
+choice."""
 
 _TRAINING_POINTS, _TRAINING_PHASES = 16, 64
 """Numbers of points and phases from which the terms are computed. A choice."""
@@ -32,7 +33,8 @@ _CACHE_BYTES = 2**26
 """Memory limit of cached tables in bytes. A choice."""
 
 _CHECKS = np.array([0.1357, 0.7311])
-"""Phases at which points are checked, as fractions of each piece between two breaks. A choice."""
+"""Phases at which the representation of points is checked, as fractions of each piece between two breaks. A
+choice."""
 
 _MIN_PHASES = 8
 """Minimum number of training phases per piece. A choice."""
@@ -41,8 +43,8 @@ _MIN_PHASES = 8
 class Separation:
     """Terms of the entries of a family, computed from samples at points (T, v); see `training`.
 
-    The terms of an entry are nested: the j-th term is 1 at its own phase and 0 at the phases of previous
-    terms, so that a small term does not reduce the accuracy of the others.
+    The j-th term of an entry is 1 at its own phase and 0 at the phases of previous terms. A small term
+    therefore does not reduce the accuracy of the others.
     """
 
     def __init__(
@@ -92,7 +94,7 @@ class Separation:
             self._nested.append(rest / factors[-1])
 
     def table(self, phase: Array) -> Array:
-        """Terms (k, R) at phases (k,). The most recent ones are cached, up to a memory limit."""
+        """Terms (k, R) at phases (k,). The most recent results are cached, up to a memory limit."""
         key = phase.tobytes()
         if key not in self._cache:
             self._cache[key] = self._terms(phase)
@@ -186,8 +188,8 @@ class Sampled:
 
 
 def training(points: Array) -> Array:
-    """Points from which the terms are computed: points at the ends of the ranges, equidistant points, and
-    random points."""
+    """Selection of points from which the terms are computed: points at the ends of the ranges, equidistant
+    points, and random points."""
     extremes = [pick(column) for column in points.T for pick in (np.argmin, np.argmax)]
     equidistant = np.linspace(0, len(points) - 1, _TRAINING_POINTS).astype(int)
     random = np.random.default_rng(0).integers(0, len(points), _TRAINING_POINTS)
@@ -195,8 +197,8 @@ def training(points: Array) -> Array:
 
 
 def _scales(largest: Array, n: int) -> Array:
-    """Size (P, E) to which the round-off of each entry is relative: the largest entry of its matrix M, C, K
-    or d, in units in which the diagonal of M is 1, converted to the unit of the entry."""
+    """Sizes (P, E) relative to which the entries have round-off. For an entry it is the largest entry of its
+    matrix M, C, K or d, in units in which the diagonal of M is 1, converted to the unit of the entry."""
     units = np.sqrt(largest[:, : n * n : n + 1])
     both = (units[:, :, None] * units[:, None, :]).reshape(len(largest), -1)
     ends = np.arange(n * n, 3 * n * n + 1, n * n)

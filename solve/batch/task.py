@@ -1,4 +1,4 @@
-"""Task of solving many points, in this process or by an executor, optionally with a store."""
+"""Solution of many points, in this process or by an executor, optionally with a store."""
 
 import multiprocessing
 import os
@@ -38,13 +38,13 @@ _CHUNKS, _MIN_CHUNK, _MAX_CHUNK = 32, 8, 2**14
 """Number of chunks of points, and minimum and maximum number of points per chunk. A choice."""
 
 _PROBES = 256
-"""Phases at which the matrices of some points identify the calculation in a store, in addition to one phase
-between each two breaks. A choice."""
+"""Number of phases at which matrices of some points are sampled to identify the calculation in a store, in
+addition to one phase between neighbouring breaks. A choice."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Family, method, request and selection of stored results. It can be sent to other threads and
+    """Family, method, request and selection of stored results, which can be sent to other threads and
     processes."""
 
     family: Family
@@ -134,7 +134,7 @@ class Task:
                 future.cancel()
 
     def description(self, region: Array, points: Array) -> dict[str, Any]:
-        """Description of everything that determines the results; identifies a store."""
+        """Description of everything that determines the results, which identifies a store."""
         family, request, kept = self.family, self.request, self.kept
         example = family.example
         between = np.convolve(example.breaks, (0.5, 0.5), "valid") if len(example.breaks) > 1 else ()

@@ -1,8 +1,8 @@
 """Assembly of the matrices of a structure at all positions simultaneously.
 
-In ground axes a local matrix A of a link at angle θ becomes RᵀAR, which is linear in 1, c, s, c², cs with
-c = cos θ, s = sin θ (thesis (4.28)). A matrix of the structure is therefore a constant table for each of
-these terms and each link, and its values at all positions are one matrix product.
+In ground axes a local matrix A of a link at angle θ becomes RᵀAR, which is linear in 1, c, s, c², cs with c =
+cos θ, s = sin θ (thesis (4.28)). A matrix of the structure is therefore stored as a constant table for each
+link and each of these terms. One matrix product yields its values at all positions.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,9 +37,9 @@ for _row, _i, _j, _sign in (
 class Properties:
     """Properties of links and joints.
 
-    Of each link: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): point masses at the
-    joints. damping_ratio: damping ratio of every mode. spring, dashpot: constants of springs and dashpots to
-    the ground (N/m, N m, N s/m, N m s), one value for each degree of freedom on which one acts.
+    For each link: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): point masses at
+    the joints. damping_ratio: damping ratio of every mode. spring, dashpot: constants of springs and dashpots
+    to the ground (N/m, N m, N s/m, N m s), one value per degree of freedom with a spring or dashpot.
     """
 
     length: Array
@@ -94,7 +94,7 @@ class Beams:
     """Beams of a structure: degrees of freedom, properties, and the angles of the links.
 
     angle(phase): angles (m, links) at phases (m,). carried: whether the supported joints follow the paths
-    implied by the angles of the links, instead of being at rest.
+    that result from the angles of the links, instead of being at rest.
 
     Every matrix is a table (links, 5, n, n) for 1, c, s, c², cs of each link; exact links have such a table
     for each of the eight functions of frequency.
@@ -200,11 +200,12 @@ class Beams:
 
 
 POSITIONS = 36
-"""Positions per revolution at which assembly and frequencies are sampled: one every 10 degrees. A choice."""
+"""Number of positions per revolution at which assembly and frequencies are sampled: one every 10 degrees. A
+choice."""
 
 ROUNDING = 1e-9
-"""Relative size of distances, differences between frequencies, and singular values that counts as round-off.
-A choice."""
+"""Relative size below which distances, differences between frequencies, and singular values count as
+round-off. A choice."""
 
 
 class Positions:
@@ -220,7 +221,7 @@ class Positions:
 
     @property
     def n(self) -> int:
-        """Number of degrees of freedom after subtraction of those that inextensible links remove."""
+        """Number of degrees of freedom, without those that inextensible links remove."""
         return self.beams.freedoms.n if self._free is None else self._free.shape[2]
 
     def matrices(self) -> tuple[Array, Array]:
@@ -250,7 +251,7 @@ class Positions:
 
     def expanded(self, vectors: Array) -> Array:
         """Vectors (m, N, k) in all degrees of freedom, from vectors (m, n, k) in the degrees of freedom that
-        inextensible links leave."""
+        remain with inextensible links."""
         return vectors if self._free is None else self._free @ vectors
 
     @cached_property
@@ -282,8 +283,8 @@ class Positions:
         return self.beams.properties.length * np.exp(1j * self.angle)
 
     def _with_exact(self, finite: Array, index: Array, functions: list[Array]) -> Array:
-        """Matrices (b, n, n) from the matrices (b, N, N) of finite elements and the eight functions (b, 8) of
-        each exact link."""
+        """Matrices (b, n, n), sums of the matrices (b, N, N) of finite elements and of exact links.
+        functions: the eight functions (b, 8) of each exact link."""
         if functions:
             terms = self.terms[index][:, [member.number for member in self.beams.exact_links], None, :]
             weights = np.stack(functions, axis=1)[..., None] * terms
@@ -340,7 +341,7 @@ class Positions:
         return np.swapaxes(vectors[:, ranks[0] :], 1, 2)
 
     def _ties(self, number: int) -> list[Array]:
-        """Rows (m, N) that measure the stretch between neighbouring nodes of a link."""
+        """Rows (m, N), one for each element of a link, that measure the stretch between its two nodes."""
         rows, angle = [], self.angle[:, number]
         for start, end in pairwise(self.beams.freedoms.nodes[number]):
             row = np.zeros((len(self.phase), self.beams.freedoms.n + 1))

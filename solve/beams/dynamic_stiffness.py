@@ -27,14 +27,16 @@ BENDING_POWERS = np.array([1, 1, 2, 2, 3, 3])
 """Powers of L by which f1 … f6 are divided in F1 … F6."""
 
 _LARGEST = 300.0
-"""Largest argument of sinh and cosh: the ratios have reached their limits, and cosh² does not overflow."""
+"""Largest argument of sinh and cosh; their ratios have then reached their limits, and cosh² does not
+overflow."""
 
 _SMALLEST = 0.05
-"""Value of λL below which the bending mass functions are replaced by constants: they change by less than
-4e-8, and round-off in their formula would be larger."""
+"""Value of λL below which the bending mass functions are replaced by constants. The error is below 4e-8, less
+than the round-off of their formulas."""
 
 _POSITIVE = 1e-30
-"""Smallest argument of functions with a removable singularity at 0; the limit is exact in float64."""
+"""Smallest argument of functions with a removable singularity at 0; with this argument they equal their
+limits exactly in float64."""
 
 
 def patterns() -> Array:
@@ -121,7 +123,8 @@ def axial_shapes(b: Array, xi: Array, order: int = 0) -> Array:
 def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
     """Derivatives (..., points, 4) with respect to ξ of the fundamental solutions of the bending equation.
 
-    Exponentials that decay from either end replace cosh and sinh, which are nearly equal for large l.
+    Exponentials that decay from either end are used instead of cosh and sinh, which are nearly equal for
+    large l.
     """
     l, shift = l[..., None], order * math.pi / 2  # noqa: E741
     parts = (

@@ -13,13 +13,13 @@ from solve.arrays import Array
 from solve.model.generated import beam_elements
 
 AXIAL, BENDING = 1, 2
-"""Directions of degrees of freedom, as the order of the derivative in the strain energy."""
+"""Directions of degrees of freedom. The value is the order of the derivative in the strain energy."""
 
 Function = Callable[[Array], Array]
 
 EXACT = "dynamic"
-"""Element whose shape functions solve the vibration equation; its degrees of freedom are those of the cubic
-element."""
+"""Element with shape functions that solve the vibration equation, and with the degrees of freedom of the
+cubic element."""
 
 
 class Freedom(NamedTuple):
@@ -57,7 +57,7 @@ class Element:
         """Coefficient matrices (3, k, k) of 1, c and s in the rotation R from ground axes to link axes
         (thesis (4.26)).
 
-        In ground axes, the displacements x and y replace u and v.
+        In ground axes, u and v are replaced by the displacements x and y.
         """
         axes = np.zeros((3, len(self.freedoms), len(self.freedoms)))
         for (i, one), (j, other) in product(enumerate(self.freedoms), repeat=2):
@@ -70,7 +70,8 @@ class Element:
         return axes
 
     def scaled(self, table: Array, L: float) -> Array:
-        """Table (k, k) converted from derivatives with respect to ξ to derivatives with respect to x."""
+        """Table (k, k) for degrees of freedom with derivatives with respect to ξ, converted to derivatives
+        with respect to x."""
         return table * np.multiply.outer(self._powers(L), self._powers(L))
 
     def shapes(self, L: float, xi: Array, order: int = 0) -> tuple[Array, Array]:

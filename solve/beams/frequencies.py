@@ -2,9 +2,9 @@
 
 With finite elements these are the frequencies of M q̈ + K q = 0 (thesis (4.40)). With exact elements the
 stiffness depends on the frequency (Wittrick and Williams; thesis 5.3). The number of frequencies below ω is
-J(ω) = J0(ω) + s{D(ω)}: J0 counts the frequencies of the elements with clamped ends, and s the negative
-eigenvalues of D. The r-th frequency is therefore a zero of the eigenvalue with the number r − J0, which a
-bracketing method finds quickly. Frequencies at which no joint moves are the jumps of J0.
+J(ω) = J0(ω) + s{D(ω)}, where J0 counts the frequencies of the elements with clamped ends and s the negative
+eigenvalues of D. At the r-th frequency, eigenvalue number r − J0 of D is therefore zero. A bracketing method
+finds this zero quickly. J0 jumps at frequencies at which no joint moves.
 """
 
 import numpy as np
@@ -27,8 +27,8 @@ _DOUBLINGS = 60
 """Maximum number of doublings of 1 rad/s in the search for an upper bound: up to 1e18 rad/s."""
 
 PARTS = (2, 3, 5)
-"""Numbers of parts into which exact elements are divided, tried in this order until no pole is near a
-frequency."""
+"""Numbers of parts into which exact elements are divided. They are tried in this order until no pole is near
+a frequency."""
 
 _NEAR = 1e-4
 """Relative distance between a frequency and a pole of D below which elements are divided. A choice."""
@@ -84,12 +84,12 @@ def _roots(positions: Positions, index: Array, order: Array, low: Array, high: A
 
     m = len(positions.phase)
     diagonal = np.einsum("mii->mi", positions.dynamic_stiffness(np.arange(m), np.zeros(m)))
-    # Scaling of displacements and rotations to similar sizes changes no sign.
+    # Scaling displacements and rotations to similar sizes does not change the signs of the eigenvalues.
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
 
     def crossing(omega: Array, index: Array, order: Array) -> Array:
         """Function (b,) with values in −1 … 1 that changes from positive to negative at the frequency with
-        each ordinal number."""
+        the ordinal number `order`."""
         D = positions.dynamic_stiffness(index, omega) * (scale[index, :, None] * scale[index, None, :])
         eigenvalues = np.linalg.eigvalsh(D)
         number = order - positions.interior_count(omega) - 1
@@ -123,7 +123,7 @@ def _upper_bound(positions: Positions, count: int) -> Array:
 
 
 _POINTS = 48
-"""Minimum number of intervals between points along a link. A choice."""
+"""Minimum number of intervals between plotted points along a link. A choice."""
 
 
 def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
@@ -142,7 +142,7 @@ def _exact_mode(
 ) -> tuple[Positions, Array, float]:
     """Positions, vector (N,) and modal mass of a single mode.
 
-    The links are divided such that no element vibrates with clamped ends at this frequency. Then every mode
+    The links are divided such that no element has this natural frequency with clamped ends. Then every mode
     moves a node (thesis 5.4.1), and D has no pole.
     """
     # All modes of a multiple frequency are computed at its first value, because different round-off would

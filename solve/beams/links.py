@@ -41,9 +41,10 @@ class Node(NamedTuple):
 class Freedoms:
     """Numbering of the degrees of freedom for the selected elements. Displacements are in ground axes.
 
-    joints: name, and whether the joint is held. kinds, counts: element of each link and number of elements.
-    Rotations belong to the end of a link, or to several welded ends; curvatures to the end of a link, and
-    vanish at a free pin. springs, dashpots: degrees of freedom connected to the ground by one.
+    joints: name, and whether the joint is held. kinds, counts: kind and number of the elements of each link.
+    A rotation belongs to the end of a link, or to several welded ends. A curvature belongs to the end of a
+    link, and vanishes at a free pin. springs, dashpots: degrees of freedom with a spring or dashpot to the
+    ground.
     """
 
     links: tuple[Link, ...]
@@ -137,8 +138,8 @@ class Freedoms:
         return "" if free_pin else f"{link.name}_{joint}_{suffix}"
 
     def is_unshared(self, rotation: str) -> bool:
-        """Whether only one link end has this rotation. The moment there is then zero, unless a spring or
-        dashpot acts on the rotation."""
+        """Whether a single link end has this rotation. The moment at this end is then zero, unless a spring
+        or dashpot acts on the rotation."""
         ends = [name for link in self.links for name in (link.start_rotation, link.end_rotation)]
         return bool(rotation) and ends.count(rotation) == 1
 
@@ -189,8 +190,8 @@ class MemberMatrices:
 
     @cached_property
     def rotary(self) -> tuple[Array, Array]:
-        """Matrices T and Z of the terms 2ω T q̇ + (ω̇ T + ω² Z) q that the rotation of the link adds to its
-        equations of motion: T = M J + P and Z = M J² + 2 P J − M, with R′ = J R, shape functions N and the
+        """Matrices T and Z of the terms 2ω T q̇ + (ω̇ T + ω² Z) q due to the rotation of the link in its
+        equations of motion. T = M J + P and Z = M J² + 2 P J − M, with R′ = J R, shape functions N and the
         skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
@@ -212,7 +213,7 @@ class Member(MemberMatrices):
         angles (m, links) of all links."""
         extended = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
         ground, theta = extended[:, self.indices[elements]], angle[:, self.number, None, None]
-        # One product for all phases; products with the rotations of each phase take three times as long.
+        # A single product for all phases; separate products for each phase take three times as long.
         k = ground.shape[-1]
         constant, c, s = (
             (ground.reshape(-1, k) @ axes.T).reshape(ground.shape) for axes in self.element.axes

@@ -1,14 +1,14 @@
 """Equations of motion of a structure of beams with moving links (thesis (4.32), (6.15)).
 
-Coordinates are displacements from the rigid positions, in ground axes. Let R, with R′ = J R, transform from
-ground axes to link axes, and let ω and ω̇ be the angular velocity and acceleration of the link. In link axes
-the terms of an element are M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ with the skew-symmetric P (thesis (4.22)).
-Substitution of δ = R q yields
+Coordinates are displacements from the rigid positions, in ground axes. R with R′ = J R transforms from ground
+axes to link axes; ω and ω̇ are the angular velocity and acceleration of the link. In link axes the terms of
+an element are M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ with the skew-symmetric P (thesis (4.22)). Substitution of δ
+= R q yields
 
     C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
-The load is the inertia of the rigid motion, −M q̈_r; damping comes from one ratio ζ (thesis 6.2)
-and from dashpots to the ground.
+The load is the inertia force of the rigid motion, −M q̈_r. Damping consists of modal or Rayleigh damping with
+one ratio ζ (thesis 6.2) and of dashpots to the ground.
 """
 
 from collections.abc import Callable
@@ -26,12 +26,12 @@ from solve.model.modes import lowest_frequencies, modal_damping
 
 
 def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:
-    """Accelerations q̈_r of the rigid motion: for the elements' degrees of freedom in link axes, (m,
-    elements, k) for each link, and for the joints as x + iy, (m, joints).
+    """Accelerations q̈_r of the rigid motion: in link axes (m, elements, k) for the degrees of freedom of
+    each link, and as x + iy (m, joints) for the joints.
 
     rate, second (m, links): first and second derivatives of the angles with respect to time. Derivatives with
-    respect to the phase yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom accelerate too if the link
-    accelerates.
+    respect to the phase yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom also accelerate if the link
+    does.
     """
     spans = positions.beams.properties.length * (1j * second - rate**2)
     joints, accelerations = positions.placed(spans * np.exp(1j * positions.angle)), []
@@ -66,8 +66,8 @@ def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
 
 
 def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
-    """Rayleigh damping matrix C = αM + βK (m, n, n) at phases (m,). The two lowest modes have the damping
-    ratio ζ at their mean frequencies over a revolution."""
+    """Function that returns the Rayleigh damping matrix C = αM + βK (m, n, n) at phases (m,). The two lowest
+    modes have the damping ratio ζ at their mean frequencies over a revolution."""
     phase = np.linspace(0.0, period, POSITIONS, endpoint=False)
     first, second = lowest_frequencies(*Positions(beams, phase).matrices(), 2).mean(axis=0)
     ratio = 2 * beams.properties.damping_ratio / (first + second)
@@ -80,8 +80,8 @@ def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
 
 
 def _modal(beams: Beams, _: float) -> Callable[[Array], Array]:
-    """Modal damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,). It equals 2ζ times the geometric
-    mean of M and K and is as smooth in the phase as M and K."""
+    """Function that returns the modal damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,). C equals
+    2ζ times the geometric mean of M and K and is as smooth in the phase as M and K."""
     ratio, n = beams.properties.damping_ratio, beams.freedoms.n
     if ratio == 0:
         return lambda phase: np.zeros((len(phase), n, n))
@@ -92,16 +92,16 @@ _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 
 _CHUNK_BYTES = 2**23
-"""Memory, in bytes, of the matrices per chunk of phases when coefficients of the speed are computed.
-Allocation of arrays for a whole grid would take a third of the time (measured with 27 coordinates and 3840
-phases). Half and twice this size take the same time."""
+"""Memory, in bytes, of the matrices per chunk of phases when coefficients of the speed are computed. Without
+chunks, allocation of arrays for a whole grid would take a third of the time (measured with 27 coordinates and
+3840 phases). Half and twice this size take the same time."""
 
 _BUCKLING_POSITIONS = 180
-"""Positions per revolution at which axial forces are checked for buckling. A choice."""
+"""Number of positions per revolution at which axial forces are checked for buckling. A choice."""
 
 _HALF_WAVES = {0: 1.0, 1: 0.5, 2: 2.0}
-"""Number of half waves of the buckled link, by the number of clamped ends: none, both ends pinned; one, the
-other end free; two."""
+"""Number of half waves of the buckled link, by the number of clamped ends. None: both ends are pinned; one:
+the other end is free; two: both are clamped."""
 
 
 @dataclass(frozen=True)
@@ -171,8 +171,8 @@ class Motion:
 
     @cached_property
     def _nonzero(self) -> tuple[Array, Array, Array]:
-        """Entries, in ascending order, that are nonzero at some phase in M, damping, gyroscopic matrix,
-        stiffness, rotational stiffness and load; with their positions and powers of the speed."""
+        """Ascending entries that are nonzero at some phase, with their positions and powers of the speed.
+        They belong to M, damping, gyroscopic matrix, stiffness, rotational stiffness and load."""
         n, damped = self.beams.freedoms.n, self.beams.properties.damping_ratio != 0
         tables = self.beams.mass, self.beams.stiffness, *self._rotary
         mass, elastic, turning, centrifugal = (np.any(table != 0, axis=(0, 1)) for table in tables)
@@ -222,7 +222,7 @@ class Motion:
         return forces
 
     def unit_axial_forces(self, positions: Positions) -> list[Array]:
-        """Axial forces at 1 rad/s. Those at other speeds are proportional to the square of the speed."""
+        """Mean quasi-static axial forces at 1 rad/s, to be multiplied by the square of the speed."""
         load = self._unit_load(positions.phase)
         return self.axial_forces(positions, positions.matrices()[1], load)
 
@@ -257,18 +257,18 @@ class Motion:
 
     @cached_property
     def _unit_load(self) -> "Latest[Array]":
-        """Load d (m, n) at a constant speed of 1 rad/s. At other speeds it is proportional to the square of
-        the speed."""
+        """Load d (m, n) at a constant speed of 1 rad/s, to be multiplied by the square of the speed."""
         return Latest(lambda phase: inertia_load(self._positions(phase), *self.rates(phase)))
 
     @cached_property
     def damping_at(self) -> Callable[[Array], Array]:
-        """Damping matrix C (m, n, n) of the links at phases (m,)."""
+        """Function that returns the damping matrix C (m, n, n) of the links at phases (m,)."""
         return _DAMPING[self.damping](self.beams, self.period)
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """Damping matrix. Modal damping is interpolated once for all speeds, from a few hundred positions."""
+        """Function that returns the damping matrix. Modal damping is interpolated once for all speeds, from a
+        few hundred positions."""
         if self.damping == "modal" and self.beams.properties.damping_ratio:
             return Latest(interpolated(self.damping_at, self.period))
         return Latest(self.damping_at)

@@ -1,4 +1,4 @@
-"""Outputs of a moving structure of beams: deflections and stresses at points of links, joint forces, and
+"""Outputs of a moving structure of beams: deflections and stresses at points of links, forces at joints, and
 contributions of modes (thesis Fig. 6.4)."""
 
 from collections.abc import Callable
@@ -78,8 +78,8 @@ _JOINT_FORCES = ("force_x", "force_y", "moment")
 def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array, Array]:
     """Force along x and y (N) and moment (N m), (k,) each, on the start (0) or end (1) of a link.
 
-    It includes the inertia of the rigid motion and of the deflections, but not damping, which is defined for
-    modes and not for a link.
+    The force includes the inertia of the rigid motion and of the deflections. Damping is not included,
+    because it is defined for modes and not for a link.
     """
     key = member.number, place
     if key not in state.joint_forces:
@@ -114,7 +114,7 @@ def _element_forces(state: State, member: Member, index: int) -> Array:
 
 
 def quantity(state: State, kind: str, member: Member, place: float) -> Array:
-    """Values (k,) of an output of the given kind at a fraction of a link's length."""
+    """Values (k,) of an output of the given kind at a fraction of the length of a link."""
     if kind == "strain_energy":
         return state.strain_energy()
     if kind in _JOINT_FORCES:
@@ -127,7 +127,8 @@ def quantity(state: State, kind: str, member: Member, place: float) -> Array:
 
 
 LINEAR = ("deflection", "stress_plus", "stress_minus")
-"""Kinds of outputs that are linear in the deflections and therefore sums of contributions of the modes."""
+"""Kinds of outputs that are linear in the deflections and can therefore be divided into contributions of
+modes."""
 
 _EXTRA_MODES = 4
 """Number of additional modes that are tracked, because the order of modes may change over the revolution. A

@@ -94,8 +94,8 @@ class ReducedMotion:
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:
-        """Tables that are multiplied by 2ω ṗ and ω̇ p, and by ω² p: contributions of the moving basis and,
-        with terms=full, of the accelerations of the deflections."""
+        """Two tables, multiplied by 2ω ṗ and ω̇ p, and by ω² p. They contain the moving basis and, with
+        terms=full, the accelerations of the deflections."""
         turning, centrifugal = [], []
         for link in self.basis.links:
             body, (B, B2) = link.body, link.turned
@@ -109,7 +109,8 @@ class ReducedMotion:
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """Reduced damping TᵀC T and TᵀC T′, concatenated (m, 2r, r), for modal or Rayleigh damping C."""
+        """Function that returns the reduced damping TᵀC T and TᵀC T′, concatenated (m, 2r, r), for modal or
+        Rayleigh damping C."""
         damping = self.full.damping_at
 
         def projected(phase: Array) -> Array:
@@ -134,8 +135,8 @@ class ReducedMotion:
 
     @cached_property
     def _axial(self) -> Callable[[Array], Array]:
-        """Axial forces (m, 2 elements) in all elements at a speed of 1 rad/s, and at rest with an
-        acceleration of 1 rad/s²."""
+        """Function that returns axial forces (m, 2 elements): in all elements at a speed of 1 rad/s, then in
+        all elements at rest with an acceleration of 1 rad/s²."""
 
         def forces(phase: Array) -> Array:
             positions = Positions(self.full.beams, phase)
@@ -168,9 +169,10 @@ component mode synthesis retains modes up to twice the highest frequency of inte
 
 
 class ReducedStructure(StructureModel):
-    """Structure of beams with reduced coordinates: displacements of the joints and shared rotations of links,
-    in ground axes, followed by the modal amplitudes of each link. Outputs, deflections, stresses and
-    forces are computed from all degrees of freedom, q = T(φ) p."""
+    """Structure of beams with reduced coordinates: displacements of the joints and shared rotations of links
+    in ground axes, followed by the modal amplitudes of each link.
+
+    Outputs, deflections, stresses and forces are computed from all degrees of freedom, q = T(φ) p."""
 
     static = False
     """Whether the basis also contains the static shapes of the discarded modes."""
@@ -264,7 +266,8 @@ class ReducedStructure(StructureModel):
         return self.reduced(phase, speed[:, None], acceleration)
 
     def terms(self, phase: Array, speeds: Array) -> None:
-        """Always None, because the terms of the motion belong to all degrees of freedom."""
+        """None, because the terms of the motion refer to all degrees of freedom, not to reduced
+        coordinates."""
         return
 
     @property

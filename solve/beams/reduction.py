@@ -1,13 +1,14 @@
 """Reduction of the links of a structure to interface coordinates and lowest modes.
 
 The basis of a link is constant in the axes of the link. In ground axes q = T(φ) p, where p contains the
-retained coordinates of the structure, in ground axes, and the amplitudes of the modes. Let R of a link
-transform from ground axes to its own, with R′ = J R, and let T_l be its constant basis. Its rows of T and of
-the first and second derivatives with respect to its angle are Rᵀ T_l R_r, Rᵀ B R_r and Rᵀ B₂ R_r with
+retained coordinates of the structure, in ground axes, and the amplitudes of the modes. R with R′ = J R
+transforms from ground axes to the axes of a link, and T_l is the constant basis of the link. The rows of the
+link in T and in its first and second derivatives with respect to the angle of the link are Rᵀ T_l R_r, Rᵀ B
+R_r and Rᵀ B₂ R_r with
 
     B = Jᵀ T_l + T_l J_r        B₂ = Jᵀ B + B J_r
 
-and R_r, J_r those of the retained coordinates, 1 and 0 for the modes.
+where R_r and J_r are R and J for the retained coordinates; for the modes they are 1 and 0.
 """
 
 from collections.abc import Sequence
@@ -62,8 +63,8 @@ class Body:
 
     @property
     def loads(self) -> Array:
-        """Inertia loads (k, 4) of rigid motions: uniform and linearly increasing, along the link and across
-        it."""
+        """Inertia loads (k, 4) of rigid motions: uniform and linearly increasing, first along the link, then
+        across it."""
         member, loads = self.member, np.zeros((len(self.freedoms) + 1, 4))
         for number, (rows, _) in enumerate(self._rows()):
             shapes = np.zeros((len(rows), 4))
@@ -78,8 +79,8 @@ class Body:
         return loads[:-1]
 
     def _rows(self) -> list[tuple[Array, Array]]:
-        """For each element, the positions in `freedoms` of its degrees of freedom (len(freedoms) for fixed
-        ones), and a mask of the fixed ones."""
+        """For each element, the positions of its degrees of freedom in `freedoms`, and a mask of those that
+        are fixed. The position of a fixed one is len(freedoms)."""
         indices = self.member.indices
         return [
             (np.where(row < 0, len(self.freedoms), np.searchsorted(self.freedoms, row)), row < 0)
@@ -113,7 +114,8 @@ class LinkBasis:
 
     @cached_property
     def turned(self) -> tuple[Array, Array]:
-        """Matrices B and B₂ (k, r) of the first and second derivatives with respect to the link's angle."""
+        """Matrices B and B₂ (k, r) of the first and second derivative of the basis with respect to the angle
+        of the link."""
         J, J_r = self.body.axes[2], self.axes[2]
         B = J.T @ self.local + self.local @ J_r
         return B, J.T @ B + B @ J_r
@@ -194,7 +196,7 @@ class Basis:
 
 def retained_freedoms(freedoms: Freedoms) -> Array:
     """Mask (n,) of the interface coordinates: displacements of the joints, and rotations that several links
-    share or on which springs or dashpots act. If they are fixed, no link can move rigidly."""
+    share or on which springs or dashpots act. With these coordinates fixed, no link can move rigidly."""
     ends = [set(rows[rows >= 0].tolist()) for rows in freedoms.indices]
     mask = np.array([sum(index in link for link in ends) > 1 for index in range(freedoms.n)])
     mask[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
@@ -240,7 +242,7 @@ def _link_basis(body: Body, modes: int, static: bool, at: Array, end: int) -> Li
 
 
 _POINTS = 33
-"""Points per element at which the largest deflection is searched."""
+"""Number of points per element at which the largest deflection is sought."""
 
 
 def _largest(body: Body, shape: Array) -> float:
@@ -249,5 +251,5 @@ def _largest(body: Body, shape: Array) -> float:
     values = np.append(shape, 0.0)
     pieces = [shapes @ values[rows] for rows, _ in body._rows() for shapes in member.shapes(xi)]
     curve = np.concatenate(pieces)
-    # The first of equal extrema is selected, so that the result does not depend on round-off.
+    # The first of several equal extrema is selected, so that the result does not depend on round-off.
     return float(curve[np.flatnonzero(np.abs(curve) > (1 - 1e-6) * np.abs(curve).max())[0]])

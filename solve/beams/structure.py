@@ -27,24 +27,24 @@ from solve.model.modes import beyond_critical
 from solve.model.setup import Setup, samples_of, stated_lines
 
 MOST = 200
-"""Maximum number of frequencies with exact elements, which have infinitely many. A choice."""
+"""Maximum number of frequencies with exact elements, for which there are infinitely many. A choice."""
 
 _CHUNK_ENTRIES = 2**22
 """Number of matrix entries at the positions that are processed together. A choice."""
 
 _CACHE_BYTES = 2**26
-"""Memory limit in bytes of tables cached for solutions at other speeds: about ten grids of 384 steps with 9
-coordinates, or two with 27."""
+"""Memory limit, in bytes, of tables that are cached for solutions at other speeds. It suffices for about ten
+grids of 384 steps with 9 coordinates, or two with 27."""
 
 _SPEED_NODES = 3
-"""Number of speeds that determine the matrices at all others: Ω²M, ΩC, K, d are quadratic in Ω."""
+"""Number of speeds that determine the matrices at any speed, because Ω²M, ΩC, K, d are quadratic in Ω."""
 
 _AT_REST = {"terms": "full", "stiffening": "off", "damping": "modal"}
 """Values of the options of the motion for structures at rest, which do not declare these options."""
 
 
 class Response(Protocol):
-    """Orbit, or its quasi-static solution (protocol)."""
+    """Protocol of an orbit or its quasi-static solution."""
 
     @property
     def speed(self) -> float:
@@ -67,7 +67,8 @@ class StructureModel(Model, Outputs):
         coordinates: Sequence[tuple[str, str, str]] | None = None,
     ):
         """matrices, coordinates: reduced matrices and coordinates, if they replace those of the motion;
-        `expanded` then returns all degrees of freedom. coordinates: name, unit and meaning of each."""
+        `expanded` then returns all degrees of freedom. coordinates: name, unit and meaning of each reduced
+        coordinate."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
@@ -84,7 +85,8 @@ class StructureModel(Model, Outputs):
         )
 
     def _of_both_surfaces(self, labels: Labels) -> Labels:
-        """Labels with the quantity PLACE_stress as the larger of PLACE_stress_plus and PLACE_stress_minus."""
+        """Labels with the additional quantity PLACE_stress, the larger of PLACE_stress_plus and
+        PLACE_stress_minus."""
         largest_of, units, meanings = {}, dict(labels.units), dict(labels.meanings)
         for plus in (name for name, (kind, *_) in self.observed.items() if kind == "stress_plus"):
             both = plus.removesuffix("_plus")
@@ -144,8 +146,8 @@ class StructureModel(Model, Outputs):
         return np.tensordot(weights, entries_one_by_one(self, phase, nodes), axes=1)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Terms of the powers of the speed; None for large systems, whose points are solved one at a time to
-        save memory."""
+        """Terms of the powers of the speed; None for large systems, for which points are solved one at a time
+        to save memory."""
         if self.n > SMALL:
             return None
         require_motion(self)
@@ -162,7 +164,7 @@ class StructureModel(Model, Outputs):
 
     @property
     def freedoms(self) -> int:
-        """Number of degrees of freedom after subtraction of those that inextensible links remove."""
+        """Number of degrees of freedom, without those that inextensible links remove."""
         return self.at_positions(np.zeros(1)).n
 
     @property
@@ -358,8 +360,8 @@ class StructureModel(Model, Outputs):
 
 
 def _reason_without_motion(setup: Setup, freedoms: Freedoms) -> str:
-    """Reason why a structure is at rest, or why its elements have no equations of motion; empty if there are
-    equations of motion."""
+    """Reason why a structure has no equations of motion: it is at rest, or its elements do not permit them.
+    Empty if there are equations of motion."""
     name = setup.module.NAME
     if not setup.module.MOVES:
         return (

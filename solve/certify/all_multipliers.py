@@ -1,7 +1,7 @@
 """All multipliers of a point, each with an error estimate and its mode.
 
-The monodromy matrix does not resolve multipliers below eps‖Φ‖. These are computed from the factors of the
-period."""
+The monodromy matrix does not resolve multipliers below eps‖Φ‖. Those multipliers are computed from the
+factors of the period."""
 
 import math
 from collections.abc import Sequence
@@ -29,13 +29,13 @@ from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
 
 _MAX_WORK = 3e6, 1e7, 2e8
-"""Limits of (number of steps) × (number of states)²: for factors computed by default, for modes on the
-refined grid, and for the refined grid itself. Choices."""
+"""Chosen limits of (number of steps) × (number of states)² for factors that are computed by default, for
+modes on the refined grid, and for the refined grid."""
 
 _DEFAULT_LOSS = 1e-9
-"""Value of `solve.period.blocks.LOSS` if the errors of individual multipliers are not limited. With a beam
-structure of 54 states it leaves a quarter of the 768 factors and changes no multiplier by more than 2e-11,
-and no resolved multiplier by more than 1e-12."""
+"""Value of `solve.period.blocks.LOSS` if the errors of individual multipliers are not limited. For a beam
+structure of 54 states, this value reduces the 768 factors to a quarter, and changes multipliers by at most
+2e-11 and resolved multipliers by at most 1e-12."""
 
 _MEMORY = 2**29
 """Size, in bytes, of the steps that are solved together."""
@@ -43,8 +43,8 @@ _MEMORY = 2**29
 
 @dataclass(frozen=True)
 class RefinedMultipliers:
-    """Multipliers that meet the tolerance individually, or are limited by round-off or by the computational
-    work.
+    """All multipliers of a point, each to the tolerance if round-off and the limit of computational work
+    permit.
 
     logarithms (N,): log ρ, -inf for an exact zero. errors (N,): estimated relative error of each ρ, NaN if
     not accurate to one digit. steps: number of steps per period. rigid (N,): whether the multiplier belongs
@@ -116,8 +116,8 @@ class Spectrum:
 
     @cached_property
     def modes(self) -> Sequence[FloquetMode]:
-        """Mode of each multiplier. Its harmonic is missing if the multiplier is not accurate to one digit, or
-        if the method computes no step maps."""
+        """Modes of all multipliers. The harmonic of a mode is missing if its multiplier is not accurate to
+        one digit or the method computes no step maps."""
         rotation = 2 * math.pi * self.point.speed / self.point.period
         angles = np.imag(self.logarithms) * rotation / (2 * math.pi)
         modes = [FloquetMode(float(angle)) for angle in angles]
@@ -159,8 +159,8 @@ class Spectrum:
 
     @property
     def notes(self) -> list[str]:
-        """Note on results that are missing because the eigenvalues of the product of the step maps are
-        unknown; otherwise empty."""
+        """Note on results that require the eigenvalues of the product of the step maps, if these are unknown;
+        otherwise empty."""
         is_refused = self.each and self.refined is None
         # A note alone does not justify computing the eigenvalues of the factors.
         has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
@@ -185,8 +185,8 @@ class Spectrum:
         return [f"{', and '.join(missing)}; {reason}"] if missing else []
 
     def _with_rigid(self, values: Array, fill: float) -> Array:
-        """Values (N,) of all multipliers in their order: given values of the others, and `fill` for each
-        rigid-body mode, inserted after the multipliers outside the unit circle."""
+        """Values (N,) of all multipliers, from `values` without rigid-body modes. For each rigid-body mode,
+        `fill` is inserted after the multipliers outside the unit circle."""
         count = rigid_multipliers(self.certified)
         if self.refined is not None or not count:
             return values
@@ -194,8 +194,8 @@ class Spectrum:
 
     @cached_property
     def _solutions(self) -> Solutions:
-        """Solutions whose step maps determine the modes and the multipliers that the monodromy matrix does
-        not resolve to one digit."""
+        """Solutions with the step maps from which modes are computed, and multipliers that the monodromy
+        matrix does not resolve to one digit."""
         certified, steps = self.certified, self._factor_steps
         if self.refined is not None and self._work(self.refined.steps) <= _MAX_WORK[1]:
             steps = self.refined.steps
@@ -205,7 +205,7 @@ class Spectrum:
 
     @property
     def _factor_steps(self) -> int:
-        """Number of steps of the factors. Unless the steps are given, it is twice that of the solution,
+        """Number of steps of the factors. Unless the steps are given, it is twice the number of the solution,
         because small multipliers belong to fast modes."""
         certified = self.certified
         is_small = self.refined is None and not self._has_digit.all() and certified.request.steps is None
@@ -310,8 +310,8 @@ def require_step_maps(method: Method) -> None:
 
 def refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMultipliers | None:
     """All multipliers of a solved point. Steps are doubled until each error, twice the difference from a
-    better method, is at most `rtol`, or until doubling gains nothing or takes too long. Given steps are kept.
-    None without SLICOT, or if its iteration does not converge."""
+    better method, is at most `rtol`. Doubling ends early if it does not reduce the errors or takes too long.
+    Given steps are kept. None without SLICOT, or if its iteration does not converge."""
     if not slicot.available():
         return None
     try:
@@ -339,7 +339,7 @@ def _refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMul
         logarithms[nearest_one], errors[nearest_one] = 0.0, 0.0
         largest = float(errors.max())
         is_last = largest <= request.rtol or request.steps is not None or 2 * ratio * steps > max_steps
-        # Steps that do not halve the error gain nothing.
+        # If doubling the steps does not halve the error, further doubling does not help.
         if is_last or largest > 0.5 * previous_error:
             errors = np.where(errors < NO_DIGIT, errors, np.nan)
             is_rigid = np.isin(np.arange(len(errors)), nearest_one)
@@ -370,7 +370,7 @@ def _blocks_on_steps(
     """Factors on a grid of `steps` steps, computed in chunks if memory requires it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
-    with progress.task(f"parts of {steps} steps, for every multiplier", len(chunks)) as done:
+    with progress.task(f"factors of {steps} steps, for all multipliers", len(chunks)) as done:
         if len(chunks) == 1:
             maps = solved_on(point, method, steps, engine, rigid).steps
             assert maps is not None
@@ -389,8 +389,8 @@ def _blocks_on_steps(
 
 
 def multiplier_errors(better: Array, eigenvalues: ProductEigenvalues) -> Array:
-    """Relative errors (N,) of multipliers, due to round-off and from a comparison with more accurate
-    logarithms (N,)."""
+    """Relative errors (N,) of multipliers: the larger of the round-off and twice the difference from more
+    accurate logarithms `better` (N,)."""
     distances = log_distances(eigenvalues.logarithms[0], better)
     nearest, distance = distances.argmin(axis=1), distances.min(axis=1)
     is_mutual = distances.argmin(axis=0)[nearest] == np.arange(len(distances))

@@ -16,8 +16,8 @@ from solve.period.multipliers import KNOWN_ON_CIRCLE, STABLE, UNDETERMINED, verd
 from solve.period.points import Points
 
 NEAR_ONE = 1e-3
-"""Distance of a multiplier from +1 below which a warning is issued: the amplitude of the response is
-proportional to about 1/distance and thus sensitive to small changes of the parameters. A choice."""
+"""Distance of a multiplier from +1 below which a warning is issued; a choice. The amplitude of the response
+is roughly proportional to 1/distance and thus sensitive to small changes of the parameters."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class SolveRequest:
     engine : str
         Engine, COMPILED or NUMPY.
     reduction_method : Method
-        Method applicable to every system, used to estimate errors of a reduction.
+        Method for the error estimate of a reduction; applicable to every system.
     reference_methods : callable
         Function that returns convergent methods for given points. Results of methods that do not converge are
-        compared with theirs.
+        compared with results of these methods.
     """
 
     orbit: bool
@@ -81,7 +81,7 @@ class ReductionError(NamedTuple):
 
     @property
     def parts(self) -> list[str]:
-        """Phrases that state the errors. Of the errors of outputs, only the largest is stated."""
+        """Phrases that state the errors of orbit, multipliers and the least accurate output."""
         phrases = [] if math.isnan(self.orbit) else [f"orbit {self.orbit:.1e}"]
         phrases.append(f"multipliers {self.multipliers:.1e}")
         if self.outputs:
@@ -101,16 +101,17 @@ class ReductionError(NamedTuple):
 
 
 class InterpolationError(NamedTuple):
-    """Estimated effect of harmonics that a system's samples do not resolve.
+    """Estimated errors due to harmonics that the samples of a system do not resolve.
 
     Attributes
     ----------
     azimuths : int
         Number of sampled azimuths.
     harmonic : int
-        Highest harmonic of the samples whose amplitude exceeds round-off.
+        Highest harmonic of the samples with an amplitude above round-off.
     orbit, multipliers : float
-        Relative errors, scaled as in `ErrorEstimate`; 0 if the harmonics end below the resolved range.
+        Relative errors, scaled as in `ErrorEstimate`; 0 if no harmonic above the resolved ones exceeds
+        round-off.
     sufficient : int or None
         Estimated number of azimuths with which the tolerance is met; None if the harmonics do not decay.
     """
@@ -143,7 +144,7 @@ class InterpolationError(NamedTuple):
 
 @dataclass(frozen=True)
 class Failed:
-    """Index of a point without a solution, and the reason."""
+    """Index of a point without a solution, and the exception that states the reason."""
 
     position: int
     reason: SolveError
@@ -194,7 +195,7 @@ class Certified:
 
     @cached_property
     def _is_on_circle(self) -> Array:
-        """Whether (k,) the verdict on a point is open although its multipliers are accurate."""
+        """Whether (k,) the verdict on a point is undetermined although its multipliers are accurate."""
         return (self.absolute <= KNOWN_ON_CIRCLE) & (self.verdicts == UNDETERMINED)
 
     @property

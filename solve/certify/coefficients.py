@@ -1,4 +1,4 @@
-"""Variation of M, C, K and d over the period that the samples of a grid do not resolve."""
+"""Detection of harmonics and narrow features of M, C, K and d that the samples of a grid do not resolve."""
 
 import weakref
 from collections.abc import Callable
@@ -15,9 +15,9 @@ from solve.period.multipliers import EPS
 from solve.period.points import DerivedPoints, Points, Tables
 
 PHASES = 1001
-"""Number of fixed phases at which coefficients are compared with their interpolant: odd, so that few coincide
-with the stages of a grid. A feature narrower than the spacing of all sampled phases may be missed.
-docs/certificate.md states the measured range."""
+"""Number of fixed phases at which coefficients are compared with their interpolant: odd, so that few of these
+phases coincide with the stages of a grid. A feature narrower than the spacing of all sampled phases may be
+missed. docs/certificate.md states the measured range."""
 
 ROUND_OFF = 512 * EPS
 """Relative size below which harmonics, and differences between coefficients and their interpolant, are
@@ -47,10 +47,11 @@ class _ArrayCache:
 
 
 def harmonics(points: Points, loads: bool) -> Array:
-    """Relative amplitudes (P, k) of the harmonics 0, 1, … of the coefficients, 0 for round-off. The amplitude
-    of an entry is relative to its largest harmonic; the maximum over all entries, with or without the
-    `loads`, is returned. For systems with jumps only the mean is returned, since their harmonics decay too
-    slowly.
+    """Relative amplitudes (P, k) of the harmonics 0, 1, … of the coefficients; 0 for round-off.
+
+    Amplitudes are relative to the largest harmonic of an entry. The maximum over all entries, with or without
+    the `loads`, is returned. For systems with jumps only harmonic 0 is returned, since their harmonics decay
+    too slowly.
     """
     if points.breaks:
         return np.ones((len(points), 1))
@@ -70,14 +71,15 @@ def harmonics(points: Points, loads: bool) -> Array:
 
 
 def _entries(entry: Array) -> tuple[Array, Array]:
-    """Indices (E,) of the distinct entries among ascending ones (R,), and the position of the first term of
-    each."""
+    """Distinct indices (E,) among the ascending indices (R,) of entries, and the position of the first term
+    of each entry."""
     starts = np.concatenate(([0], (entry[1:] != entry[:-1]).nonzero()[0] + 1))
     return entry[starts], starts
 
 
 def _relative(values: Array, largest: Array, entries: Array, n: int) -> Array:
-    """Values (P, k, E) of entries relative to the largest values (P, E); values within round-off are 0."""
+    """Largest (P, k) of the values (P, k, E) of all entries, relative to their largest values (P, E). Values
+    within round-off are 0."""
     scale = np.where(largest > 0, largest, 1.0)[:, None]
     is_visible = values > ROUND_OFF * _entry_sizes(largest, entries, n)[:, None]
     return np.where(is_visible, values / scale, 0.0).max(axis=-1)
@@ -89,12 +91,12 @@ def _entry_count(n: int) -> int:
 
 
 def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
-    """Sizes (P, E), to which the round-off of entries is relative, from their `largest` values (P, E).
+    """Sizes (P, E) relative to which the entries have round-off, from their `largest` values (P, E).
 
     An entry that is zero in exact arithmetic, such as a sum of products, has the round-off of its terms. The
-    terms are bounded by the diagonals, as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½, and a load
-    d_i by max_j |d_j| (D_ii / D_jj)^½ with the largest diagonal of M, C and K. entries (E,): indices of the
-    entries.
+    terms are bounded by the diagonals, as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½. A load d_i
+    is bounded by max_j |d_j| (D_ii / D_jj)^½ with the largest diagonal D of M, C and K. entries (E,): indices
+    of the entries.
     """
     every_entry = np.zeros((len(largest), _entry_count(n)))
     every_entry[:, entries] = largest
@@ -138,9 +140,10 @@ class SampledPhases:
     compared : (Q,)
         Further phases in ascending order.
     step, place : (Q,)
-        Step of each compared phase, and its number within the step.
+        Step of each compared phase, and the number of the phase within its step.
     basis : (m, c, 2 s + 1)
-        Lagrange polynomials of all stages at the compared phases of each step, of which there are at most c.
+        Lagrange polynomials of all stages at the compared phases of each step; c is the largest number of
+        compared phases in a step.
     weights : (Q, s)
         Increments of the coefficients at the stages of the lower method for a unit difference at each
         compared phase.
@@ -156,7 +159,8 @@ class SampledPhases:
 
     @classmethod
     def on_grid(cls, grid: Grid, lower: Collocation, higher: Collocation) -> "SampledPhases":
-        """Sampled and compared phases on a grid for two methods, the first of which computes the solution."""
+        """Sampled and compared phases on a grid for two methods; the solution is computed by the `lower`
+        one."""
         nodes = np.union1d(lower.c, higher.c)
         compared, step = _compared_phases(grid)
         fraction = np.clip((compared - grid.nodes[step]) / grid.h[step], 0.0, 1.0)
@@ -165,7 +169,7 @@ class SampledPhases:
         quadrature = _trapezoidal(step, fraction, nodes)[:, None] / lower.b
         weights = lagrange(np.array(lower.c), fraction) * quadrature
         place = np.arange(len(step)) - np.searchsorted(step, step)
-        # A node of both methods counts once.
+        # A node that both methods share counts once.
         is_counted = np.concatenate((np.ones(len(lower.c), dtype=bool), ~np.isin(higher.c, lower.c)))
         columns = np.searchsorted(nodes, np.concatenate((lower.c, higher.c)))
         basis = np.zeros((grid.steps, place.max() + 1, len(columns)))
@@ -199,8 +203,8 @@ class SampledPhases:
         return _relative(sums[:, None], largest, entries, points.n)[:, 0]
 
     def _largest_differences(self, points: Points) -> tuple[Tables, Array, Array]:
-        """Tables at compared phases, and largest differences and coefficients of `differences`, half of the
-        steps at a time if memory requires it."""
+        """Tables at the compared phases, largest differences and largest coefficients, as `differences`
+        returns them. The steps are halved if memory requires it."""
         rows = len(points) if points.bytes_a_phase else 1
         phases = self.lower.size + self.higher.size + len(self.compared)
         if len(self) == 1 or 8 * _entry_count(points.n) * rows * phases <= _MEMORY:
@@ -231,13 +235,13 @@ class SampledPhases:
 
 
 def _compared_phases(grid: Grid) -> tuple[Array, Array]:
-    """Phases (Q,) at which coefficients are compared: fixed fractions inside the steps, then both ends of
-    each step. Also the step of each phase."""
+    """Phases (Q,) at which coefficients are compared, and the step of each phase. First come the fixed phases
+    inside the steps, then both ends of each step."""
     fixed, steps = _fixed_phases(grid.period, PHASES), np.arange(grid.steps)
     ends = grid.stages(np.array([0.0, 1.0]))
     step = np.searchsorted(grid.nodes, fixed, side="right") - 1
     is_inside = (fixed > ends[step, 0]) & (fixed < ends[step, 1])
-    # The coefficients may jump at the end of the period, which belongs to the next one.
+    # The end of the period belongs to the next period: coefficients may jump there.
     ends = np.minimum(ends, grid.period * (1 - 1e-9))
     return np.concatenate((fixed[is_inside], ends.T.ravel())), np.concatenate((step[is_inside], steps, steps))
 
@@ -261,11 +265,11 @@ _cached_differences = _ArrayCache(_differences)
 
 
 class ResampledPoints(DerivedPoints):
-    """Points whose coefficients at the stages of a grid are projections of their values at further phases.
+    """Points whose coefficients at the stages of a grid are local averages over further phases.
 
-    A collocation method weights the residual of a step by the Lagrange polynomials of its stages. These
-    coefficients are local averages with the same weights, so that a feature between two stages contributes
-    its integral. Polynomial coefficients of the degree that the stages resolve do not change."""
+    A collocation method weights the residual of a step by the Lagrange polynomials of its stages. The
+    averages have the same weights, so that a feature between two stages contributes its integral.
+    Coefficients that are polynomials of a degree resolved by the stages do not change."""
 
     def __init__(self, points: Points, phases: SampledPhases):
         super().__init__(points)
@@ -275,8 +279,8 @@ class ResampledPoints(DerivedPoints):
         return ResampledPoints(self.points[positions], self.phases)
 
     def tables(self, phase: Array) -> Tables:
-        """Tables at phases (k,). They are projected if the phases are the stages of consecutive steps, and
-        original otherwise."""
+        """Tables at phases (k,). They contain averages if the phases are the stages of consecutive steps, and
+        the original coefficients otherwise."""
         tables, stages = self.points.tables(phase), self.phases.lower
         first, m = int(np.searchsorted(stages[:, 0], phase[0])), len(phase) // stages.shape[1]
         if not np.array_equal(phase, stages[first : first + m].ravel()):

@@ -1,7 +1,7 @@
 """Errors estimated from the difference between two solutions of the same points, and round-off errors.
 
-Errors (P, 2) of orbit and multipliers are relative: to the largest value of each coordinate, and to the
-spectral radius."""
+Column 0 of the errors (P, 2) belongs to the orbit, relative to the largest value of each coordinate. Column 1
+belongs to the multipliers, relative to the spectral radius."""
 
 from functools import cache, cached_property, lru_cache
 
@@ -25,28 +25,29 @@ from solve.period.points import Points, ScaledEntries
 from solve.period.rigid_body import Free
 
 PHASES_PER_STEP = 4
-"""Smallest number of phases per step at which curves are compared. With 2 or 8, 65 results on 14 systems of
-both populations remain honest with the same verdicts."""
+"""Smallest number of phases per step at which curves are compared. With 2 or 8, the errors of 65 results on
+14 random test systems stay within their estimates, and the verdicts are the same."""
 
 SAFETY = 2.0
 """Ratio of the error estimate to the difference from a better solution. The difference equals the error to
-first order, and is at least half of it in 99.8 % of the stored population."""
+first order, and is at least half of the error for 99.8 % of the stored random test systems."""
 
 NO_DIGIT = 0.1
 """Relative error above which a value is not accurate to even one digit. docs/certificate.md states the
 measured range."""
 
 ROUND_OFF = 64 * EPS
-"""Relative size below which a value is the round-off of its computation: a choice, some ten operations above
-the unit round-off. Also the change of entries from which the effect of their round-off is computed: it
-exceeds the round-off of the difference, and is linear if the result has three digits. Half and twice leave 80
-estimates of stiff modes in turned axes honest and equally sharp."""
+"""Relative size below which a value is the round-off of its computation: a choice that allows for about ten
+operations. Entries are also changed by this amount to compute the effect of their round-off: the effect
+exceeds the round-off of the difference, and is linear if the result has three correct digits. With half and
+twice this value, 80 estimates for stiff modes in rotated axes are still not below the errors, and equally
+close to them."""
 
 _COEFFICIENTS = 1e-3
 """Largest difference between coefficients and their interpolant, relative to the stiffness of the softest
 mode, as a fraction of `rtol`. The response amplifies this difference by at most the phase advance of a
-resolved mode, a few hundred radians. Half and twice this value leave 65 results on 14 systems of both
-populations honest with the same verdicts."""
+resolved mode, a few hundred radians. With half and twice this value, the errors of 65 results on 14 systems
+of both populations stay within their estimates, and the verdicts are the same."""
 
 _AMPLIFICATION = 100.0
 """Factor by which the response may amplify aliased harmonics of the coefficients: that of a resonance with a
@@ -54,14 +55,14 @@ damping ratio of 0.5 %."""
 
 
 def better_method(method: Method) -> tuple[Method, int]:
-    """More accurate method with which the results of a method are compared, and the ratio of the numbers of
-    steps: one more stage on the same grid, or twice the steps without a variant of higher order."""
+    """More accurate method for comparison with a method, and the ratio of their numbers of steps. It has one
+    more stage on the same grid or, without a variant of higher order, twice the steps."""
     higher = method.with_another_stage
     return (method, 2) if higher is None else (higher, 1)
 
 
 class Comparison(PointSolver):
-    """Solver of pairs of a solution and a more accurate one. Their difference estimates the error of the
+    """Solver that computes a solution and a more accurate one; their difference estimates the error of the
     first.
 
     A collocation method with s stages is compared with s + 1 stages on the same grid. A step with one more
@@ -73,11 +74,11 @@ class Comparison(PointSolver):
     Attributes
     ----------
     better : Method
-        Method of the better solution.
+        Method of the more accurate solution.
     step_ratio : int
-        Ratio of their numbers of steps.
+        Number of its steps divided by the number of steps of the first solution.
     remaining : float
-        Error of the better solution as a fraction of the difference.
+        Error of the more accurate solution as a fraction of the difference.
     """
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
@@ -87,8 +88,8 @@ class Comparison(PointSolver):
 
     @cached_property
     def max_steps(self) -> int:
-        """Largest number of steps of the first solution. The better one has as many steps, or stages, at
-        least."""
+        """Largest number of steps of the first solution; the more accurate solution needs more steps or
+        stages and may limit it."""
         return self.better.most_steps(self.points.n, self.points.first_order) // self.step_ratio
 
     def pair_chunks(self, steps: int, positions: Array) -> list[Array]:
@@ -96,7 +97,7 @@ class Comparison(PointSolver):
         return self.chunks(steps * self.step_ratio, positions, self.better)
 
     def pair(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
-        """Both solutions of points at positions (k,). The first has `steps` steps."""
+        """Solution with `steps` steps and a more accurate one, for points at positions (k,)."""
         equations, rigid = self.equations[positions], self.rigid_body_modes(positions)
         first = self.solve_points(self.method, equations, steps, rigid)
         return first, self.solve_points(self.better, equations, steps * self.step_ratio, rigid)
@@ -104,8 +105,8 @@ class Comparison(PointSolver):
     def roundoff(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
         """Round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
 
-        The round-off of the coefficients is added to that of the maps if it may exceed the `errors` (k, 2).
-        It is the difference from solutions with slightly different entries."""
+        If the round-off of the coefficients may exceed the `errors` (k, 2), it is added to the round-off of
+        the maps. It is computed as the difference from solutions with slightly changed entries."""
         roundoff = roundoff_errors(solutions)
         of = slice(0 if self.request.orbit else 1, 2)
         rows = self.may_exceed(positions, roundoff[:, of], errors[:, of]).nonzero()[0]
@@ -121,14 +122,14 @@ class Comparison(PointSolver):
         return roundoff
 
     def _linear_modes(self, positions: Array, equations: Points) -> Free | None:
-        """Rigid-body modes of points at positions (k,), given their linear equations."""
+        """Rigid-body modes of points at positions (k,), whose linear equations are given."""
         return self.rigid_body_modes(positions) if self.method.linear else free(equations)
 
     def _change(
         self, points: Points, rigid: Free | None, steps: int, positions: Array, solutions: Solutions
     ) -> Array:
-        """Differences (k, 2) between the solutions of points at positions (k,) and the solutions with other
-        coefficients on the same grid; infinite if there is no solution with the other coefficients."""
+        """Differences (k, 2) between given solutions and solutions of `points`, with changed coefficients, on
+        the same grid; infinite if `points` have no solution."""
         change = np.full((len(positions), 2), np.inf)
         other = self.solve_points(self.method.corrector, points, steps, rigid)
         rows = other.known
@@ -146,8 +147,8 @@ class Comparison(PointSolver):
         return np.zeros((len(positions), 2))
 
     def _between_stages(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        """Differences from solutions with coefficients projected on the stages, if the coefficients differ
-        from their interpolant."""
+        """Differences (k, 2) from solutions with locally averaged coefficients; 0 if the coefficients agree
+        with their interpolant."""
         method = self.method
         points = method.linearised(self.points[positions], solutions)
         stages = method.stages, self.better.stages
@@ -163,9 +164,9 @@ class Comparison(PointSolver):
         return errors
 
     def _aliased(self, steps: int, positions: Array) -> Array:
-        """Amplitudes of those harmonics of the coefficients that evenly spaced samples alias, multiplied by
-        the amplification of errors."""
-        # Each harmonic of a Fourier series is coupled to the harmonics of the coefficients.
+        """Errors (k, 2) due to aliasing: sum of the aliased harmonics of the coefficients, times their
+        amplification."""
+        # The harmonics of the coefficients couple those of a Fourier series, hence the factor 2.
         resolved, points = steps // (2 if self.method.spectral else 1), self.points[positions]
         aliased = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
         return np.column_stack(tuple(aliased)) * _AMPLIFICATION
@@ -176,8 +177,8 @@ def _signs(n: int) -> Array:
     """Changes (1, 3n² + n) of the entries of M, C, K and d, in units of round-off.
 
     Changes of the diagonal of a symmetric stiffness do not cancel: their effect on a mode x is Σ x_i² K_ii,
-    which is at least 1/n of Σ |x_i K_ij x_j|. The changes have different factors, so that changes of two
-    terms that balance each other in a mode do not cancel."""
+    which is at least 1/n of Σ |x_i K_ij x_j|. M, C and K change by different factors, so that the changes of
+    two terms that balance in a mode do not cancel."""
     diagonal = np.eye(n).ravel()
     return np.concatenate((-diagonal, 2 * diagonal, diagonal, (-1.0) ** np.arange(n)))[None]
 
@@ -186,12 +187,12 @@ def _signs(n: int) -> Array:
 def _sampled_phases(
     steps: int, period: float, breaks: tuple[float, ...], lower: Collocation, higher: Collocation
 ) -> SampledPhases:
-    """Phases that two methods sample on a grid, and phases at which the coefficients are compared."""
+    """Phases of a uniform grid at which two methods sample the coefficients, and phases of comparison."""
     return SampledPhases.on_grid(Grid.uniform(steps, period, breaks), lower, higher)
 
 
 def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: str = NUMPY) -> Array:
-    """Differences (P, 2) of solutions from more accurate ones, for points with these frozen modes.
+    """Differences (P, 2) between coarse and more accurate solutions of points with these frozen modes.
 
     The difference of the orbits is max|difference|/max|q|, the largest of all coordinates. A coordinate that
     is zero except for round-off (the mass at a tuned absorber) is compared with the displacement that all
@@ -208,8 +209,8 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
 def _curve_differences(
     coarse: Grid, curve: PeriodicCurve, fine: Grid, better: PeriodicCurve, engine: str
 ) -> tuple[Array, Array]:
-    """Largest moduli (P, n) of the differences of two curves, and of the better curve, at phases that are
-    evenly spaced in the steps of the coarse grid."""
+    """Largest moduli (P, n) of the difference of two curves and of the `better` one, at evenly spaced phases
+    of each step of the coarse grid."""
     per_fine_step, rest = divmod(PHASES_PER_STEP * coarse.steps, fine.steps)
     is_shared = not rest and per_fine_step <= PHASES_PER_STEP
     if not (is_shared and (fine.smooth or coarse.steps == fine.steps)):
@@ -227,17 +228,17 @@ def _curve_differences(
 
 
 def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
-    """Largest moduli (P, n) of the differences between values (P, n, k), and of the more accurate values."""
+    """Largest moduli (P, n) of the differences between two arrays of values (P, n, k), and of the values
+    `better`."""
     return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
 def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
-    """Scales (P, n) for the errors of coordinates: the `largest` moduli, or the load scale where these are
+    """Scales (P, n) for the errors of coordinates: the `largest` moduli, or the load scale if these are
     round-off.
 
-    If forces on a coordinate cancel, the condition number contains the ratio of these forces to the
-    coordinate. The `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if
-    `roundoff` is below `NO_DIGIT`."""
+    If forces on a coordinate cancel, the condition number includes this cancellation. The `roundoff` (P,) is
+    then relative to the coordinate, which is accurate to one digit if `roundoff` is below `NO_DIGIT`."""
     limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
     is_small = largest <= limit * largest.max(axis=1, keepdims=True)
     if not is_small.any():

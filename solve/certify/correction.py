@@ -1,5 +1,7 @@
-"""Checks of a solution that are independent of its error estimate, and scales of relative errors. The checks
-are Liouville's formula, the residual of the equation of motion, and one correction of Newton's method."""
+"""Checks of a solution that are independent of its error estimate, and scales of relative errors.
+
+The checks are Liouville's formula, the residual of the equation of motion, and one correction of Newton's
+method."""
 
 import math
 from dataclasses import dataclass
@@ -23,32 +25,32 @@ from solve.period.points import SinglePoint
 from solve.system import PeriodicSystem, in_phase
 
 CANCELLED = 1e-3
-"""Fraction of the load scale below which a coordinate is small by cancellation of forces to three digits. A
-choice. With less cancellation, errors are relative to max|q|, as `rtol` is."""
+"""Fraction of the load scale below which a coordinate counts as small because forces cancel; a choice. Errors
+of larger coordinates are relative to max|q|, as `rtol` is."""
 
 _AT_REST = 16
 """Multiple of the round-off of the loads up to which a coordinate counts as zero. The round-off is a
-first-order bound. It is divided by diagonal impedances, which neglect its amplification by modes. All values
-between 1 and 1000 work for every equilibrium tried."""
+first-order bound, divided by diagonal impedances, which neglect amplification by modes. All values between 1
+and 1000 work for every equilibrium tried."""
 
 _MAY_BE_ROUND_OFF = 1e-2
-"""Relative residual or correction above which it may consist of round-off; pure round-off gives about 1."""
+"""Relative residual or correction above which it may be round-off; pure round-off gives about 1."""
 
 
 @dataclass(frozen=True)
 class CoordinateScale:
     """Scales of the coordinates of a system linearised along a motion, at a speed in rad/s, on a grid.
 
-    A coordinate may be small because the forces on it cancel: at an antiresonance, at an equilibrium, by
-    symmetry. Its largest modulus is then not a suitable scale. Its load scale is the vibration that the
-    largest single force on it, a load or the force of another coordinate, would cause against its own
-    stiffness, damping and inertia,
+    A coordinate may be small because the forces on it cancel: at an antiresonance, at an equilibrium, or by
+    symmetry. Its largest modulus is then not a suitable scale. The load scale of a coordinate is the
+    vibration that the largest single force on it would cause against its own stiffness, damping and inertia.
+    The force is a load or due to another coordinate:
 
         B_i = max_f Σ_k |f_ik| / (|M_ii| (kΩ)² + |C_ii| kΩ + |K_ii|),    k: harmonics of the force f on row i,
 
     with means of the diagonals over the period. The scale is max(max|q_i|, fraction · B_i), in the unit of
-    the coordinate. Without cancellation max|q_i| is at least about B_i, since a sum of the terms in the
-    denominator with signs is not larger than their sum."""
+    the coordinate. Without cancellation max|q_i| is at least about B_i, since the modulus of the complex
+    impedance is at most the denominator."""
 
     along: PeriodicSystem
     motion: Motion
@@ -58,8 +60,8 @@ class CoordinateScale:
     def scales(self, largest: Array, fraction: float = CANCELLED, roundoff: bool = False) -> Array:
         """Scales (n,) of coordinates with these largest moduli (n,); 1 if no force acts.
 
-        roundoff: whether the scale of coordinates that are zero within the round-off of the loads is that of
-        the terms whose sums are the loads."""
+        roundoff: whether coordinates that are zero within the round-off of the loads are scaled by the
+        displacements that the individual terms of the loads cause."""
         scale = np.maximum(largest, fraction * self.load_scale)
         if roundoff:
             scale = np.where(largest <= self.roundoff, np.maximum(scale, self._load_terms), scale)
@@ -67,8 +69,7 @@ class CoordinateScale:
 
     @property
     def roundoff(self) -> Array:
-        """Moduli (n,) of coordinates and of corrections below which they are zero within the round-off of the
-        loads."""
+        """Moduli (n,) below which coordinates and corrections are zero within the round-off of the loads."""
         return _AT_REST * EPS * self._load_terms
 
     def load_roundoff(self, largest: Array) -> float:
@@ -143,7 +144,7 @@ def linearisation_error(
 ) -> Array:
     """Estimated distance (n,) of the nonlinear orbit from a linear one.
 
-    It is one Newton correction, relative to the scale of each coordinate; NaN if the linearised system has no
+    It is one Newton correction divided by the scale of each coordinate; NaN if the linearised system has no
     solution."""
     try:
         solutions = corrected(system, motion, speed, method, grid, engine)
@@ -178,7 +179,7 @@ def equation_residual(
 ) -> float:
     """Largest residual of the equation of motion at phases (k,) for states q, q̇, q̈ (n, k).
 
-    The residual of each row is relative to the largest of its terms.
+    The residual of each row is divided by the largest term of the row.
     """
     M, C, K, d = system.at(phase, speed)
     q, qd, qdd = state

@@ -1,25 +1,25 @@
-"""Errors of systems that stand for others: reduced ones, and those interpolated from samples.
+"""Errors due to reduction of a system, and due to interpolation of its matrices from samples.
 
-**Reduction.** The full system is represented by an enriched one, whose basis contains the reduced one and
-what the discarded coordinates contribute at low frequency. The residual of the reduced orbit in the enriched
-equations is orthogonal to the reduced basis; the response to it is the difference of both orbits. For a
-linear functional of the orbit this is the dual-weighted residual with the adjoint solution of the enriched
-system (R. Becker, R. Rannacher, Acta Numerica 10 (2001) 1), here for all coordinates, outputs and multipliers
-from one solution. It holds near resonance too, as nothing is linearised in the change of the operator.
-Measured on the four-bar with 3 and 5 elements and 1 to 5 modes per link at 10 to 90 rad/s, errors of
-multipliers are 0.35 to 1.2 times their estimates. Verdicts therefore allow for twice the estimate.
+**Reduction.** The full system is represented by an enriched one. Its basis consists of the reduced basis and
+the low-frequency contribution of the discarded coordinates. The residual of the reduced orbit in the enriched
+equations is orthogonal to the reduced basis; the response to this residual is the difference of both orbits.
+For a linear functional of the orbit this is the dual-weighted residual with the adjoint solution of the
+enriched system (R. Becker, R. Rannacher, Acta Numerica 10 (2001) 1), here for all coordinates, outputs and
+multipliers from one solution. The estimate is also valid near resonance, because the change of the operator
+is not linearised. Measured on the four-bar with 3 and 5 elements and 1 to 5 modes per link at 10 to 90 rad/s,
+errors of multipliers are 0.35 to 1.2 times their estimates. Verdicts therefore allow for twice the estimate.
 
 **Interpolation.** Harmonics that the azimuths do not resolve are missing, and alias to resolved ones.
 
-- A solution with fewer harmonics differs from that with all by the effect of the dropped ones. Two such
-  differences give the rate at which the effect falls with the harmonic, and by extrapolation that of the
-  missing ones.
-- A solution from every second or third azimuth differs by harmonics near k/2 or k/3, of k azimuths, that
-  alias to the lowest ones. With k azimuths those near k do; they are smaller by the decay of the amplitudes.
-- A solution with means that are shifted by these amplitudes differs as much.
+- A solution with fewer harmonics differs from the full one by the effect of the omitted harmonics. Two such
+  differences show how fast the effect decreases with the harmonic; extrapolation gives the effect of the
+  missing harmonics.
+- With k azimuths, harmonics near k alias to the lowest ones. With every second or third azimuth, harmonics
+  near k/2 or k/3 do. The effect of the latter is computed and reduced by the decay of the amplitudes up to k.
+- The effect of aliasing to the mean is also computed, from a solution with shifted means.
 
-The larger error counts. It is zero if the harmonics are seen to end: higher ones that alias to some below
-this end are not seen."""
+The larger error counts. It is zero if the resolved harmonics end within round-off; harmonics beyond the
+resolved range that alias to lower ones are then not detected."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -46,8 +46,8 @@ from solve.system import PeriodicSystem, with_samples
 from solve.terminal import progress
 
 _FASTEST = 1e-3
-"""Smallest ratio of the effects of successive multiples of harmonics that is extrapolated: a choice, as one
-difference may vanish by chance."""
+"""Lower limit of the ratio of the effects of successive harmonics in the extrapolation: a choice, because a
+difference may be zero by chance."""
 
 _FLAT = 0.9
 """Ratio of the effects of successive multiples above which the harmonics count as not decaying. A choice: at
@@ -59,7 +59,7 @@ SystemAt = Callable[[int], tuple[PeriodicSystem, float]]
 
 
 class _Effect(NamedTuple):
-    """Relative differences (2,) of orbit and multipliers if the multiples of the spacing above `kept` are
+    """Relative differences (2,) of orbit and multipliers if harmonics above `kept` times the spacing are
     omitted."""
 
     kept: int
@@ -67,8 +67,8 @@ class _Effect(NamedTuple):
 
 
 def with_model_errors(result: Certified, system_at: SystemAt) -> Certified:
-    """Solved points of a system with the errors of its reduction or interpolation, which widen the margins of
-    the verdicts. Points of other systems remain unchanged."""
+    """Solved points, with the errors of reduction and interpolation added to the error margins of multipliers
+    and verdicts. Without reduction and interpolation, the points remain unchanged."""
     if not len(result):
         return result
     capabilities = system_at(0)[0].capabilities
@@ -92,7 +92,7 @@ def _at_each(
     task: str,
     error_at: Callable[[Certified, int, PeriodicSystem, float], Error],
 ) -> Iterator[Error]:
-    """Errors of the points, one after another."""
+    """Errors of the points, computed one after another."""
     with progress.task(task, len(result)) as count:
         for row in range(len(result)):
             yield error_at(result, row, *system_at(row))
@@ -102,7 +102,7 @@ def _at_each(
 def _reduction_at(
     result: Certified, row: int, system: PeriodicSystem, speed: float
 ) -> tuple[ReductionError, float]:
-    """Reduction errors at a point, and the margin of its multipliers."""
+    """Reduction errors at a point, and the absolute error that they add to its multipliers."""
     reduction = system.capabilities.reduction
     assert reduction is not None
     try:
@@ -136,8 +136,8 @@ def _reduction_error(
 
 
 def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, speed: float) -> Solutions:
-    """Solutions of a point by the method for general systems. The solutions of the result are reused if they
-    were computed by this method."""
+    """Solution of a point by the method for general systems; reused from the result if it was computed by
+    this method."""
     method = result.request.reduction_method
     if result.method.name == method.name:
         return result.solutions[np.array([row])]
@@ -159,7 +159,7 @@ def _orbit_errors(
 ) -> tuple[float, dict[str, float]]:
     """Largest relative error of the coordinates of the full system, and relative errors of the outputs.
 
-    Orbits are compared at 720 phases at least. Coordinates below 1e-12 of the largest displacement count as
+    Orbits are compared at 720 or more phases. Coordinates below 1e-12 of the largest displacement count as
     zero."""
     reduction = system.capabilities.reduction
     assert reduction is not None
@@ -185,7 +185,7 @@ def _relative_error(values: Array, exact: Array) -> float:
 
 
 def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers:
-    """Multipliers whose errors are increased by `error`, relative to the spectral radius."""
+    """Multipliers with errors increased by `error`, relative to the spectral radius."""
     sizes = np.real(refined.logarithms)
     with np.errstate(over="ignore", invalid="ignore"):
         errors = refined.errors + error * np.exp(sizes.max() - sizes)
@@ -210,7 +210,7 @@ def _interpolation_at(
     except SolveError:
         return InterpolationError(samples.azimuths, last, math.inf, math.inf, None)
     effects = [_Effect(number, change) for number, change in zip(kept, changes, strict=True)]
-    # Fits to azimuths that are not uniform err less regularly: the last difference counts as it is.
+    # Errors of fits to non-uniform azimuths decrease less regularly: the last difference is not extrapolated.
     next_one = resolved + 1 if samples.given is None else effects[-1].kept + 1
     errors = SAFETY * samples.amplification * _extrapolated(effects, next_one)
     errors = np.maximum(errors, SAFETY * aliased)
@@ -221,7 +221,7 @@ def _interpolation_at(
 
 
 def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
-    """Relative differences (2,) of a point's orbit and multipliers with other samples. Raises SolveError."""
+    """Relative changes (2,) of orbit and multipliers at a point with other `samples`. Raises SolveError."""
     system, speed = point
     solutions = result.solutions[np.array([row])]
     fewer = SinglePoint(with_samples(system, samples), speed)
@@ -231,8 +231,8 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
 
 
 def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
-    """Errors (2,) at a point due to harmonics that alias to the lowest ones; 0 if azimuths are not uniform,
-    since then all harmonics alias. Raises SolveError."""
+    """Errors (2,) at a point due to harmonics that alias to the lowest ones; 0 for non-uniform azimuths, with
+    which all harmonics alias. Raises SolveError."""
     if samples.given is not None:
         return np.zeros(2)
     errors = _change(result, row, point, samples.shifted())
@@ -245,14 +245,15 @@ def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], s
 
 
 def _extrapolated(effects: list[_Effect], next_one: int) -> Array:
-    """Errors (2,) due to the multiples of the spacing from `next_one`."""
+    """Errors (2,) due to harmonics from `next_one` times the spacing."""
     last = effects[-1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return last.change * _ratios(effects) ** (next_one - last.kept - 1)
 
 
 def _ratios(effects: list[_Effect]) -> Array:
-    """Ratios (2,), at most 1, of the effects of successive multiples, from one or two effects."""
+    """Ratios (2,) of the effects of successive multiples of the spacing, at most 1; 1 with a single
+    effect."""
     if len(effects) < 2:
         return np.ones(2)
     (low, more), (high, less) = effects
@@ -264,7 +265,8 @@ def _ratios(effects: list[_Effect]) -> Array:
 def _sufficient(ratios: Array, excess: Array, spacing: int, azimuths: int) -> int | None:
     """Number of azimuths for which the errors meet the tolerance; None if the harmonics hardly decay.
 
-    ratios (2,): of the effects of successive multiples of the spacing. excess (2,): errors over tolerance."""
+    ratios (2,): ratios of the effects of successive multiples of the spacing. excess (2,): errors divided by
+    the tolerance."""
     missed = excess > 1
     if not missed.any():
         return azimuths

@@ -1,4 +1,4 @@
-"""Solver of points by one method on a grid, with the reasons why points have no solution."""
+"""Solver of points by one method on a grid; points without a solution are returned with the reason."""
 
 import math
 from collections.abc import Iterator
@@ -23,16 +23,16 @@ _MEMORY = 2**25
 """Memory, in bytes, of the points that are solved at a time. A choice."""
 
 _WORK = 1e9
-"""Multiplications for the points that are solved at a time. They take some tenths of a second, which is the
-longest delay of an interruption."""
+"""Number of multiplications for the points that are solved at a time. They take some tenths of a second, the
+longest delay after an interruption by the user."""
 
 _AMPLIFIED = 32.0
 """Divisor of the bound on the effect of round-off in the entries. With 32, the effect is at most 0.7 of the
-bound on 430 grids of systems of both populations, of systems with stiff modes in rotated axes, and of models.
-With 16 and 64, 80 estimates of stiff modes do not fall below the errors."""
+bound on 430 grids of random test systems, of systems with stiff modes in rotated axes, and of models. With
+16 and 64, none of 80 estimates for stiff modes falls below the error."""
 
 _STEADY = 0.02
-"""Fraction of the median of det M below which a phase with singular M is searched. A choice."""
+"""Fraction of the median of det M below which a phase with singular M is sought. A choice."""
 
 _DRIVEN = 1e-9
 """Mean acceleration of a free machine, relative to its accelerations, that counts as zero. Measured round-off
@@ -55,7 +55,7 @@ class PointSolver:
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         self.points, self.method, self.request = points, method, request
-        # The curve of a first-order coordinate is integrated once less.
+        # The curve of a first-order coordinate results from one integration fewer.
         is_lower = bool(points.first_order) and method.stages is not None
         self.orders = np.array([method.curve_order - is_lower, method.order])
         self.modes = frozen(points, engine=request.engine)
@@ -83,12 +83,12 @@ class PointSolver:
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
     def may_exceed(self, positions: Array, roundoff: Array, errors: Array) -> Array:
-        """Whether (k,) the round-off error due to the coefficients of points at positions (k,) may exceed
-        one of the errors (k, j). roundoff (k, j): that due to the step maps.
+        """Whether (k,) the error due to round-off of the coefficients may exceed one of the errors (k, j),
+        for points at positions (k,). roundoff (k, j): errors due to round-off of the step maps.
 
-        The round-off of the largest rate ω₁ changes the smallest one, ω₂, by ε ω₁²/2ω₂ at most, and a
-        multiplier by T times this. The change is also at most that of ω₁ T by as many ε as terms of the
-        stiffness cancel. For a single coordinate the bound is zero."""
+        Round-off ε of the largest rate ω₁ changes the smallest rate ω₂ by at most ε ω₁²/2ω₂, and a multiplier
+        by T times this change. A second bound is ω₁ T ε, multiplied by the factor of cancellation in the
+        stiffness. For a single coordinate the bound is zero."""
         if self.points.n == 1:
             return np.zeros(len(positions), dtype=bool)
         least, largest = self._extreme_rates[:, positions] * self.points.period
@@ -139,8 +139,8 @@ class PointSolver:
             yield Failed(position, reason)
 
     def chunks(self, steps: int, positions: Array, method: Method | None = None) -> list[Array]:
-        """Chunks of the positions, split so that each chunk fits into memory and can be interrupted after
-        it."""
+        """Chunks of the positions. A chunk fits into memory, and an interruption takes effect after a
+        chunk."""
         if len(positions) < 2:
             return [positions] if len(positions) else []
         method = method or self.method
@@ -183,10 +183,10 @@ class PointSolver:
 
 
 def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, MatricesError]]:
-    """Positions of the points whose M is singular at some phase, including phases that no step samples, and
-    the exceptions.
+    """Positions of points with an M that is singular at some phase, and the exceptions. Phases between the
+    samples are included.
 
-    The phase is searched if det M falls below `_STEADY` of its median at a sampled phase.
+    The phase is sought if det M at a sampled phase is below `_STEADY` times its median.
     """
     for position in (~modes.has_steady_inertia(_STEADY)).nonzero()[0].tolist():
         phase = _singular_phase(points[np.array([position])], modes.phases)
@@ -202,7 +202,7 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
     if not np.isfinite(determinants).all():
         return None
     median = np.median(np.abs(determinants))
-    # Eight successive intervals, each a sixteenth of the previous one, determine the phase to round-off.
+    # Eight successive refinements, each to a sixteenth of the interval, determine the phase to round-off.
     for _ in range(8):
         # A phase at a jump, up to round-off, may have the matrices of either side.
         before, after = phases[:-1] - ROUND_OFF * point.period, phases[1:] + ROUND_OFF * point.period

@@ -34,22 +34,22 @@ STEPS = "steps"
 """Name of the progress counter for the steps of a single solution."""
 
 _MAX_GROWTH = 6.0
-"""Largest ratio of the steps of successive grids. With 3 and 12, the errors of 65 results on 14 systems of
-both populations stay within their estimates, and the verdicts are the same."""
+"""Largest ratio of the steps of successive grids. With 3 and 12, the errors of 65 results on 14 random test
+systems stay within their estimates, and the verdicts are the same."""
 
 _UNKNOWN = 0.5
-"""Estimate above which an error is reported as infinite, because it may be as large as the result. With 0.25
-and 1, the errors of 65 results on 14 systems of both populations stay within their estimates, and the
-verdicts are the same."""
+"""Estimate above which an error is reported as infinite, because the error may then be as large as the
+result. With 0.25 and 1, the errors of 65 results on 14 random test systems stay within their estimates, and
+the verdicts are the same."""
 
 
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:
     """Solutions with error estimates. Each point is yielded once, in groups as they are completed.
 
-    The grid has the given number of `steps`, or is the first grid whose errors are at most `rtol` or the
-    round-off. Errors are differences from a better solution, see `Comparison`. A point fails with
-    ResonanceError if an orbit is requested and a multiplier equals +1 within the difference of both
-    solutions. Raises StepsError for `steps` that the method cannot use at any point."""
+    The grid has the given number of `steps`, or is the first grid on which errors are at most `rtol` or the
+    round-off. Errors are estimated as differences from a more accurate solution, see `Comparison`. A point
+    fails with ResonanceError if an orbit is requested and a multiplier equals +1 within the difference of
+    both solutions. Raises StepsError for `steps` that the method cannot use at any point."""
     solver = (_Refinement if method.converges else PointSolver)(points, method, request)
     groups = _rigid_body_groups(solver)
     if len(groups) > 1:
@@ -69,8 +69,8 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
 def on_one_grid(
     points: Points, method: Method, request: SolveRequest, steps: int
 ) -> Iterator[tuple[Array, Solutions]]:
-    """More accurate solutions of the points on one grid, without error estimates, in chunks with their
-    positions (k,). Failed points are omitted."""
+    """Solutions of the points by the more accurate method on one grid, without error estimates, in chunks
+    with the positions (k,) of the points. Failed points are omitted."""
     solver = PointSolver(points, method.with_another_stage or method, request)
     for chunk in solver.chunks(steps, np.arange(len(points))):
         solutions = solver.solve(steps, chunk)
@@ -78,8 +78,8 @@ def on_one_grid(
 
 
 def _rigid_body_groups(solver: PointSolver) -> list[Array]:
-    """Positions of points in nonempty groups: with rigid-body modes but no conserved momentum, with conserved
-    momentum, and without rigid-body modes."""
+    """Positions of points in up to three groups: with rigid-body modes but no conserved momentum, with
+    conserved momentum, and without rigid-body modes. Empty groups are omitted."""
     if solver.free is None:
         return []
     has_modes, conserves = solver.free.modes.any, solver.free.modes.conserving
@@ -88,7 +88,7 @@ def _rigid_body_groups(solver: PointSolver) -> list[Array]:
 
 
 def _at_positions(result: Certified | Failed, positions: Array) -> Certified | Failed:
-    """Result of a group of points with the given positions."""
+    """Result of a group of points, renumbered by the `positions` of the group among all points."""
     if isinstance(result, Failed):
         return Failed(int(positions[result.position]), result.reason)
     return replace(result, positions=positions[result.positions])
@@ -99,8 +99,8 @@ class _GridComparison:
     """Two solutions of the same points on related grids.
 
     positions (k,) of the points; errors (k, 2) of the first solution; roundoff (k, 2): round-off errors of
-    the first solution; tolerances (k, 2): allowed errors, at least the round-off; remainder (k,): what
-    remains, after a period, of a unit disturbance in modes that the steps do not resolve."""
+    the first solution; tolerances (k, 2): allowed errors, at least the round-off; remainder (k,): size, after
+    a period, of a unit disturbance in modes that the steps do not resolve."""
 
     positions: Array
     modes: FrozenModes
@@ -150,8 +150,8 @@ class _Refinement(Comparison):
                 yield from self._refine_on(steps, chunk, pending)
 
     def _first_grids(self, positions: Array, least: Array) -> Array:
-        """Numbers of steps (k,) of the first grids of points at positions (k,), at least 1.2 times
-        `least`."""
+        """Numbers of steps (k,) of the first grids of points at positions (k,). They are at least 1.2 times
+        `least`, the stability limit."""
         points, modes = self.points[positions], self.modes[positions]
         first = first_steps(self.method, points, modes, self.request.orbit, self.request.rtol)
         return np.minimum(grid_sizes(np.maximum(first, 1.2 * least)), max(self.max_steps, MIN_STEPS))
@@ -187,7 +187,7 @@ class _Refinement(Comparison):
     def _compare(
         self, steps: int, positions: Array, solutions: Solutions, better: Solutions
     ) -> _GridComparison:
-        """Both solutions of points, with the errors of the first."""
+        """Comparison of both solutions of points, with the errors of the first."""
         modes = self.modes[positions]
         errors = SAFETY * differences(solutions, better, modes, self.request.engine)
         roundoff = self.roundoff(steps, positions, solutions, errors)
@@ -201,18 +201,18 @@ class _Refinement(Comparison):
         return _GridComparison(positions, modes, solutions, better, errors, roundoff, tolerances, remainder)
 
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
-        """Whether (k,) points are accepted, that is, need no finer grid.
+        """Whether (k,) each point is accepted without a finer grid.
 
         Three conditions hold for accepted points:
 
-        1. each of its errors is at most the tolerance, or is round-off: below a thousand times its estimate,
-           or of multipliers that underflow, and not halved by this grid. Larger errors may not decrease for
-           other reasons, such as kinks in the coefficients;
+        1. each error is at most the tolerance, or is round-off. An error counts as round-off if this grid did
+           not halve it, and if it is below a thousand times the estimated round-off or all multipliers
+           underflow. Larger errors may not decrease for other reasons, such as kinks in the coefficients;
         2. features of the coefficients between the samples cause no larger errors;
         3. a finer grid would not decide an open verdict.
 
-        On the last grid every point is accepted; its errors state what is reached. Errors of accepted points
-        are increased in place by those of features between the samples."""
+        On the last grid every point is accepted, and its errors state the accuracy reached. Errors due to
+        features between the samples are added in place to those of accepted points."""
         is_roundoff = pair.errors < 1e3 * pair.roundoff
         is_roundoff[:, 1] |= pair.underflows
         is_roundoff &= 2 * pair.errors > self.previous_errors[pair.positions]
@@ -226,7 +226,7 @@ class _Refinement(Comparison):
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
-        """Whether (k,) a grid of twice the steps would decide the open verdict of a point. It does if errors
+        """Whether (k,) a grid of twice the steps would decide the undetermined verdict of a point, if errors
         decrease with the order of the method and are not round-off."""
         order = min(self.method.order, 20)
         errors = pair.errors[:, 1] * pair.solutions.multipliers.spectral_radius
@@ -240,8 +240,8 @@ class _Refinement(Comparison):
         return decides
 
     def _postpone(self, steps: int, pair: _GridComparison, pending: dict[int, list[Array]]) -> Array:
-        """Add points to `pending`. Returns the steps (k,) of their next grids, on which errors reach the aim
-        with the order of the method.
+        """Add points to `pending`. Returns the steps (k,) of their next grids, on which errors that decrease
+        with the order of the method reach the aim.
 
         Steps are doubled if the errors are small enough but another condition fails. The second grid of a
         point has at least 4/3 as many steps as the first; later grids have at least twice as many, because
@@ -275,11 +275,12 @@ class _Refinement(Comparison):
             yield from self.certify(pair.positions[rows], solutions[rows], errors[rows], absolute[rows])
 
     def _is_resonant(self, pair: _GridComparison) -> Array:
-        """Points (k,) with a multiplier +1, within a tenth of the change between both solutions."""
+        """Whether (k,) a multiplier of a point equals +1 within a tenth of the change between both
+        solutions."""
         nearest = pair.better.multipliers.nearest_one
         change = nearest - pair.solutions.multipliers.nearest_one
         distance = np.abs(nearest + self.remaining * change - 1)
-        # Multipliers of modes that the steps do not resolve may be anywhere.
+        # Multipliers of modes that the steps do not resolve are arbitrary.
         is_accurate = (pair.errors[:, 1] < _UNKNOWN) & (np.abs(change) < NO_DIGIT)
         roundoff = EPS * max(8, pair.better.grid.steps)
         return ((distance <= 0.1 * np.abs(change)) & is_accurate) | (distance <= roundoff)
@@ -292,18 +293,19 @@ class _Refinement(Comparison):
 
 
 def _add(pending: dict[int, list[Array]], steps: Array, positions: Array) -> None:
-    """Add points at positions (k,) to the pending points of grids with these numbers of steps (k,)."""
+    """Add points at positions (k,) to `pending`, each under the number of steps (k,) of its grid."""
     for size in unique_integers(steps) if len(steps) else ():
         pending.setdefault(size, []).append(positions[steps == size])
 
 
 def _failed(failures: Mapping[int, SolveError], positions: Array) -> Iterator[Failed]:
-    """Failures of the points at positions (k,), in a dictionary by row."""
+    """Failures, given by row, with the positions of their points among all points."""
     return (Failed(int(positions[row]), reason) for row, reason in failures.items())
 
 
 def _certify_approximation(solver: PointSolver, positions: Array) -> Iterator[Certified | Failed]:
-    """Certify points solved by a method that does not converge, by comparison with a convergent method.
+    """Solve points by a method that does not converge, and certify them by comparison with a convergent
+    method.
 
     Without given steps there is one per degree.
     """

@@ -1,9 +1,9 @@
 """Resolution of modes and harmonics by a number of steps: first grid, grid sizes, and unresolved modes.
 
 With coefficients frozen at a phase, a step of a one-step method multiplies a mode of rate λ by R(hλ) instead
-of exp(hλ). If the two differ, two solutions may agree on a wrong multiplier: L-stable methods damp an
-undamped mode, other methods preserve a decaying one. The larger of both factors bounds what remains of a
-disturbance after a period."""
+of exp(hλ). If the two factors differ, two solutions may agree on a wrong multiplier: L-stable methods damp an
+undamped mode, other methods preserve a decaying one. The larger factor bounds the disturbance that remains
+after a period."""
 
 from functools import lru_cache
 
@@ -26,29 +26,28 @@ _MAX_FIRST_STEPS = 2**14
 docs/certificate.md states the measured range."""
 
 UNDERFLOW = 1e-30
-"""Spectral radius below which the multipliers of Φ are round-off of its entries. docs/certificate.md
-states the measured range."""
+"""Spectral radius below which multipliers are round-off of the entries of Φ. docs/certificate.md states the
+measured range."""
 
 AIM = 0.3
-"""Fraction of `rtol` that a grid aims at. Measured: between 0.15 and 0.6 the number of steps changes by less
-than 10 %."""
+"""Target of the error on the next grid, as a fraction of `rtol`. Measured: between 0.15 and 0.6 the number of
+steps changes by less than 10 %."""
 
 _UNRESOLVED = 0.25
 """Relative error of a mode over the period above which it is unresolved: a quarter of a radian of phase, far
 below half a revolution, where two solutions may agree by chance. With half and twice this value, the errors
-of 65 results on 14 systems of both populations stay within their estimates, and the verdicts are the same."""
+of 65 results on 14 random test systems stay within their estimates, and the verdicts are the same."""
 
 
 def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float) -> Array:
-    """Numbers of steps (P,) for which the error m c (ωT/m)^(p + 1) of a motion of angular frequency ω equals
-    the aim.
+    """Numbers of steps (P,) of the first grids: those m for which the error m c (ωT/m)^(p + 1) of a motion of
+    angular frequency ω equals the target.
 
     c and p are the error constant and the order of the method. The motions are the frozen modes, weighted by
     their decay per period relative to the least damped one, and the harmonics of the coefficients, weighted
-    by their amplitudes. Along a nonlinear orbit only the modes count, because the orbit on a coarse grid has
-    harmonics that the exact one has not. Methods without an error constant start with few steps; those that
-    do not damp stiff modes start with steps that resolve these on the doubled grid, with which they are
-    compared."""
+    by their amplitudes. Along a nonlinear orbit only the modes count, because on a coarse grid the orbit has
+    spurious harmonics. Methods without an error constant start with few steps; methods that do not damp stiff
+    modes start with steps that resolve these modes on the doubled grid of the comparison solution."""
     collocation = method.corrector
     if not isinstance(collocation, Collocated):
         phase_advance = np.zeros(len(modes)) if method.l_stable else modes.phase_advance_estimate
@@ -57,7 +56,7 @@ def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool,
     c, p, T = collocation.error_constant, collocation.order, modes.period
     rates, remaining = modes.rates_and_decay(UNDERFLOW)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        # The variation of the coefficients adds about 1.5 times the speed to the frozen rates.
+        # Varying coefficients increase the frozen rates by about 1.5 times the speed.
         mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)
         if method.linear:
             amplitudes = harmonics(points, orbit)
@@ -83,8 +82,8 @@ def grid_sizes(steps: Array) -> Array:
     """Numbers of steps (k,), rounded up to a member of 8, 12, 16, 24, …, 128, 192, 224, 256, 320, 384, and so
     on.
 
-    Points share these few grids, so that tables are reused. Above 192 steps, sizes differ by a quarter of an
-    octave, because extra steps then cost more than an extra grid."""
+    Points share these few grids, so that tables are reused. Above 192 steps there are four sizes per factor
+    of two, because extra steps then cost more than an extra grid."""
     steps = np.maximum(steps, MIN_STEPS)
     octave = np.exp2(np.floor(np.log2(steps)))
     spacing = octave / np.where(steps > 192, 4, 2)
@@ -103,9 +102,9 @@ def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed
     steps : int
         Steps per period.
     allowed : (P,)
-        Remainder that is acceptable. If the remainder computed at a sixteenth of the phases is below a tenth
-        of it, it is returned; the remainder at all phases differs by at most a factor of 1.2 for the models
-        of this project.
+        Acceptable remainder. If the remainder from a sixteenth of the phases is below a tenth of `allowed`,
+        it is returned. For the models of this project it differs from the remainder from all phases by at
+        most a factor of 1.2.
 
     Returns
     -------
@@ -157,7 +156,7 @@ def _unresolved_factors(stages: Collocation, z: Array, steps: int) -> tuple[Arra
 
 
 def _resolved_angle(method: Method, steps: int) -> float:
-    """Largest h|λ| for which all non-growing modes are resolved over this number of steps."""
+    """Largest h|λ| up to which a method resolves all non-growing modes over this number of steps."""
     if method.stages is not None:
         return _collocation_angle(method.stages, steps)
     return min(method.follows, float(method.in_phase(np.array(steps), _UNRESOLVED)) / steps)

@@ -1,8 +1,8 @@
 """Derivatives of statistics of coordinates and outputs: extrema, means, root mean squares, harmonics.
 
-The derivative of an extremum is that of the quantity at a fixed phase, since the derivative with respect to
-the phase is zero there (envelope theorem). An extremum in a corner of an output, at a jump of the matrices,
-moves with the jump.
+The derivative of an extremum equals the derivative of the quantity at fixed phase, since the derivative with
+respect to the phase is zero at the extremum (envelope theorem). If the extremum is a corner of an output at a
+jump of the matrices, it moves with the jump.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,20 +19,20 @@ from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import enough_samples
 
 _EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
-"""Relative difference between two extrema up to which either may be the largest; and difference between their
-derivatives, relative to the largest derivative over the period, up to which the derivative of either may be
-returned. Choices."""
+"""Relative difference up to which two extrema count as equally large; and difference of their derivatives,
+relative to the largest derivative over the period, up to which the derivative of either may be returned.
+Choices."""
 
 _OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
-"""Additional phases, as fractions of a period after an extremum, at which the size of the derivative is
-sampled: multiples of the golden section, so that they do not coincide with low harmonics."""
+"""Additional phases at which the size of the derivative is sampled, as fractions of a period after an
+extremum. They are multiples of the golden section, to avoid zeros of low harmonics."""
 
 _CANDIDATE_RANGE = 1e-3
 """Distance below the largest sample, relative to the range of the quantity, within which other local maxima
 of samples may be the global maximum. A choice."""
 
 _NEWTON_STEPS, _MAX_EXTREMA = 3, 64
-"""Newton steps that refine the phase of an extremum, and maximum number of candidates. Choices."""
+"""Number of Newton steps that refine the phase of an extremum, and maximum number of candidates. Choices."""
 
 _SPACING = 0.03
 """Spacing of the values about an extremum, relative to the spacing of the samples. A choice: truncation and
@@ -42,8 +42,8 @@ _FIRST_DERIVATIVE, _SECOND_DERIVATIVE = np.array([1, -8, 0, 8, -1]) / 12, np.arr
 """Weights of five values in the first and second difference of fourth order."""
 
 _EXTRAPOLATION = np.array([[3, -3, 1], [-5 / 2, 4, -3 / 2]])
-"""Weights of the values at one, two and three spacings from a point, in the quadratic extrapolation of value
-and derivative to this point."""
+"""Weights of the values at one, two and three spacings from a point in the quadratic extrapolation of value
+and derivative to the point."""
 
 _SIDE = 2e-12
 """Distance from a jump of the matrices, relative to the period, at which quantities on both sides of the jump
@@ -64,9 +64,10 @@ class _Quadrature(NamedTuple):
 
 
 class Figures:
-    """Statistics of an orbit as weighted sums. starts: approximate phases of extrema and their signs, by name
-    and statistic; given from another grid, or computed on this grid. nodes (m, r): derivatives of the starts
-    of steps with respect to the quantities θ."""
+    """Statistics of an orbit as weighted sums.
+
+    starts: approximate phases of extrema and their signs, by name and statistic, from another grid or from
+    this grid. nodes (m, r): derivatives of the starts of steps with respect to the quantities θ."""
 
     def __init__(self, orbit: GridOrbit, starts: Starts, nodes: Array):
         self.orbit, self._starts, self._nodes = orbit, starts, nodes
@@ -119,9 +120,9 @@ class Figures:
         return (coefficients @ even.fractions ** np.arange(coefficients.shape[-1])[:, None]).ravel()
 
     def _quadrature(self, count: int) -> _Quadrature:
-        """Quadrature for means over the period with at least `count` samples. Samples are evenly spaced,
-        which is exact up to their Nyquist harmonic, or follow Gauss's rule within each step if jumps cause
-        kinks."""
+        """Quadrature for means over the period with at least `count` samples. Samples are evenly spaced, with
+        exact means up to their Nyquist harmonic. If jumps cause kinks, Gauss's rule is used within each
+        step."""
         period, nodes = self.orbit.system.period, self.orbit.problem.grid.nodes
         a_step = -(-count // (len(nodes) - 1))
         if self.orbit.system.breaks:
@@ -173,7 +174,7 @@ class Figures:
 
     def _in_corners(self, names: Array, phases: Array, signs: Array) -> Array:
         """Phases (k,) of extrema. A phase next to a jump of the matrices is moved to the jump if the output
-        has a corner or a one-sided extremum there."""
+        has a corner or a one-sided extremum at the jump."""
         breaks, distance = self._nearest_break(phases)
         width = self.orbit.system.period / self.orbit.samples
         near = np.flatnonzero((np.abs(distance) < width) & ~np.isin(names, self.orbit.system.coordinates))
@@ -192,8 +193,8 @@ class Figures:
         return found
 
     def _nearest_break(self, phases: Array) -> tuple[Array, Array]:
-        """Steps that start at the jump nearest to each phase (k,), and distances by which the phases lie
-        behind the jumps; infinite without jumps."""
+        """Steps that start at the jump nearest to each phase (k,), and distances of the phases after these
+        jumps; infinite without jumps."""
         grid, period = self.orbit.problem.grid, self.orbit.system.period
         steps = np.flatnonzero(grid.at_break)
         if not len(steps):
@@ -240,16 +241,16 @@ class Figures:
         return self._even.phases[np.concatenate(maxima)], np.repeat(signs, counts)
 
     def _of_extremum(self, quantity: Named) -> WeightedSums:
-        """Weighted sums for an extremum; derivatives are NaN if equally large extrema have different
-        derivatives. The phase is computed as a zero of the derivative, because comparing nearly equal
-        values would give only half the digits."""
+        """Weighted sums for an extremum. The derivatives are NaN if equally large extrema have different
+        derivatives. The phase is computed as a zero of the slope, because a search for the largest value
+        would yield only half the digits."""
         name, figure = quantity.subject, quantity.figure
         phases, signs, values = self._extrema[name, figure]
         largest = values >= values.max() - _EQUAL * np.abs(values).max()
         phases, signs = phases[largest], signs[largest]
         sign, carried = -1.0 if figure == "min" else 1.0, signs * self._carried(name, phases)
 
-        # At an extremum of a harmonic, a change of its phase angle has no effect: other phases give the size.
+        # The derivative may vanish at the extremum itself, so its size is taken from other phases.
         others = phases[0] + _OTHERS * self.orbit.system.period if len(phases) > 1 else phases[:0]
         weights = np.append(signs, np.ones(len(others)))
 

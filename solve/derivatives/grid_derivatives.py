@@ -31,7 +31,8 @@ _JUMP = 1e-9
 """Jump of an output, relative to its largest value, above which it is discontinuous. A choice."""
 
 _STEP = 1e-5
-"""Relative step of a parameter for central differences of the inertia weights: their error is about 1e-10."""
+"""Relative step of a parameter for central differences of the inertia weights. The error of the differences
+is about 1e-10."""
 
 
 def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
@@ -54,7 +55,7 @@ class GridDerivatives:
 
     @cached_property
     def problem(self) -> PeriodicProblem:
-        """Linear periodic problem of the orbit; for a free machine, that of the anchored system."""
+        """Linear periodic problem of the orbit; for a free machine, of the anchored system."""
         system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
         point = SinglePoint(system, self.solved.speed)
@@ -64,7 +65,7 @@ class GridDerivatives:
 
     @cached_property
     def _original(self) -> PeriodicProblem:
-        """Linear periodic problem that is not anchored, so that its one-step maps have all multipliers."""
+        """Linear periodic problem without anchoring, so that its one-step maps have all multipliers."""
         problem = self.problem
         if problem.free is None:
             return problem
@@ -96,8 +97,8 @@ class GridDerivatives:
 
     @cached_property
     def _level(self) -> Array | None:
-        """Derivatives (modes, r) of the mean motion along rigid-body modes. The inertia-weighted mean is
-        zero, but its weights depend on the parameters."""
+        """Derivatives (modes, r) of the mean motion along rigid-body modes; None without such modes. The
+        inertia-weighted mean is zero, but its weights depend on the parameters."""
         free, mean = self.problem.free, self.problem.curve.mean
         if free is None:
             return None
@@ -134,8 +135,8 @@ class GridDerivatives:
         return GridMultipliers(self._original, self.solved.spectrum)
 
     def log_multiplier_derivatives(self, at: int, modulus: bool, sizes: bool = False) -> Array:
-        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus`, for the multiplier with index `at`. With
-        `sizes`, the sums of the moduli of their terms."""
+        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus`, for the multiplier with index `at`. If
+        `sizes`, sums of the moduli of the terms of the derivatives are returned instead."""
         problem, multipliers = self.problem, self._multipliers
         n, phases = problem.point.n, problem.phases[:, problem.stages].ravel()
         vectors = multipliers.vectors(at)
@@ -170,8 +171,8 @@ class GridDerivatives:
         return (self.nodes[nodes[jumps]] != 0).any(axis=0)
 
     def slopes(self, quantities: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
-        """Derivatives (r,) of each quantity, or the reason why it has none. With `sizes`, the sums of the
-        moduli of their terms."""
+        """Derivatives (r,) of each quantity, or the reason why they do not exist. If `sizes`, sums of the
+        moduli of the terms are returned instead."""
         derivatives: list[Any] = []
         of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
         if of_orbit:
@@ -194,8 +195,8 @@ class GridDerivatives:
         return derivatives
 
     def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
-        """Derivatives (r,) of a quantity that depends on a multiplier. With `sizes`, the sums of the moduli
-        of their terms. Raises NoDerivativeError."""
+        """Derivatives (r,) of a quantity that depends on a multiplier. If `sizes`, sums of the moduli of the
+        terms are returned instead. Raises NoDerivativeError."""
         at = multiplier_position(self.solved, quantity)
         _require_simple(self.solved, at, quantity)
         modulus = quantity.subject == RADIUS or quantity.figure == "abs"
@@ -203,7 +204,7 @@ class GridDerivatives:
         if sizes:
             return np.real(slopes) * (1 / self.solved.period if quantity.subject == EXPONENT else abs(rho))
         if quantity.subject == EXPONENT:
-            # λ = log ρ Ω / P, P the period in phase.
+            # λ = log ρ Ω / P with the period P in phase.
             logarithm = self.solved.spectrum.logarithm(at) / self.solved.speed
             along = np.array([name == SPEED for name in self.names])
             return quantity.part((slopes + logarithm * along) / self.solved.period)

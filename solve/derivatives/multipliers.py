@@ -2,7 +2,7 @@
 period.
 
 Φ is the product of the maps A_k of the steps, so that d log ρ = Σ_k yᴴ_{k+1} dA_k x_k / (yᴴ_{k+1} A_k x_k)
-with the right vectors x_k at the starts of the steps and the left ones y_{k+1} at their ends: the sum over
+with the right vectors x_k at the starts of the steps and the left vectors y_{k+1} at their ends. The sum over
 steps corresponds to an integral over the period. The vectors of every step may be scaled independently.
 """
 
@@ -21,20 +21,20 @@ from solve.period.logarithms import matched_logarithms
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
 
 COALESCENCE = 1e-6
-"""Relative distance between two multipliers up to which neither has a derivative. A choice: multipliers that
-coincide lose half their digits."""
+"""Relative distance between two multipliers up to which their derivatives are not computed. A choice:
+multipliers that coincide lose half their digits."""
 
 _LEADING = 0.1
-"""Modulus, relative to the spectral radius, above which the vectors of a multiplier are computed from Φ. A
-choice: at this modulus they lose one digit."""
+"""Modulus of a multiplier, relative to the spectral radius, above which its eigenvectors are computed from Φ.
+A choice: at this modulus the eigenvectors lose one digit."""
 
 _PERIODIC, _NEARLY_PERIODIC = 1e-11, 1e-6
 """Relative difference up to which a vector counts as unchanged after a period. The second value applies if
-the product of the steps does not separate the vector from another, as near the double +1 of a rigid-body
-mode: derivatives are then accurate to about six digits."""
+the product of the steps does not separate the vector from another, as near the double multiplier +1 of a
+rigid-body mode. Derivatives are then accurate to about six digits."""
 
 _MIN_MODULUS = 1e-100
-"""Modulus of a multiplier below which numbers may underflow within the period."""
+"""Modulus of a multiplier below which numbers may underflow during the period."""
 
 
 class Vectors(NamedTuple):
@@ -67,9 +67,9 @@ class GridMultipliers:
         return vectors_of_multiplier
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
-        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or
-        in the derivatives of the real and imaginary parts of log ρ; also the units of these parts (1 or
-        i)."""
+        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages, in the derivative of log |ρ| or
+        in the derivatives of the real and imaginary part of log ρ. Each array of weights has a factor, 1 or
+        i."""
         problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()
         left = left / ((left[:, None] @ problem.A)[:, 0] * right).sum(axis=1, keepdims=True)
         X = problem.stage_states(_parts(right))
@@ -105,8 +105,8 @@ class GridMultipliers:
         """Multipliers (N,) of Φ, and its right and left eigenvectors as columns of matrices (N, N)."""
         Phi = self._problem.propagate(np.eye(self._problem.A.shape[-1]))[-1]
         values, right = np.linalg.eig(Phi)
-        # The inverse of the right vectors gives no accurate left vectors if any two right vectors are nearly
-        # parallel.
+        # Left vectors from the inverse of the right vectors would be inaccurate if two right vectors are
+        # nearly parallel.
         adjoint_values, left = np.linalg.eig(Phi.conj().T)
         nearest = np.abs(adjoint_values.conj() - values[:, None]).argmin(axis=1)
         return values.astype(complex), right, left[:, nearest]

@@ -1,4 +1,4 @@
-"""Derivatives of weighted sums over an orbit: from the derivatives of the orbit, or by an adjoint problem."""
+"""Derivatives of weighted sums over an orbit, from the derivatives of the orbit or by an adjoint problem."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from solve.results.periodic_motion import PeriodicMotion
 from solve.system import PeriodicSystem
 
 _DRAWS = 2
-"""Number of sums with random signs that estimate the size of the terms. A choice."""
+"""Number of sums with random signs from which the size of the terms is estimated. A choice."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,9 @@ class WeightedSums(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Forward:
     """Forward derivatives of the orbit with respect to r quantities θ, used for many statistics. nodes (m,
-    r): shift of the starts of steps with θ; where q″ jumps by a, the derivative of q′ jumps by -a times
-    this shift. level: derivatives of the means along rigid-body modes, see `PeriodicProblem.solve`."""
+    r): derivatives of the starts of steps with respect to θ; where q″ jumps by a, the derivative of q′ jumps
+    by -a times this value. level: derivatives of the means along rigid-body modes, see
+    `PeriodicProblem.solve`."""
 
     orbit: GridOrbit
     dependence: Dependence
@@ -114,7 +115,7 @@ class Forward:
         ).T
 
     def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of statistics; with `sizes`, the sizes of the terms that are summed."""
+        """Derivatives (r,) of statistics. If `sizes`, estimated sizes of the terms are returned instead."""
         whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
         from_signal = [whole_outputs and figure.name in self.orbit.system.outputs for figure in figures]
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
@@ -134,14 +135,14 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """Derivatives from one adjoint problem with a column per sum, used for many parameters that do not move
-    jumps."""
+    """Adjoint derivatives of the orbit, from one problem with a column per sum; used for many parameters that
+    do not move jumps."""
 
     orbit: GridOrbit
     dependence: Dependence
 
     def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of statistics; with `sizes`, the sizes of the terms that are summed."""
+        """Derivatives (r,) of statistics. If `sizes`, estimated sizes of the terms are returned instead."""
         term = np.abs if sizes else np.asarray
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, figures, term)
         gradient = self.orbit.problem.adjoint(data_weights)
@@ -166,7 +167,7 @@ def _combined(figures: Sequence[WeightedSums], sums: Sequence[Array], sizes: boo
 
 
 def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
-    """Divide the sums (r, …) of all statistics into the sums (r, c) of each."""
+    """Split the sums (r, …) of all statistics into sums (r, c) of each statistic."""
     return np.split(sums, np.cumsum([figure.weights.shape[1] for figure in figures])[:-1], axis=1)
 
 
@@ -174,7 +175,7 @@ def _direct_and_orbit_terms(
     orbit: GridOrbit, dependence: Dependence, figures: Sequence[WeightedSums], term: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
     """Derivatives (r, c) of all sums with respect to θ at fixed orbit (or 0), and weights (m, 2 + k, n, c) of
-    the data of the orbit's curve. term: function applied to each term (modulus or identity)."""
+    the data of the orbit's curve. term: function that is applied to each term, modulus or identity."""
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])
     (m, k), n = problem.phases.shape, orbit.system.n
     data_weights, direct = np.zeros((m, 2 + k, n, ends[-1])), {}
@@ -187,9 +188,9 @@ def _direct_and_orbit_terms(
             data_weights[..., columns] = problem.data_weights(each.phase, weights)
             direct[columns.start, columns.stop] = term(by).T @ term(each.weights)
             continue
-        # Sums over the same samples are computed together, and so are all extrema.
+        # Sums over the same samples are computed together; extrema are also computed together.
         by_samples.setdefault(0 if each.fractions is None else id(each.fractions), []).append((each, columns))
-    # This import takes longer than a command that needs no solutions.
+    # This import takes longer than commands that compute no solutions.
     from scipy.linalg import block_diag as block_diagonal
 
     for group in by_samples.values():

@@ -2,9 +2,8 @@
 loads.
 
 ∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q, evaluated at the stages
-with the states of the method. The result is the derivative of the numerical solution on this grid (A.
-Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15), not an approximation of the exact
-derivative.
+with the states of the method. The result is the exact derivative of the numerical solution on this grid (A.
+Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15).
 """
 
 from collections.abc import Callable, Sequence
@@ -31,9 +30,9 @@ from solve.period.rigid_body import Free
 @dataclass(frozen=True, eq=False)
 class Motions:
     """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ with
-    respect to the phase, at the k phases of each step of a `PeriodicProblem`; compute_states: function
-    that returns the states at these phases; drift (n, r): steady velocities of a free machine, which only
-    these states contain."""
+    respect to the phase, at the k phases of each step of a `PeriodicProblem`; compute_states: function that
+    returns the states at these phases; drift (n, r): steady velocities of a free machine, included only in
+    the states at these phases."""
 
     x: Array
     accelerations: Array
@@ -50,8 +49,8 @@ class PeriodicProblem:
     """Linear periodic problem of a system at a speed, discretised on a grid by a collocation method.
 
     phases (m, k): start, stages and, if it is not a stage, end of every step. `loaded` selects the l phases
-    at which loads act: only the stages if every step starts at the last stage of the previous one. M, C, K
-    (m, l, n, n) and d (m, l, n) at these phases are those of derivatives with respect to the phase.
+    at which loads act: only the stages if every step starts at the last stage of the previous step. M, C, K
+    (m, l, n, n) and d (m, l, n) are given at these phases, for derivatives with respect to the phase.
     """
 
     def __init__(
@@ -64,8 +63,8 @@ class PeriodicProblem:
         free: Free | None = None,
     ):
         """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if known; free: rigid-body
-        modes of the system, which is then solved anchored. Raises ValueOutOfBoundsError if the memory limit
-        is exceeded."""
+        modes; if given, the anchored system is solved. Raises ValueOutOfBoundsError if the memory limit is
+        exceeded."""
         self.point, self.grid, self.rule = point, grid, method.collocation
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
         n, s, m = point.n, len(self.rule.c), grid.steps
@@ -77,7 +76,7 @@ class PeriodicProblem:
         self._tables = (self._anchored or point).tables(self.phases[:, self.loaded].ravel())
         self._engine, self._known = engine, known
         self._systems = stage_systems(self.rule, grid.h, self._tables, self._stages, engine)
-        # Weights of stage accelerations, times h² and h, in q and q′ at the ends of the steps.
+        # Weights of the stage accelerations in q (times h²) and in q′ (times h) at the ends of the steps.
         self._weights = np.stack((self.rule.b @ self.rule.A, self.rule.b))
         self._step_powers = np.stack((grid.h**2, grid.h), axis=1)[:, :, None]
         self._cache: dict[tuple[bytes, int], tuple[Any, Array]] = {}
@@ -93,8 +92,8 @@ class PeriodicProblem:
         return self._systems.maps
 
     def propagate(self, start: Array, backwards: bool = False) -> Array:
-        """States (m+1, 2n, r) without loads, from the first state (2n, r). With `backwards`, by the
-        transposed maps in reverse order."""
+        """States (m+1, 2n, r) without loads, from the first state (2n, r). If `backwards`, the transposed
+        maps are applied in reverse order."""
         A = self.A.swapaxes(1, 2)[::-1] if backwards else self.A
         return propagate(A, start, self._engine)
 
@@ -120,7 +119,7 @@ class PeriodicProblem:
 
     @cached_property
     def orbit(self) -> Motions:
-        """Periodic solution of the system, r = 1. Raises ResonanceError."""
+        """Periodic solution of the system, as `Motions` with r = 1. Raises ResonanceError."""
         if self._known is None:
             return self.solve(self._matrices[3][..., None])
         (m, k), n = self.phases.shape, self.point.n
@@ -132,7 +131,8 @@ class PeriodicProblem:
         return Motions(np.concatenate((x, x[:1]))[..., None], states[:, :, 0], lambda: states)
 
     def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
-        """Values (b, r) of the breaks, assigned to those starts of steps (m, r) that are breaks."""
+        """Array (m, r) over the starts of steps that contains the values (b, r) of the breaks and is zero
+        elsewhere."""
         at_starts, period = np.zeros((self.grid.steps, values.shape[1])), self.grid.period
         for phase, value in zip(breaks, values, strict=True):
             distance = np.abs((self.grid.nodes[:-1] - phase + period / 2) % period - period / 2)
@@ -159,7 +159,7 @@ class PeriodicProblem:
 
     def solve(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
         """Periodic solutions under loads (m, l, n, r) at the phases at which loads act, with jumps (m, 2n, r)
-        of the states at the starts of steps where the matrices jump. level (modes, r): means along
+        of the states at the starts of steps where the matrices jump. level (modes, r): mean motions along
         rigid-body modes (default: zero). Raises ResonanceError."""
         motions, drift = self._solve(loads, jumps), None
         if self._anchored is None:
@@ -173,7 +173,7 @@ class PeriodicProblem:
         return self._unanchored(motions, drift, level)
 
     def _solve(self, loads: Array, jumps: Array | None) -> Motions:
-        """Periodic solutions; for a free machine, those of the anchored system."""
+        """Periodic solutions; for a free machine, of the anchored system."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
@@ -188,8 +188,8 @@ class PeriodicProblem:
         return Motions(x, a, lambda: self._states(x, ends, a))
 
     def _unanchored(self, motions: Motions, drift: Array | None, level: Array | None) -> Motions:
-        """Motions of the free machine from those of the anchored system. drift (r, n): steady velocities
-        whose drag the loads already include."""
+        """Motions of the free machine from motions of the anchored system. drift (r, n): steady velocities;
+        the loads already include their drag."""
         anchored, held = self._repeated(motions)
         curves = self.curves(motions)
         moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
@@ -251,7 +251,7 @@ class PeriodicProblem:
         return self._stage_states(x, (self._systems.by_state @ x).reshape(m, -1, N // 2, r))
 
     def _stage_states(self, x: Array, a: Array) -> Array:
-        """As `stage_states`, with given accelerations (m, s, n, r)."""
+        """States as in `stage_states`, with given accelerations (m, s, n, r)."""
         m, s, n, r = a.shape
         A, a = self.rule.A, a.reshape(m, s, -1)
         h, c = self.grid.h[:, None, None], np.array(self.rule.c)[:, None]
@@ -260,8 +260,8 @@ class PeriodicProblem:
         return states.reshape(m, s, 3, n, r)
 
     def _at_ends(self, place: int, x: Array, loads: Array) -> Array:
-        """Accelerations (m, 1, n, r) for states x (m, 2n, r) at the first or the last of the phases of each
-        step."""
+        """Accelerations (m, 1, n, r) for states x (m, 2n, r) at the first or the last phase of each step,
+        from the equation of motion."""
         q, v = np.split(x, 2, axis=1)
         M, C, K, _ = (part[:, place] for part in self._matrices)
         return solved(M, loads[:, place] - K @ q - C @ v)[:, None]
@@ -302,19 +302,21 @@ class PeriodicProblem:
         return self._sum_in_steps(phase, self._basis(phase, 0)[1][:, :, None] * weights[:, None])
 
     def even_value_data_weights(self, fractions: Array, weights: Array) -> Array:
-        """As `value_data_weights`, at fractions (a,) of every step, with weights (m a, c)."""
+        """Weights of the data as in `value_data_weights`, for values at fractions (a,) of every step with
+        weights (m a, c)."""
         powers = fractions[:, None] ** np.arange(len(self.rule.curve_powers)) @ self.rule.curve_powers
         return powers.T @ weights.reshape(self.grid.steps, len(fractions), -1)
 
     def _sum_in_steps(self, phase: Array, values: Array) -> Array:
-        """Sums (m, …) of values (p, …) over those phases (p,) that lie in each step."""
+        """Sums (m, …), for each step, of the values (p, …) at phases (p,) in this step."""
         (inside, firsts), step = self._groups(phase), self._basis(phase, 0)[0]
         sums = np.zeros((self.grid.steps, *values.shape[1:]))
         sums[step[inside][firsts]] = np.add.reduceat(values[inside], firsts)
         return sums
 
     def _groups(self, phase: Array) -> tuple[Any, Array]:
-        """Permutation that sorts phases by steps, and the index of the first phase of each step in it."""
+        """Permutation that sorts phases by steps, and for each step the index of its first phase in the
+        permutation."""
         key = phase.tobytes(), -1
         if key not in self._cache:
             step = self._basis(phase, 0)[0]
@@ -332,9 +334,9 @@ class PeriodicProblem:
         return self._cache[key]
 
     def adjoint(self, of_data: Array) -> Array:
-        """Adjoint problem: gradients (m, l, n, c), with respect to the loads at the phases at which they act,
-        of sums over the data with weights (m, 2 + k, n, c). The cost does not depend on the number of
-        loads."""
+        """Gradients (m, l, n, c), from the adjoint problem, of sums over the data with weights (m, 2 + k, n,
+        c). The gradients are with respect to the loads at the phases at which they act. The cost does not
+        depend on the number of loads."""
         m, _, n, c = of_data.shape
         loaded, h = self.phases[:, self.loaded].shape[1], self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
@@ -365,7 +367,7 @@ class PeriodicProblem:
 @cache
 def _power_basis(rule: Collocation, k: int) -> Array:
     """Matrix (3 k, D) that maps coefficients of powers of θ in a step to h² q″, h q′ and q at its k phases.
-    At the stages these are the values of the method, which the curve matches to its order."""
+    At the stages, the values of the method are used, with which the curve agrees up to its order."""
     data = np.linalg.inv(rule.curve_powers)
     a, basis, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
     at_stages = a[1 : 1 + len(rule.c)]

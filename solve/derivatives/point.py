@@ -25,11 +25,12 @@ from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 
 _COARSENING = 4
-"""Ratio of the number of steps to that of the coarser grid on which the sizes of the terms of derivatives are
+"""Divisor of the number of steps for the coarser grid on which the sizes of the terms of derivatives are
 estimated. A choice."""
 
 _PARAMETERS_PER_ADJOINT = 2
-"""Number of parameters whose forward problems cost as much as the adjoint problem of one statistic."""
+"""Number of parameters for which the forward problems take as long as the adjoint problem of one
+statistic."""
 
 _ROUNDOFF = 1e-13
 """Round-off error of a derivative relative to the sum of the moduli of its terms. A choice, a few hundred
@@ -126,8 +127,8 @@ def periods_of(nonlinear: bool, periods: int | None) -> int:
 def quantities_by(
     system: PeriodicSystem, of: Sequence[str] | None, by: Sequence[str] | None
 ) -> tuple[list[Named], list[str]]:
-    """Requested quantities, and names of the parameters for differentiation, without duplicates. Raises
-    UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
+    """Requested quantities, and names of the parameters with respect to which they are differentiated,
+    without duplicates. Raises UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
     texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
     quantities = [Named.parse(system, text) for text in texts]
     derivatives_of(system).by(names)
@@ -181,8 +182,8 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
 
 
 def _multiplier_error(solved: Stability, quantity: Named) -> float:
-    """Relative error of the multiplier, which multiplies the derivative of its logarithm; 0 for other
-    quantities. The difference between the results with different numbers of stages does not include this
+    """Relative error of the multiplier by which the derivative of its logarithm is multiplied; 0 for other
+    quantities. The difference between results with different numbers of stages does not include this
     error."""
     if quantity.of_orbit or quantity.subject == EXPONENT:
         return 0.0
@@ -199,8 +200,8 @@ def _with_errors(
     grid: GridDerivatives,
     coarse: GridDerivatives,
 ) -> dict[str, Sensitivity]:
-    """Sensitivity of each quantity, with errors estimated from the derivatives of the method and of the
-    method with one more stage. Round-off is estimated on a coarse grid."""
+    """Sensitivity of each quantity, with errors from the difference between the derivatives of the method and
+    those with one more stage. Round-off is estimated on a coarse grid."""
     found = {}
     sizes = coarse.slopes(quantities, sizes=True)
     for quantity, results, size in zip(quantities, slopes, sizes, strict=True):
@@ -228,8 +229,8 @@ def _sensitivity(quantity: Named, fine: Array, errors: Array, grid: GridDerivati
     reasons = {
         "several extrema are equally large, and their derivatives differ": np.isnan(fine) & ~moved,
         (
-            f"{quantity.subject} jumps at phases that depend on these parameters, which sums over samples "
-            "do not resolve"
+            f"{quantity.subject} jumps at phases that depend on these parameters, and sums over samples do "
+            "not resolve the jumps"
         ): moved,
     }
     reason = "; ".join(

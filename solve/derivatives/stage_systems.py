@@ -1,5 +1,5 @@
-"""Stage systems of the collocation steps of a period, factorised once for all loads, and the recursion over
-the steps, in compiled code or NumPy."""
+"""Stage systems of the collocation steps of a period, factorised once for all loads, and propagation of
+states over the steps, in compiled code or NumPy."""
 
 from dataclasses import replace
 from typing import Protocol
@@ -20,7 +20,7 @@ from solve.period.points import Tables
 
 
 class StageSystems(Protocol):
-    """Solver of the stage systems, see `solve.kernel.stages.FactorisedStages`."""
+    """Interface of solvers of the stage systems; see `solve.kernel.stages.FactorisedStages`."""
 
     by_state: Array
     maps: Array
@@ -63,8 +63,8 @@ class ScaledStageSystems:
 
 
 def stage_systems(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> StageSystems:
-    """Factorised stage systems of steps of lengths h (m,), from tables with the same number of phases in each
-    step. at: indices of the stages among the phases of a step. Raises MemoryError."""
+    """Factorised stage systems of steps of lengths h (m,), from tables with k phases in each step. at:
+    indices of the stages among these phases. Raises MemoryError."""
     some = tables.table[..., entry_phases(tables.table.shape[-2]), :]
     factors = FrozenModes(replace(tables, table=some), float(h.sum())).equation_factors()
     if factors is None:

@@ -1,5 +1,5 @@
-"""Collocation over one period in compiled code. The lanes of vector registers contain many points, or
-segments of one period."""
+"""Collocation over one period in compiled code. Each lane of a vector register contains a point or a segment
+of the period."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ _POINT_TABLES, _SEGMENTS = 1, 2
 
 
 class Samples(NamedTuple):
-    """Terms of the entries at the phases that a method samples, with their coefficients.
+    """Terms of the matrix entries, sampled at the phases that a method uses. An entry is a sum of terms.
 
     table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): index of the entry to
     which each term belongs, in ascending order."""
@@ -25,8 +25,8 @@ class Samples(NamedTuple):
 
     @property
     def summed(self) -> "Samples":
-        """Samples per point with one term per entry. All coefficients are 1, so that lanes need no
-        multiplication and summation."""
+        """Samples with the terms of each entry summed for each point. All coefficients are then 1, so that
+        lanes neither multiply nor sum."""
         first = np.flatnonzero(np.diff(self.entry, prepend=-1))
         if len(first) == len(self.entry) and (self.coefficients == 1).all():
             return self
@@ -60,8 +60,8 @@ class Periods(NamedTuple):
 
 
 def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
-    """Memory in bytes per step and point: the curve with this number of powers, and the share of one point in
-    the workspace of a group of points."""
+    """Memory in bytes per step and point: its curve with this number of powers, and its share of the
+    workspace of a group of points."""
     return 8 * n * (2 * powers + 12) if orbit else 8
 
 
@@ -76,10 +76,10 @@ def solved(
 ) -> Periods:
     """Solutions of the points on steps of lengths h (m,), by compiled code.
 
-    Coefficients are sampled at the stages (m s phases, step by step). Orbits by a method whose steps do not
-    end at a stage also need the starts of steps (m phases); with jumps at ends of steps, orbits by any method
-    need the starts and then the ends (2m). Lanes contain points or, if the points are solved `alone`, one
-    after another, the segments of a point. Raises CompilerError, MemoryError."""
+    Coefficients are sampled at the stages (m s phases, step by step). If steps do not end at a stage, orbits
+    also require samples at the starts of steps (m phases). With jumps at ends of steps, orbits by any method
+    require samples at the starts, then at the ends (2m). Lanes contain different points. If points are solved
+    `alone`, one after another, lanes contain the segments of one point. Raises CompilerError, MemoryError."""
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
     if segments and points > 1:
@@ -133,7 +133,8 @@ def _joined(parts: Sequence[Array | None]) -> Array | None:
 
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:
-    """Table of the samples. Tables per point (P, k, R) are rearranged to groups (groups, k, R, width)."""
+    """Table of the samples in the layout of the kernel. Tables per point (P, k, R) are rearranged to groups
+    (groups, k, R, width)."""
     if samples.per_point and not segments:
         return _grouped(samples.table, groups, width)
     return np.ascontiguousarray(samples.table)

@@ -25,12 +25,13 @@ MACHINE: tuple[str, ...] = ()
 
 _FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
 _CONTRACTED = ("-ffp-contract=fast",)
-"""Contraction of products and sums to one rounding, except in formulas, whose terms may cancel exactly."""
+"""Flags for fused multiply-add with one rounding. Formulas are compiled without it, because their terms may
+cancel exactly."""
 
 _WIDE = ("-mprefer-vector-width=512",)
-"""Flag of Clang for AVX-512, whose vectors Clang otherwise halves for some Intel processors. Relative to GCC,
-steps with one coordinate took 1.23 times as long without the flag, and 1.05 times with it (Intel Xeon, Zig
-0.17)."""
+"""Flag of Clang for AVX-512; without it, Clang halves the vectors for some Intel processors. Steps with one
+coordinate took 1.23 times as long as with GCC without the flag, and 1.05 times as long with it (Intel Xeon,
+Zig 0.17)."""
 
 _ZIG = ("-fno-sanitize=all",)
 """Flags of Zig's C compiler, which otherwise checks for undefined behaviour while the code runs."""
@@ -44,8 +45,8 @@ _LOGGER = logging.getLogger(__name__)
 
 
 class CompilerError(Exception):
-    """Raised if compiled code is not available, because there is no C compiler or it fails. The message has
-    one line."""
+    """Raised if compiled code is not available: there is no C compiler, or it fails. The message has one
+    line."""
 
 
 _WHAT = {
@@ -62,8 +63,8 @@ _WHAT = {
 
 
 def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctypes.CDLL:
-    """Library from a C file, with the sizes as macros and, if there are formulas, with the macro FORMULAS
-    naming their file. Raises CompilerError."""
+    """Library compiled from a C file. The sizes are passed as macros; the macro FORMULAS contains the file of
+    formulas, if any. Raises CompilerError."""
     library = library_file(source, sizes, formulas)
     try:
         return ctypes.CDLL(str(library))
@@ -72,7 +73,7 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
 
 
 def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> Path:
-    """File of the library from a C file, see `compiled`. The first compilation is logged in one line. Raises
+    """Path of the library that `compiled` loads. The first compilation is logged in one line. Raises
     CompilerError."""
     compiler = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
@@ -94,10 +95,10 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
 
 
 def _is_valid(library: Path) -> bool:
-    """Whether a library with a valid checksum exists that belongs to this user and that no other user may
-    change.
+    """Whether a library exists, belongs to this user, cannot be changed by other users and has a valid
+    checksum.
 
-    A truncated library would end the process. Raises CompilerError for files of other users."""
+    Loading a truncated library would crash the process. Raises CompilerError for files of other users."""
     checksum = library.with_suffix(".sha256")
     for file in (library, checksum):
         if not os.path.lexists(file):
@@ -126,8 +127,8 @@ def _hash(content: bytes) -> str:
 class Compiler(NamedTuple):
     """C compiler.
 
-    command: program with its first arguments. machine: flags for the processor. macros: macros that the
-    compiler defines with these flags, which identify compiler and flags."""
+    command: program with its first arguments. machine: flags for the processor. macros: predefined macros,
+    which identify compiler and flags."""
 
     command: tuple[str, ...]
     machine: tuple[str, ...]
@@ -136,8 +137,8 @@ class Compiler(NamedTuple):
 
 @lru_cache
 def c_compiler() -> Compiler:
-    """C compiler of this machine: GCC or Clang, otherwise that of Zig if it is installed for this Python.
-    Raises CompilerError."""
+    """C compiler of this machine: GCC or Clang, otherwise Zig's compiler if its package is installed. Raises
+    CompilerError."""
     named = os.environ.get("CC")
     wanted = [named] if named else ["cc", "gcc", "clang"]
     found = next(filter(None, map(shutil.which, wanted)), None)
@@ -168,7 +169,7 @@ def zig() -> tuple[str, ...]:
 
 
 def _compile(command: list[str], library: Path, formulas: str) -> None:
-    """Write the library and its checksum, each file atomically."""
+    """Compile the library and write it and its checksum, each file atomically."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         part, checksum, text = (Path(folder) / name for name in (library.name, "checksum", "formulas.h"))
         if formulas:
@@ -199,7 +200,7 @@ def _folder() -> Path:
     """Folder for compiled code in the cache of the user; created if missing. Raises CompilerError."""
     given = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        # Relative paths are ignored, according to the XDG Base Directory specification.
+        # The XDG Base Directory specification requires relative paths to be ignored.
         base = given if given.is_absolute() else Path.home() / ".cache"
     except RuntimeError as error:
         raise CompilerError(f"no folder for compiled code: {error}; set XDG_CACHE_HOME") from None

@@ -32,11 +32,12 @@ class _Problem(ctypes.Structure):
 
 
 def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[Array, Array] | None:
-    """Largest moduli (…) of the differences between finite curves (…, m, D), and of the fine curves.
+    """Largest moduli (…) of the differences between coarse and fine curves (…, m, D) with finite values, and
+    largest moduli (…) of the fine curves.
 
     Curves are powers of θ in equal steps. samples: numbers of samples per step of the coarse and of the fine
-    curve, each at most MOST, with which both curves are sampled at the same phases. None without compiled
-    code or memory."""
+    curve, each at most MOST; both curves are sampled at the same phases. None without compiled code or
+    memory."""
     library = loaded("curves.c", (("COARSE", coarse.shape[-1]), ("FINE", fine.shape[-1])))
     if library is None:
         return None

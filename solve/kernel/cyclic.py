@@ -12,12 +12,12 @@ _PERTURBATIONS = 1, 4, 16, 64
 in turn. They are of the size of the backward errors of elimination."""
 
 _START = np.array([1.0, 0.3 + 0.7j])
-"""First vector of inverse iteration: neither an eigenvector (1, ±i) of a rotation nor orthogonal to such an
-eigenvector."""
+"""First vector of inverse iteration. It is neither an eigenvector (1, ±i) of a rotation nor orthogonal to
+one."""
 
 _INVERSE_ITERATIONS = 3
-"""Steps of inverse iteration: in 400 random chains whose eigenvalues agree to half of their digits, the
-second step leaves only round-off."""
+"""Number of steps of inverse iteration. In 400 random chains with eigenvalues that agree to half of their
+digits, only round-off remains after the second step."""
 
 _TRIANGULAR = 1e-12
 """Entry below the diagonal, relative to its block, above which the entry is not round-off. The round-off of
@@ -86,9 +86,10 @@ def _banded(blocks: Array, following: Array, right: Array) -> Array | None:
 
 
 def triangular_bases(blocks: Array) -> Array:
-    """Unitary matrices U (m, 2, 2) for which U_{k+1}ᴴ B_k U_k is upper triangular, for blocks B (m, 2, 2). At
-    every node the first column is an eigenvector of the product. It is computed by inverse iteration in units
-    that make the eigenvector equally long at all nodes. Raises LinAlgError if the iteration does not
+    """Unitary matrices U (m, 2, 2) for which U_{k+1}ᴴ B_k U_k is upper triangular, for blocks B (m, 2, 2).
+
+    The first column of U_k is an eigenvector of the product that starts at node k. Inverse iteration computes
+    it in units in which it is equally long at all nodes. Raises LinAlgError if the iteration does not
     converge."""
     w, x = np.empty(blocks.shape[:2], dtype=complex), _START
     for k, block in enumerate(blocks):
@@ -111,8 +112,8 @@ def triangular_bases(blocks: Array) -> Array:
 
 
 def _eigenvalue_logarithm(blocks: Array) -> complex:
-    """Logarithm log ρ of one eigenvalue of a product of blocks (m, 2, 2), as accurate as the product of the
-    blocks permits."""
+    """Logarithm log ρ of one eigenvalue of a product of blocks (m, 2, 2), limited by the round-off of the
+    product."""
     product, scale = np.eye(2, dtype=complex), 0.0
     for block in blocks:
         product = block @ product

@@ -16,7 +16,7 @@ class _Problem(ctypes.Structure):
 
 
 def eigenvalues(pencils: Array, first_order: int = 0) -> Array | None:
-    """Finite eigenvalues (…, 2n - first_order) for fields (3, n, n, …) of M, C and K; NaN if the iteration
+    """Finite eigenvalues (…, 2n - first_order) of pencils (3, n, n, …) of M, C and K; NaN if the iteration
     does not converge.
 
     The last `first_order` columns of M are zero. None without compiled code, or if n is large."""

@@ -1,7 +1,7 @@
 """Evaluation of the formulas of generated models by compiled code.
 
-For many points: values at phases, and statistics over one period of curves and of formulas evaluated along
-curves. Also values for columns of inputs."""
+Functions return values at phases for many points, values for columns of inputs, and statistics over one
+period of curves and of formulas along curves."""
 
 import ctypes
 from collections.abc import Sequence
@@ -72,8 +72,8 @@ def columns(
     """Values (outputs, k) of formulas for k columns of inputs (width, k) and parameters (p,); None without
     compiled code.
 
-    along: row of weights (outputs,) of each output, and weights (rows, c, k), with which the values are
-    summed to (outputs, c)."""
+    along: index (outputs,) of the row of weights of each output, and weights (rows, c, k). With weights,
+    weighted sums (outputs, c) of the values are returned."""
     widths, count = [len(each) for each in inputs], inputs[0].shape[-1]
     rows, shared = sum(widths), np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("INPUTS", len(inputs)), ("ROWS", rows), ("SHARED", len(shared)), ("OUTPUTS", formulas.outputs)
@@ -117,11 +117,10 @@ def figures(
     memory.
 
     curves (P, n, m, D): coefficients on equal steps, lowest power of θ first; speeds (P,): in rad/s; samples:
-    number of samples per step; parts: ascending fractions, at least 8, of the interval around an extremum at
-    which values are computed in each refinement; zooms: number of refinements of an extremum, each to a
-    sixteenth of the interval, and number of refinements of candidates that may be lower; tie: relative
-    difference above which extrema are distinct. formulas: formulas with the values (P, p) of their
-    parameters.
+    number of samples per step; parts: ascending fractions, at least 8, of the interval around an extremum;
+    each refinement computes values there; zooms: number of refinements of an extremum, each to a sixteenth of
+    the interval, and number of refinements of lower candidates; tie: relative difference above which extrema
+    are distinct. formulas: formulas with the values (P, p) of their parameters.
     """
     points, n, m, D = curves.shape
     parameters = np.zeros((points, 0)) if formulas is None else formulas.values

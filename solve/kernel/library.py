@@ -1,4 +1,4 @@
-"""Compiled kernels of lanes.c, whose vector registers contain points, or segments of one period."""
+"""Compiled kernels of lanes.c, in which vector registers contain points, or segments of one period."""
 
 import ctypes
 import logging
@@ -23,8 +23,8 @@ _address: Callable[[Any], int] = ctypes.addressof
 
 class Size(NamedTuple):
     """Sizes for which a library is compiled: numbers of coordinates, of stages, and of accelerations of the
-    curve per step; whether a step ends at a stage; whether orbits are computed; and the number of
-    coordinates without second derivatives, which are the last ones."""
+    curve per step; whether a step ends at a stage; whether orbits are computed; and the number of first-order
+    coordinates, which are the last ones."""
 
     n: int
     stages: int
@@ -74,7 +74,7 @@ def trouble() -> str:
 
 @lru_cache
 def available(size: Size) -> bool:
-    """Whether there is a library for the given sizes; if not, the reason is logged."""
+    """Whether a library for the given sizes is available; otherwise the reason is logged."""
     try:
         library(size)
     except CompilerError as error:
@@ -85,7 +85,7 @@ def available(size: Size) -> bool:
 
 @lru_cache
 def loaded(source: str, sizes: tuple[tuple[str, int], ...], formulas: str = "") -> ctypes.CDLL | None:
-    """Library from another C file of this package. None if it is not available; the reason is then logged."""
+    """Library from any other C file of this package; None, with the reason logged, if it is not available."""
     try:
         return compiled(_SOURCE.with_name(source), dict(sizes), formulas)
     except CompilerError as error:
@@ -111,7 +111,7 @@ def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
 
 
 class Constants(dict[str, Array]):
-    """Contiguous arrays by name that do not change."""
+    """Contiguous arrays by name that do not change, with addresses computed once."""
 
     @cached_property
     def addresses(self) -> dict[str, int]:
@@ -122,8 +122,8 @@ class Constants(dict[str, Array]):
 def run(
     kernel: str, size: Size, constants: Constants, arrays: Mapping[str, Array], entry: Array, **numbers: float
 ) -> None:
-    """Call a kernel with arrays and numbers, which are passed by the names in `problem`. Results are written
-    into the arrays.
+    """Call a kernel with arrays and numbers, keyed by their names in the C structure `problem`. The kernel
+    writes results into the arrays.
 
     Raises CompilerError, MemoryError.
     """

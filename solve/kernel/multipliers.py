@@ -26,8 +26,8 @@ class Conditioned(NamedTuple):
     """Eigenvalues and condition numbers of matrices.
 
     values (P, N): in order of decreasing modulus, + imaginary part first; NaN without convergence. sizes
-    (P,): Frobenius norms of the balanced matrices; for 2×2 matrices the smallest norm over all units. norms
-    (P,): spectral norms of the balanced matrices. conditions (P, N): condition numbers of their
+    (P,): Frobenius norms of the balanced matrices; for 2×2 matrices the smallest norm that balancing can
+    give. norms (P,): spectral norms of the balanced matrices. conditions (P, N): condition numbers of their
     eigenvalues."""
 
     values: Array
@@ -39,8 +39,8 @@ class Conditioned(NamedTuple):
 def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
     """Eigenvalues of finite matrices (P, N, N), and their condition numbers.
 
-    units (P, N): powers of 2 that balance matrices of more than two rows. None without compiled code, for
-    large N, and without units if N > 2."""
+    units (P, N): powers of 2 that balance the matrices; required if N > 2. None without compiled code,
+    without required units, and for large N."""
     P, N, _ = matrices.shape
     if N > 2 * SMALL or (N > 2 and units is None):
         return None

@@ -44,7 +44,7 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
     H, reflections, tau = _hessenberg(A)
     N, _, m = H.shape
     if N == 1:
-        # For factors of one row, mb03bz returns the factor 1.
+        # For 1×1 factors, mb03bz returns the factor 1.
         return A.astype(complex), np.ones(A.shape, dtype=complex)
     Q, failed = mb03vy(N, m, 1, N, reflections, tau)
     _check(failed, "mb03vy")
@@ -62,7 +62,8 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
 def _split(H: Array, Q: Array, at: int) -> None:
     """Triangularise in place the 2×2 block in rows `at` and `at` + 1 of factors (N, N, m).
 
-    Real shifts do not converge to nearly equal eigenvalues that round-off may have made complex."""
+    The iteration with real shifts does not converge for nearly equal eigenvalues that round-off has made
+    complex."""
     if at < 0 or (at > 0 and H[at, at - 1, 0] != 0):
         _check(at + 2, "mb03bz")
     factors, bases, two = np.moveaxis(H, -1, 0), np.moveaxis(Q, -1, 0), slice(at, at + 2)
@@ -74,15 +75,14 @@ def _split(H: Array, Q: Array, at: int) -> None:
 
 
 def _hessenberg(A: Array) -> tuple[Array, Array, Array]:
-    """Reversed chain (N, N, m) in complex Hessenberg-triangular form, and the reflections by which it was
-    reduced."""
+    """Reversed chain (N, N, m) in complex Hessenberg-triangular form, and the reflections that reduced it."""
     from ctrlsys import mb03vd
 
     # SLICOT does not terminate if entries are infinite.
     if not np.isfinite(A).all():
         raise np.linalg.LinAlgError("factors of a product have NaN or infinite entries")
     m, N, _ = A.shape
-    # A reversed copy in C order of the transposed factors is (N, N, m) in Fortran order.
+    # A C-ordered copy of the reversed, transposed factors has the shape (N, N, m) in Fortran order.
     reversed_ = np.ascontiguousarray(A[::-1].swapaxes(1, 2), dtype=float).T
     reflections, tau, failed = mb03vd(N, m, 1, N, reversed_)
     _check(failed, "mb03vd")

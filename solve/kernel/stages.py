@@ -66,8 +66,8 @@ class FactorisedStages:
         return self._called(self._library.solved, loads)
 
     def pulled(self, weights: Array) -> Array:
-        """Gradients of weighted sums of the accelerations at the stages with respect to the loads at the
-        stages; both are (m, s n, r)."""
+        """Gradients (m, s n, r), with respect to the loads at the stages, of sums of the stage accelerations
+        with `weights` (m, s n, r)."""
         return self._called(self._library.pulled, weights)
 
     def _called(self, solve: Any, given: Array) -> Array:
@@ -81,8 +81,8 @@ class FactorisedStages:
 def factorised(
     weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
 ) -> FactorisedStages | None:
-    """Factorised stage systems of one point for steps of lengths h (m,), from samples at m k phases. stages:
-    indices of the phases that are stages.
+    """Factorised stage systems of one point for steps of lengths h (m,), from samples at k phases per step.
+    stages: indices, among these k phases, of the stages.
 
     weights: coefficients of the method. None without compiled code. Raises MemoryError."""
     s = len(weights["c"])

@@ -1,4 +1,4 @@
-"""Methods by name and settings, and the automatic selection of a method."""
+"""Selection of methods, by name and settings or automatically."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -22,21 +22,22 @@ from solve.period.frozen import frozen
 from solve.period.points import Points
 
 Choice = Callable[[Points], Iterator[tuple[Method, Array]]]
-"""Type of functions that assign methods to points: they return methods, each with the indices (k,) of its
+"""Type of functions that assign methods to points. They return methods, each with the indices (k,) of its
 points."""
 
 Rule = Method | Choice
 
 RESOLVABLE = 512
-"""ω_max T in rad up to which a grid of moderate size resolves even the fastest mode, so that Gauss is
-safe."""
+"""Phase advance ω_max T in rad up to which a grid of moderate size resolves even the fastest mode, so that a
+Gauss method is safe."""
 
 _FEW = 9
-"""Number of coordinates up to which order 13 takes less time; with more, round-off in the larger systems of a
-step also costs digits."""
+"""Number of coordinates up to which order 13 is faster than the lower order. With more coordinates, order 13
+also loses digits to round-off in the larger systems of a step."""
 
 RADAU, _RADAU_OF_FEW, _GAUSS = Radau(), Radau(13), Gauss()
-"""Methods that are used for many systems. They keep the constants that follow from their orders."""
+"""Methods that are reused for many systems, because they cache the constants that follow from their
+orders."""
 
 _PHASES = 32
 """Number of phases at which coefficients are frozen for the selection: a choice."""
@@ -47,7 +48,7 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
 
     Gauss is selected if ω_max T, the phase advance of the fastest frozen mode per period, is at most 512 rad:
     512 steps then have ω_max h ≤ 1. Radau IIA is selected otherwise, because it damps modes that it does not
-    resolve. For few coordinates its order is 13, which takes half the steps and less time."""
+    resolve. For few coordinates its order is 13, which requires half the steps and less time."""
     is_stiff = frozen(points, _PHASES).exceeds_rate(RESOLVABLE / points.period)
     stiff, others = is_stiff.nonzero()[0], (~is_stiff).nonzero()[0]
     if len(stiff):
@@ -57,7 +58,7 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
 
 
 def damping(coordinates: int) -> Radau:
-    """Radau IIA of the order that suits this number of coordinates."""
+    """Radau IIA of the faster order for this number of coordinates."""
     return _RADAU_OF_FEW if coordinates <= _FEW else RADAU
 
 
@@ -83,8 +84,8 @@ METHODS: dict[str, Callable[..., Any]] = {
 
 
 def chosen(method: str | Rule, **settings: Any) -> Rule:
-    """Method from its name and those settings that are not None, or `auto`. Method objects are returned
-    unchanged.
+    """Method with this name and the settings that are not None, or the function `auto`. Method objects are
+    returned unchanged.
 
     Raises UnknownNameError for other names, and ValueOutOfBoundsError for other objects and for settings that
     the method does not have."""

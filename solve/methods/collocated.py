@@ -24,21 +24,22 @@ _MEMORY = 2**24
 """Size, in bytes, of the stage matrices of the steps that are sampled together."""
 
 _ALONE = 16
-"""Number of coordinates from which compiled code solves one point after another, in segments of its period:
-the stage systems of several points together exceed the cache. Measured speed relative to solving together
-(AVX-512, four-bar, 8 to 48 speeds): 0.6 to 1.2 with 9 coordinates, 0.9 to 2 with 18 and 2.2 with 27."""
+"""Number of coordinates from which compiled code solves one point after another, in segments of its period,
+because the stage systems of several points exceed the cache. Measured speed relative to solving points
+together (AVX-512, four-bar, 8 to 48 speeds): 0.6 to 1.2 with 9 coordinates, 0.9 to 2 with 18 and 2.2 with
+27."""
 
 
 def _accelerations(method: Collocation, points: Points, h: Array, phases: Array) -> Array:
     """Stage accelerations (P, m, s, n, N+1) of steps h (m,) with stages at phases (m, s). For first-order
-    coordinates these are rates."""
+    coordinates they contain rates instead."""
     M, C, K, d = matrices(points, phases.ravel())
     sampled = *by_rates(M, C, K, points.first_order), d
     M, C, K, d = (part.reshape(len(part), *phases.shape, *part.shape[2:]) for part in sampled)
     a = method.stage_accelerations(h, M, C, K, d)
     if not points.first_order:
         return a
-    # First-order coordinates are among the rates; their positions are not used.
+    # First-order coordinates are stored with the rates; their entries among the positions are not used.
     n, p = points.n, points.n - points.first_order
     return np.concatenate((a[..., :p], a[..., n + p : 2 * n], a[..., n : n + p], a[..., 2 * n :]), axis=-1)
 
@@ -71,10 +72,10 @@ def _acceleration(points: Points, phase: Array, x: Array) -> Array:
 
 
 class Collocated(OneStep):
-    """Base class of the Gauss and Radau methods, whose number of stages follows from their order.
+    """Base class of the Gauss and Radau methods. The order determines the number of stages.
 
     orders: available orders. follows: ω h up to which an undamped mode retains at least about half of its
-    amplitude over 500 rad."""
+    amplitude over a phase advance of 500 rad."""
 
     order: int
     orders: range
@@ -91,13 +92,14 @@ class Collocated(OneStep):
         self._state_facts()
 
     def _state_facts(self) -> None:
-        # The curve between the nodes has the order of the stage accelerations, s + 1, and two more.
+        # Two integrations raise the order of the curve between the nodes by two above that of the stage
+        # accelerations, s + 1.
         stages = (self.order + 1) // 2
         self._set(follows=self.order / 2 - 1, curve_order=min(self.order, stages + 3))
 
     @cached_property
     def with_another_stage(self) -> Self:
-        """Method of the same family with s + 1 stages. Its order is higher by two and may exceed those in
+        """Method of the same family with s + 1 stages. Its order is higher by two and need not be in
         `orders`."""
         method = object.__new__(type(self))
         method._set(order=self.order + 2)
@@ -149,8 +151,9 @@ class Collocated(OneStep):
             return super().solutions(points, grid, orbit)
         method, n = self.collocation, points.n
         stages = points.tables(grid.stages(method.weights["c"]).ravel())
-        # One of many takes the library and the lanes of these, so that its numbers do not depend on how they
-        # are parted; another takes the library with orbits for its multipliers too: one less to compile.
+        # A single point of a batch uses the library and lanes of the batch, so that its numbers do not depend
+        # on how the batch is divided. Other single points use the library with orbits even for multipliers
+        # only, which saves a compilation.
         alone = (n >= _ALONE and grid.smooth) or (len(points) == 1 and (stages.per_point or points.alone))
         with_orbit = orbit or alone
         numbers = n, len(method.c), len(method.curve_nodes)
@@ -170,7 +173,8 @@ class Collocated(OneStep):
         finite = np.isfinite(periods.condition)
         curve, lost = Curve(grid.nodes, periods.curves, finite), ~finite
         if lost.any() and (np.isfinite(periods.Phi).all(axis=(1, 2)) & lost).any():
-            # Units so far apart that squares overflow in the lanes; NumPy's closing balances them.
+            # The units differ so much that squares overflow in the lanes; NumPy's solution of the cyclic
+            # system balances them.
             return super().solutions(points, grid, orbit)
         return self.sound(points, grid, periods.Phi, curve, periods.condition, steps, periods.units, engine)
 

@@ -1,9 +1,9 @@
 """Coefficients and stage equations of collocation in Nyström form, for the Gauss and Radau methods.
 
-The stage accelerations a_i at the fractions c_i of a step of length h satisfy, with stage values
-v_i = v + h Σ A_ij a_j and q_i = q + h c_i v + h² Σ (A²)_ij a_j, the equation of motion at each stage:
-one linear system of size s n per step, without an inverse of M (E. Hairer, G. Wanner, Solving Ordinary
-Differential Equations II, IV.5; the second-order form equals the method on q, q′ exactly)."""
+At the fractions c_i of a step of length h, the stage accelerations a_i and the stage values v_i = v + h Σ
+A_ij a_j and q_i = q + h c_i v + h² Σ (A²)_ij a_j satisfy the equation of motion. This is one linear system of
+size s n per step, without an inverse of M (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II,
+IV.5). The second-order form equals the method for q, q′ exactly."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -18,15 +18,14 @@ from solve.period.period_map import Steps
 
 _STEP_BY_STEP = 18
 """Number of coordinates above which the systems of the steps are solved one after another, in place and in
-the memory order of LAPACK. Measured time, relative to solving many steps together: 0.7 with 24 coordinates,
-0.6 with 108, about 1 with 15 to 18, and 1/0.6 with 9."""
+LAPACK's memory order. Measured time, relative to solving many steps together: 0.7 with 24 coordinates, 0.6
+with 108, about 1 with 15 to 18, and 1/0.6 with 9."""
 
 _INFINITE = 1e25
-"""Modulus of hλ that counts as infinite: its powers up to the twelfth are representable."""
+"""Modulus of hλ that counts as infinite; its powers up to the twelfth are representable."""
 
 _SYSTEMS = 2**19
-"""Size, in bytes, of the stage systems that are solved together, so that they remain in the processor's
-cache."""
+"""Size, in bytes, of the stage systems that are solved together; they fit into the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +60,10 @@ class Collocation:
 
     @cached_property
     def curve_nodes(self) -> tuple[float, ...]:
-        """Fractions of the step at which the accelerations of the curve equal those of the solution.
+        """Fractions of the step at which the curve has the accelerations of the solution.
 
-        If they include the end of the step, the integrals of the curve equal the step only if the quadrature
-        is exact for the curve: s ≥ 3."""
+        If the end of the step is added as a node, the integrals of the curve agree with the step only if the
+        quadrature is exact for the curve, s ≥ 3."""
         return (0.0, *self.c) if self.stiffly_accurate or len(self.c) < 3 else (0.0, *self.c, 1.0)
 
     @cached_property
@@ -141,19 +140,20 @@ class Collocation:
             loads = d[part].reshape(*system.shape[:3], -1)
             right = np.concatenate((system[..., s * n :], loads), axis=-1)
             a[part] = solved(system[..., : s * n], right)
-        # From the powers of h that belong to h² times the acceleration, and to h v.
+        # Convert from h² times the accelerations, and from coefficients of h v.
         a[..., :n] /= h[:, None, None] ** 2
         a[..., n : 2 * n] /= h[:, None, None]
 
     def _solve_step_by_step(self, a: Array, h: Array, M: Array, C: Array, K: Array, d: Array) -> None:
         """Write the same stage accelerations as `_solve_together`, with one in-place factorisation per step
         for all right-hand sides."""
-        # The package alone takes longer to be read than many a command.
+        # Importing the package takes longer than many commands.
         from scipy.linalg.lapack import dgesv  # pyright: ignore[reportAttributeAccessIssue]
 
         P, m, s, n = d.shape[:4]
         loads = d.reshape(P, m, s * n, -1)
-        # Rows are LAPACK's columns: of the system, then of the right sides by q, by h v and by the loads.
+        # Rows are LAPACK's columns: those of the system, then right-hand sides for q, for h v and for the
+        # loads.
         columns = np.empty((s * n + a.shape[-1], s * n))
         blocks, terms = columns[: (s + 2) * n].reshape(s + 2, n, s, n), np.empty((s, 3, n, n))
         for point, step in product(range(P), range(m)):
@@ -202,8 +202,8 @@ class Collocation:
 
     def maps(self, h: Array, a: Array, first_order: int = 0) -> Array:
         """State (q, v) at the ends of the steps as affine functions (P, m, N, N+r) of (q, v) at the starts
-        and of r loads, from stage accelerations (P, m, s, n, N+r). For the last `first_order` coordinates
-        these are rates."""
+        and of r loads, from stage accelerations (P, m, s, n, N+r). For the last `first_order` coordinates,
+        the stage accelerations are rates."""
         P, m, s, n = a.shape[:4]
         p, N = n - first_order, 2 * n - first_order
         weights = np.stack((self.b @ self.A, self.b))
@@ -250,5 +250,5 @@ def lagrange(nodes: Array, theta: Array) -> Array:
 
 @cache
 def _of_rows(method: Collocation, stage: int, n: int) -> Array:
-    """Weights (3n, (s + 2) n) of a stage for complete rows of M, hC, h²K."""
+    """Weights (3n, (s + 2) n) of a stage, for whole rows of M, hC, h²K."""
     return np.kron(method.stage_weights[stage].T, np.eye(n))

@@ -19,7 +19,7 @@ from solve.period.points import Points, matrices, state_rate, state_size
 from solve.threads import interruptible
 
 MOST_UNKNOWNS = 2000
-"""Largest size of a dense eigenvalue problem that is solved: a choice."""
+"""Largest permitted size of a dense eigenvalue problem: a choice."""
 
 _QUICK = 500
 """Size up to which a dense eigenvalue problem takes less than a second."""
@@ -28,14 +28,15 @@ _SINGULAR = 1e14
 """Condition number of the harmonic balance above which it counts as singular. A choice."""
 
 _DEFECTIVE = 1e4
-"""Condition number of eigenvectors above which their matrix is not inverted. A choice.."""
+"""Condition number of the matrix of eigenvectors above which it is not inverted. A choice."""
 
 _CLUSTER = 1e-3
 """Largest distance, relative to the rotation, to which round-off may split a multiple exponent: a choice."""
 
 _SHIFT, _MOST_ITERATIONS = 0.125, 40
-"""Distance of the shift from a cluster, as a fraction of the distance to the nearest other exponent, which is
-then seven times as far from the shift as the cluster; and maximum number of iterations."""
+"""Distance of the shift from a cluster of exponents, as a fraction of the distance to the nearest other
+exponent, and maximum number of iterations. The other exponent is seven times as far from the shift as the
+cluster."""
 
 _CONVERGED = 1e-6
 """Residual of an invariant subspace, relative to the width of a cluster, below which the iteration has
@@ -55,7 +56,7 @@ class Fourier(Method):
     order = math.inf
     curve_order = math.inf
     spectral = True
-    # Two phases a wave of the fastest mode, the limit of sampling.
+    # Two samples per cycle of the fastest mode: the Nyquist limit.
     follows = np.pi
 
     def most_steps(self, n: int, first_order: int = 0) -> int:
@@ -126,7 +127,7 @@ def in_balance(sizes: Array) -> tuple[Array, Array]:
 
 def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
     """Solution of the harmonic balance, and its condition number. Raises ResonanceError."""
-    # NumPy 2.0 gives that of a complex matrix as a complex number.
+    # NumPy 2.0 returns a complex condition number for a complex matrix.
     condition = float(np.real(np.linalg.cond(matrix, 1)))
     if not condition < _SINGULAR:
         raise no_orbit("the balance of forces")
@@ -146,16 +147,17 @@ def differentiation(grid: Grid) -> Array:
 def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -> tuple[Array, float]:
     """Monodromy matrix Φ (N, N), and the relative error of its eigenvalues, from the eigenpairs (λ, p) of A.
 
-    samples: function from columns p to their values (m, N, r) at m uniform phases from 0. Each multiplier
-    exp(λT) belongs to a family λ + 2πik/T of such pairs. Truncation affects pairs with p at the highest
-    harmonics, so that the pair of each family with p nearest to harmonic 0 is used."""
+    samples: function that converts columns p to their values (m, N, r) at m uniform phases from 0. Each
+    multiplier exp(λT) belongs to a family of pairs with exponents λ + 2πik/T. Truncation affects pairs with p
+    at the highest harmonics. Therefore, the pair with p nearest to harmonic 0 is used from each family."""
     from scipy.linalg import qr
 
     exponents, vectors = np.linalg.eig(A)
     p = samples(vectors)
     N = p.shape[1]
     distance = _mean_order(p)
-    # Of a family all p(0) are alike; pivots take its most central one, and then another family's.
+    # All p(0) of a family are parallel. Pivoting selects the one nearest to harmonic 0, then one of another
+    # family.
     central = p[0] / np.linalg.norm(p[0], axis=0) * 10.0**-distance
     chosen = qr(central, mode="r", pivoting=True)[-1][:N]
     p = p[..., chosen] / np.linalg.norm(p[0][:, chosen], axis=0)
@@ -200,12 +202,12 @@ def _closed(X: Array, exponent: Array) -> Array:
 def _invariant_subspaces(
     A: Array, exponents: Array, vectors: Array, N: int, rotation: float
 ) -> tuple[Array, Array]:
-    """Matrices Z and T with A Z = Z T, for the first N exponents of which no two differ by a multiple of
+    """Matrices Z and T with A Z = Z T, for the first N exponents that do not differ by a multiple of
     i·rotation.
 
     Exponents and eigenvectors are given in order of preference. Multiple exponents are treated together, so
-    that Z has N columns even with fewer eigenvectors; it has another number if truncation has split a
-    multiple exponent."""
+    that Z has N columns even with fewer eigenvectors. If truncation has split a multiple exponent, the number
+    of columns differs from N."""
     from scipy.linalg import block_diag
 
     near = _CLUSTER * rotation
@@ -230,7 +232,7 @@ def _invariant_subspace(A: Array, exponents: Array, every: Array, near: float) -
     from scipy.linalg import lu_factor, lu_solve
 
     centre = exponents.mean()
-    # A shift as near as the exponents themselves would leave nothing but their eigenvectors.
+    # With a shift too near to the exponents, the iteration would only return their eigenvectors.
     shift = _SHIFT * min(np.abs(np.setdiff1d(every, exponents) - centre), default=8 * near)
     factors = lu_factor(A - (centre + shift) * np.eye(len(A)))
     Z = np.random.default_rng(0).standard_normal((len(A), len(exponents)))

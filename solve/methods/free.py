@@ -1,5 +1,5 @@
-"""Free machines: the anchored system is solved by a method, and the motion of the machine follows from its
-solution."""
+"""Solution of free machines: a method solves the anchored system, from which the motion of the machine
+follows."""
 
 from dataclasses import replace
 
@@ -44,8 +44,8 @@ _SMALLEST = float(np.finfo(float).tiny)
 
 
 def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
-    """Rigid-body modes of the points, with their frozen modes if available; None if no point has a rigid-body
-    mode."""
+    """Rigid-body modes of the points; None if no point has one. modes: frozen modes of the points, if
+    available."""
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
         if not rigid_body_modes(K, C, M).any.any():
@@ -80,9 +80,9 @@ def _further(points: Points) -> Array:
 def solutions_on(
     method: Method, points: Points, grid: Grid, orbit: bool, engine: str, held: Free | None
 ) -> Solutions:
-    """Solutions by a method for points, some of which have rigid-body modes. For these, the monodromy
-    matrices are those of the motion relative to the modes, see `Anchored.quotient`, and the orbits have
-    zero mean along the modes."""
+    """Solutions by a method for points, some of which may have rigid-body modes. For points with such modes,
+    the monodromy matrices are those of the motion relative to the modes, see `Anchored.quotient`, and the
+    orbits have zero mean along the modes."""
     method.require_order(points)
     if held is None:
         return method.solutions(points, grid, orbit, engine)
@@ -118,8 +118,10 @@ def anchored_for(method: Method, points: Points, held: Free) -> Anchored:
 
 def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:
     """Orbits of points that conserve a momentum μ although C e ≠ 0, so that one multiplier of the anchored
-    points remains +1. A jump at phase 0 removes μ; the result is the combination, without drift, of the
-    solutions with μ = 0 and μ = 1 after the jump."""
+    points remains +1.
+
+    A jump at phase 0 makes two solutions periodic, with μ = 0 and μ = 1 after the jump. The result is the
+    combination of both that has no drift."""
     if not isinstance(method, OneStep):
         raise MatricesError(
             f"{method.name} cannot solve a machine that rotates freely if inertia or gyroscopic forces "
@@ -131,7 +133,7 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
         rows, units = anchored.momentum()
         states, condition, gained = _by_momentum(chain.steps, rows, units)
         first, second = states[..., 0], states[..., 1]
-        # Velocities along the mode; the drift-free combination of the two solutions has none.
+        # Velocities along the mode. The combination of the two solutions must have velocity 0.
         without, along = (
             anchored.motion(chain.curve(x), mass)[1].sum(axis=1) for x in (first, first + second)
         )
@@ -150,9 +152,9 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
 
 def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array, Array]:
     """States (P, m+1, N, 2) of two solutions that become periodic by a jump of the momentum at phase 0. After
-    the jump the momentum is 0 in the first (with loads) and 1 in the second (without loads). Also the
-    condition number (P,), and the momentum (P,) that the first solution gains in a period. rows, units (P,
-    N): see `Anchored.momentum`."""
+    the jump the momentum is 0 in the first (with loads) and 1 in the second (without loads). Also returned
+    are the condition number (P,), and the momentum (P,) that the first solution gains per period. rows, units
+    (P, N): see `Anchored.momentum`."""
     A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
     loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
     kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]
@@ -190,7 +192,7 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
 
 
 def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
-    """Exception for a point without periodic vibration because its load drives a rigid-body mode."""
+    """Exception for a point that has no periodic vibration, because its load drives a rigid-body mode."""
     loads = mean_loads(point, modes)
     loads = np.where(modes.present[0] & ~modes.dragged[0], loads, 0.0)
     at = int(np.abs(loads).argmax())
@@ -204,8 +206,8 @@ def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
 
 
 def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
-    """Weights (r, n) of the coordinates in the mean along each rigid-body mode of one point. The reference
-    coordinates are those of the given modes."""
+    """Weights (r, n) of the coordinates in the mean motion along each rigid-body mode of one point, with the
+    reference coordinates of the given modes."""
     found = free(point)
     if found is None:
         return np.zeros((modes.references.shape[1], point.n))

@@ -1,4 +1,4 @@
-"""Hill's infinite determinant, truncated: multipliers and stability boundaries (G. W. Hill, Acta Math. 8
+"""Multipliers and stability boundaries from Hill's truncated infinite determinant (G. W. Hill, Acta Math. 8
 (1886) 1-36; V. V. Bolotin, 1964; thesis 7.2.1)."""
 
 from collections.abc import Callable, Sequence
@@ -24,8 +24,8 @@ Problem = Callable[[float], tuple[PeriodicSystem, float]]
 
 @dataclass(frozen=True)
 class Hill(Fourier):
-    """Hill's method: Galerkin's method with Fourier series of matrices and solution, with m = 2N+1 steps for
-    N harmonics.
+    """Hill's method: Galerkin's method with Fourier series of the matrices and the solution. N harmonics
+    correspond to m = 2N+1 steps.
 
     Multipliers are computed from the eigenvalues of Hill's matrix, and the orbit from the forced balance."""
 
@@ -60,8 +60,8 @@ class Hill(Fourier):
 def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: int = 1) -> float:
     """Hill's determinant with the harmonics -orders … orders, for a multiplier +1 or -1.
 
-    It is real, and 0 on a stability boundary of this type. Its modulus is raised to the power 1/size, so that
-    it neither over- nor underflows. `boundaries` finds its zeros for any parameter. Raises
+    It is real, and 0 on a stability boundary with this multiplier. Its modulus is raised to the power 1/size
+    to avoid overflow and underflow. `boundaries` finds its zeros for any parameter. Raises
     ValueOutOfBoundsError for another multiplier."""
     sign, logarithm, size = _sign_and_logarithm(system, speed, orders, multiplier)
     return sign * float(np.exp(logarithm / size))
@@ -106,14 +106,15 @@ def boundaries(
     Parameters
     ----------
     problem : callable
-        Function from a value of the parameter to the system and the speed in rad/s.
+        Function that returns the system and the speed in rad/s for a value of the parameter.
     values : sequence of float
-        Ascending values, between which boundaries are searched. Two boundaries between neighbouring values
-        are found only if the determinant comes close to zero there.
+        Ascending values between which boundaries are sought. Two boundaries between neighbouring values are
+        found only if the determinant is nearly zero between them.
     multiplier : int
         1 (period T) or -1 (period 2T).
     rtol : float
-        Tolerance relative to the range of values. Harmonics are doubled until every boundary changes by less.
+        Tolerance relative to the range of values. The number of harmonics is doubled until no boundary
+        changes by more than the tolerance.
 
     Returns
     -------
@@ -127,7 +128,7 @@ def boundaries(
 
     Notes
     -----
-    Boundaries at which a complex pair leaves the unit circle are of another type and not found.
+    Boundaries at which a complex pair of multipliers leaves the unit circle are not found.
 
     Examples
     --------
@@ -170,7 +171,7 @@ def _zeros(problem: Problem, multiplier: int, orders: int, values: Array, tolera
     ends = values.tolist()
     for left, middle, right in zip(values.tolist(), ends[1:], ends[2:], strict=False):
         signs, logarithms = zip(*map(at, (left, middle, right)), strict=True)
-        # Two zeros may lie where the determinant comes closest to zero.
+        # Two zeros may lie near a minimum of the modulus of the determinant.
         if abs(sum(signs)) == 3 and logarithms[1] == min(logarithms):
             closest = minimize_scalar(
                 lambda value, sign=signs[1], scale=logarithms[1]: sign * scaled(value, scale),
@@ -213,7 +214,7 @@ def together(blocks: Array) -> Array:
 
 
 def _samples(point: Points, orders: int) -> Array:
-    """Phases (k,), twice as many as the number of harmonics requires."""
+    """Phases (k,) for sampling, twice as many as the harmonics require."""
     count = 4 * orders + 4
     return np.arange(count) * (point.period / count)
 

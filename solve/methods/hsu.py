@@ -15,7 +15,7 @@ class Hsu(OneStep):
     """Hsu's method: x′ = P x + f with P and f frozen at the middle of each step is solved exactly by matrix
     exponentials.
 
-    The order is 2; piecewise-constant coefficients are solved exactly."""
+    The order is 2. With piecewise-constant coefficients the method is exact."""
 
     name = "hsu"
     first_order = True

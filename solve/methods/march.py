@@ -21,8 +21,9 @@ class March(OneStep):
     """Newmark's method from rest over successive periods, until the transient has decayed to `tolerance`.
 
     The criterion is ‖x - x_s‖ ≤ tolerance ‖x_s‖ at the start of a period, with the state x_s of the periodic
-    solution (thesis 6.8: 10⁻⁴). The number of periods is noted. Periods are applied as the map of one period,
-    with the result of marching but without its cost. A mode with |ρ| takes about ln(tolerance)/ln|ρ| periods.
+    solution (thesis 6.8: 10⁻⁴). A note states the number of periods. The map of one period is applied
+    repeatedly: the result equals that of marching at a lower cost. A mode with |ρ| < 1 takes about
+    ln(tolerance)/ln|ρ| periods.
     """
 
     tolerance: float = 1e-4
@@ -77,8 +78,8 @@ class March(OneStep):
         )
 
     def marched(self, steps: Steps, limit: Array, radius: float) -> tuple[Array, int]:
-        """State at the start of the last period, computed from rest towards the limit (N,), and the number of
-        preceding periods.
+        """State at the start of the last period of a motion from rest towards the limit (N,), and the number
+        of preceding periods.
 
         Raises StepsError if the transient does not decay within `most_turns`.
         """

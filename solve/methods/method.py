@@ -28,8 +28,8 @@ MOST_STEPS = 2**40
 """Upper limit of the number of steps, larger than any memory permits."""
 
 _LARGE_SYSTEMS, _ENOUGH_STEPS = 4, 2**13
-"""Factor by which large systems may exceed the memory limit, and number of steps up to which they may,
-because fewer steps would not suffice. Choices."""
+"""Factor by which large systems may exceed the memory limit, and number of steps up to which this is
+permitted, because fewer steps would not suffice. Choices."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class Solutions:
     """Solutions of one method on one grid, for P points.
 
     Phi: monodromy matrices (P, N, N), zero at failed points. curve: the periodic solutions, if requested.
-    steps: the one-step maps behind Φ, if the method has them. condition (P,): condition numbers of the linear
-    systems for the curves; NaN without. defect (P,): relative error of the curve that a finer grid does not
-    reduce. rounding (P,): relative error of the multipliers from the computation of Φ, beyond that of their
-    condition; 1 where the grid does not determine Φ. notes: notes of the method, none or one per point.
-    failures: reasons of failures, by position. units (P, N): powers of 2 that balance Φ, if they are known.
-    engine: engine for the eigenvalues of Φ. free: rigid-body modes, if there are any; Φ and `steps` then
-    describe the motion relative to them and are zero elsewhere. secular (P, r): steady velocities of modes
-    with C e ≠ 0 and accelerations of others, with respect to the phase; driven (P,): the largest of these
-    accelerations relative to the accelerations of the motion.
+    steps: the one-step maps whose product is Φ, if the method computes them. condition (P,): condition
+    numbers of the linear systems for the curves; NaN without curves. defect (P,): relative error of the curve
+    that a finer grid does not reduce. rounding (P,): relative error of the multipliers from the computation
+    of Φ, in addition to the round-off of Φ itself; 1 where the grid does not determine Φ. notes: notes of the
+    method, none or one per point. failures: reasons of failures, by position. units (P, N): powers of 2 that
+    balance Φ, if they are known. engine: engine for the eigenvalues of Φ. free: rigid-body modes, if there
+    are any; Φ and `steps` then describe the motion relative to the modes. secular (P, r): with respect to the
+    phase, steady velocities of modes with C e ≠ 0 and accelerations of the other modes; driven (P,): the
+    largest of these accelerations relative to the accelerations of the motion.
     """
 
     grid: Grid
@@ -74,7 +74,7 @@ class Solutions:
         return len(self.Phi)
 
     def __getitem__(self, points: Array) -> "Solutions":
-        """Solutions of the selected points, none of which failed."""
+        """Solutions of the selected points, which must not have failed."""
         if covers_all(points, len(self)):
             return self
         subset = Solutions(
@@ -139,10 +139,11 @@ class Method:
     not converge with finer steps. l_stable: whether unresolved stiff modes are damped rather than preserved.
     follows: ω_max h up to which the steps resolve the fastest mode. samples_evenly: whether all samples of a
     grid are equidistant, so that harmonics of the matrices can alias. phase_constant: c, if a step preserves
-    a mode with a phase error c (ω h)^(order + 1); 0 if modes are damped before that matters. stages: number
-    of stages of a collocation method; with_another_stage: the method of its family with one more stage; None
-    for other methods. warnings: warnings about the method's settings. symmetric: whether the method needs
-    matrices that modes diagonalise. first_order: whether it solves systems with first-order coordinates.
+    the amplitude of a mode with a phase error c (ω h)^(order + 1); 0 if the method damps modes before the
+    phase error matters. stages: number of stages of a collocation method; with_another_stage: the method of
+    its family with one more stage; None for other methods. warnings: warnings about the method's settings.
+    symmetric: whether the method requires symmetric matrices, which modes diagonalise. first_order: whether
+    the method solves systems with first-order coordinates.
     """
 
     name: str
@@ -215,13 +216,14 @@ class Method:
             )
 
     def require_steps(self, steps: Any, points: Points) -> None:
-        """Raise StepsError for a number of steps that permits no error estimate at one of the points."""
+        """Raise StepsError for a number of steps with which no error can be estimated at one of the
+        points."""
         require_steps(steps, max(1, len(points.breaks)))
         most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
         if steps > most:
             raise StepsError(
                 f"{self.name} takes at most {most} steps a period for {counted(points.n, 'coordinate')}; "
-                f"given: {steps}; use fewer, raise --limit, or leave steps out to have their number chosen"
+                f"given: {steps}; use fewer, raise --limit, or leave out steps for automatic selection"
             )
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
@@ -229,7 +231,7 @@ class Method:
         raise NotImplementedError
 
     def _no_map(self, point: Points, grid: Grid) -> SolveError:
-        """Exception for a point whose maps are not finite."""
+        """Exception for a point with one-step maps that are not finite."""
         phase = grid.stages(np.array([0.0, 0.25, 0.5, 0.75])).ravel()
         M, C, _, _ = (part[0] for part in matrices(point, phase))
         M = leading(M, C, point.first_order)
@@ -309,7 +311,7 @@ class OneStep(Method):
         units: Array | None = None,
         engine: str = NUMPY,
     ) -> Solutions:
-        """Solutions, with the reason of failure for points whose solution is not finite or not unique."""
+        """Solutions, with the reason of failure for each point without a finite, unique solution."""
         is_unique = succeeds = is_finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
         if curve is not None and condition is not None:
             is_unique = is_finite & (condition < 1 / SINGULAR)
@@ -331,7 +333,7 @@ def singular_inertia_error(where: str, first_order: int) -> MatricesError:
     """Exception for equations that do not determine the highest derivatives at some phase."""
     if first_order:
         return MatricesError(
-            "the columns of M of coordinates and of C of first-order states are linearly dependent "
+            "the columns of M (coordinates) and of C (first-order states) are linearly dependent "
             f"{where}; the equations must determine every highest derivative"
         )
     return MatricesError(
@@ -341,7 +343,7 @@ def singular_inertia_error(where: str, first_order: int) -> MatricesError:
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:
-    """Solutions of points on one grid, computed one after the other by the function `solve_one`."""
+    """Solutions of points on one grid, computed one point at a time by the function `solve_one`."""
     solved: list[Solutions] = []
     failures: dict[int, SolveError] = {}
     for at in range(len(points)):

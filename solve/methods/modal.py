@@ -1,5 +1,5 @@
-"""Modal decoupling with the modes of each position (A. Midha, A. G. Erdman, D. A. Frohrib, J. Mech. Des. 101
-(1979) 154-162; thesis 6.3), an approximation."""
+"""Approximation by modal decoupling with the modes at each position (A. Midha, A. G. Erdman, D. A. Frohrib,
+J. Mech. Des. 101 (1979) 154-162; thesis 6.3)."""
 
 from dataclasses import dataclass
 

@@ -44,7 +44,7 @@ class Newmark(OneStep):
         order = 2 if self.gamma == 0.5 else 1
         self._set(order=order, curve_order=order)
         if order == 2:
-            # A mode's period is longer by (β - 1/12) (ωh)²/2 of itself.
+            # The period of a mode is lengthened by the fraction (β - 1/12) (ωh)²/2.
             self._set(phase_constant=abs(self.beta - 1 / 12) / 2)
         if self.gamma < 0.5:
             self._set(
@@ -57,8 +57,8 @@ class Newmark(OneStep):
     def least_steps(self, modes: FrozenModes) -> Array:
         """Smallest number of steps per period, from the stability limit for the undamped oscillator.
 
-        For γ < 1/2 every step is unstable. Numbers of steps are then not rejected; a warning is issued
-        instead."""
+        For γ < 1/2 every step is unstable. A warning is then issued instead of rejecting the number of
+        steps."""
         limit = stability_limit(self.gamma, self.beta)
         if self.gamma < 0.5 or np.isinf(limit):
             return super().least_steps(modes)

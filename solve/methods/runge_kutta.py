@@ -22,7 +22,7 @@ class RungeKutta4(OneStep):
     first_order = True
     order = 4
     curve_order = 4
-    # Far inside the stability limit, near which RK4 damps undamped modes.
+    # Far below the stability limit; near the limit RK4 damps undamped modes.
     follows = 0.5
 
     def least_steps(self, modes: FrozenModes) -> Array:

@@ -1,4 +1,4 @@
-"""Reduced matrices of elastic bodies, from files that are named in a case."""
+"""Reduced matrices of elastic bodies, from the files named in a case."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -23,8 +23,8 @@ EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
 class Body(NamedTuple):
     """Elastic body declared by a generated module.
 
-    units: units of the interface displacements, "m" or "rad". entries: for each parameter its name, its
-    matrix "M", "K" or "C", and its row and column, counted from 1.
+    units: units of the interface displacements, "m" or "rad". entries: one per parameter, with name, matrix
+    ("M", "K" or "C"), row and column, counted from 1.
     """
 
     name: str
@@ -38,11 +38,12 @@ class Body(NamedTuple):
 
 
 def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[dict[str, float], str]:
-    """Parameters of a body from the entry of a case file, and their source, which contains the hash of the
-    file.
+    """Parameters of a body from an entry of a case file, and the source of the parameters with the hash of
+    the matrix file.
 
-    The file contains M, K and, if declared, C, of all coordinates or already reduced. `interface` lists the
-    rows of the interface, counted from 1; by default the first rows. Raises CaseFileError.
+    The matrix file contains M, K and, if declared, C, either of all coordinates or already reduced. In the
+    entry, `interface` lists the rows of the interface, counted from 1; by default these are the first rows.
+    Raises CaseFileError.
     """
     file, where = path.parent / str(entry["file"]), f"{body.name} in {path.name}"
     try:
@@ -51,7 +52,7 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
         if not isinstance(given, str) or len(given) < 8 or not digest.startswith(given.lower()):
             raise CaseFileError(
                 f"the SHA-256 of '{file}' is {digest}, but the case states {given!r}; give the file with "
-                "this hash, or correct the case"
+                "the stated hash, or correct the case"
             )
         rows = _interface(entry, arrays, len(body.units))
         M, K, C = _in_si(arrays, rows, body, _sizes(entry.get("unit")))

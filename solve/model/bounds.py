@@ -62,8 +62,7 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"
             )
-        # Values that are too small for normal floating-point numbers are negligible as summands, but not as
-        # divisors.
+        # Subnormal numbers are negligible in sums, but not as divisors.
         if abs(value) > 1 or "> 0" in clauses(bound):
             require_size_of_number(f"{name} ({meaning})", value)
         checked[name] = value
@@ -73,8 +72,8 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
 def stated_limits(
     rows: Sequence[tuple[str, str, str]], validity: Mapping[str, float], units: Mapping[str, str]
 ) -> list[Limit]:
-    """Limits of validity of coordinates, and limits of quantities from the rows (quantity, bound, meaning) of
-    a generated module."""
+    """Limits of validity, from the rows (quantity, bound, meaning) of a generated module and the bounds of
+    its coordinates."""
     return [
         *(_validity_limit(name, bound, units[name]) for name, bound in validity.items()),
         *(
@@ -111,7 +110,7 @@ def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
 
 
 REDUCE = "reduce"
-"""Option of every beam structure: number of modes retained per link. Options do not contain it unless it is
+"""Option of every beam structure: number of modes retained per link. It is included in the options only if
 given."""
 
 
@@ -135,11 +134,11 @@ def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, 
 
 
 def _modes_a_link(module: ModuleType, value: Any) -> int:
-    """Number of modes per link. Its allowed range depends on the elements and is checked when they are
-    assembled."""
+    """Number of modes per link, checked to be at least 1. Its upper bound depends on the elements and is
+    checked at their assembly."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
-            f"'reduce' requires a beam structure, and {module.NAME} is none; omit 'reduce'"
+            f"'reduce' requires a beam structure, but {module.NAME} is not one; omit 'reduce'"
         )
     modes = _as_integer(value)
     if type(modes) is not int or modes < 1:

@@ -29,7 +29,7 @@ _NUMBER_KEYS = {"value", "values", "count", "unit", "source"} | _SPREAD_KEYS
 _TABLE_KEYS = {"table", "columns", "harmonics", "source"}
 _BODY_KEYS = {"file", "interface", "unit", "sha256", "source"}
 _NUMBERS_A_BYTE = 64
-"""Memory for parsing a file, in numbers per byte of the file. An upper estimate, used for the memory
+"""Memory for parsing a file, in numbers per byte of the file. This upper estimate is used for the memory
 limit."""
 
 
@@ -71,9 +71,9 @@ class Case:
     ) -> "Case":
         """Case with replaced parameters, and further fits and sources.
 
-        A series with a replaced parameter is no longer fitted. A replaced parameter loses its source and its
-        distribution unless new ones are given. It keeps its unit in the file and its tolerance, which then
-        refers to the new value.
+        A series with a replaced parameter no longer counts as fitted. A replaced parameter loses its source
+        and its distribution unless new ones are given. The parameter keeps its unit in the file and its
+        tolerance, which then applies to the new value.
         """
         old_fits = {
             name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)
@@ -100,12 +100,12 @@ def chosen_case(
     required: bool = True,
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Case:
-    """Case from a file (default: the first), with a value for every declared parameter. Values in `replaced`
-    take precedence.
+    """Case with a value for every declared parameter, from a file (default: its first case). Values in
+    `replaced` take precedence.
 
-    path: None for a model in memory. required: whether the file must exist; if not, a missing file gives a
-    case without name and values. otherwise: values of parameters without another value. Raises
-    UnknownNameError, CaseFileError and MissingValueError.
+    path: None for a model in memory. required: whether the file must exist; if not, a missing file results in
+    a case without name and values. otherwise: default values of parameters. Raises UnknownNameError,
+    CaseFileError and MissingValueError.
     """
     declared = {name: unit for name, unit, *_ in module.PARAMETERS}
     functions = functions_of(module)
@@ -145,7 +145,7 @@ def functions_of(module: ModuleType) -> dict[str, Series | Body]:
 def read_cases(
     path: Path, units: Mapping[str, str], series: Mapping[str, Series | Body] = MappingProxyType({})
 ) -> dict[str, Case]:
-    """Cases of a file in the order of the file. units: units of the declared parameters. series: declared
+    """Cases in a file, in the order of the file. units: units of the declared parameters. series: declared
     series and elastic bodies.
 
     An entry is { value, unit, source }. { values = […] } defines NAME1, NAME2, …; { value, count } assigns

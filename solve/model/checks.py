@@ -17,17 +17,17 @@ _CHECK_PHASES = 128
 """Number of phases per period at which the matrices are checked. A choice."""
 
 _STEEP = 0.25
-"""Change between neighbouring phases, relative to the total variation, above which a jump is searched for. A
-choice: harmonic 10 changes by this amount."""
+"""Change between neighbouring phases, relative to the total variation, above which a jump is sought. A
+choice: the change of harmonic 10."""
 
 _STEEPER_THAN_NEIGHBOURS = 8.0
-"""Change, relative to the larger of the changes before and after it, above which a jump is searched for. The
-changes of a parabola form an arithmetic progression, whose middle term is at most the larger of its
-neighbours."""
+"""Change between neighbouring phases, relative to the larger of the preceding and following change, above
+which a jump is sought. For a parabola this ratio is at most 1, since its changes form an arithmetic
+progression."""
 
 _JUMP = 1e-2
-"""Remaining change after the bisections, relative to the total variation, above which the change is a jump: a
-hundred times the remaining change of a continuous flank with a width of 1e-9 of the period. A choice."""
+"""Change that remains after the bisections, relative to the total variation, above which it is a jump. A
+choice: a hundred times the remaining change of a continuous flank with a width of 1e-9 of the period."""
 
 
 def require_valid(system: PeriodicSystem, speed: float) -> None:
@@ -50,8 +50,9 @@ def require_valid(system: PeriodicSystem, speed: float) -> None:
 
 
 def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
-    """Whether the matrices certainly pass `require_valid` at every speed, because they are polynomials in the
-    speed with periodic coefficients, and M is positive definite and independent of the speed."""
+    """Whether the matrices are known to pass `require_valid` at every speed. This holds if they are
+    polynomials in the speed with periodic coefficients, and M is positive definite and independent of the
+    speed."""
     phase = _check_phases(system)
     terms = sampler.terms(with_neighbours(phase, phase + system.period, system.period))
     if terms is None:
@@ -112,7 +113,7 @@ def require_no_jump(system: PeriodicSystem, speed: float) -> None:
 def _steep_intervals(
     system: PeriodicSystem, phase: Array, values: Array, roundoff: Array
 ) -> tuple[Array, Array]:
-    """Intervals between phases (k,) in which values (k+1, m) change so much that they may jump.
+    """Intervals between phases (k,) in which values (k+1, m) may jump, because they change steeply.
 
     values: values at the phases and one period after the first phase; intervals with a break are excluded.
     roundoff (m,): largest negligible variation. Returns the indices (j,) of the intervals, and of the entry
@@ -136,5 +137,5 @@ def _check_phases(system: PeriodicSystem) -> Array:
 
 
 def _not_positive(M: Array) -> Array:
-    """Whether (k,) each of the matrices (k, n, n) is not positive definite."""
+    """Mask (k,) of the matrices (k, n, n) that are not positive definite."""
     return np.linalg.eigvalsh(M).min(axis=1) <= 0

@@ -6,7 +6,8 @@ Coordinates q of a body split into interface coordinates b, which are retained, 
 
     q = T p,   q_b = p_b,   q_i = Ψ p_b + Φ η,   Ψ = −K_ii⁻¹ K_ib
 
-Φ are the lowest modes of K_ii, M_ii, that is, with the interface fixed. With all modes, T is invertible.
+Φ contains the lowest modes of K_ii and M_ii, that is, with the interface fixed. With all modes, T is
+invertible.
 """
 
 from collections.abc import Sequence

@@ -20,8 +20,8 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _CHUNK = 1024
-"""Number of phases whose derivatives are summed together. A choice: the derivatives fit in the processor's
-cache."""
+"""Number of phases for which derivatives are summed at a time. A choice: the derivatives fit into the
+processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +118,8 @@ class GeneratedSlopes:
     @cached_property
     @symbolic
     def matrices(self) -> _Slopes:
-        """Derivatives of a weighted sum of the entries with respect to θ and to the states. The weights are
-        an input."""
+        """Derivatives of a weighted sum of the matrix entries with respect to θ and to the states. The
+        weights are an input."""
         import casadi
 
         n, states = self._n, self._symbols[2:5]
@@ -137,8 +137,7 @@ class GeneratedSlopes:
         return self._slopes(values[names.index(name)], [a, v, q])
 
     def _slopes(self, value: Any, states: Sequence[Any], *further: Any) -> _Slopes:
-        """Derivatives of a symbolic column with respect to θ, followed by those with respect to the
-        states."""
+        """Derivatives of a symbolic column with respect to θ, then with respect to the states."""
         import casadi
 
         *inputs, p = self._symbols
@@ -165,7 +164,7 @@ class GeneratedDependence:
         names: Sequence[str],
         compiled: Columns | None = None,
     ):
-        """names: names of the quantities θ, all of which the slopes must contain. compiled: evaluation by
+        """names: names of the quantities θ; the slopes must contain all of them. compiled: evaluation by
         compiled code, if available."""
         self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
         self._chosen = [slopes.names.index(name) for name in names]
@@ -229,8 +228,8 @@ class DampedDependence(GeneratedDependence):
         compiled: Columns | None,
         damping: Callable[[Mapping[str, float], Array], Array],
     ):
-        """damping: function of changed parameters and of phases (k,) that returns C (k, n, n), for
-        derivatives with respect to time."""
+        """damping: function of changed parameters and of phases (k,). It returns C (k, n, n), for derivatives
+        with respect to time."""
         super().__init__(slopes, setup, n, names, compiled)
         self._damping, self._varied = cache(partial(_damping_slopes, damping, setup, tuple(names))), names
 
@@ -338,9 +337,9 @@ class AssembledDependence:
         return self._cache[key]
 
     def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
-        """Functions of phases (k,) for the derivatives of Ω²M, ΩC, K by rows and of d, and for less accurate
-        derivatives, used for error estimates. Interpolants are used for all grids, because assembling a
-        varied system takes longer than sampling it."""
+        """Functions of phases (k,) that return the derivatives of Ω²M, ΩC, K by rows and of d, each with a
+        less accurate one for error estimates. All grids use these interpolants, because assembling a varied
+        system takes longer than sampling it."""
         if (name, speed) not in self._interpolants:
             n, moved = self._system.n, cache(self._moved(name, speed))
 
@@ -375,7 +374,8 @@ class AssembledDependence:
         return speed if name == SPEED else self._system.labels.parameters[name]
 
     def _moved(self, name: str, speed: float) -> Callable[[float], tuple[PeriodicSystem, float]]:
-        """Function that maps a value of the named parameter, or of the speed, to a system and a speed."""
+        """Function of a value of the named parameter, or of the speed, that returns the system and speed with
+        this value."""
         if name == SPEED:
             return lambda number: (self._system, number)
         return lambda number: (self._system.varied({name: number}), speed)

@@ -1,5 +1,5 @@
-"""Derivatives of a model with respect to its parameters: their availability, and the derivatives of breaks
-and equations."""
+"""Derivatives of the breaks and equations of a model with respect to its parameters, and their
+availability."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -28,8 +28,8 @@ _BREAK_STEP = 1e-2
 """Largest relative change of a parameter in finite differences of the breaks. A choice."""
 
 _FEW = 2
-"""Number of parameters up to which derivatives of nonlinear equations have compiled code of their own. A
-choice: branches vary one or two parameters."""
+"""Number of parameters up to which derivatives of nonlinear equations have separate compiled code. A choice:
+branches vary one or two parameters."""
 
 SlopesCache = dict[tuple[tuple[str, ...], bool], GeneratedSlopes]
 
@@ -148,7 +148,7 @@ class ModelDerivatives:
 
 
 def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
-    """New position (b,) of each of the breaks (b,), matched to the nearest of the moved breaks (c,). Raises
+    """New phases (b,) of the breaks (b,), each matched to the nearest of the moved breaks (c,). Raises
     ValueOutOfBoundsError if breaks have merged or split."""
     ends = _distinct(moved, period)
     distances = (ends - breaks[:, None] + period / 2) % period - period / 2

@@ -1,4 +1,5 @@
-"""Domain of a generated module's fundamental motion, in which the motion is real and finite."""
+"""Domain of phases, speeds and parameters in which the fundamental motion of a generated module is real and
+finite."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,32 +15,31 @@ if TYPE_CHECKING:
     import casadi
 
 _SAMPLES = 131
-"""Phases per period at which margins are sampled. Between them, three samples bracket the minimum of a smooth
-margin, and bisection locates a change of sign. A prime number has no common factor with the harmonics of
-margins: 128 phases would sample harmonic 64 at the same two values only."""
+"""Number of phases per period at which margins are sampled. Three samples bracket the minimum of a smooth
+margin between the phases, and bisection locates a change of sign. A prime number, which has no common factor
+with the harmonics of margins: 128 phases would sample harmonic 64 at only two values."""
 
 _SHIFT = 0.31
-"""Shift of the sampled phases, as a fraction of their spacing: away from fractions of the revolution with
+"""Shift of the sampled phases, as a fraction of their spacing. It avoids fractions of the revolution with
 small denominators, at which symmetric motions have extrema."""
 
 _ROUNDING = 1e-12
-"""Round-off of a margin relative to its largest value over the period: sums of a few terms have relative
-errors of about 1e-16, and the value of a minimum that touches zero is accurate to the square of the error of
-its phase."""
+"""Round-off of a margin relative to its largest value over the period. Sums of a few terms have relative
+errors of about 1e-16; the error of a minimum is the square of the error of its phase."""
 
 BISECTIONS = 40
 """Number of bisections of the distance between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections
 need 1.44 times as many for the same reduction."""
 
 _JUMP_SIZE = 1e-6
-"""Fraction of the largest margin. A change of sign with larger margins on both sides is a jump, not a zero. A
+"""Fraction of the largest margin; a change of sign between margins larger than this is a jump, not a zero. A
 choice."""
 
 _BATCH_PHASES = 2**16
 """Number of phases of all points that are evaluated at once. A choice."""
 
 _CACHE_SIZE = 8
-"""Number of cached results: a solution needs matrices of the same points on several grids."""
+"""Number of cached results; a solution requires matrices of the same points on several grids."""
 
 _GOLDEN = (5**0.5 - 1) / 2
 
@@ -54,8 +54,8 @@ class _Violations(NamedTuple):
 
 
 class Domain:
-    """Domain conditions of a generated module on phase, speed and parameters. Some parameters may differ
-    between the points."""
+    """Domain conditions of a generated module on phase, speed and parameters. The free parameters may differ
+    between points."""
 
     def __init__(
         self,
@@ -98,8 +98,8 @@ class Domain:
         return is_satisfied[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
-        """Raise DesiredMotionError if a condition fails at a speed (rad/s). Without a speed, only the
-        conditions that do not depend on the speed are tested. at: text of the speed for the message."""
+        """Raise DesiredMotionError if a condition fails at a speed (rad/s). Without a speed, only conditions
+        that are independent of the speed are tested. at: text of the speed for the message."""
         violations = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
             independent = ~self._by_speed[violations.row]

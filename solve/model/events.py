@@ -21,22 +21,22 @@ if TYPE_CHECKING:
     import casadi
 
 MAX_CACHED = 64
-"""Number of generated functions that are cached, so that changed values of parameters need no new code. A
-choice: few models are used at a time."""
+"""Number of cached generated functions, which are reused when only parameter values change. A choice: few
+models are used at a time."""
 
 _STATES = "q", "qd", "qdd"
 
 _SAMPLES, _MIN_SAMPLES = 8, 512
 """Number of phases per step, and smallest total number, at which the switches are evaluated. Two events of a
-switch between neighbouring phases are missed, but reported as grazing. Choices."""
+switch between neighbouring phases are not found, but reported as grazing. Choices."""
 
 _GRAZING = 1e-3
-"""Largest modulus of a switching function between two events, or at an extremum, relative to its range over
-the period, with which the motion grazes the switch. A choice."""
+"""Modulus of a switching function, relative to its range over the period, below which the motion grazes the
+switch. It is compared with the largest modulus between two events, or with that at an extremum. A choice."""
 
 _REST = 1e-13
-"""Range of a switching function, relative to its largest modulus, below which the function counts as
-constant: round-off."""
+"""Range of a switching function, relative to its largest modulus, that counts as round-off: the function is
+then constant."""
 
 
 @lru_cache(MAX_CACHED)
@@ -102,8 +102,9 @@ class EventFinder:
         return Events(_ascending(phases, same), _ascending(grazing, same), tuple(map(tuple, sides.tolist())))
 
     def normals(self, motion: Motion, speed: float, phase: Array) -> Array:
-        """Derivatives (k, 2 + 2n + p) of the switching function that vanishes at each event of a motion, at
-        phases (k,), with respect to the phase, q, q' = dq/dφ, the speed and the parameters."""
+        """Derivatives (k, 2 + 2n + p) of switching functions at events (phases (k,)) of a motion, with
+        respect to the phase, q, q' = dq/dφ, the speed and the parameters. At each event, the function that
+        vanishes there is differentiated."""
         period, n = float(motion.nodes[-1]), len(motion(phase[:1]))
         ranges = np.ptp(
             self._values(motion, speed, np.arange(_MIN_SAMPLES) * (period / _MIN_SAMPLES)), axis=0

@@ -103,7 +103,7 @@ def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -
     operations = operation_names()
     inputs, derivatives_of = inputs_of(function), cache(_with_derivatives)
     symbols = list(inputs.values())
-    # Value in each register, and the bound on its round-off.
+    # Value of each register, and bound on the round-off of the value.
     registers: dict[int, tuple[Any, Any]] = {}
     results, rows = casadi.SX(function.size1_out(0), 1), function.sparsity_out(0).row()
     for k in range(function.n_instructions()):

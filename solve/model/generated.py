@@ -1,4 +1,4 @@
-"""Files of models, and generated modules, which are located by path and executed once, never imported by
+"""Files of models, and generated modules. They are located by path and executed once, never imported by
 name."""
 
 import hashlib
@@ -24,8 +24,8 @@ _NAMES_OF_KIND = {
     STRUCTURE: ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties"),
     EQUATIONS: ("linearised", "outputs"),
 }
-"""Additional names in the modules of each kind: links, from which matrices are assembled, or functions for
-the matrices."""
+"""Additional names in the modules of each kind: links, from which matrices are assembled, or functions that
+return the matrices."""
 
 
 class Files(NamedTuple):
@@ -89,7 +89,7 @@ def model_module(path: Path) -> ModuleType:
 
 
 def kind_of(module: ModuleType) -> str:
-    """Kind of a generated module (EQUATIONS or STRUCTURE), determined from the names it contains."""
+    """Kind of a generated module (EQUATIONS or STRUCTURE), determined by the names that it defines."""
     return next(kind for kind, names in _NAMES_OF_KIND.items() if not _missing(module, names))
 
 
@@ -111,8 +111,8 @@ def beam_elements() -> ModuleType:
 
 
 def _verified(text: str, path: str) -> str:
-    """Text of generated code after a check of its hash, which covers all other lines. Raises ModelFileError
-    without a hash, or with a wrong hash."""
+    """Text of generated code after a check of its hash. The hash covers all other lines. Raises
+    ModelFileError if the hash is missing or wrong."""
     text = text.replace("\r\n", "\n")
     hashes = re.findall(_HASH_LINE, text, flags=re.MULTILINE)
     if len(hashes) != 1:
@@ -123,7 +123,7 @@ def _verified(text: str, path: str) -> str:
 
 
 def module_of(code: str) -> ModuleType:
-    """Module from generated code in memory; its attribute CODE contains this code. Raises ModelFileError."""
+    """Module from generated code in memory, which becomes its attribute CODE. Raises ModelFileError."""
     module = _execute(_verified(code, "<derived>"), "<derived>")
     module.__dict__["CODE"] = code
     return module

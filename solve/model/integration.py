@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import casadi
 
 _MAX_STEPS, _MIN_STEPS = 2**22, 2**12
-"""Maximum number of integrator steps per period, and lower bound of the maximum between two states.
+"""Maximum number of integrator steps per period, and smallest permitted maximum between two states.
 Choices."""
 
 _NO_WARNINGS = {"show_eval_warnings": False, "disable_internal_warnings": True}

@@ -18,7 +18,7 @@ from solve.model.sampling import Sampler
 from solve.model.setup import Setup
 
 _CHUNK = 4096
-"""Number of parameter sets whose conditions are evaluated together. A choice."""
+"""Number of parameter sets for which conditions are evaluated together. A choice."""
 
 
 class ModelPoints:
@@ -34,8 +34,9 @@ class ModelPoints:
         return self._setup.formulas("linearised", self._names)
 
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
-        """Entries (P, k, 3n² + n) of Ω²M, ΩC, K by rows and d at phases (k,); NaN at points without a system.
-        by_time: values of the formulas, if already computed; the array may be overwritten."""
+        """Entries (P, k, 3n² + n) of Ω²M, ΩC, K by rows and d at phases (k,). They are NaN at points where
+        parameters or motion are not permitted. by_time: values of the formulas, if already computed; the
+        array may be overwritten."""
         P, k, n = len(speeds), len(phase), self._n
         phases, parameters = np.tile(phase, P), np.repeat(values, k, axis=0)
         if by_time is None:
@@ -57,7 +58,8 @@ class ModelPoints:
         )
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
-        """Phases of jumps of the matrices, for each point; None at points without a system."""
+        """Phases of jumps of the matrices, for each point; None at points where parameters are not
+        permitted."""
         p = np.tile(self._setup.p, (len(values), 1))
         order = list(self._setup.case.parameters)
         p[:, [order.index(name) for name in self._names]] = values
@@ -95,7 +97,7 @@ class ModelPoints:
         return self._setup.sampler("conditions", self._names)
 
     def _admitted(self, values: Array) -> Array:
-        """Whether (P,) bounds and conditions hold for parameter values (P, v)."""
+        """Whether (P,) parameter values (P, v) satisfy bounds and conditions."""
         admitted = np.asarray(np.isfinite(values).all(axis=1))
         bounds = {name: bound for name, _, _, bound in self._setup.module.PARAMETERS}
         for name, column in zip(self._names, values.T, strict=True):

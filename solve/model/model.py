@@ -139,7 +139,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     def entries(self, phase: Array, speed: float) -> Array | None:
         over = self.entries_over(phase, np.array([speed]))
-        # The evaluation of the matrices raises the error.
+        # If None is returned, the caller evaluates the matrices, which raises the error.
         return over[0] if over is not None and np.isfinite(over).all() else None
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
@@ -165,8 +165,9 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def _check(self, speed: float) -> None:
-        """Check as for any system, and that the fundamental motion exists, that generated matrices jump
-        only at the breaks, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
+        """Check everything that is checked for any system; also that the fundamental motion exists, that
+        generated matrices jump only at breaks, and that M is positive definite. Raises DesiredMotionError,
+        MatricesError."""
         require_desired_motion(shown_in(self, speed), np.array([speed]))
         if not self._valid_at_all_speeds:
             require_no_jump(self, speed)
@@ -263,7 +264,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         """Matrices M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping added
         to C.
 
-        For matrices about a motion, modal damping cancels in d, where it occurs in C q̇ and in the residual.
+        For matrices about a motion, modal damping does not change d, because it cancels between C q̇ and the
+        residual.
         """
         M, C, K, d = split_entries(entries, self.n)
         if isinstance(self.sampler, DampedSampler):
@@ -282,7 +284,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @cached_property
     def tangent_formulas(self) -> Formulas | None:
-        """Matrices of `tangent` as C code; None if unavailable."""
+        """C code of the function of `tangent`; None if unavailable."""
         return self.setup.formulas("residual", (), tangent)
 
     def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
@@ -377,7 +379,7 @@ class LinearisedModel(Model):
         if self.model.assembled:
             return None
         entries = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
-        # The evaluation of the matrices raises the error.
+        # If None is returned, the caller evaluates the matrices, which raises the error.
         return entries if np.isfinite(entries).all() else None
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":

@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     import casadi
 
 _SHIFT = 1e-6
-"""Shift of ω² for singular K, relative to the mean ω². A choice."""
+"""Shift of ω² that is used if K is singular, relative to the mean ω². A choice."""
 
 _PIVOT = 1e-11
 """Pivot of the factorisation of K, relative to its diagonal, below which it counts as round-off. A choice."""
 
 _RIGID = 1e-13
-"""ω² relative to the largest K_ii/M_ii below which it counts as the round-off of a rigid-body mode. A
-choice."""
+"""Size of ω², relative to the largest K_ii/M_ii, below which ω² counts as the round-off of a rigid-body mode.
+A choice."""
 
 _ASYMMETRY = 1e-10
-"""Asymmetry or negative eigenvalue of the scaled K, relative to its largest entry, that counts as round-off.
-A choice."""
+"""Asymmetry, or modulus of a negative eigenvalue, of the scaled K that counts as round-off, relative to its
+largest entry. A choice."""
 
 
 class Modes(NamedTuple):
@@ -82,8 +82,8 @@ def _congruent(matrix: Array, L: Array) -> Array:
 
 
 def roundoff_frequency(M: Array, K: Array) -> Array:
-    """Frequency (m,) below which computed frequencies are round-off, for M and K (m, n, n); 0 if K is
-    regular, so that low frequencies are accurate."""
+    """Frequency (m,) below which computed frequencies are round-off, for M and K (m, n, n). It is 0 if K is
+    regular, since low frequencies are then accurate."""
     if M.shape[1] == 0:
         return np.zeros(len(M))
     rounding = np.sqrt(_RIGID * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
@@ -172,8 +172,8 @@ class DampedSampler(MatrixSampler):
 
 
 def damped(entries: Array, n: int, ratios: Array) -> Array:
-    """Modal damping matrices (m, n, n) for damping ratios (k,) or (m, k) and the M and K in entries (m, 3n² +
-    n) by rows; NaN where there are no modes."""
+    """Modal damping matrices (m, n, n) for damping ratios (k,) or (m, k). M and K are taken from entries (m,
+    3n² + n) by rows. The result is NaN where there are no modes."""
     M, _, K, _ = split_entries(entries, n)
     C, valid = np.full(M.shape, np.nan), has_modes(M, K)
     if valid.any():

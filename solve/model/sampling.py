@@ -49,8 +49,8 @@ class Sampler:
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
     def __call__(self, *inputs: Array) -> Array:
-        """Results (k, rows). Inputs are (k, columns), (k,) for a single column, or (columns,) if they are
-        shared by all k."""
+        """Values (k, rows) of the function. Inputs are (k, columns), (k,) for a single column, or (columns,)
+        if shared by all k evaluations."""
         count = len(inputs[0])
         columns = [x.reshape(count, -1) if x.size else x for x in inputs[: self._varying]]
         results = np.empty((count, self._result.shape[1]))
@@ -107,8 +107,8 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
     """Linearisation of a generated residual: ∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and
     d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r, concatenated.
 
-    It is a function of the inputs of the residual, the last of which are q, qd and qdd, and of the free
-    parameters, if any; the other parameters are substituted.
+    Its inputs are the inputs of the residual, ending with q, qd and qdd, and the free parameters, if any.
+    Values of the other parameters are substituted.
     """
     import casadi
 
@@ -168,7 +168,8 @@ class MatrixSampler:
 
 
 class _SpeedTerms(NamedTuple):
-    """Coefficients `values` (R) of powers of the speed, with the entry (ascending) and the power of each."""
+    """Coefficients `values` (R) of powers of the speed; `entry` (ascending) and `power` of each
+    coefficient."""
 
     values: "casadi.SX"
     entry: Array

@@ -27,7 +27,7 @@ _CONDITION_PHASES = 720
 """Number of phases per period at which conditions on the parameters are checked. A choice."""
 
 _SAMPLES = {"points": 1, "curve": 361, "beam": 33}
-"""Number of points drawn per declared element of a sketched line, by the kind of the line."""
+"""Number of points drawn per declared element of a sketched line, for each kind of line."""
 
 
 def samples_of(kind: str, fineness: float = 1.0) -> int:
@@ -50,7 +50,7 @@ class Setup:
 
     @classmethod
     def checked(cls, module: ModuleType, case: Case, options: Mapping[str, Any]) -> "Setup":
-        """Setup with defaults for options that are not given. Every parameter must have a value. Raises
+        """Setup with default values of omitted options. Every parameter must have a value. Raises
         UnknownNameError, ValueOutOfBoundsError and DesiredMotionError."""
         case = replace(case, parameters=checked_parameters(module, case.parameters))
         setup = cls(module, case, checked_options(module, options))
@@ -99,8 +99,8 @@ class Setup:
 
     @property
     def _module_options(self) -> dict[str, Any]:
-        """Options of the generated functions. Options of a structure's elements concern its assembly only and
-        are excluded."""
+        """Options of the generated functions. Options of the elements of a structure affect only its assembly
+        and are excluded."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
     def function(self, name: str) -> "casadi.Function":
@@ -168,8 +168,7 @@ class Setup:
     @cached_property
     @symbolic
     def condition_phases(self) -> Array:
-        """Phases over the period at which the conditions must hold; a single phase if no condition depends on
-        the phase."""
+        """Phases at which the conditions are checked; a single phase if no condition depends on the phase."""
         over_phase = self.function("conditions").jac_sparsity(0, 0).nnz() > 0
         return (np.arange(_CONDITION_PHASES if over_phase else 1) + 0.5) * (
             self.module.PERIOD / _CONDITION_PHASES
@@ -218,14 +217,14 @@ def stated_lines(
 @lru_cache(MAX_CACHED)
 @symbolic
 def _function_of(module: ModuleType, options: tuple[tuple[str, Any], ...], name: str) -> "casadi.Function":
-    """Generated function, which models that differ in the values of parameters share."""
+    """Generated function, shared by models that differ only in parameter values."""
     return getattr(module, name)(**dict(options))
 
 
 @lru_cache(MAX_CACHED)
 @symbolic
 def _line_of(module: ModuleType, options: tuple[tuple[str, Any], ...], number: int) -> "casadi.Function":
-    """Function of the inputs of a generated sketch that evaluates only one of its lines."""
+    """Function that evaluates one line of a generated sketch, with the inputs of the sketch."""
     import casadi
 
     sketch = _function_of(module, options, "sketch")
@@ -243,8 +242,8 @@ def _text_of(
     free: tuple[int, ...],
     count: int,
 ) -> tuple[str | None, int]:
-    """C code of a generated function after `transform`, and its number of outputs. Of `count` parameters, the
-    free ones are inputs and the others are 0."""
+    """C code of a generated function after `transform`, and its number of outputs. The free parameters are
+    inputs; the others of the `count` parameters are 0."""
     function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
     return c_text(function), function.size1_out(0)
 
@@ -259,7 +258,7 @@ def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "c
 def left_out(setup: Setup) -> tuple[str, ...]:
     """Sentences on the nonlinear terms that the linearised equations neglect."""
     sentences, switched = (getattr(setup.module, name, ()) for name in ("NONLINEAR", "SWITCHED"))
-    # Options may exclude the terms that contain switches.
+    # Terms with switches may depend on options.
     return (*sentences, *switched) if switched and setup.event_finder is not None else sentences
 
 

@@ -16,8 +16,8 @@ _DISTRIBUTION = re.compile(r"(normal|uniform)\s*\(\s*([^,]+?)\s*,\s*([^,]+?)\s*\
 _FORMS = "write '±2 %', '±0.1 mm', 'normal(8e4, 2e3)' or 'uniform(7e4, 9e4)'"
 
 EXTENT = 3.0
-"""Number of standard deviations within which the worst point of a normal distribution is sought: 99.7 % of
-all values. A convention."""
+"""Number of standard deviations within which the worst point of a normal distribution is sought. A
+convention: this range contains 99.7 % of all values."""
 
 
 class Spread(NamedTuple):
@@ -48,7 +48,7 @@ class Spread(NamedTuple):
 
         if self.normal:
             return self.first + self.second * z
-        # Round-off must not lead beyond the ends.
+        # Round-off must not move values beyond the ends.
         return np.clip(self.first + (self.second - self.first) * ndtr(z), self.first, self.second)
 
     def slopes(self, z: Array) -> Array:
@@ -59,7 +59,7 @@ class Spread(NamedTuple):
 
 
 def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | None = None) -> Spread:
-    """Spread of a parameter from a text, with a nominal value in the model's unit.
+    """Spread of a parameter from a text and its nominal value in the model's unit.
 
     text: a tolerance about the value, or a distribution. Numbers without a unit are in `file_unit`, by
     default the model's unit. Raises ValueOutOfBoundsError, UnitError.
@@ -76,7 +76,7 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
         except ValueError:
             found = math.nan
         if not math.isfinite(found):
-            raise ValueOutOfBoundsError(f"{where} is '{text}', with the number '{part}'; {_FORMS}")
+            raise ValueOutOfBoundsError(f"{where} is '{text}', but '{part}' is not a finite number; {_FORMS}")
         return found
 
     if tolerance := _TOLERANCE.fullmatch(text.strip()):

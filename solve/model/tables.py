@@ -17,7 +17,7 @@ from solve.errors import CaseFileError, UnitError, cause, counted
 from solve.units import conversion
 
 _NUMBERS_A_BYTE = 8
-"""Memory for reading a table, in numbers per byte of the file. An upper estimate, used for the memory
+"""Memory for reading a table, in numbers per byte of the file. This upper estimate is used for the memory
 limit."""
 _REVOLUTION = 2 * math.pi
 _SAME_ANGLE = 1e-9
@@ -27,9 +27,9 @@ _SAME_ANGLE = 1e-9
 class Series(NamedTuple):
     """Fourier series declared by a generated module, with harmonics k = 1 … `harmonics`.
 
-    form: "cosine-sine" or "amplitude-phase". integrated: whether the coefficients are those of the
-    derivative. mean: name of the parameter of the mean, "" without one. first, second: prefixes of the
-    parameters FIRST1, … and SECOND1, ….
+    form: "cosine-sine" or "amplitude-phase". integrated: whether the parameters are the coefficients of the
+    derivative. mean: name of the parameter for the mean, or "". first, second: prefixes FIRST and SECOND of
+    the parameters FIRST1, … and SECOND1, ….
     """
 
     name: str
@@ -86,10 +86,11 @@ class Fit:
 def fitted(
     name: str, path: Path, columns: Sequence[str], harmonics: int | None, series: Series, unit: str
 ) -> Fit:
-    """Fit a declared series to a table. Harmonics that are not fitted are 0. name: name of the series, with '
-    for its derivative. columns: headers of angle and value, with units in brackets. harmonics: number of
-    harmonics, by default all declared harmonics. unit: unit of the parameters. Raises CaseFileError,
-    UnitError.
+    """Fit a declared series to a table. Harmonics that are not fitted are 0.
+
+    name: name of the series, with ' for its derivative. columns: headers of angle and value, with units in
+    brackets. harmonics: number of harmonics, by default all declared harmonics. unit: unit of the parameters.
+    Raises CaseFileError, UnitError.
     """
     most = series.harmonics
     if harmonics is not None and (type(harmonics) is not int or not 1 <= harmonics <= most):
@@ -119,7 +120,7 @@ def _columns(angles: Array, harmonics: int) -> Array:
 
 
 def _parameters(series: Series, derivative: bool, coefficients: Array) -> dict[str, float]:
-    """Parameters of the model that contain the coefficients of a series."""
+    """Values of the parameters for the coefficients of a series."""
     k = np.arange(1, len(coefficients) // 2 + 1)
     cosine, sine = coefficients[1:].reshape(2, -1)
     if series.integrated and not derivative:

@@ -30,29 +30,29 @@ _FIRST_STEP, _MAX_STEP, _MIN_STEP = 0.05, 0.2, 1e-5
 smallest before the continuation stops. Choices."""
 
 _FEW, _MANY = 3, 5
-"""Numbers of corrections per step up to which the next step is longer, and from which it is shorter.
+"""Number of corrections of a step up to which the next step is longer, and number from which it is shorter.
 Choices."""
 
 _ROUNDOFF = 4 * EPS
 """Minimum relative error of the parameter."""
 
 _REFINEMENTS = 3
-"""Interpolations towards a value of the parameter. A choice."""
+"""Maximum number of interpolations towards a value of the parameter. A choice."""
 
 _MAX_ANGLE, _ANGLE_FRACTION = math.acos(0.85), 0.8
-"""Largest angle between a step and the tangents at its ends, with which it is too long; and fraction of it at
-which the next step aims, as the angle is proportional to the length. Choices."""
+"""Largest permitted angle between a step and the tangents at its ends, and target of the next step as a
+fraction of it. The angle is proportional to the step length. Choices."""
 
 
 _CROSSING = 0.01
-"""Length of a step, in scaled coordinates, up to which a branch may change its orientation. A choice: the
-orientation changes where another branch crosses the branch, or where a longer step has jumped to another
-branch."""
+"""Length of a step, in scaled coordinates, up to which a branch may change its orientation. A choice. In
+longer steps a change of orientation indicates a jump to another branch, in shorter steps a crossing of two
+branches."""
 
 
 _SAME = 1e-3
-"""Distance of two orbits at one value of the parameter, in scaled coordinates, below which they are one. A
-choice: above the errors of orbits, below the distance of orbits that coexist."""
+"""Distance of two orbits at one value of the parameter, in scaled coordinates, below which they count as the
+same. A choice: above the errors of orbits, below the distance between different orbits."""
 
 
 def first_point(parameters: ContinuationParameters, orbit: Orbit, value: float) -> Point:
@@ -76,9 +76,11 @@ def follow_branch(
     saved: SavedBranch | None = None,
 ) -> tuple[list[Point], str]:
     """Continue a branch from its first point. Returns at most `most` points, and the reason if they end
-    inside the range of the parameter. start: returns the first point; left: is called for the points in their
-    order, and returns True for one that has left the branch; saved: stored steps, from which the
-    continuation resumes."""
+    inside the range of the parameter.
+
+    start: function that returns the first point; left: function that is called for successive points, and
+    returns True for a point that is not on the branch; saved: stored steps, from which the continuation
+    resumes."""
     task = parameters.task
     with one_thread(task.system.n), progress.task("points", most) as count:
         follower = _BranchFollower(parameters, saved or SavedBranch())
@@ -87,7 +89,7 @@ def follow_branch(
 
 
 def orbits_at(parameters: ContinuationParameters, points: Sequence[Point], value: float) -> list[Point]:
-    """Orbits of a branch at a value of the parameter. Those that cannot be computed are omitted."""
+    """Orbits of a branch at a value of the parameter, without orbits that cannot be computed."""
     follower, found = _BranchFollower(parameters, SavedBranch()), list[Point]()
     for before, after in pairwise(points):
         if (before.value - value) * (after.value - value) <= 0:
@@ -155,8 +157,8 @@ class _BranchFollower:
         return self._stored(found, min(growth * length, _MAX_STEP))
 
     def _beyond_grazing(self, before: Point) -> list[Point]:
-        """Grazing point at the end of the branch so far, and the first point beyond it; empty if there is
-        none within the range."""
+        """Grazing point at the end of the branch so far, and the first point beyond it; empty if the range
+        contains no point beyond."""
         try:
             after = point_beyond(self.manifold, before)
         except SolveError:
@@ -165,7 +167,7 @@ class _BranchFollower:
         return [replace(before, kind=GRAZING), after] if inside else []
 
     def _closing_point(self, start: Point, before: Point, after: Point) -> Point | None:
-        """First point of the branch if the branch passes it within a step and is closed."""
+        """First point of the branch, if the branch returns to it within a step and is thus closed."""
         direction, sizes = before.direction, before.sizes
         along = self.manifold.component(before, start, direction)
         length = self.manifold.component(before, after, direction)
@@ -181,17 +183,19 @@ class _BranchFollower:
         return start if apart <= _SAME else None
 
     def _is_beyond(self, start: Point, before: Point, other: Point) -> bool:
-        """Whether a point of the step lies beyond the first point of the branch."""
+        """Whether a point `other` lies beyond the first point of the branch, in the direction of the step."""
         along, there = (self.manifold.component(before, each, before.direction) for each in (start, other))
         return there >= along
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
-        """Add the effect of the parameter's error, which moves the orbit along the branch, to the errors of
-        the spectral radius. At a fold, also add the distance from +1 of the multiplier that is +1 there.
-        At grazing orbits these errors are infinite. Returns the points.
+        """Raise the errors of the spectral radius to the effect of the error of the parameter, which moves
+        the orbit along the branch. Returns the points.
 
-        With derivatives with respect to the arclength s, an error e of the parameter p moves the orbit by
-        e/|p'|, but at a turning point, where p' = 0, by √(2e/|p''|).
+        At a fold, the error of the spectral radius is at least the distance from +1 of the nearest
+        multiplier. At grazing orbits the error is infinite.
+
+        An error e of the parameter p moves the orbit by e/|p'|, with derivatives with respect to the
+        arclength s. At a turning point, where p' = 0, it moves the orbit by √(2e/|p''|).
         """
         none = np.zeros(2)
         rates = [none]
@@ -213,7 +217,8 @@ class _BranchFollower:
         return with_errors
 
     def _step(self, before: Point, length: float) -> tuple[Point, float, float]:
-        """Next point, the length of the step to it, and the ratio of the next length to it."""
+        """Next point, the length of the step to this point, and the ratio of the next step length to this
+        length."""
         unforced, first = DAMPING in self.parameters.names, length
         while length > _MIN_STEP:
             try:
@@ -230,8 +235,8 @@ class _BranchFollower:
         raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
 
     def _check(self, before: Point, unknowns: Unknowns, tangent: Unknowns) -> None:
-        """Raise NoOrbitError if the branch curves so much within a step to these unknowns that the step may
-        have jumped to another branch or passed two folds. Keeps the angle of the step."""
+        """Raise NoOrbitError if a step to these unknowns may have jumped to another branch or passed two
+        folds, because the branch curves too much within it. Stores the angle of the step."""
         long = self.manifold.distance(unknowns, before.unknowns, before.sizes)
         ends, cosines = (before.direction, tangent), list[float]()
         for end in ends:
@@ -245,7 +250,7 @@ class _BranchFollower:
             raise NoOrbitError("the step passes over two folds")
 
     def between(self, before: Point, after: Point, value: float) -> Point:
-        """Point between two points of the branch at which the parameter first has a value."""
+        """First point between two points of the branch at which the parameter has a given value."""
         near, rises = before, after.value > before.value
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
@@ -259,13 +264,13 @@ class _BranchFollower:
         near = replace(near, unknowns=replace(along, values=np.array([value, *along.values[1:]])))
         ways = [self._parameter_direction(near.grid), *near.tangents[1:]]
         found, _ = self.manifold.reached(near, ways, [0.0] * len(ways))
-        # Corrections along the branch have changed the value by round-off.
+        # The corrections have changed the value by round-off.
         return replace(found, orbit=replace(found.orbit, values=near.unknowns.values))
 
     def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
         """Distance between two points along the tangent at the first point, change of the parameter, and
-        derivatives of the parameter with respect to this distance at both points. Raises NoOrbitError if
-        the branch bends too much."""
+        derivatives of the parameter with respect to this distance at both points. Raises NoOrbitError if the
+        branch curves too much."""
         length = self.manifold.component(before, after, before.direction)
         slope = self.manifold.inner(after.direction, before.direction, before.sizes)
         if not (length > 0 and slope > 0):
@@ -274,7 +279,7 @@ class _BranchFollower:
         return length, change, (before.direction.value, after.direction.value / slope)
 
     def _parameter_direction(self, grid: Grid) -> Unknowns:
-        """Vector of unknowns with a change of the parameter only, in the direction of its last value."""
+        """Vector of unknowns in which only the parameter changes, towards its last value."""
         (first, last), *others = self.parameters.ranges
         return Unknowns(self.parameters.task.rest(grid), np.array([last - first, *[0.0] * len(others)]))
 
@@ -286,8 +291,8 @@ def _orientation(point: Point) -> float:
 
 
 def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:
-    """First argument at which the cubic Hermite interpolant of the parameter reaches a level between 0 and
-    its change."""
+    """First argument at which the cubic Hermite interpolant of the change of the parameter reaches a
+    level."""
     first, last = (length * slope for slope in slopes)
     found = np.roots([first + last - 2 * change, 3 * change - 2 * first - last, first, -level])
     real = found[np.isreal(found)].real

@@ -23,7 +23,7 @@ _PHASES = 2048
 """Number of phases per period at which orbits with different events are compared. A choice."""
 
 _MAX_TASKS = 8
-"""Number of values of the parameters whose systems are cached. A choice: a point uses one or two."""
+"""Number of cached systems, one for each value of the parameters. A choice: a point uses one or two."""
 
 
 @serializable
@@ -41,7 +41,7 @@ class Unknowns:
         return float(self.values[0])
 
     def plus(self, factor: float, other: "Unknowns") -> "Unknowns":
-        """Sum of these unknowns and `factor` times the unknowns `other`, on the nodes of `other`."""
+        """These unknowns plus `factor` times `other`, on the nodes of `other`."""
         curve, nodes = self.curve, other.curve.nodes
         if not np.array_equal(curve.nodes, nodes):
             curve = on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)), curve)
@@ -64,8 +64,8 @@ class Unknowns:
 
     @property
     def amplitudes(self) -> Array:
-        """Half the peak-to-peak ranges (n,) of the coordinates at the samples; they do not change if a full
-        revolution is added to an angle."""
+        """Half the peak-to-peak ranges (n,) of the coordinates at the samples. Adding a full revolution to an
+        angle does not change its range."""
         return np.ptp(self.samples, axis=1) / 2
 
     @property
@@ -75,8 +75,8 @@ class Unknowns:
 
 
 def sampled_together(*vectors: Unknowns) -> tuple[list[Array], Array]:
-    """Values (n, k) of several curves, sampled at the same phases, on each step if they share nodes and
-    uniformly otherwise; and weights (k,) whose products with values are means over the period."""
+    """Values (n, k) of several curves at the same k phases, and weights (k,) for means over the period. The
+    phases are those of each step if the curves share nodes, and uniform otherwise."""
     curve = vectors[0].curve
     nodes = curve.nodes
     if all(np.array_equal(unknowns.curve.nodes, nodes) for unknowns in vectors[1:]):
@@ -135,8 +135,8 @@ class Point:
 
 @dataclass(frozen=True)
 class ContinuationParameters:
-    """Parameters of a continuation, with the first and last value (k, 2) of each: "speed" (rad/s), or names
-    of parameters for which the equations have derivatives. The task defines all other settings."""
+    """Parameters of a continuation, and the first and last value (k, 2) of each parameter. A parameter is
+    "speed" (rad/s), or one for which the equations have derivatives. The task defines all other settings."""
 
     task: Task
     names: tuple[str, ...]
@@ -173,6 +173,6 @@ class ContinuationParameters:
         return replace(self.task, system=system, speed=speed)
 
     def text(self, values: Array) -> str:
-        """Text of values with their units."""
+        """Values with units, as text."""
         shown = [pair for pair in zip(self.names, values, strict=True) if pair[0] != DAMPING]
         return ", ".join(unit_of(self.task.system, name).text(float(value), ".6g") for name, value in shown)

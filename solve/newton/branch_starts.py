@@ -1,4 +1,4 @@
-"""First orbits of branches: given starts, or the orbits on which scattered motions settle."""
+"""First orbits of branches: from a given start, or all orbits on which scattered motions settle."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -20,15 +20,16 @@ from solve.results.scatter import Scatter
 from solve.units import speed_in_si
 
 MAX_START_RTOL = 1e-3
-"""Largest rtol of the orbit from which a branch starts, since the next orbits take its steps. On coarser
-grids Newton's iteration along the branch may diverge. For the cam at 300 rpm it does at 1e-2, not at 3e-3."""
+"""Largest rtol of the orbit from which a branch starts, because the next orbits use its grid. On coarser
+grids Newton's iteration along the branch may diverge: for the cam at 300 rpm it does with 1e-2, but not with
+3e-3."""
 
 _PROBES = 127
-"""Phases at which a start is sampled for its hash. A choice."""
+"""Number of phases at which a start is sampled for its hash. A choice."""
 
 
 def scattered_or(start: Start | Scatter | None) -> Start | Scatter | None:
-    """Result of `solve.scatter` if the start is a file of one; otherwise the start."""
+    """Result of `solve.scatter` read from its file, if the start is such a file; otherwise the start."""
     if isinstance(start, str | Path) and Path(start).suffix.lower() in FILES:
         with suppress(FileError):
             given = save.open(start)
@@ -47,7 +48,7 @@ def first_value(
         one, other = ({**each.labels.parameters, name: 0.0} for each in (start.system, system))
         if one != other or (name != SPEED and start.speed != parameters.task.speed):
             raise ValueOutOfBoundsError(
-                f"the scattered starts are of other parameters or another speed; vary only {name}"
+                f"the scattered starts belong to other parameters or another speed; vary only {name}"
             )
         if not start.orbits:
             raise NoOrbitError("no scattered motion settled on an orbit; use more starts or another seed")
@@ -70,7 +71,7 @@ def first_value(
 
 
 def orbit_starts(task: Task, start: Start | Scatter | None) -> list[tuple[int, Callable[[], Orbit]]]:
-    """Number of periods of each first orbit, and a function that returns it."""
+    """List of first orbits: for each, its number of periods and a function that returns the orbit."""
 
     def orbit(given: Start | None, periods: int) -> Orbit:
         rtol = min(task.rtol, MAX_START_RTOL)
@@ -82,7 +83,7 @@ def orbit_starts(task: Task, start: Start | Scatter | None) -> list[tuple[int, C
 
 
 def start_digest(start: Start | Scatter | None, task: Task) -> str | None:
-    """Hash of the motions of a start; None without one."""
+    """Hash of the motions of a start; None without a start."""
     if start is None:
         return None
     if isinstance(start, Scatter):

@@ -1,7 +1,7 @@
 """Folder with the steps of branches, from which an interrupted continuation resumes.
 
-`branches.json` describes the calculation. The file NUMBER-STEP.npz holds a step of a branch; a damaged or
-missing file ends the stored steps."""
+`branches.json` describes the calculation. The file NUMBER-STEP.npz contains a step of a branch. Stored steps
+are read up to the first damaged or missing file."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -25,15 +25,15 @@ from solve.results.serialization import from_arrays, serializable, to_arrays
 _DESCRIPTION = "branches.json"
 
 _PROBES = 7
-"""Number of phases at which the matrices identify the calculation. A choice."""
+"""Number of phases at which matrices are stored to identify the calculation. A choice."""
 
 
 @serializable
 @dataclass(frozen=True)
 class BranchStep:
-    """Step of a branch: its points; length of the next step; largest amplitudes (n,) so far, and whether a
-    coordinate may rest, of `Manifold`; reason if the branch ends here, empty at the end of the range or where
-    the branch closes, None if it continues."""
+    """Step of a branch: its points; the length of the next step; `largest` and `resting` of the `Manifold`;
+    and the reason why the branch ends here. The reason is empty at the end of the range or of a closed
+    branch, and None if the branch continues."""
 
     points: tuple[Point, ...]
     length: float
@@ -60,7 +60,7 @@ class SavedBranch:
             with np.load(self._file(step), allow_pickle=False) as arrays:
                 found = from_arrays(dict(arrays))
         except Exception:
-            # Exceptions for damaged files depend on the library.
+            # The exception for a damaged file depends on the library.
             return None
         return found if isinstance(found, BranchStep) else None
 
@@ -84,10 +84,11 @@ class BranchStore:
 
 @contextmanager
 def opened_branches(folder: str | Path | None, work: Mapping[str, Any]) -> Iterator[BranchStore]:
-    """Store in a folder for one writer, created if necessary; one that stores nothing without a folder.
+    """Store in a folder with one writer; the folder is created if necessary. Without a folder, the store
+    keeps nothing.
 
-    work: description of the calculation. Raises FileError for a folder with other files, of another
-    calculation, in use by another process, or that cannot be written."""
+    work: description of the calculation. Raises FileError if the folder contains other files or another
+    calculation, is in use by another process, or cannot be written."""
     if folder is None:
         yield BranchStore(None)
         return

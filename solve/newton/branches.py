@@ -28,8 +28,8 @@ from solve.units import apart, ramp_in_si
 _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
 
 _SAMPLES = 127
-"""Number of phases at which orbits are stored. It resolves 63 harmonics, from which Newton's iteration
-converges. A choice; odd, so that the highest harmonic has a cosine and a sine."""
+"""Number of phases at which orbits are stored; a choice. It resolves 63 harmonics, accurate enough as a start
+of Newton's iteration, and is odd, so that the highest harmonic has a cosine and a sine."""
 
 
 @of_system
@@ -66,8 +66,9 @@ def branch(
     periods : int
         Number of model periods per period of the orbits.
     start : optional
-        Start of `solve.nonlinear` at the first orbit. Or a result of `solve.scatter`, or its file: the
-        branches through all its orbits are followed, and the first value is that of the result.
+        Start of `solve.nonlinear` at the first orbit; or a result of `solve.scatter`, or its file. With the
+        latter, the branches through all its orbits are followed from the speed or parameter value of that
+        result.
     points : int
         Maximum number of orbits of each branch, in each direction.
     rtol : float
@@ -75,9 +76,9 @@ def branch(
     engine : str
         "auto", "compiled" or "numpy".
     unforced : bool
-        Whether to follow the nonlinear modes of equations without load and damping over their frequency, the
-        speed, from each frequency of small vibrations between `speeds`. Multipliers of phase and energy are
-        exactly +1; the spectral radius is that of the others.
+        Whether to follow the nonlinear modes of equations without load and damping. Their frequency is the
+        speed; each branch starts at a frequency of small vibrations between `speeds`. Two multipliers, due to
+        phase shift and energy, are exactly +1; the spectral radius is that of the others.
     begin : float or str, optional
         Value of the speed or the parameter at the first orbit, between the ends of the range. The branch is
         followed in both directions. By default the first end.
@@ -103,8 +104,8 @@ def branch(
     Notes
     -----
     Every orbit is converged on one grid and corrected once on a grid with 5/4 times the number of steps. The
-    corrected orbit is returned. Its differences from the first orbit are the error estimates; the grid is
-    refined if they exceed rtol.
+    corrected orbit is returned. Its difference from the first orbit is the error estimate; the grid is
+    refined if the estimate exceeds rtol.
     """
     require_integer("points", points, 2)
     require_integer("periods", periods)

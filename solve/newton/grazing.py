@@ -1,8 +1,8 @@
-"""Continuation of a branch beyond a grazing orbit, next to which multipliers change abruptly.
+"""Continuation of a branch beyond a grazing orbit, where multipliers change abruptly.
 
-Newton's iteration does not converge across the grazing orbit, because its tangent is that of the equations
-with the events of one side. A motion that starts on the last orbit before it settles on the orbit beyond it,
-if that orbit is stable."""
+Newton's iteration does not converge across the grazing orbit, because the linearisation contains the events
+of one side only. The orbit beyond is found by integration: a motion that starts on the last orbit before the
+grazing orbit settles on the orbit beyond, if that orbit is stable."""
 
 import numpy as np
 
@@ -14,24 +14,24 @@ from solve.newton.manifold import Manifold
 from solve.newton.strategies import from_state, linear_sizes
 
 _STEPS = 0.01, 0.02, 0.04
-"""Steps of the parameter beyond the grazing orbit, as fractions of its range. Choices: short enough that the
-orbit beyond is near, long enough that its events are clear."""
+"""Steps of the parameter beyond the grazing orbit, as fractions of its range. Choices: short enough to find a
+near orbit, long enough for unambiguous events."""
 
 _PERIODS = 8
-"""Number of periods of the orbit that are integrated. A choice: beyond a grazing orbit that is stable, the
-difference between the two orbits decays within a few periods."""
+"""Number of periods of the orbit that are integrated. A choice: the difference from a stable orbit beyond the
+grazing orbit decays within a few periods."""
 
 _STATES, _RTOL = 512, 1e-8
-"""States per period and tolerance of the motion. Choices."""
+"""Number of states per period of the motion, and its tolerance. Choices."""
 
 _HALVINGS, _SAME = 10, 0.02
-"""Halvings of the step back to the grazing orbit, and largest distance to it there, in scaled coordinates.
-Choices: an orbit at a distance that falls with the square root of the step comes 32 times nearer; another
-stable orbit at the same value of the parameter does not."""
+"""Number of halvings of the step, and largest distance from the grazing orbit after them, in scaled
+coordinates. Choices: if the distance decreases with the square root of the step, the orbit comes 32 times
+nearer; a stable orbit of another branch does not."""
 
 
 def point_beyond(manifold: Manifold, before: Point) -> Point:
-    """First point beyond a grazing orbit near `before`, whose orbit passes other switches.
+    """First point beyond a grazing orbit near `before`; its orbit passes other switches.
 
     Raises NoOrbitError if the equations have no switches, and if no motion settles on such an orbit."""
     parameters, here = manifold.parameters, _events(manifold, before)
@@ -51,7 +51,7 @@ def point_beyond(manifold: Manifold, before: Point) -> Point:
 
 
 def grazes(manifold: Manifold, point: Point) -> bool:
-    """Whether the orbit of a point grazes a switch, so that its multipliers change abruptly next to it."""
+    """Whether the orbit of a point grazes a switch, where multipliers change abruptly."""
     return bool(_events(manifold, point).grazing)
 
 
@@ -62,8 +62,8 @@ def _events(manifold: Manifold, point: Point) -> Events:
 
 
 def _begins_at(manifold: Manifold, before: Point, after: Point) -> bool:
-    """Whether the branch of the orbit beyond begins at the grazing orbit. Otherwise a slow sweep
-    jumps to it."""
+    """Whether the branch through the orbit beyond begins at the grazing orbit. Otherwise the motion has
+    jumped to another branch, as in a slow sweep."""
     point = after
     for _ in range(_HALVINGS):
         if manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME:
@@ -78,7 +78,8 @@ def _begins_at(manifold: Manifold, before: Point, after: Point) -> bool:
 
 
 def _settled(manifold: Manifold, before: Point, value: float) -> Point:
-    """Point at a value of the parameter, on the orbit on which a motion from the orbit `before` settles."""
+    """Point at a value of the parameter, from the orbit on which a motion that starts on the orbit `before`
+    settles."""
     parameters, values = manifold.parameters, np.array([value])
     task, curve = parameters.task_at(values), before.unknowns.curve
     march = nonlinear_of(task.system).marcher(linear_sizes(task, before.grid), _STATES, _RTOL)

@@ -35,12 +35,13 @@ _MIN_DAMPING = 1 / 64
 """Smallest damping factor of a correction. A choice."""
 
 _NEAR = 0.1
-"""Norm of a correction below which jumps at events are included. A choice: farther away, with other events,
-the iteration that holds the events converges from more starts. They are also included where that stops."""
+"""Norm of a correction below which jumps at events are included. A choice: for larger corrections the
+iteration without jumps converges from more starts. Jumps are also included if the iteration without jumps
+stops."""
 
 _STALLED = 1e-6
 """Relative size below which corrections that no longer decrease count as round-off. A choice: far above eps
-times the condition number of typical systems, and far below a useful rtol."""
+times the condition number of typical systems, far below a useful rtol."""
 
 _RTOL_FRACTION = 0.01
 """Upper limit of the last correction, as a fraction of the tolerance of the orbit. A choice: with quadratic
@@ -50,7 +51,7 @@ convergence the remaining error is far smaller than the last correction."""
 @dataclass(frozen=True)
 class Task:
     """Orbit to compute: system, speed (rad/s), number of periods, method and tolerance. factors (1, n): scale
-    factors of the equations, if their units differ by orders of magnitude."""
+    factors of the equations, if their magnitudes differ widely."""
 
     system: PeriodicSystem
     speed: float
@@ -61,7 +62,7 @@ class Task:
     factors: Array | None = None
 
     def along(self, curve: Motion) -> PeriodicSystem:
-        """System linearised along a curve, with its events."""
+        """System linearised along a curve, with the events of the curve as breaks."""
         return nonlinear_of(self.system).along_events(curve, self.speed, columns_by(self.engine))
 
     def speed_text(self, speed: float) -> str:
@@ -89,7 +90,7 @@ class Task:
         return rigid_at_rest(self.system, self.speed)
 
     def rest(self, grid: Grid) -> Curve:
-        """Fundamental motion, q = 0. The next iterate is the linear orbit."""
+        """Fundamental motion, q = 0. From this motion, the next iterate is the linear orbit."""
         return zero_motion(self.system.n, grid)
 
 
@@ -123,14 +124,13 @@ def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None
 
 
 def without_zeros(sizes: Array) -> Array:
-    """Sizes (n,) of the coordinates without zeros. A zero is replaced by the largest size, or by 1 if all are
-    zero."""
+    """Sizes (n,) of the coordinates with zeros replaced by the largest size, or by 1 if all are zero."""
     return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
 
 def iterate(task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS) -> Converged:
-    """Apply Newton's iteration on a grid, from an initial motion, until it converges. Raises NoOrbitError,
-    whose text includes the smallest correction."""
+    """Apply Newton's iteration on a grid, from an initial motion, until it converges. Raises NoOrbitError
+    with the smallest correction in its text."""
     with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
         return _iterate(task, start, grid, most)
 
@@ -173,8 +173,8 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
 
 
 class _CorrectionNorm:
-    """Norm of corrections, relative to max|q| of each coordinate. Once the corrections no longer decrease,
-    scales that do not vanish with the coordinates are used. Corrections within round-off have norm 0."""
+    """Norm of corrections, relative to max|q| of each coordinate. Once corrections no longer decrease,
+    nonvanishing scales are used instead (`CoordinateScale`). Corrections within round-off have norm 0."""
 
     def __init__(self, task: Task, grid: Grid):
         self._task, self._grid = task, grid
@@ -204,7 +204,7 @@ class _CorrectionNorm:
         return True
 
     def converged(self, curve: Curve, solutions: Solutions, count: int) -> Converged:
-        """Return the converged result, with coordinates set to zero if they are zero within round-off."""
+        """Return the converged result. Coordinates that are zero within round-off are set to zero."""
         size, reached = self._relative(*correction(curve, solutions)), Converged(solutions, count, 0.0).curve
         zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
         if zero.any():
@@ -239,9 +239,10 @@ def _drift(one: Curve, factor: float, other: Curve) -> Array | None:
 
 
 def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) -> Curve:
-    """Join the motions (3, n, k) of successive revolutions to a curve over the whole period. The mean and the
-    steady velocity along rigid-body modes are removed; a velocity that drag determines becomes the drift
-    of the curve."""
+    """Join the motions (3, n, k) of successive revolutions to a curve over the whole period.
+
+    The mean displacement and steady velocity along rigid-body modes are removed. If drag determines the
+    velocity, it becomes the drift of the curve."""
     q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
     nodes, drift = np.linspace(0.0, period, q.shape[-1]), None
     if rigid is not None:
@@ -271,7 +272,7 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
     """System linearised along a curve, and a grid of about the same number of steps with the phases of events
     as breaks."""
     along = task.along(curve)
-    # A parameter may have moved the breaks of the task since the grid was made.
+    # A parameter may have moved the breaks of the task since the grid was created.
     if along.breaks != tuple(grid.nodes[:-1][grid.at_break].tolist()):
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
@@ -280,8 +281,8 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
 def _correct(
     task: Task, curve: Curve, grid: Grid, through_jumps: bool, otherwise: Solutions | None = None
 ) -> Solutions:
-    """Next Newton iterate from a curve. through_jumps: whether jumps of the forces at events move
-    disturbances; otherwise: iterate without these, if available."""
+    """Next Newton iterate from a curve. through_jumps: whether disturbances jump at events with discontinuous
+    forces; otherwise: the iterate without these jumps, if already computed."""
     along, grid = linearised_along(task, curve, grid)
     jumps = event_jumps(along, curve, task.speed, grid) if through_jumps else []
     if otherwise is not None and not jumps:

@@ -29,26 +29,26 @@ from solve.period.points import SinglePoint, Tables
 from solve.system import PeriodicSystem, in_phase
 
 _BLOCKS, _MANY_STATES = 8, 24
-"""Number of blocks of the period whose initial states are unknowns, and number of states above which one
-block is used: choices. With 8 blocks, a solution that grows by |ρ| over the period loses log10|ρ|/8
+"""Number of blocks of the period, whose initial states are unknowns, and number of states above which a
+single block is used. Choices: with 8 blocks, a solution that grows by |ρ| over the period loses log10|ρ|/8
 digits."""
 
 
 _REGULAR = 1e-2
-"""Distance of all multipliers from +1 above which I - Φ counts as regular. Round-off is multiplied by the
-inverse of this distance. A choice."""
+"""Smallest distance of a multiplier from +1 above which I - Φ counts as regular. The inverse of this distance
+amplifies round-off. A choice."""
 
 
 _FREE_JUMPS = (
-    "forces jump at an event of the orbit, such as that of a dashpot in a contact, or at a phase that the "
-    "parameter moves; branches of free machines need continuous forces; use sweep --nonlinear"
+    "forces jump at an event of the orbit, such as a contact with a dashpot, or at a phase that depends on "
+    "the parameter; branches of free machines require continuous forces; use sweep --nonlinear"
 )
 
 
 @dataclass(frozen=True)
 class LinearFamily:
-    """Solutions of a linear periodic problem: a particular solution, the tangents (k) to the set of
-    solutions, and the monodromy matrix."""
+    """Solutions of a linear periodic problem: a particular solution, k tangents to the set of solutions, and
+    the monodromy matrix."""
 
     unknowns: Unknowns
     tangents: tuple[Unknowns, ...]
@@ -146,7 +146,7 @@ class _Equations:
 
     def entries(self, phase: Array) -> tuple[Array, Array]:
         """Entries (m, 3n² + n) of the linearised system and loads -∂r/∂θ (m, n, k) at phases (m,). They are
-        kept, because all loads are solved on one grid."""
+        cached, because all loads are solved on one grid."""
         key = phase.tobytes()
         if key not in self._entries:
             self._entries[key] = entries_of(self.along, phase, self.task.speed), self.by_parameters(phase)
@@ -155,7 +155,7 @@ class _Equations:
 
 @dataclass(frozen=True)
 class _UnderLoad(SinglePoint):
-    """Linearised system under one of the loads -∂r/∂θ, or under its own load d if `load` is None."""
+    """Linearised system with the load -∂r/∂θ of one parameter, or with its own load d if `load` is None."""
 
     equations: _Equations
     load: int | None
@@ -168,7 +168,7 @@ class _UnderLoad(SinglePoint):
 
 
 class _Steps:
-    """Radau's method on a grid for several loads: maps of the steps, multiplied to blocks."""
+    """Radau's method on a grid for several loads. The maps of the steps are multiplied within each block."""
 
     def __init__(self, equations: _Equations, grid: Grid, jumps: Sequence[EventJump]):
         method: Collocation = equations.task.method.collocation
@@ -239,8 +239,8 @@ class _Steps:
 
 
 def _joined(maps: Array, states: int, blocks: int) -> Array:
-    """Maps (B, l, N, N + r) from the start of each block to the end of each of its steps, from the maps (m,
-    N, N + r) of the steps."""
+    """Maps (B, l, N, N + r) from the start of each block to the ends of the l steps of the block, from the
+    maps (m, N, N + r) of the steps."""
     length = -(-len(maps) // blocks)
     padded = np.zeros((blocks * length, *maps.shape[1:]))
     padded[..., :states] = np.eye(states)
@@ -264,8 +264,8 @@ def _if_regular(equations: "_Equations", unknowns: Unknowns, grid: Grid) -> Line
 
 
 def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid) -> LinearFamily:
-    """Compute the solutions as periodic responses, one per load, in compiled code. Used for machines with
-    rigid-body modes, and wherever I - Φ is regular. Raises SolveError."""
+    """Compute the solutions as periodic responses, one per load, in compiled code. This requires a regular I
+    - Φ, or a machine with rigid-body modes. Raises SolveError."""
     along, task = equations.along, equations.task
     held = free(SinglePoint(along, task.speed)) if equations.free else None
     loads = None, *range(len(equations.names))
@@ -299,8 +299,8 @@ def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid:
 
 
 def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, multiplier: float) -> Curve:
-    """Real motion over one period, without load, in the Floquet mode whose multiplier is nearest to a given
-    real value."""
+    """Free motion over one period, real, in the Floquet mode with the multiplier nearest to a given real
+    value."""
     task = parameters.task_at(unknowns.values)
     along, grid = linearised_along(task, unknowns.curve, grid)
     equations = _Equations(along, task, unknowns.curve, parameters.names)

@@ -1,5 +1,5 @@
-"""Orbits over k parameters as a k-dimensional manifold: corrections onto the manifold, and its points with
-their errors."""
+"""Orbits over k parameters as a k-dimensional manifold: corrections towards the manifold, and points with
+error estimates."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -25,26 +25,26 @@ from solve.period.multipliers import EPS
 from solve.period.quantities import orbit_figures, output_changes, repeats_early
 
 _MAX_CORRECTIONS = 8
-"""Number of corrections beyond which a step is too long. A choice."""
+"""Maximum number of corrections of a step; a step that needs more is too long. A choice."""
 
 _MAX_LAST_CORRECTION, _DIVERGED = 1e-5, 3.0
 """Upper limit of the norm of the last correction, and of the first correction; each further correction must
 be smaller than the one before. Choices."""
 
 _QUADRATIC, _SAFETY = 1e-2, 10.0
-"""Correction below which convergence is quadratic, and safety factor on the predicted next correction,
-size³/last². Choices."""
+"""Norm of a correction below which convergence counts as quadratic, and safety factor for the predicted next
+correction, size³/last². Choices."""
 
 _RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.01, 1e-10
-"""Upper limit of the last correction as a fraction of rtol, used if it is below the limit above; and norm
-below which corrections need not decrease. Choices."""
+"""Upper limit of the last correction as a fraction of rtol, used if smaller than `_MAX_LAST_CORRECTION`; and
+norm below which corrections need not decrease. Choices."""
 
 _LANES = 8
-"""Number of segments of a period that the compiled code integrates at a time; the numbers of steps of finer
-grids are multiples of it."""
+"""Number of segments of a period that the compiled code integrates simultaneously. Finer grids have a
+multiple of this number of steps."""
 
 _ORBIT_ROUNDOFF = 64 * EPS
-"""Relative error of an orbit due to round-off, as for single orbits."""
+"""Relative error of an orbit due to round-off, the same as for single orbits."""
 
 _MAY_REST = 1e-10
 """Largest modulus of a coordinate, relative to the largest scale, up to which it is tested for being zero
@@ -60,8 +60,8 @@ _MAX_STEPS = 2**12
 
 @dataclass
 class Manifold:
-    """Orbits over the parameters. resting: whether a coordinate may be zero within round-off; largest (n,):
-    maximum amplitudes so far."""
+    """Manifold of orbits over the parameters. resting: whether a coordinate may be zero within round-off;
+    largest (n,): maximum amplitudes so far."""
 
     parameters: ContinuationParameters
     resting: bool = field(default=False, init=False)
@@ -89,8 +89,8 @@ class Manifold:
         return math.sqrt(float((first - second) ** 2 @ weights @ sizes**-2.0) + float(apart @ apart))
 
     def component(self, before: Point, after: Point, direction: Unknowns) -> float:
-        """Inner product of the step between two points and a direction. Curves are compared at samples,
-        because interpolation between grids with different events is less accurate than short steps."""
+        """Inner product of a direction and the step between two points. Curves are subtracted at samples,
+        because the error of interpolation between grids with different events would exceed a short step."""
         return self.inner(after.unknowns, direction, before.sizes, before.unknowns)
 
     def reached(
@@ -101,10 +101,12 @@ class Manifold:
         check: Callable[[Unknowns, Unknowns], None] | None = None,
     ) -> tuple[Point, int]:
         """Point at given lengths from `before` along directions, one per parameter, and its number of
-        corrections. With all lengths 0, the components along the directions remain fixed on finer grids
-        too. check: called with the converged unknowns and their first tangent before the errors are
-        estimated, which takes as long as the iteration; raises SolveError for a point that is not wanted.
-        Raises SolveError subclasses if the iteration does not converge."""
+        corrections.
+
+        With all lengths 0, the components along the directions remain fixed on finer grids too. check: called
+        with the converged unknowns and their first tangent; raises SolveError to reject the point before its
+        errors are estimated, which takes as long as the iteration. Raises SolveError subclasses if the
+        iteration does not converge."""
         unknowns, sizes = before.unknowns, before.sizes
         for direction, length in zip(directions, lengths, strict=True):
             unknowns = unknowns.plus(length / self.inner(direction, direction, sizes), direction)
@@ -124,8 +126,8 @@ class Manifold:
         return self.held(unknowns, [towards], grid)
 
     def held(self, unknowns: Unknowns, ways: Sequence[Unknowns], grid: Grid) -> Point:
-        """Point near `unknowns` whose components along the directions `ways`, one per parameter, equal those
-        of `unknowns`. Raises SolveError subclasses."""
+        """Point near `unknowns` with the same components along the directions `ways`, one per parameter.
+        Raises SolveError subclasses."""
         sizes = self._sizes(self._scale(unknowns, grid), unknowns)
         found, family, _ = self._converged(unknowns, unknowns, ways, [0.0] * len(ways), sizes, grid)
         return self.point(found, ways, grid, family, sizes, ways)
@@ -147,13 +149,13 @@ class Manifold:
         sizes: Array,
         grid: Grid,
     ) -> tuple[Unknowns, LinearFamily, int]:
-        """Converged unknowns at given lengths from `before` along the directions `directions`, solutions of
-        the last linear problem, and number of corrections. Raises SolveError subclasses."""
+        """Converged unknowns at given lengths from `before` along `directions`, the solutions of the last
+        linear problem, and the number of corrections. Raises SolveError subclasses."""
         last = _DIVERGED
         for corrections in range(1, _MAX_CORRECTIONS + 1):
             after, family = self._corrected(unknowns, before, directions, lengths, sizes, grid)
             size, unknowns = self.distance(after, unknowns, sizes), after
-            # With quadratic convergence, a next correction that is predicted to be small is omitted.
+            # With quadratic convergence, the next correction is omitted if its predicted size is small.
             following = _SAFETY * size**3 / last**2 if corrections > 1 and size < _QUADRATIC else math.inf
             if min(size, following) < self.tolerance:
                 return unknowns, family, corrections
@@ -171,8 +173,8 @@ class Manifold:
         sizes: Array,
         grid: Grid,
     ) -> tuple[Unknowns, LinearFamily]:
-        """Next iterate of the unknowns with given lengths from `before` along the directions `directions`,
-        and all solutions of the linear problem. Raises SolveError."""
+        """Next iterate of the unknowns at given lengths from `before` along `directions`, and all solutions
+        of the linear problem. Raises SolveError."""
         family = linear_family(self.parameters, unknowns, grid, sizes)
         gone = [self.inner(family.unknowns, direction, sizes, before) for direction in directions]
         missing = np.subtract(lengths, gone)
@@ -197,10 +199,11 @@ class Manifold:
         sizes: Array | None = None,
         held: Sequence[Unknowns] | None = None,
     ) -> Point:
-        """Point of the manifold from unknowns that solve the equations on a grid. Its tangents have positive
-        components along those in `towards`. family: solutions of the linear problem near these unknowns
-        with scales `sizes`, if available. held: directions along which finer grids do not move the point;
-        the tangents by default."""
+        """Point of the manifold from unknowns that solve the equations on a grid.
+
+        Its tangents have positive components along those in `towards`. family: solutions of the linear
+        problem near these unknowns with scales `sizes`, if available. held: directions along which finer
+        grids do not move the point; by default the tangents."""
         known, scale = np.zeros(1) if sizes is None else sizes, self._scale(unknowns, grid)
         if unknowns.largest.min() <= _MAY_REST * known.max() or sizes is None:
             self.resting = self.resting or scale.rests(unknowns.largest)
@@ -259,8 +262,8 @@ class Manifold:
     def _orbit(
         self, there: Unknowns, better: Unknowns, grid: Grid, off: Array, sizes: Array
     ) -> FollowedOrbit:
-        """Orbit from the more accurate vector of unknowns, `better`, before the errors of orbit and radius
-        are added. off: relative differences (n,) of the coordinates from those of `there`."""
+        """Orbit from the more accurate vector of unknowns, `better`, without the errors of orbit and radius.
+        off: relative differences (n,) of the coordinates of `better` and `there`."""
         task, curve = self.parameters.task_at(better.values), better.curve
         multipliers = multipliers_of(self.parameters, better, grid, sizes)
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
@@ -283,8 +286,8 @@ class Manifold:
 
 
 def _finer(steps: int) -> int:
-    """Next grid size, 5/4 times the number of steps: the error of Radau's method of order 13 falls to a
-    twentieth."""
+    """Next grid size, 5/4 times the number of steps; this divides the error of Radau's method of order 13 by
+    about twenty."""
     return math.ceil(5 * steps / 4 / _LANES) * _LANES
 
 

@@ -1,5 +1,5 @@
-"""Newton's iteration as a method, whose solutions on several grids are compared like those of linear
-methods."""
+"""Newton's iteration in the form of a method, so that nonlinear solutions on several grids are compared like
+linear ones."""
 
 from dataclasses import replace
 
@@ -20,17 +20,16 @@ from solve.period.points import Points, ScaledEquations, SinglePoint
 from solve.system import PeriodicSystem
 
 _FEW_STEPS = 32
-"""Number of steps with which the round-off of the loads is computed. Few suffice, because its bound varies
-smoothly. A choice."""
+"""Number of steps of the grid on which the round-off of the loads is computed. A choice: few suffice, because
+the bound varies smoothly."""
 
 _COARSE = 256
 """Number of steps above which no finer grid is tried if the iteration diverges. A choice."""
 
 
 def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
-    """System linearised along a curve, with corrected loads on coordinates that are zero, so that these
-    remain exactly zero. The round-off of uncorrected loads may vary from phase to phase, which no grid
-    resolves."""
+    """System linearised along a curve, with loads corrected so that coordinates that are zero remain exactly
+    zero. Round-off of uncorrected loads may vary from phase to phase, and no grid resolves it."""
     is_zero = ~curve.coefficients.any(axis=(1, 2))
     if not is_zero.any():
         return along
@@ -46,8 +45,9 @@ def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
 
 class Newton(Method):
     """Newton's iteration in the form of a method for one point, so that `certified` can compare grids. On
-    each grid it starts from the last curve of the finest grid, or from that of `lower`, the iteration with
-    one stage less. found: converged iteration by the task's method on the first grid, if available."""
+    each grid it starts from the last curve of the finest grid so far, or from the curve of `lower`, the
+    iteration with one stage fewer. found: converged iteration by the task's method on the first grid, if
+    available."""
 
     first_order = True
 
@@ -62,7 +62,7 @@ class Newton(Method):
         method = task.method
         self.task, self.start, self.first, self.finest, self.found = task, start, steps, steps, found
         self.lower = lower
-        # The next linearisation is about this curve, and its solution is not more accurate than the curve.
+        # The next step linearises about this curve, so its solution is not more accurate than the curve.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
 
@@ -85,7 +85,7 @@ class Newton(Method):
         return self.task.method.error_constant
 
     def linearised(self, points: Points, solutions: Solutions) -> Points:
-        """Equations linearised along the solution of the only point."""
+        """Equations linearised along the solution of the single point."""
         assert isinstance(solutions.curve, Curve)
         curve, speed = solutions.curve[0], self.task.speed
         return SinglePoint(_without_roundoff(self.task.along(curve), curve), speed)
@@ -95,8 +95,8 @@ class Newton(Method):
         return self.task.method
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Number of steps of the grid on which the first guess was found. Coarser grids may have no orbit
-        near it."""
+        """Number of steps of the grid on which the first orbit was found. On coarser grids there may be no
+        orbit nearby."""
         return np.full(len(modes), int(self.first / 1.2))
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
@@ -116,7 +116,8 @@ class Newton(Method):
             if found is None or not np.array_equal(found.solutions.grid.nodes, grid.nodes):
                 found = iterate(task, self.start if self.lower is None else self.lower.start, grid)
                 if found.iterations == 1 and self.lower is not None:
-                    # Multipliers about the curve of fewer stages would hide the effect of its error.
+                    # Multipliers computed about the curve with fewer stages would hide the effect of the
+                    # error of that curve.
                     found = iterate(task, found.curve, grid)
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
@@ -125,7 +126,7 @@ class Newton(Method):
         if grid.steps >= self.finest:
             self.start, self.finest = found.curve, grid.steps
         if self.lower is not None:
-            # Only the defect of the solution with fewer stages enters the errors.
+            # The error estimate contains only the defect of the solution with fewer stages.
             return found.solutions
         along = task.along(found.curve)
         scale = CoordinateScale(along, found.curve, task.speed, _FEW_STEPS)

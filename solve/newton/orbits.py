@@ -33,12 +33,13 @@ from solve.terminal import progress
 from solve.units import speed_in_si
 
 _STEPS = 64, 128
-"""Steps per period of the grids on which orbits are sought; continuation uses the last grid. Choices."""
+"""Numbers of steps per period of the grids on which orbits are sought; continuation uses the last grid.
+Choices."""
 
 _TRANSIENT = "transient"
 _STRATEGIES = ("linear orbit", "load", "speed", _TRANSIENT)
-"""Strategies in their order; for several periods the transient comes first, because the other strategies
-converge to an orbit of one period."""
+"""Strategies in the order in which they are tried. For several periods the transient is first, because the
+other strategies converge to an orbit of one period."""
 
 
 @of_system
@@ -65,7 +66,7 @@ def nonlinear(
         Initial motion of Newton's iteration, over the period of the orbit or an integer fraction of it:
 
         - an orbit, linear or nonlinear, also for other parameters, speeds or steps;
-        - a transient, whose last periods are used;
+        - a transient; its last periods are used;
         - the path of a .nc or .npz file of either;
         - q and q̇ (n,) at phase 0, with time derivatives, from which the motion is integrated over the
           period;
@@ -103,8 +104,8 @@ def nonlinear(
 
     Notes
     -----
-    Each correction of the iteration is a linear periodic problem. Errors are estimated from orbits with
-    one stage more; multipliers are those of the converged linearisation.
+    Each correction of the iteration is a linear periodic problem. Errors are estimated from orbits with one
+    more stage; multipliers are those of the converged linearisation.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_integer("periods", periods)
@@ -143,8 +144,8 @@ class _Search:
         return [self.task.grid(count) for count in counts]
 
     def find(self) -> NonlinearOrbit:
-        """Orbit by the first successful strategy. If it is unstable, a transient is computed, and the orbit
-        on which it settles is returned, unless this orbit is unstable too."""
+        """Orbit by the first successful strategy. If it is unstable, the orbit on which a transient settles
+        is returned instead, unless that orbit is unstable too."""
         strategies = _STRATEGIES if self.task.periods == 1 else (_TRANSIENT, *_STRATEGIES[:-1])
         failed: list[str] = []
         unstable: NonlinearOrbit | None = None

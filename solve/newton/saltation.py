@@ -2,13 +2,13 @@
 Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
 
 A disturbance y moves the phase of the event, and so does a change δ of a parameter θ of the switching
-function g. With the states x = (q, q'), where q' of first-order coordinates is left out, and their rates f
+function g. With the states x = (q, q'), without q' of first-order coordinates, and their rates f⁻ and f⁺
 before and after the event,
 
     y⁺ = S y⁻ + s δ,   S = I + w ∇gᵀ,   s = w ∂g/∂θ,   w = (f⁺ - f⁻) / (∂g/∂φ + ∇gᵀ f⁻).
 
-For continuous forces S = I and s = 0. A parameter that moves a break, a phase b(θ) at which the matrices
-jump, has S = I and s = (f⁻ - f⁺) db/dθ. Newton's iteration includes these jumps and remains quadratic."""
+For continuous forces S = I and s = 0. If a parameter moves a break, a phase b(θ) at which the matrices jump,
+S = I and s = (f⁻ - f⁺) db/dθ. Newton's iteration includes these jumps and converges quadratically."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,8 +34,8 @@ phases of events, far below an effect on multipliers. A choice."""
 
 @dataclass(frozen=True)
 class EventJump:
-    """Jump at an event of a motion. step: index of the step before it; matrix: S (N, N); state (N,) of the
-    motion; by_parameters: s (N, k)."""
+    """Jump of disturbances at an event of a motion. step: index of the step before the event; matrix: S (N,
+    N); state (N,): state of the motion; by_parameters: s (N, k)."""
 
     step: int
     matrix: Array
@@ -43,8 +43,8 @@ class EventJump:
     by_parameters: Array
 
     def after(self, maps: Array) -> Array:
-        """Map (N, N + 1 + k) of a step with the jump at its end, from its map of the state, the load and k
-        parameters."""
+        """Map (N, N + 1 + k) of a step including the jump at its end, from the map without the jump. Columns:
+        state, load, k parameters."""
         N = len(self.state)
         jumped = self.matrix @ maps
         jumped[:, N] += self.state - self.matrix @ self.state
@@ -82,8 +82,8 @@ def break_jumps(
     breaks: Sequence[float],
     names: Sequence[str],
 ) -> list[EventJump]:
-    """Jumps due to parameters that move breaks. breaks: breaks of the model over the period, nodes of the
-    grid; other arguments as for `event_jumps`."""
+    """Jumps due to parameters that move breaks. breaks: breaks of the model over the period, which are nodes
+    of the grid; other arguments as for `event_jumps`."""
     slopes = derivatives_of(along).of_breaks(names)
     moved = np.flatnonzero(slopes.any(axis=1))
     if not len(moved):
@@ -114,8 +114,8 @@ def _at_nodes(
 def solutions_with_jumps(
     method: Collocated, points: Points, grid: Grid, engine: str, held: Free | None, jumps: Sequence[EventJump]
 ) -> Solutions:
-    """Solutions of the only point, whose disturbances jump at events. held: its rigid-body modes; with these,
-    only the monodromy matrix includes the jumps."""
+    """Solutions of a single point with jumps of disturbances at events. held: rigid-body modes of the point;
+    if given, only the monodromy matrix includes the jumps."""
     with np.errstate(all="ignore"):
         chain = method.discretise(points, grid)
         maps = np.concatenate((chain.steps.A[0], chain.steps.b[0, ..., None]), axis=-1)

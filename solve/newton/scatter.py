@@ -1,4 +1,4 @@
-"""Basins of attraction estimated from scattered initial states: the share of states whose motions settle on
+"""Sizes of basins of attraction, estimated as the share of scattered initial states whose motions settle on
 each orbit."""
 
 from collections.abc import Sequence
@@ -22,15 +22,15 @@ from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 
 _TURNS = 400
-"""Periods after which a motion counts as not settled. A choice."""
+"""Number of periods after which a motion counts as not settled. A choice."""
 
 _STATES, _RTOL = 128, 1e-7
-"""States per period and tolerance of the motions. Choices."""
+"""Number of states per period of the motions, and their tolerance. Choices."""
 
 _SETTLED, _SAME = 1e-4, 1e-2
-"""Change of the state over the period of an orbit, relative to the largest value of the motion or of the
-linear orbit, below which a motion has settled; difference below which two states are of one orbit.
-Choices."""
+"""Change of the state over the period of an orbit below which a motion has settled, and difference below
+which two states belong to the same orbit. Both are relative to the largest value of the motion or of the
+linear orbit. Choices."""
 
 
 @of_system
@@ -57,8 +57,8 @@ def scatter(
     seed : int
         Seed of the initial states, uniform in a box about 0.
     spread : float
-        Half width of the box: for coordinates relative to their largest values on the linear orbit, for
-        velocities relative to these values times the speed.
+        Half width of the box, as a multiple of the largest values of the coordinates on the linear orbit, and
+        for velocities of these values times the speed.
     periods : int
         Largest number of model periods per period of an orbit.
     rtol : float
@@ -141,8 +141,8 @@ def _orbit_index(
     orbits: list[NonlinearOrbit],
     states: list[Array],
 ) -> int:
-    """Index of the orbit on which a motion has settled. A new orbit is appended; -1 if no orbit is found.
-    Orbits of several periods that differ only by a shift of one period count as one."""
+    """Index of the orbit on which a motion has settled; -1 if no orbit is found. New orbits are appended to
+    `orbits`. Orbits that differ only by a shift of some periods count as the same."""
     state = motions[0][:2, :, 0].ravel()
     for number, known in enumerate(states):
         limit = _SAME * np.maximum(np.tile(sizes, 2), np.abs(known).max(axis=0))
@@ -151,7 +151,7 @@ def _orbit_index(
     try:
         orbit = _orbit(task, motions)
         if orbit.periods > 1 and repeats_early(orbit.curve, orbit.periods):
-            # A disturbance whose multiplier is negative may vanish at the end of every other period.
+            # A disturbance with a negative multiplier may vanish at the end of every other period.
             orbit = _orbit(task, motions[-1:])
     except SolveError:
         return -1

@@ -1,4 +1,4 @@
-"""Branches through given orbits, in both directions and isolated ones included."""
+"""Branches through given orbits in both directions, including isolated branches."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,11 +13,11 @@ from solve.results.branch import is_closed
 from solve.results.orbit import Orbit
 
 _SAME = 1e-2
-"""Largest difference of two orbits, relative to the scales of the coordinates, that are one. A choice: above
-the errors of orbits, far below the distance of orbits that coexist except near folds."""
+"""Difference, relative to the scales of the coordinates, up to which two orbits count as the same. A choice:
+above the errors of orbits and, except near folds, far below the distance between different orbits."""
 
 _PHASES = 64 * SAMPLES
-"""Phases per period of the model at which orbits are compared. A choice."""
+"""Number of phases per period of the model at which orbits are compared. A choice."""
 
 
 def follow_orbits(
@@ -27,9 +27,10 @@ def follow_orbits(
     most: int,
     store: BranchStore,
 ) -> list[Followed]:
-    """Branches through orbits at a value of the parameter, each given by its number of periods and a function
-    that returns it. An orbit on a branch followed before is skipped. Each branch has at most `most` points in
-    each direction."""
+    """Branches through orbits at a value of the parameter.
+
+    starts: number of periods of each orbit, and a function that returns the orbit. An orbit on an earlier
+    branch is skipped. Each branch has at most `most` points in each direction."""
     followed, crossings = list[Followed](), list[tuple[int, list[Point]]]()
     for periods, start in starts:
         by_periods = parameters.over_periods(periods)
@@ -54,8 +55,9 @@ def follow_orbits(
 def _both_ways(
     parameters: ContinuationParameters, start: Callable[[], Point], most: int, store: BranchStore
 ) -> Followed:
-    """Branch through a first point: from it towards the last value of the parameter and, unless it is at the
-    end of the range or on a closed branch, also in the other direction. The points are in their order."""
+    """Branch through a first point, towards the last value of the parameter and then in the other direction.
+    The second direction is omitted for a first point at the end of the range, and for a closed branch. Points
+    are in the order of the branch."""
     points, ended = follow_branch(parameters, start, most, saved=store.next())
     backwards = store.next()
     closed = is_closed([point.value for point in points], [point.orbit.figures for point in points])
@@ -67,12 +69,12 @@ def _both_ways(
 
 
 def _reversed(point: Point) -> Point:
-    """The same point, directed the other way along the branch."""
+    """Copy of a point with the opposite direction along the branch."""
     return replace(point, tangents=tuple(tangent.times(-1.0) for tangent in point.tangents))
 
 
 def _is_one(point: Point, orbit: Orbit) -> bool:
-    """Whether a point of a branch is an orbit, which may be shifted by periods of the model."""
+    """Whether a point of a branch and an orbit are the same, up to a shift by periods of the model."""
     count = point.periods * _PHASES
     phase = np.arange(count) * (float(point.unknowns.curve.nodes[-1]) / count)
     one, other = point.unknowns.curve(phase), orbit.curve(phase)

@@ -1,9 +1,9 @@
 """Curves of folds and of period doublings in two parameters.
 
-The orbits over both parameters are a surface. A function g on it is zero at the special points: for folds,
-the determinant of the parameter components of two tangents, because some direction then changes neither
-parameter; for doublings, Π (1 + ρ)/(1 + |ρ|). The curve g = 0 is followed on the surface, where it is smooth
-also at cusps (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.3)."""
+The orbits over both parameters form a surface. A function g on this surface is zero at the special points.
+For folds, g is the determinant of the parameter components of two tangents: if it is zero, one direction
+changes neither parameter. For doublings, g = Π (1 + ρ)/(1 + |ρ|). The curve g = 0 is followed on the surface,
+where it is smooth even at cusps (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.3)."""
 
 import math
 from collections.abc import Callable
@@ -23,11 +23,11 @@ from solve.threads import one_thread
 
 _FIRST_STEP, _MAX_STEP, _MIN_STEP, _GROWTH = 0.03, 0.15, 1e-4, 1.5
 """Step lengths, in scaled coordinates and fractions of the ranges: initial, largest, and smallest before the
-curve ends; factor by which a step grows after a success. Choices."""
+curve ends; and factor by which a step grows after a success. Choices."""
 
 _FEW, _MAX_CORRECTIONS = 4, 12
-"""Number of evaluations of g up to which the next step is longer, and largest number of evaluations.
-Choices."""
+"""Number of evaluations of g in a step up to which the next step is longer, and largest number of
+evaluations. Choices."""
 
 _MIN_COSINE = 0.9
 """Smallest cosine of the angle between a step and the preceding tangent. A choice."""
@@ -43,8 +43,8 @@ _DIFFERENCE = 1e-3
 
 @dataclass(frozen=True)
 class _OnCurve:
-    """Point of the curve of special points, the tangent of this curve (2,) in the basis of the point's
-    tangents, and the derivative of g normal to the curve."""
+    """Point of the curve of special points; the tangent (2,) of this curve, in the basis of the tangents of
+    the point; and the derivative of g normal to the curve."""
 
     point: Point
     along: Array
@@ -59,8 +59,8 @@ class _OnCurve:
 def follow_curve(
     parameters: ContinuationParameters, start: Point, kind: str, most: int
 ) -> tuple[list[Point], str]:
-    """Follow the curve of folds or period doublings from a point of it. Returns its points, and the reason if
-    they end inside the ranges of the parameters."""
+    """Follow a curve of folds or period doublings from one of its points. Returns its points, and the reason
+    if they end inside the ranges of the parameters."""
     with one_thread(parameters.task.system.n), progress.task("points", most) as count:
         return _CurveFollower(parameters, kind).follow(start, most, count.add)
 
@@ -94,8 +94,8 @@ class _CurveFollower:
         return points[:most], f"the curve continues beyond the {asked} requested; request more"
 
     def test(self, point: Point) -> float:
-        """Value of the test function g at a point whose tangents have the same orientation as those of its
-        neighbours."""
+        """Value of the test function g at a point. Its tangents must have the same orientation as those of
+        neighbouring points."""
         if self.kind == DOUBLING:
             return doubling_test(point)
         return float(np.linalg.det(np.array([each.values / self.spans for each in point.tangents])))
@@ -134,8 +134,8 @@ class _CurveFollower:
         raise NoOrbitError(f"the curve cannot be continued beyond {at}")
 
     def _corrected(self, before: _OnCurve, length: float) -> tuple[_OnCurve, int]:
-        """Point of the curve at a given length along the tangent at `before`, by the secant method normal to
-        this tangent, and the number of evaluations of g. Raises SolveError subclasses."""
+        """Point of the curve at a given length along the tangent at `before`, and the number of evaluations
+        of g. The secant method moves the point normal to this tangent. Raises SolveError subclasses."""
         normal, slope = np.array([before.along[1], -before.along[0]]), before.slope
         point, aside = self._beside(before, length * before.along), 0.0
         value = self.test(point)
@@ -157,7 +157,7 @@ class _CurveFollower:
         return replace(point, kind=self.kind)
 
     def _on_curve(self, before: _OnCurve, point: Point, slope: float) -> _OnCurve:
-        """Point with its tangent, which is the tangent at `before` reflected about the chord between the
+        """Point of the curve with a tangent: the tangent at `before`, reflected about the chord between the
         points. Raises NoOrbitError if the curve bends too much."""
         first = before.point
         along = np.array([self.manifold.component(first, point, each) for each in first.tangents])

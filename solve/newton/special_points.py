@@ -14,22 +14,22 @@ from solve.period.multipliers import EPS, UNIT_CIRCLE
 from solve.results.branch import DOUBLING, FOLD, TORUS
 
 _MAX_REFINEMENTS = 30
-"""Largest number of interpolations towards a point. A choice; five to eight are usual."""
+"""Maximum number of interpolations towards a special point. A choice; five to eight are usual."""
 
 _RTOL_FRACTION, _ROUNDOFF = 1e-3, 64 * EPS
-"""Change of the parameter between two interpolations below which a point is located, as a fraction of rtol,
-and smallest value of this limit. Choices: each interpolation costs as much as a point of the branch."""
+"""Change of the parameter between two interpolations below which a special point is located, as a fraction of
+rtol; and smallest value of this limit. Choices: each interpolation costs as much as a point of the branch."""
 
 _REAL = 1e-12
-"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. A choice: NumPy returns
-real eigenvalues of real matrices without imaginary part."""
+"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. A choice: for real
+matrices NumPy returns real eigenvalues without imaginary part."""
 
 Test = Callable[[Point], float]
 
 
 def special_points(manifold: Manifold, before: Point, after: Point) -> list[Point]:
-    """Special points between two neighbouring points of a branch, in their order along it. Points to which
-    the interpolation does not converge are omitted."""
+    """Special points between two neighbouring points of a branch, in the order of the branch. Special points
+    to which the interpolation does not converge are omitted."""
     found = []
     for kind, test in _tests(before, after).items():
         try:
@@ -41,7 +41,7 @@ def special_points(manifold: Manifold, before: Point, after: Point) -> list[Poin
 
 
 def _tests(before: Point, after: Point) -> dict[str, Test]:
-    """Test functions with a zero between two points, in a dictionary by the kind of special point."""
+    """Test functions with a zero between two points; keys are the kinds of special points."""
     tests: dict[str, Test] = {}
     if before.direction.value * after.direction.value < 0:
         tests[FOLD] = lambda point: point.direction.value
@@ -57,7 +57,7 @@ def _tests(before: Point, after: Point) -> dict[str, Test]:
 
 
 def _stays_on_circle(point: Point) -> bool:
-    """Whether complex multipliers lie on the unit circle within their errors, as in systems without
+    """Whether complex multipliers remain on the unit circle within their errors, as in systems without
     damping."""
     rho = point.orbit.multipliers
     moduli = np.abs(rho[np.abs(np.imag(rho)) > _REAL * np.abs(rho)])
@@ -119,10 +119,11 @@ def zero_between(
     agree: Callable[[Point, Point], bool],
     reached: Point,
 ) -> tuple[float, Point]:
-    """Zero of `function`, by the Illinois algorithm (M. Dowell, P. Jarratt, BIT 11 (1971) 168); returns its
-    argument and the point there. function: returns a value and a point; ends, values: arguments with
-    values of different signs; agree: whether two successive points agree; reached: initial point for this
-    comparison. Raises NoOrbitError."""
+    """Argument of a zero of `function`, and the point there, by the Illinois algorithm (M. Dowell, P.
+    Jarratt, BIT 11 (1971) 168).
+
+    function: returns a value and a point; ends, values: arguments and their values of different signs; agree:
+    whether two successive points agree; reached: initial point for this comparison. Raises NoOrbitError."""
     (low, high), (first, second), kept = ends, values, False
     for _ in range(_MAX_REFINEMENTS):
         argument, previous = (low * second - high * first) / (second - first), reached

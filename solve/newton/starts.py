@@ -24,12 +24,12 @@ Start = Orbit | Transient | Motion | tuple[Array, Array] | Callable[[Array], Arr
 FILES = ".nc", ".npz"
 
 _SAMPLES = 256
-"""Number of phases per model period at which a function is evaluated; a cubic spline interpolates between
-them. A choice."""
+"""Number of phases per model period at which a start function is evaluated; a cubic spline interpolates
+between them. A choice."""
 
 _STATES, _RTOL = 128, 1e-6
-"""Number of states per period, and tolerance, of the motion from a given state. Choices: Newton's iteration
-removes the remaining error."""
+"""Number of states per period of the motion from a given state, and its tolerance. Choices: Newton's
+iteration removes the remaining error."""
 
 
 class _NotRealError(TypeError):
@@ -84,7 +84,7 @@ def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
 
 
 def _checked(motion: Any, task: Task) -> Motion:
-    """Return the motion and its nodes after a check of its number of coordinates."""
+    """Return the motion after a check of its number of coordinates."""
     count = len(motion(np.zeros(1)))
     if count != task.system.n:
         raise ValueOutOfBoundsError(
@@ -94,8 +94,8 @@ def _checked(motion: Any, task: Task) -> Motion:
 
 
 def _last_periods(transient: Transient, task: Task) -> Curve:
-    """Last part of a transient, with as many periods as the orbit; only its last period if the transient is
-    shorter."""
+    """Last part of a transient, over as many periods as the orbit has; the last period only, if the transient
+    is shorter."""
     count = task.periods if transient.turns >= task.periods else 1
     return joined([*transient.motions[-count:]], count * task.system.period, task.rigid)
 
@@ -142,7 +142,7 @@ def _real(values: Any) -> Array:
 
 def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
     """Convert a start to q and q̇ (n,). Raises ValueOutOfBoundsError for anything but two arrays of n finite
-    real numbers; `allowed` completes its text."""
+    real numbers. allowed: text of the message that states the permitted starts."""
     try:
         q, qd = map(_real, given)
     except (TypeError, ValueError):

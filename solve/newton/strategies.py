@@ -19,7 +19,7 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 
 _MAX_CORRECTIONS = 10
-"""Maximum number of corrections per continuation step. A choice: a shorter step costs less than more
+"""Maximum number of corrections per continuation step. A choice: shortening the step costs less than further
 corrections."""
 
 _FIRST_STEP, _MIN_STEP, _GROWTH = 0.1, 4e-3, 2.0
@@ -27,38 +27,39 @@ _FIRST_STEP, _MIN_STEP, _GROWTH = 0.1, 4e-3, 2.0
 success and shrink after a failure. Choices."""
 
 _SPEED_HALVINGS = 6
-"""Number of halvings of the speed in the search for one at which the iteration converges from the linear
-orbit. A choice."""
+"""Maximum number of halvings of the speed in the search for a speed at which the iteration converges from the
+linear orbit. A choice."""
 
 _MAX_PERIODS = 80
-"""Periods of the system after which a transient ends. A choice."""
+"""Number of periods of the system after which a transient ends. A choice."""
 
 _FIRST_TRIAL = 16
-"""Number of periods after which Newton's iteration is first tried on a transient that still changes; the
-number doubles after each trial. A choice."""
+"""Number of periods after which Newton's iteration is first tried on an unsettled transient; the number
+doubles after each trial. A choice."""
 
 _RTOL = 1e-6
 """Relative tolerance of the transient. A choice: far below the change that counts as settled."""
 
 _FULLY_SETTLED, _FINE_RTOL = 1e-5, 1e-8
-"""Change per period below which finer grids are tried if Newton's iteration did not converge from a settled
-motion, and relative tolerance of the motion for finer grids. Choices."""
+"""Change per period of a motion below which finer grids are tried if Newton's iteration did not converge, and
+relative tolerance of the motion for these grids. Choices."""
 
 _SETTLED = 1e-3
-"""Change per period, relative to the sizes of the coordinates, below which a transient has settled; Newton's
-iteration removes the remaining difference. A choice."""
+"""Change per period, relative to the sizes of the coordinates, below which a transient has settled. A choice:
+Newton's iteration removes the remaining difference."""
 
 _REFINEMENTS = 4, 16, 64
-"""Ratios of the numbers of steps of the grids that are tried after a transient has settled. Choices: the last
-grid resolves contacts that last a thousandth of the period."""
+"""Factors on the number of steps for the grids that are tried after a transient has settled. Choices: the
+last grid resolves contacts that last a thousandth of the period."""
 
 _PERTURBATION = 1e-3
-"""Initial displacement, relative to the sizes of the coordinates: a transient from exactly zero would remain
-on an unstable equilibrium. A choice."""
+"""Initial displacement of a transient, relative to the sizes of the coordinates. From exactly zero, the
+transient would remain on an unstable equilibrium. A choice."""
 
 
 class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):
-    """System with only a fraction of the residual at rest as load: r - (1 - fraction) r(φ, Ω, 0, 0, 0)."""
+    """System with a fraction of the load, that is, of the residual at rest: r - (1 - fraction) r(φ, Ω, 0, 0,
+    0)."""
 
     def __init__(self, system: PeriodicSystem, fraction: float, rest: Motion):
         super().__init__(system.at, system.coordinates, system.period, system.breaks)
@@ -69,8 +70,7 @@ class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):
         return super().capabilities._replace(nonlinear=self)
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
-        # Both residuals are linearised in the same way, so that without load rest is an orbit to the last
-        # digit.
+        # Both residuals are linearised in the same way, so that rest is exactly an orbit if there is no load.
         tangent, rest_tangent = (
             nonlinear_of(self._system).along(curve, compiled) for curve in (motion, self._rest)
         )
@@ -154,14 +154,13 @@ def _secant(previous: tuple[float, Curve] | None, current: tuple[float, Curve], 
 
 
 def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
-    """Orbit from a transient that starts near rest, and False if the transient does not settle.
+    """Orbit from a transient that starts near rest, and whether the transient settles.
 
-    The transient ends if successive periods differ little, or if Newton's iteration converges from one of
-    them to an orbit that is not unstable: it then settles there. If the motion does not settle on another
-    orbit, an unstable orbit to which the iteration converged is returned. Raises NoOrbitError, which states
-    the progress."""
+    The transient has settled if successive periods differ little, or if Newton's iteration converges from one
+    of them to an orbit that is not unstable. If the transient does not settle, an unstable orbit to which the
+    iteration converged is returned. Raises NoOrbitError, which states the progress."""
     change, next_trial, unstable, motion = np.inf, _FIRST_TRIAL, None, task.rest(grid)
-    with progress.task("turns at most", _MAX_PERIODS) as count:
+    with progress.task("periods at most", _MAX_PERIODS) as count:
         for turns, motion, change in _march(task, grid):
             count.add(turns - count.done)
             settled = change < _SETTLED
@@ -188,9 +187,9 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
 
 
 def from_state(task: Task, state: Array, grid: Grid) -> Converged:
-    """Orbit on which a motion has settled, from its state (2n,) q and q' at phase 0, on the first finer grid
-    on which Newton's iteration converges. Short contacts with stiff stops require a start with small steps.
-    Raises NoOrbitError."""
+    """Orbit on which a motion has settled, from its state (2n,) q and q' at phase 0. Finer grids are tried
+    until Newton's iteration converges: short contacts with stiff stops require small steps. Raises
+    NoOrbitError."""
     sizes = linear_sizes(task, grid)
     for refinement in _REFINEMENTS:
         finer = task.grid(refinement * grid.steps)
@@ -200,14 +199,14 @@ def from_state(task: Task, state: Array, grid: Grid) -> Converged:
         except SolveError:
             continue
     raise NoOrbitError(
-        "the motion repeats, but Newton's iteration does not converge from it on up to "
+        "the motion repeats, but Newton's iteration does not converge from this motion on grids of up to "
         f"{_REFINEMENTS[-1] * grid.steps} steps"
     )
 
 
 def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
-    """Yield the number of integrated periods, the motion over the last period of the orbit, and its relative
-    change from start to end of this period, without rigid-body motion."""
+    """Integrate from near rest. Yields the number of integrated periods, the motion over the last period of
+    the orbit, and its relative change over this period without rigid-body motion."""
     system, count = task.system, max(1, grid.steps // task.periods)
     sizes = linear_sizes(task, grid)
     march = nonlinear_of(system).marcher(sizes, count, _RTOL)

@@ -1,5 +1,5 @@
-"""Branches of orbits with twice the period, which start at period doublings (Y. A. Kuznetsov, Elements of
-Applied Bifurcation Theory, 10.2)."""
+"""Branches of orbits with twice the period, from period doublings (Y. A. Kuznetsov, Elements of Applied
+Bifurcation Theory, 10.2)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,15 +19,14 @@ from solve.period.curve import Curve
 from solve.results.branch import DOUBLING
 
 _FIRST_LENGTHS = 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 5e-4, 2e-4
-"""Lengths of the first step onto a branch, in scaled coordinates, in the order in which they are tried.
-Choices."""
+"""Lengths of the first step onto a branch in scaled coordinates, in the order of the trials. Choices."""
 
 _MOST_MOVED = 0.01
 """Largest change of the parameter, as a fraction of its range, in the first step. A choice."""
 
 _MOST_DOUBLINGS = 3
-"""Number of doublings in a sequence at which branches are switched: each doubles the time per
-orbit. A choice."""
+"""Maximum number of successive doublings that are followed: each doubles the computing time per orbit. A
+choice."""
 
 Followed = tuple[ContinuationParameters, list[Point], str]
 
@@ -94,8 +93,8 @@ def _over_two_periods(curve: Curve, factor: float) -> Curve:
 
 
 class _ReturnTest:
-    """Test whether a doubled branch has returned to orbits of half its period. The difference between both
-    halves of the orbit then changes sign."""
+    """Test whether a doubled branch has returned to orbits of half its period. At the return, the difference
+    between both halves of the orbit changes sign."""
 
     def __init__(self) -> None:
         self.returned, self._before = False, np.zeros(1)

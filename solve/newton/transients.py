@@ -37,27 +37,28 @@ REST, ORBIT = "rest", "orbit"
 TURNS = "turns"
 
 _COUNT, _MOST_STATES = 256, 2**14
-"""States per period: first, and maximum. Choices."""
+"""First and maximum number of states per period. Choices."""
 
 _MAX_ENTRIES = 2**23
 """Number of matrix entries, over all states of a motion, up to which the number of states per period is
 increased: 64 MB. A choice."""
 
 _MARCH_RTOL, _MIN_MARCH_RTOL = 1e-4, 1e-12
-"""Tolerance of the motion as a fraction of rtol, and its least value. Choices."""
+"""Tolerance of the motion as a fraction of rtol, and its smallest value. Choices."""
 
 _OFF_RESONANCE = 0.9
-"""Ratio of the speed at which the linear orbit provides the sizes of the coordinates to a speed at resonance.
-A choice."""
+"""Factor by which a resonant speed is multiplied, if the linear orbit is only required for the sizes of the
+coordinates. A choice."""
 
 _FIRST_STEPS, _MAX_STEPS = 64, 2**14
-"""Steps per period: first, and maximum. Choices."""
+"""First and maximum number of steps per period. Choices."""
 
 _PHASES = 32
 """Number of phases per period at which the frequency of the fastest mode is computed. A choice."""
 
 _MAX_CACHED = 2**21
-"""Largest number of matrix entries of a period whose one-step maps are kept for the next: 16 MB."""
+"""Largest number of matrix entries in the one-step maps of a period that are reused for the next period: 16
+MB."""
 
 _METHOD = Radau()
 
@@ -91,7 +92,7 @@ def transient(
     nonlinear : bool
         Whether to integrate the nonlinear equations.
     rtol : float
-        Distance from the orbit, relative to the largest value of each coordinate, within which the orbit
+        Distance from the orbit, relative to the largest value of each coordinate, below which the orbit
         counts as reached.
     engine : str
         "auto", "compiled" or "numpy".
@@ -116,9 +117,9 @@ def transient(
 
     Notes
     -----
-    Linear motion is integrated by Radau's method, with the number of steps doubled until two agree; nonlinear
-    motion by CVODES (A. C. Hindmarsh et al., ACM Trans. Math. Softw. 31, 2005, 363-396). The number of states
-    per period is increased until curves through them give the extrema.
+    Linear motion is integrated by Radau's method; the number of steps is doubled until two results agree.
+    Nonlinear motion is integrated by CVODES (A. C. Hindmarsh et al., ACM Trans. Math. Softw. 31, 2005,
+    363-396). The number of states per period is increased until the curves through the states are accurate.
 
     Examples
     --------
@@ -153,8 +154,8 @@ def transient(
 
 
 def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
-    """Linear orbit. At a resonance, a lower speed is used if only the sizes of the coordinates are
-    required."""
+    """Linear orbit. If only the sizes of the coordinates are required, a resonance is avoided by a lower
+    speed."""
     try:
         return periodic(system, speed, rtol=rtol, engine=engine)
     except ResonanceError:
@@ -216,8 +217,8 @@ class _Integration:
                 return result
             previous, march_error = march_error, march.error if isinstance(march, StepMarcher) else 0.0
             if result is not None and march_error > tolerance >= previous:
-                # More states reveal vibrations that no steps resolve. The previous result includes them in
-                # its error.
+                # More states would show vibrations that no steps resolve. The previous result includes these
+                # in its error.
                 return result
             between = float(interpolation_error(march.nodes, motion, bool(self.system.breaks)).max())
             error = max(between, march_error)
@@ -312,9 +313,10 @@ def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -
 class StepMarcher:
     """Linear motion, one period at a time, by steps of Radau's method, with `count` states per period.
 
-    The number of steps is doubled until two results agree to rtol, relative to the largest value of each
-    coordinate so far, from `sizes` (n,) on, or until it is 16384. error: largest relative difference so far;
-    angle: largest ω_max h of the fastest mode. The steps damp out modes that they do not resolve.
+    The number of steps is doubled until two results agree to rtol, or until it reaches 16384. The difference
+    is relative to the largest value of each coordinate so far, initially `sizes` (n,). error: largest
+    relative difference so far; angle: largest ω_max h of the fastest mode. The steps damp out modes that they
+    do not resolve.
     """
 
     def __init__(self, system: PeriodicSystem, sizes: Array, count: int, rtol: float):
@@ -367,7 +369,7 @@ class _PeriodSteps:
         for k, (A, b) in enumerate(zip(discretisation.steps.A[0], discretisation.steps.b[0], strict=True)):
             x[k + 1] = A @ x[k] + b
         curve = discretisation.curve(x[None])[0]
-        # At the end of the period the curve returns the values of its start.
+        # The curve is periodic: at the end of the period it returns the values at its start.
         inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
         largest = np.abs(x[:, :n]).max(axis=0)
         return np.stack([curve(inside, order) for order in range(3)]), largest

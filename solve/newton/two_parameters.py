@@ -1,4 +1,4 @@
-"""Curves of folds and of period doublings in two parameters: from the special points of a branch."""
+"""Curves of folds and of period doublings in two parameters, from the special points of a branch."""
 
 from collections.abc import Sequence
 
@@ -135,7 +135,7 @@ def _continuation(
 
 
 def _starts(parameters: ContinuationParameters, point: Point, end: Point) -> bool:
-    """Whether a curve already ended at this special point of the branch over the first parameter."""
+    """Whether an earlier curve ended at this special point of the branch over the first parameter."""
     values = np.array([point.value, parameters.ranges[1, 0]])
     return bool((np.abs(end.orbit.values - values) <= _SAME * parameters.spans).all())
 

@@ -1,10 +1,10 @@
 """Undamped nonlinear modes: periodic orbits of the equations without load and damping, over their frequency.
 
 Such orbits are not isolated solutions at a frequency: each shift of the phase gives another orbit, and energy
-is conserved. With a term ε Ω M q̇ as a second parameter ε, which is zero on every orbit, they are regular
-solutions, with equal numbers of equations and unknowns (F. J. Muñoz-Almaraz, E. Freire, J. Galán, E. Doedel,
-A. Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has one tangent along the branch
-and one that shifts the phase."""
+is conserved. A term ε Ω M q̇ is therefore added, with ε as a second parameter, which is zero on every orbit.
+Orbits are then regular solutions with equal numbers of equations and unknowns (F. J. Muñoz-Almaraz, E.
+Freire, J. Galán, E. Doedel, A. Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has
+one tangent along the branch and one that shifts the phase."""
 
 from dataclasses import replace
 from functools import partial
@@ -26,30 +26,31 @@ from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 _STEPS = 64
-"""Steps per period of the first orbit. A choice: grids are refined later."""
+"""Number of steps per period of the first orbit. A choice: grids are refined later."""
 
 _LEAST, _MOST, _GROWTH = 1e-9, 1e6, 2.0
 """Smallest and largest amplitude, in units of the coordinates, at which the first orbit is sought, and ratio
-of successive amplitudes. Choices."""
+of successive trial amplitudes. Choices."""
 
 _DETUNED, _FAR = 1e-3, 0.05
-"""Smallest and largest difference of the first orbit's frequency from that of small vibrations, relative to
-the range. Choices."""
+"""Smallest and largest difference between the frequencies of the first orbit and of small vibrations,
+relative to the range. Choices."""
 
 _IS_ZERO = 1e-9
 """Size of loads, damping and their variation, relative to the other terms, that counts as zero. A choice:
 above round-off, and too small to affect the modes."""
 
 _PHASES = 64
-"""Phases at which the equations at rest are compared. A choice."""
+"""Number of phases at which the equations at rest are compared. A choice."""
 
 _PANELS = 512
-"""Panels of the quadrature of the elastic force along a line. A choice: 1e-6 of the energy with kinks."""
+"""Number of panels in the quadrature of the elastic force along a line. A choice: with kinks in the force,
+the error is about 1e-6 of the energy."""
 
 
 def follow_modes_of(task: Task, ends: Array, most: int, store: BranchStore) -> list[Followed]:
-    """Branch of each undamped mode whose frequency of small vibrations is between two speeds (2,). Raises
-    ValueOutOfBoundsError for equations with load or damping, and without such a mode."""
+    """Branches of the undamped modes that have a frequency of small vibrations between two speeds (2,).
+    Raises ValueOutOfBoundsError for equations with load or damping, and without such a mode."""
     frequencies, shapes = _small_vibrations(task)
     low, high = sorted(ends.tolist())
     inside = np.flatnonzero((frequencies >= low) & (frequencies <= high)).tolist()
@@ -111,8 +112,9 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
     for present, words in found:
         if present.any():
             raise ValueOutOfBoundsError(
-                f"the equations of {system.labels.name} at rest contain {words}; unforced orbits need "
-                "constant equations without load and damping: set these to zero, such as --set c=0"
+                f"the equations of {system.labels.name} at rest contain {words}; unforced orbits require "
+                "constant equations without load and damping: set the parameters of these terms to zero, "
+                "such as --set c=0"
             )
     from scipy.linalg import eigh
 
@@ -121,7 +123,8 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
 
 
 def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -> Point:
-    """First orbit of a mode, at the smallest amplitude at which its frequency has changed."""
+    """First orbit of a mode, at the smallest trial amplitude at which its frequency differs from that of
+    small vibrations."""
     grid, manifold = parameters.task.grid(_STEPS), Manifold(parameters)
     growing, shifting = (_harmonic(parameters.task, grid, shape, way) for way in (np.cos, np.sin))
     ways, span, below, amplitude = [growing, shifting], parameters.spans[0], 0.0, _LEAST
@@ -146,7 +149,7 @@ def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -
 
 
 def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unknowns:
-    """Harmonic vibration in a shape (n,), as a direction."""
+    """Unknowns of a harmonic vibration with the shape (n,), as a direction."""
     rates = {np.cos: (np.cos, lambda x: -np.sin(x)), np.sin: (np.sin, np.cos)}[function]
     values = [shape[:, None] * rate(grid.nodes) for rate in rates]
     q, v, a = values[0].T, values[1].T, -values[0].T
@@ -154,8 +157,8 @@ def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unkno
 
 
 def _without_trivial(point: Point) -> Point:
-    """Point whose two multipliers nearest to +1, of phase and energy, are exactly +1; the spectral radius is
-    that of the others."""
+    """Copy of a point in which the two multipliers nearest to +1, due to phase and energy, are exactly +1;
+    the spectral radius is that of the others."""
     rho = point.orbit.multipliers.copy()
     order = np.argsort(np.abs(rho - 1))
     rho[order[:2]] = 1.0

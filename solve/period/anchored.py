@@ -1,4 +1,5 @@
-"""Conversion of free machines to systems with a unique periodic solution.
+"""Conversion of free machines, whose rigid-body modes are anchored, to systems with a unique periodic
+solution.
 
 Let s = l q be the amplitude of a rigid-body mode e (K e = 0) in the motion. The coordinate σ with s′ = σ′ + α
 σ replaces s, and q̃ = q - e (s - σ) satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d. The
@@ -16,8 +17,8 @@ from solve.period.points import Points, Tables, state_size
 from solve.period.rigid_body import RigidBodyModes
 
 _RATES = 1.0, 3.0
-"""α T and β T. Choices for which exp(-α T) is far from 1 and the rates are far below that of the first
-harmonic, 2π."""
+"""α T and β T. Choices: exp(-α T) is far from 1, and the rates are far below 2π, the rate of the first
+harmonic."""
 
 _STEP = 0.37
 """Increment of α T and β T from one mode to the next, so that no two exponents coincide. A choice."""
@@ -25,9 +26,10 @@ _STEP = 0.37
 
 @dataclass(frozen=True)
 class Anchored:
-    """Points whose rigid-body modes `modes` are anchored, as described in the docstring of this module. drift
-    (P, n): given steady velocity w along e, with respect to the phase; the drag C w is subtracted from the
-    load. weights (P, r, n): rows l to use instead of those of the reference coordinates."""
+    """Points with anchored rigid-body modes `modes`, as described in the docstring of this module.
+
+    drift (P, n): given steady velocity w along e, with respect to the phase; its drag C w is subtracted from
+    the load. weights (P, r, n): rows l that replace those of the reference coordinates."""
 
     points: Points
     modes: RigidBodyModes
@@ -100,8 +102,8 @@ class Anchored:
 
     def quotient(self, Phi: Array) -> Array:
         """Monodromy matrices (P, N, N) of the motion relative to the modes, from the monodromy matrices of
-        the anchored points. Modes with C e ≠ 0 keep their velocities in their reference coordinates; the
-        other entries of reference coordinates are zero."""
+        the anchored points. For modes with C e ≠ 0, the velocity along the mode is stored in the rate of the
+        reference coordinate; all other entries of reference coordinates are zero."""
         left, right = self._projection(whole=True)
         return left @ Phi @ right
 
@@ -115,8 +117,8 @@ class Anchored:
 
     def _projection(self, whole: bool) -> tuple[Array, Array]:
         """Projection of states (P, N, N) onto the motion relative to the modes, and the embedding back.
-        whole: whether to exclude also the velocity of a mode with conserved momentum, as for the map of
-        the period."""
+        whole: whether the velocity of a mode with conserved momentum is also excluded, as for the map of the
+        period."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
         N, p = state_size(self), n - self.first_order
@@ -152,10 +154,12 @@ class Anchored:
         return rows, units
 
     def motion(self, curve: PeriodicCurve, mass: Array) -> tuple[PeriodicCurve, Array]:
-        """Motion q of the points from curves q̃ of the anchored points, with zero mean along the modes in the
-        norm of a mass matrix (P, n, n). Also the secular motion (P, r) of each mode with respect to the
-        phase: a steady velocity, included in the `drift` of the curve, if C e ≠ 0; otherwise an
-        acceleration, which the curve excludes."""
+        """Motion q of the points from curves q̃ of the anchored points, and the secular motion (P, r) of each
+        mode with respect to the phase.
+
+        The mean along the modes is zero in the norm of a mass matrix (P, n, n). The secular motion is a
+        steady velocity, included in the `drift` of the curve, if C e ≠ 0. Otherwise it is an acceleration,
+        which the curve excludes."""
         modes, (alpha, beta) = self.modes, self._rates
         shares = _Shares.from_curve(curve, self.measures)
         first = shares.integrated()
@@ -190,8 +194,8 @@ def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> 
 
 @dataclass(frozen=True)
 class _Shares:
-    """Amplitudes (P, r) along the modes as functions of the phase, in the representation of a curve, and
-    their means (P, r)."""
+    """Amplitudes along the modes (P, r) as functions of the phase, represented as a curve, and their means
+    (P, r)."""
 
     nodes: Array
     coefficients: Array

@@ -1,5 +1,4 @@
-"""Block products: products of the maps of neighbouring steps of a period, formed as long as they remain
-accurate."""
+"""Products of the maps of neighbouring steps of a period, formed as long as they remain accurate (blocks)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +15,11 @@ the product is formed. A choice."""
 
 @dataclass(frozen=True)
 class Blocks:
-    """Factors (P, m, N, N) whose product is that of a period's steps, in scaled states. units (P, N): powers
-    of 2; a state of the steps is units · x for a state x of the factors, and a left vector is y / units.
-    variance (P, m, N, N): squared errors of the entries of the factors; starts (m,): index of the first step
-    of each block."""
+    """Factors (P, m, N, N), in scaled states, whose product is the map of the period.
+
+    units (P, N): powers of 2; a state x and a left vector y of the factors correspond to units · x and y /
+    units for the steps. variance (P, m, N, N): squared errors of the entries of the factors. starts (m,):
+    index of the first step of each block."""
 
     factors: Array
     variance: Array
@@ -42,15 +42,15 @@ def balanced_blocks(steps: Array, first: int = 0, loss: float = LOSS) -> Blocks:
     """Blocks of the one-step maps (P, m, N, N), in order of application, balanced by common units.
     Neighbouring maps are multiplied as long as the product is accurate in every direction at every point.
 
-    The entries of the maps are assumed to have the relative error of round-off. first: first steps of the
-    blocks in the period; loss: as `LOSS`.
+    The relative error of the entries of the maps is assumed to be round-off. first: index, in the period, of
+    the first map; loss: as `LOSS`.
     """
     starts = first + np.arange(steps.shape[1])
     return _multiplied(Blocks(steps, (EPS / 2 * steps) ** 2, np.ones(steps.shape[::2]), starts), loss)
 
 
 def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
-    """Blocks of the whole period from those of its consecutive parts."""
+    """Blocks of the whole period, from the blocks of its consecutive parts."""
     alike = [part.in_units(parts[0].units) for part in parts]
     factors, variance, starts = (
         np.concatenate([getattr(part, name) for part in alike], axis=axis)
@@ -69,7 +69,7 @@ def _multiplied(blocks: Blocks, loss: float) -> Blocks:
         product = left @ right
         # Round-off errors are independent: their squares add up.
         error = (left**2) @ (variance[:, first] + (EPS / 2 * right) ** 2) + variance[:, first + 1] @ right**2
-        # Bounds on the singular values take less time than the singular values.
+        # Bounds on the singular values are cheaper than the singular values.
         with np.errstate(all="ignore"):
             least = 1 / np.linalg.norm(solved(product, np.eye(product.shape[-1])), axis=(-2, -1))
         joined = np.sqrt(error.sum(axis=(-2, -1))) <= loss * least
@@ -78,7 +78,8 @@ def _multiplied(blocks: Blocks, loss: float) -> Blocks:
         A[:, kept], variance[:, kept] = product[:, joined], error[:, joined]
         rest = np.delete(A, gone, 1), np.delete(variance, gone, 1), np.delete(blocks.starts, gone)
         offset, stalled = 1 - offset, 0 if joined.any() else stalled + 1
-        # States that are weakly coupled in one step may be strongly coupled over many steps.
+        # Rebalance, because states that are weakly coupled in one step may be strongly coupled over many
+        # steps.
         blocks = _balanced(Blocks(rest[0], rest[1], blocks.units, rest[2]))
     return blocks
 

@@ -36,8 +36,8 @@ _CUBIC[:4] = np.linalg.inv(
 )
 
 _ALIKE = 4e-13
-"""Difference between fractions of a step, divided by the number of steps, that counts as zero. It covers the
-displacement of phases at a jump, and round-off."""
+"""Difference between fractions of a step that counts as zero, to be multiplied by the number of steps. It
+exceeds round-off and the small displacement of phases at jumps."""
 
 
 class PeriodicCurve(Protocol):
@@ -82,7 +82,7 @@ class Curve:
     """Piecewise polynomial q(phase) in powers of θ = (phase - node)/h on each step.
 
     nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether the
-    coefficients are finite, if this has been determined. drift (…, n): steady velocity of a free machine with
+    coefficients are finite; None if not yet determined. drift (…, n): steady velocity of a free machine with
     respect to the phase, contained in the first derivative and not in q.
     """
 
@@ -103,15 +103,15 @@ class Curve:
     @classmethod
     def cubic(cls, nodes: Array, q: Array, v_start: Array, v_end: Array) -> "Curve":
         """Cubic Hermite interpolant with error O(h^4), from q at the nodes (…, m+1, n) and rates at both ends
-        of each step (…, m, n). It has as many powers as `quintic`."""
+        of each step (…, m, n). It has the same number of coefficients as `quintic`."""
         h = np.diff(nodes)[:, None]
         data = (q[..., :-1, :], h * v_start, q[..., 1:, :], h * v_end)
         return cls.from_steps(nodes, np.stack(data, axis=-1), _CUBIC)
 
     @classmethod
     def from_steps(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
-        """Curve from data (…, m, n, r) of each step and the matrix (D, r) that maps them to coefficients of
-        powers of θ."""
+        """Curve from r data per step (…, m, n, r), and the matrix (D, r) that converts the data to
+        coefficients of powers of θ."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
     def joined(self, other: "Curve") -> "Curve":
@@ -153,8 +153,7 @@ class Curve:
         self, phase: Array, derivatives: Sequence[int] = (0, 1, 2), beside_nodes: bool = False
     ) -> list[Array]:
         """q and its derivatives (…, n, k) with respect to the phase, at phases (k,) in any period.
-        beside_nodes: whether phases that differ from a node by round-off are treated as lying beside the
-        node."""
+        beside_nodes: whether to distinguish phases that differ from a node only by round-off."""
         phase, h = np.asarray(phase, dtype=float), self.h
         theta = None if beside_nodes else self._fractions(phase, h)
         if theta is not None:
@@ -167,8 +166,8 @@ class Curve:
         return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
-        """Fractions (s,) of a step at which the phases lie, if they are the same in every step, like the
-        stages of a method; None otherwise."""
+        """Fractions (s,) of a step at which the phases lie, if every step has the same ones, as for the
+        stages of a method; otherwise None."""
         m = len(h)
         if phase.ndim != 1 or not phase.size or phase.size % m:
             return None
@@ -212,8 +211,8 @@ class Curve:
         return with_drift(value / self.h[step] ** derivative, self.drift, derivative) if derivative else value
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
-        """Index of the step that contains each phase, and the fraction of the step at the phase. Phases may
-        lie in any period."""
+        """Index of the step that contains each phase, and fraction of the step at the phase. Phases may lie
+        in any period."""
         nodes, last = self.nodes, len(self.nodes) - 2
         wrapped = np.mod(phase, nodes[-1])
         if self._uniform:
@@ -230,8 +229,8 @@ class Curve:
 
 
 def with_drift(values: Array, drift: Array | None, derivative: int) -> Array:
-    """Derivatives (…, n, k) of q of a given order, with the contribution of a steady velocity (…, n), if
-    given."""
+    """Derivatives (…, n, k) of q of the given order, plus the contribution of a steady velocity `drift` (…,
+    n), if given."""
     return values if drift is None or derivative != 1 else values + drift[..., None]
 
 
@@ -306,7 +305,7 @@ class FourierCurve:
 
 
 _FEWEST = 256
-"""Smallest number of states per revolution through which curves are interpolated: a choice."""
+"""Smallest number of states per revolution for interpolation: a choice."""
 
 
 def curves_through(nodes: Array, motions: Array) -> Curve:
@@ -325,10 +324,11 @@ def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
     """Interpolation error (turns,) of the curves through motions (turns, 3, n, k), relative to the maximum of
     each coordinate and of its rates.
 
-    The error is extrapolated from the errors, at every other state, of curves through the remaining states.
-    The errors of q and its first and second derivatives are proportional to the sixth, fifth and fourth power
-    of the step length; a tenth of the error of the second derivative is used. Where the equations jump,
-    errors are proportional to the second power, and second derivatives are omitted.
+    Curves through every other state are compared with the states between, and the differences are
+    extrapolated to the full number of states. The errors of q and its first and second derivatives are
+    proportional to the sixth, fifth and fourth power of the step length; a tenth of the error of the second
+    derivative is used. If the equations jump, errors are proportional to the second power, and second
+    derivatives are omitted.
     """
     coarse, off = curves_through(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
     for order in range(2 if jumps else 3):

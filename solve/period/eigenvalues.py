@@ -15,7 +15,7 @@ from solve.kernel.multipliers import Conditioned
 EPS = float(np.finfo(float).eps)
 
 NEGLIGIBLE = 1e-100
-"""Modulus below which multipliers are unresolved: a choice, far above underflow even for squares."""
+"""Modulus below which multipliers are unresolved: a choice; its square is far above underflow."""
 
 LOST = 8 * EPS
 """Fraction of the norm below which a multiplier is not accurate to even one digit because of round-off: a
@@ -45,8 +45,9 @@ def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | N
 def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, Array]:
     """Eigenvalues (…, N) in order of decreasing modulus, + imaginary part first, and Frobenius norms (…).
 
-    Norms are those of the balanced matrices. For 2×2 matrices they are the smallest over all units; otherwise
-    they may be larger if the accuracy is the same. units (…, N): as in `balance_matrices`, if known."""
+    Norms are those of the balanced matrices. For 2×2 matrices they are the smallest over all units. For other
+    matrices they may be larger, without loss of accuracy. units (…, N): as in `balance_matrices`, if
+    known."""
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         norm = np.asarray(unit * _least_pair_norm(*scaled))
@@ -65,9 +66,9 @@ def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, A
 def multiplier_roundoff(
     Phi: Array, units: Array | None = None, steps: int = 1, known: Conditioned | None = None
 ) -> Array:
-    """Round-off errors of the multipliers (…) relative to the spectral radius, from the error of Φ.
+    """Round-off errors (…) of the multipliers relative to the spectral radius, due to the round-off of Φ.
 
-    The round-off of this number of steps is multiplied by the condition number of the eigenvalue; for a
+    The round-off accumulated in `steps` steps is multiplied by the condition number of the eigenvalue; for a
     defective block of k eigenvalues, the k-th root of the round-off is used. units (…, N): as in
     `balance_matrices`, if known. known: the eigenvalues, if already computed.
     """
@@ -84,8 +85,8 @@ def multiplier_roundoff(
 
 
 def roundoff_growth(steps: int) -> float:
-    """Round-off of the product of `steps` matrices, in units of round-off: a sixteenth per step (measured),
-    at least 8."""
+    """Round-off error of the product of `steps` matrices, as a multiple of the unit round-off: 1/16 per step
+    (measured), at least 8."""
     return max(8.0, steps / 16)
 
 
@@ -101,7 +102,7 @@ def balance_matrices(matrices: Array) -> tuple[Array, Array]:
     units (…, N).
 
     Scaled entries are A_ij unit_j / unit_i (E. E. Osborne, J. ACM 7 (1960) 338-345, all rows at once). Rows
-    and columns of zeros are unchanged. Sweeps end after 50, or when the squares of the norms of each row and
+    and columns of zeros are unchanged. At most 50 sweeps are made, until the squared norms of each row and
     its column differ by less than a factor of 4: choices."""
     scaled, powers = matrices, np.zeros(matrices.shape[:-1])
     with np.errstate(all="ignore"):
@@ -119,8 +120,8 @@ def balance_matrices(matrices: Array) -> tuple[Array, Array]:
 
 
 def pair_distance(some: Array, others: Array) -> Array:
-    """Larger of the two distances (…) between matched numbers of two pairs (…, 2). The matching is the one
-    for which it is smallest."""
+    """Larger of the two distances (…) between matched numbers of two pairs (…, 2), for the better of the two
+    matchings."""
     straight, crossed = (across(np.maximum, np.abs(some - pair)) for pair in (others, others[..., ::-1]))
     return np.minimum(straight, crossed)
 
@@ -138,7 +139,7 @@ def _by_modulus(values: Array) -> Array:
 
 
 def _put_positive_first(values: Array) -> None:
-    """Swap neighbours that are a conjugate pair with the negative imaginary part first, in place."""
+    """Swap in place the members of conjugate pairs that have the negative imaginary part first."""
     wrong = (values[..., 1:] == values[..., :-1].conj()) & (np.imag(values[..., :-1]) < 0)
     for k in range(values.shape[-1] - 1) if wrong.any() else ():
         swap = (values[..., k + 1] == values[..., k].conj()) & (np.imag(values[..., k]) < 0)
@@ -156,7 +157,7 @@ def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, 
         return values, unit, norm, np.stack((condition, condition), axis=-1)
     matrices = balanced(_matrices(scaled), units)
     values, right = np.linalg.eig(matrices)
-    # Complex for every point, so that the result does not depend on the other points.
+    # Complex for every point, so that the result of a point does not depend on the others.
     right = right.astype(complex)
     with np.errstate(over="ignore"):
         left = np.linalg.norm(solved(right, np.eye(Phi.shape[-1])), axis=-1)
@@ -166,8 +167,8 @@ def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, 
 
 
 def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
-    """Largest number (…), at least 2, of ill-conditioned eigenvalues (…, N) that a perturbation may have
-    split from a single multiple eigenvalue."""
+    """Largest number (…) of ill-conditioned eigenvalues (…, N) that may be a single multiple eigenvalue split
+    by a perturbation; at least 2."""
     size = np.full(perturbation.shape, 2)
     is_ill = conditions * np.sqrt(perturbation)[..., None] > _ILL_CONDITIONED
     if values.shape[-1] == 2 or not (is_ill.sum(axis=-1) > 2).any():
@@ -221,8 +222,8 @@ def _pair_eigenvalues(a: Array, b: Array, c: Array, d: Array) -> Array:
 def _balanced_pair(a: Array, b: Array, c: Array, d: Array) -> Array:
     """Entries (4, …) of 2×2 matrices in units of the state that balance rows and columns.
 
-    Sweeps end after 8, or when norms decrease by less than 5 %. Further scaling could lose a small entry that
-    alone separates a matrix from a defective one."""
+    At most 8 sweeps are made, and no further ones if norms decrease by less than 5 %. Further scaling could
+    round off a small entry without which the matrix would be defective."""
     for _ in range(8):
         column, row = np.sqrt(np.square(a) + np.square(c)), np.sqrt(np.square(a) + np.square(b))
         is_positive = (row > 0) & (column > 0)

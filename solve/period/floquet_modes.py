@@ -15,17 +15,17 @@ from solve.period.grid import Grid
 from solve.period.product_eigenvalues import ProductEigenvalues
 
 ALIASED = 0.1
-"""Limit of two measures below which the harmonics of a mode are resolved: the relative difference between the
-mean square of its rates and that of the resolved harmonics, and the fraction of the mode in the upper third
-of the harmonics. A choice."""
+"""Upper limit, for a mode with resolved harmonics, of two measures: the relative difference between the mean
+square of its rates and the value from its harmonics, and the fraction of the mode in the upper third of the
+harmonics. A choice."""
 
 _SAME = 1e-6
-"""Relative difference between the participations of two harmonics that counts as zero: a choice."""
+"""Relative difference below which the participations of two harmonics count as equal: a choice."""
 
 
 class FloquetMode(NamedTuple):
-    """Frequency and dominant harmonic of a Floquet mode; None if the method computes no step maps, or takes
-    too few steps.
+    """Frequency and dominant harmonic of a Floquet mode. Values are None if the method computes no step maps,
+    or too few steps.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class FloquetMode(NamedTuple):
     participation : float or None
         Fraction of the mode with this harmonic, in the norm of the mean mass matrix.
     mirror : int or None
-        Other harmonic of a real multiplier, with the same participation and frequency.
+        For a real multiplier, the other harmonic with the same participation and frequency.
     """
 
     folded: float
@@ -64,8 +64,8 @@ def floquet_modes(
         Maps of the state, which contains the coordinates first.
     grid : Grid
     mass : (n, n), optional
-        Mean of M in any unit. It is omitted for systems with first-order states, whose participations include
-        all states, in units that balance the maps.
+        Mean of M in any unit. Omitted for systems with first-order states: their participations include all
+        states, in units that balance the maps.
     blocks : Blocks
         Products of these maps.
     eigenvalues : ProductEigenvalues
@@ -88,7 +88,7 @@ def floquet_modes(
         sizes, of_rates = (
             (half.conj() * (mass @ half)).sum(axis=1).real for half in np.split(spectrum, 2, axis=1)
         )
-        # Rates that differ from those of the resolved harmonics indicate the same.
+        # A difference between the rates and those of the resolved harmonics indicates the same.
         rates = (np.abs(exponents) ** 2 * sizes).sum(axis=0)
         is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= ALIASED * of_rates.sum(axis=0)
     shares = sizes / sizes.sum(axis=0)
@@ -100,8 +100,8 @@ def floquet_modes(
 
 
 def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> FloquetMode:
-    """Mode from its folded frequency. Of harmonics with equal participation, the one with the highest
-    frequency is dominant."""
+    """Mode from its folded frequency and the participations `shares` of its harmonics. Among harmonics with
+    equal participation, the one with the highest frequency is dominant."""
     frequencies = folded + orders * rotation
     largest = np.flatnonzero(shares >= (1 - _SAME) * shares.max())
     at = largest[np.argmax(frequencies[largest])]
@@ -118,8 +118,8 @@ def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: Produc
     units, starts, logarithms = blocks.units[0][:, None], blocks.starts, eigenvalues.logarithms[0]
     lengths = np.diff(np.append(starts, len(steps)))
     vectors, reached = carried(steps, starts, units * eigenvalues.right[0])
-    # Each block starts with vectors of length 1, which equal those at the end of the previous block up to a
-    # factor.
+    # Each block starts with vectors of length 1, which are multiples of those at the end of the previous
+    # block.
     following = np.roll(eigenvalues.right[0], -1, axis=0)
     with np.errstate(divide="ignore"):
         gained = np.log((following.conj() * (reached / units)).sum(axis=1))
@@ -130,7 +130,8 @@ def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: Produc
 
 
 def _evenly(grid: Grid, p: Array) -> Array:
-    """Values (m, …) at the nodes of a nonuniform grid, interpolated to uniform phases, two per step."""
+    """Values at uniform phases, two per step on average, interpolated from values (m, …) at the nodes of a
+    nonuniform grid."""
     from scipy.interpolate import CubicSpline
 
     even = np.arange(2 * grid.steps) * (grid.period / (2 * grid.steps))

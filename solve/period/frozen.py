@@ -30,10 +30,10 @@ PHASES = 128
 """Number of phases at which coefficients are frozen by default: a choice."""
 
 _ENTRY_PHASES = 16
-"""Approximate number of phases from which the sizes of entries are taken: a choice."""
+"""Approximate number of phases at which the sizes of entries are determined: a choice."""
 
 _BALANCED = 64.0
-"""Largest ratio between rows, or between entries of a column, for which elimination loses few digits: a
+"""Largest ratio between rows, or between entries of a column, up to which elimination loses few digits: a
 choice."""
 
 _FEW = np.s_[::16]
@@ -118,7 +118,7 @@ class FrozenModes:
     def _matrices_at(self, phases: Array | slice) -> Array:
         """M, C and K (3, n, n, P, k') at a selection of the phases."""
         if self._parent is not None and "_fields" not in self.__dict__ and isinstance(phases, slice):
-            # The slice of phases is taken before the points, which copies less.
+            # Phases are selected before points, which copies less data.
             fields, positions = self._parent
             fields = fields[..., phases][:, positions]
         else:
@@ -148,7 +148,7 @@ class FrozenModes:
             middle = np.argsort(logarithm, axis=1)[:, [logarithm.shape[1] // 2]]
             median = np.take_along_axis(logarithm, middle, 1)
             same_sign = sign == np.take_along_axis(sign, middle, 1)
-            # Two singular matrices have the difference NaN, which does not count as steady inertia.
+            # If both are singular, their difference is NaN, which does not count as steady inertia.
             with np.errstate(invalid="ignore"):
                 return np.asarray((same_sign & (logarithm - median > np.log(fraction))).all(axis=1))
         M = M.copy()
@@ -191,12 +191,13 @@ class FrozenModes:
         return np.abs(self.eigenvalues()).max(axis=(1, 2)) * self.period
 
     def cancellation(self, rates: Array) -> Array:
-        """Factor (P,) by which the terms of A = λ²M + λC + K cancel at rates λ (P,): the maximum of Π
-        |A_ii|/|det A| over every 16th phase.
+        """Factor (P,) of cancellation between the terms of det A, with A = λ²M + λC + K at rates λ (P,): the
+        maximum of Π |A_ii|/|det A| over every 16th phase.
 
-        Relative changes of the entries of a positive definite A are amplified by the inverse of the least
-        eigenvalue of A with the diagonal 1 (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992)
-        1204), which is at most e times this factor: its other eigenvalues have a product below e."""
+        For a positive definite A scaled to the diagonal 1, relative changes of the entries are amplified by
+        the inverse of its smallest eigenvalue (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992)
+        1204). This inverse is at most e times the factor returned, because the product of the other
+        eigenvalues is below e."""
         M, C, K = self._matrices_at(_FEW).transpose(0, 3, 4, 1, 2)
         rate = rates[:, None, None, None]
         A = rate**2 * M + rate * C + K
@@ -206,8 +207,9 @@ class FrozenModes:
         return np.where(np.isfinite(factors), factors, np.inf).max(axis=1)
 
     def rates_and_decay(self, negligible: float) -> tuple[Array, Array]:
-        """Moduli (P, N) of the eigenvalues, maximal over the phases, in ascending order. Also the mean decay
-        factor (P, N) of these modes over a period, relative to the least damped mode or to `negligible`."""
+        """Moduli (P, N) of the eigenvalues in ascending order, each the maximum over the phases, and mean
+        decay factors (P, N) of these modes over a period. The decay factors are relative to the least damped
+        mode, or to `negligible` if it is larger."""
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -223,10 +225,10 @@ class FrozenModes:
         return moduli.max(axis=1), decay
 
     def equation_factors(self) -> Array | None:
-        """Powers of 2 (P, n) that balance the inertias of the equations, in balanced units of the
+        """Factors (P, n) of the equations, powers of 2, that balance their inertias in balanced units of the
         coordinates.
 
-        Factors are 1 for points whose rows differ little; None is returned if they are 1 for all points.
+        Factors are 1 for points with rows of similar size. None is returned if all factors are 1.
         """
         if self._n == 1:
             return None
@@ -252,8 +254,8 @@ class FrozenModes:
 
     @property
     def _coupling(self) -> tuple[Array, Array]:
-        """Mean accelerations of the coordinates due to other coordinates and their rates (P, n, n), and due
-        to loads (P, n)."""
+        """Mean accelerations of the coordinates due to other coordinates and their rates (P, n, n), and those
+        due to loads (P, n)."""
         n = self._n
         M, C, K, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
         M, C, K = by_rates(M, C, K, self._first_order)
@@ -263,7 +265,7 @@ class FrozenModes:
     def load_scale(self, sizes: Array) -> Array:
         """Displacements (P, n) that all forces on a coordinate cause against its own stiffness.
 
-        The forces are those of the other coordinates with amplitudes `sizes` (P, n), and the largest load, in
+        The forces are the largest load and those of the other coordinates with amplitudes `sizes` (P, n), in
         units in which the equations are balanced."""
         coupling, load = self._coupling
         units = balance_matrices(coupling)[1]
@@ -272,11 +274,11 @@ class FrozenModes:
         return (np.einsum("pij,pj->pi", coupling, sizes) + largest) / stiffness
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array:
-        """Whether points at positions (k,) have a direction v in which they drift freely.
+        """Whether (k,) points at positions (k,) can drift freely in some direction v.
 
         C v = K v = 0 at every phase within round-off, and the monodromy matrix Φ (k, 2n, 2n), which depends
         on all phases, maps the state (v, 0) onto itself. Then q = v t is a solution, and the multiplier +1 is
-        defective. errors (k,): of the multipliers."""
+        defective. errors (k,): errors of the multipliers."""
         drifts = zip(self._damping_and_stiffness(points), Phi, self.units(points), errors, strict=True)
         return np.array([is_periodic_drift(*arguments) for arguments in drifts], dtype=bool)
 
@@ -290,7 +292,7 @@ class FrozenModes:
             mask = mask[:, None, None]
             M = leading(M, C, self._first_order)
             C, K = (relative[:, None] @ solved(M, matrix) * mask for matrix in (C, K))
-            # Reference coordinates are excluded.
+            # Reference coordinates of the modes are excluded.
             K = K + (1 - mask) * np.eye(self._n)
         return np.concatenate((C, K), axis=2).reshape(len(points), -1, self._n)
 
@@ -308,7 +310,8 @@ class FrozenModes:
         return units
 
     def exceeds_rate(self, rate: float) -> Array:
-        """Whether (P,) sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any phase."""
+        """Whether (P,) sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any phase, where ρ is the spectral
+        radius."""
         if self._is_oscillator:
             exceeds = ~self._bounded_by_ranges(rate)
             rows = exceeds.nonzero()[0]
@@ -316,7 +319,7 @@ class FrozenModes:
                 exceeds[rows] = (self[rows]._largest_rates() > rate).any(axis=1)
             return exceeds
         limits, ratios = (rate, rate**2), self._ratios()
-        # The largest eigenvalue is at least the mean of all, which is the trace divided by n.
+        # The largest eigenvalue is at least the mean of all eigenvalues, the trace divided by n.
         traces = [np.abs(ratio.trace()).max(axis=1) for ratio in ratios]
         exceeds = (traces[0] > self._n * limits[0]) | (traces[1] > self._n * limits[1])
         rows = (~exceeds).nonzero()[0]
@@ -324,7 +327,7 @@ class FrozenModes:
             scaled = (np.abs(ratio[:, :, rows]) / limit for ratio, limit in zip(ratios, limits, strict=True))
             rows = rows[~np.logical_and(*map(spectral_radius_within_one, scaled))]
         if len(rows) > 1:
-            # The stiffest phase of the middle point estimates the stiffest phase of the others.
+            # The stiffest phase of the middle point is an estimate for all points.
             middle = self[rows][np.array([len(rows) // 2])]
             stiffest = int(middle._largest_rates()[0].argmax())
             exceeds[rows] = self[rows]._at_phase(stiffest)._largest_rates()[:, 0] > rate
@@ -352,7 +355,7 @@ class FrozenModes:
         rows = (~is_within).nonzero()[0]
         if len(rows):
             (C, K), rate = self[rows]._ratios(), rate[rows, None]
-            # The criterion of Schur and Cohn, which is sharp for a single mode.
+            # The criterion of Schur and Cohn is exact for a single mode.
             bounded = (np.abs(K) <= rate**2) & (np.abs(C) <= rate + K / rate)
             is_within[rows] = np.all(bounded, axis=(0, 1, 3))
         return is_within
@@ -370,7 +373,7 @@ class FrozenModes:
         return is_within
 
     def _bounded_by_ranges(self, rate: Array | float) -> Array:
-        """Whether (P,) the ranges of the shared terms imply |C/M| + |K/M|/rate ≤ rate for a system with one
+        """Whether (P,) the ranges of the shared terms imply |C/M| + |K/M|/rate ≤ rate, for a single
         coordinate."""
         if not self._is_oscillator or self._tables.per_point:
             return np.zeros(len(self), dtype=bool)

@@ -8,10 +8,10 @@ import numpy as np
 from solve.arrays import Array
 
 _MAX_CACHED = 4096
-"""Number of steps up to which grids and their phases are cached. A choice."""
+"""Number of steps up to which a grid and its phases are cached. A choice."""
 
 _INSIDE = 1e-13
-"""Distance from a jump, relative to the period, at which a stage at the jump is sampled inside its step."""
+"""Distance from a jump, as a fraction of the period, by which a stage at the jump is moved into its step."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,11 @@ class Grid:
 
     @classmethod
     def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
-        """Grid of about `steps` steps of equal length; with breaks, of equal length between neighbouring
-        breaks.
+        """Grid of about `steps` steps; between neighbouring breaks they have equal length.
 
-        With twice the steps, or with a third more from 6 steps per piece on, every piece has more steps,
-        however short it is. Two grids with equal steps in a piece would agree on features that neither
-        resolves."""
+        If `steps` is doubled, or increased by a third from at least 6 steps per piece, even the shortest
+        piece between breaks has more steps. Two grids with equal steps in a piece would agree on features
+        that neither resolves."""
         return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
 
     @classmethod
@@ -78,7 +77,7 @@ class Grid:
 
     @property
     def halved(self) -> "Grid":
-        """Grid with two steps in the place of each."""
+        """Grid with every step divided into two."""
         nodes = np.insert(self.nodes, np.arange(1, self.steps + 1), self.nodes[:-1] + self.h / 2)
         at_break = np.zeros(2 * self.steps, dtype=bool)
         at_break[::2] = self.at_break
@@ -97,7 +96,7 @@ class Grid:
     def stages(self, c: Array) -> Array:
         """Phases (m, s) of the stages at the fractions c (s,) of each step.
 
-        If a step ends at a jump, its end stages lie just inside the step, on the side of its own matrices.
+        If a step ends at a jump, its end stages are moved just inside the step, where its own matrices apply.
         """
         if self.steps > _MAX_CACHED:
             return self._stages(c)
@@ -145,7 +144,7 @@ def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
 def steps_of(steps: int, lengths: Array) -> Array:
     """Numbers of steps of the pieces in proportion to their lengths (k,), which are fractions of the period.
 
-    Short pieces have half of the steps that pieces of equal length would have."""
+    No piece has fewer than half of the steps that pieces of equal length would have."""
     k = len(lengths)
     least = steps // (2 * k) + 1
     short = steps * lengths < least

@@ -12,12 +12,12 @@ UNKNOWN = complex(math.nan, math.nan)
 """Logarithm of a multiplier that is not accurate to even one digit: both parts are unknown."""
 
 _EXACT_ZERO = -1e6
-"""Substitute for the logarithm of an exact zero, below that of every other multiplier: a choice."""
+"""Substitute for the logarithm of an exact zero, below the logarithm of any other multiplier: a choice."""
 
 
 def exponential(logarithms: Array) -> Array:
-    """Multipliers ρ (N,) from their logarithms. The result is real for the logarithm of a real number; NaN
-    remains NaN."""
+    """Multipliers ρ (N,) from their logarithms; exactly real if the imaginary part is 0 or π. NaN remains
+    NaN."""
     angle = np.imag(logarithms)
     return np.exp(np.real(logarithms)) * np.where(angle == math.pi, -1.0, np.exp(1j * angle))
 

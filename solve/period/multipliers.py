@@ -20,18 +20,18 @@ KNOWN_ON_CIRCLE = 1e-6
 choice."""
 
 SURE = 2.0
-"""Factor by which the error estimate is multiplied to decide that a modulus is larger than 1. A choice."""
+"""Factor on the error estimate for the decision that a modulus is larger than 1. A choice."""
 
 _TIMES_ESTIMATE = 10.0
-"""Factor by which the error estimate is multiplied for multipliers that may coincide: the error that splits a
-double multiplier moves it off the unit circle. A choice."""
+"""Factor on the error estimate of multipliers that may coincide, because the error that splits a double
+multiplier moves it off the unit circle. A choice."""
 
 VERDICTS: tuple[str, ...] = ("asymptotically stable", "stable", "unstable", "undetermined")
 ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 
 class StateScales(Protocol):
-    """Functions of points at positions (k,) that the verdict requires (protocol); see `FrozenModes`."""
+    """Protocol of the functions of points at positions (k,) that the verdict requires; see `FrozenModes`."""
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array: ...
 
@@ -45,7 +45,7 @@ class Multipliers:
     Attributes
     ----------
     values : (…, N)
-        Complex; zero if unresolved, that is below `bound`.
+        Complex; zero if unresolved, that is, below `bound`.
     resolved : (…)
         Number of resolved multipliers.
     bound : (…)
@@ -62,8 +62,8 @@ class Multipliers:
     ) -> "Multipliers":
         """Eigenvalues of finite monodromy matrices (…, N, N).
 
-        The bound is 8 eps‖Φ‖ of the balanced matrix, so that it does not depend on the units of Φ, or 1e-100.
-        units: as in `balance_matrices`, if known. known: the eigenvalues, if these are known."""
+        The bound is 8 eps‖Φ‖ of the balanced matrix, which does not depend on the units of Φ, but at least
+        1e-100. units: as in `balance_matrices`, if known. known: the eigenvalues, if these are known."""
         values, norm = sorted_eigenvalues(Phi, units) if known is None else (known.values, known.sizes)
         bound = np.maximum(LOST * norm, NEGLIGIBLE)
         is_resolved = np.abs(values) > bound[..., None]
@@ -93,8 +93,8 @@ class Multipliers:
 
     @property
     def distance_from_one(self) -> Array:
-        """Smallest |ρ - 1| of the resolved multipliers (…); 0 at resonance and on a stability boundary of
-        type +1."""
+        """Smallest |ρ - 1| of the resolved multipliers (…); 0 at resonance and on a stability boundary with a
+        multiplier +1."""
         is_resolved = np.arange(self.values.shape[-1]) < self.resolved[..., None]
         return np.where(is_resolved, np.abs(self.values - 1.0), np.inf).min(axis=-1)
 
@@ -107,8 +107,8 @@ class Multipliers:
         largest, indices = np.asarray(smallest.max(axis=-1)), np.arange(nearest.shape[-1])
         if (nearest == indices).all():
             return largest
-        # No matching has a smaller largest distance. If two multipliers have the same nearest neighbour,
-        # matching by index may still attain this distance.
+        # The largest distance to a nearest neighbour is a lower bound for every matching. If two multipliers
+        # share their nearest neighbour, matching by index may still attain it.
         is_shared = (np.sort(nearest, axis=-1) != indices).any(axis=-1)
         is_shared &= np.abs(self.values - other.values).max(axis=-1) > largest
         for index in zip(*np.nonzero(np.atleast_1d(is_shared)), strict=True) if is_shared.any() else ():
@@ -124,10 +124,10 @@ class Multipliers:
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), without_scale)
 
     def with_digits(self, error: Array, bound: float) -> "Multipliers":
-        """Multipliers with zero in place of those that are not accurate to one digit.
+        """Multipliers, with zero for those that are not accurate to one digit.
 
-        error (…): error of the multipliers relative to the spectral radius. bound (…): modulus below which
-        all multipliers lie, used where the error is infinite.
+        error (…): error of the multipliers relative to the spectral radius. bound (…): upper bound on all
+        moduli, used where the error is infinite.
         """
         has_no_digit = np.isinf(error)
         absolute = np.where(has_no_digit, 0.0, error) * self.spectral_radius
@@ -165,7 +165,8 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
     Let e be the absolute error (P,) of the multipliers, or the bound of unresolved ones if that is larger.
 
     - Asymptotically stable: all |ρ| + e < 1 - 1e-9.
-    - Unstable: some |ρ| - 2 e > 1 + 1e-9, since an estimate is not a bound, or a coordinate drifts freely.
+    - Unstable: some |ρ| - 2 e > 1 + 1e-9, or a coordinate drifts freely. The factor 2 accounts for e being an
+      estimate.
     - Stable: all multipliers not inside the circle have |ρ| - e ≤ 1 + 1e-9 and ||ρ| - 1| + e ≤ 1e-6, and none
       can be defective (chapter Section 2).
     - Undetermined otherwise.
@@ -226,8 +227,8 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
     these pairs.
 
     A perturbation splits the double multiplier of a defective block by its square root, which the errors (P,)
-    may not include. Multipliers that are a thousand errors apart are distinct: a choice. e (P, N): error of
-    each multiplier."""
+    may not include. Multipliers at a distance above a thousand times the error are distinct: a choice. e (P,
+    N): error of each multiplier."""
     is_near = np.abs(multipliers.moduli - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     rows, N = np.flatnonzero(across(np.add, is_near.astype(int)) > 1), is_near.shape[1]
     if not len(rows):
@@ -244,11 +245,10 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
 
 
 def _may_be_defective(Phi: Array, values: Array, pairs: Array, error: float) -> bool:
-    """Whether multipliers (N,) that coincide according to `pairs` (N, N) may have fewer eigenvectors than
-    their number.
+    """Whether multipliers (N,) that may coincide (`pairs` (N, N)) may be defective.
 
-    With distinct eigenvectors, as many singular values of Φ - ρ are zero within the errors and the distances
-    between multipliers."""
+    They are not defective if Φ - ρ has one zero singular value per coinciding multiplier, within the errors
+    and the distances between multipliers."""
     for row in np.flatnonzero(pairs.any(axis=-1)):
         singular = np.linalg.svd(Phi - values[row] * np.eye(len(Phi)), compute_uv=False)
         distance = float(np.abs(values[pairs[row]] - values[row]).max())

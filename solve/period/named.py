@@ -16,8 +16,8 @@ from solve.period.quantities import FIGURES
 from solve.system import PeriodicSystem, multiplier_count
 
 HARMONIC, PHASE = "harmonic", "phase"
-"""Figures of a harmonic, its amplitude and its phase angle. The number of the harmonic follows the word, as
-in harmonic3."""
+"""Names for the amplitude and the phase angle of a harmonic. The number of the harmonic follows, as in
+harmonic3."""
 
 RHO, EXPONENT, RADIUS = "rho", "exponent", "spectral_radius"
 _PARTS = {RHO: ("re", "im", "abs"), EXPONENT: ("re", "im")}
@@ -26,7 +26,7 @@ _NUMBERED = re.compile(r"([a-z_]+?)([0-9]+)")
 
 
 class OneByOne(Protocol):
-    """Floquet multipliers that are computed one at a time (protocol)."""
+    """Protocol of Floquet multipliers that are computed one at a time."""
 
     def multiplier(self, at: int) -> complex: ...
 
@@ -56,8 +56,8 @@ class Named:
     """Quantity selected by its name.
 
     subject: a coordinate or output, RHO, EXPONENT or RADIUS. figure: a field of `Statistics`, HARMONIC or
-    PHASE; "re", "im", "abs", or "" for the complex number of multipliers and exponents. number: harmonic, or
-    position of the multiplier, from 1."""
+    PHASE; for multipliers and exponents "re", "im" or "abs", or "" for the complex number. number: number of
+    the harmonic, or position of the multiplier, counted from 1."""
 
     text: str
     unit: str

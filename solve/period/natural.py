@@ -1,5 +1,5 @@
-"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes are exactly 0; a stiffness matrix
-that is not positive semidefinite gives growth rates."""
+"""Natural frequencies of M q̈ + K q = 0 at many positions. Frequencies of rigid-body modes are exactly 0; a
+stiffness matrix that is not positive semidefinite results in growth rates."""
 
 from typing import NamedTuple
 
@@ -11,12 +11,12 @@ from solve.period.eigenvalues import EPS
 from solve.period.rigid_body import rigid_body_modes
 
 _SYMMETRIC = 64 * EPS
-"""Asymmetry of a matrix, relative to its largest entry in coordinates of unit inertia, that is round-off of
-the products from which it was assembled."""
+"""Asymmetry of a matrix that counts as round-off of its assembly, relative to its largest entry in
+coordinates of unit inertia."""
 
 PERTURBATION = 16.0
-"""Error of an eigenvalue by the QR algorithm, divided by n eps and its condition number: an upper estimate
-(measured: below 2 for random matrices of 2 to 20 coordinates)."""
+"""Upper estimate of the error of an eigenvalue by the QR algorithm, divided by n eps and its condition
+number. Measured: below 2 for random matrices of 2 to 20 coordinates."""
 
 _EQUAL = 1e-7
 """Difference of two λ, relative to the largest λ, below which they count as equal: round-off splits a
@@ -36,7 +36,7 @@ class NaturalFrequencies(NamedTuple):
 
     @property
     def signed(self) -> Array:
-        """Frequencies in ascending order of λ, with the negative growth rate for λ < 0."""
+        """Frequencies in ascending order of λ; for λ < 0, growth rates with negative sign."""
         return np.where(np.isnan(self.frequencies), -self.growth_rates, self.frequencies)
 
     @classmethod
@@ -57,8 +57,7 @@ def natural_frequencies(M: Array, K: Array, count: int) -> NaturalFrequencies:
 
 
 def eigenvalues(M: Array, K: Array) -> Array:
-    """Complex λ (m, n) of K v = λ M v in ascending order of the real part. They are exactly 0 for the
-    rigid-body modes of each position.
+    """Complex λ (m, n) of K v = λ M v in ascending order of the real part; exactly 0 for rigid-body modes.
 
     >>> chain = np.array([[[2.0, -2.0], [-2.0, 2.0]]])
     >>> eigenvalues(np.eye(2)[None], chain).real.round(12).tolist()
@@ -142,8 +141,8 @@ def _is_positive(A: Array) -> bool:
 def _of_symmetric(M: Array, K: Array) -> Array:
     """Eigenvalues λ (m, n) in ascending order, for positive definite M.
 
-    Small λ are inaccurate if large ones exist, and large λ are inaccurate if 1/λ are computed. If K is
-    positive definite, each λ is taken from the pencil with the smaller relative error, eps λmax/λ or eps
+    Small λ are inaccurate beside large ones; if 1/λ are computed instead, large λ are inaccurate. If K is
+    positive definite, each λ is taken from the computation with the smaller relative error, eps λmax/λ or eps
     λ/λmin.
     """
     found = _reduced(M, K)

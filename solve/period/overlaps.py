@@ -17,7 +17,7 @@ for frequencies up to the 6400th harmonic."""
 
 
 class Modes(Protocol):
-    """Modes of a point (protocol); see `solve.studies.mode_vectors.ModeVectors`."""
+    """Protocol of the modes of a point; see `solve.studies.mode_vectors.ModeVectors`."""
 
     @property
     def rotation(self) -> float: ...
@@ -70,9 +70,9 @@ class Overlaps:
     def products(self) -> Array:
         """Moduli (j, k, S) of forward[a, b, s] backward[b, a, -s].
 
-        These do not depend on the lengths of the vectors and add up to 1 over b and s, before the modulus is
-        taken. As the points approach each other, the products tend to 1 for the same mode and to 0 for
-        different modes, also if the modes are not orthogonal."""
+        The products do not depend on the lengths of the vectors; before the modulus is taken, their sum over
+        b and s is 1. As the points approach each other, the products tend to 1 for the same mode and to 0 for
+        different modes, even if the modes are not orthogonal."""
         return np.abs(self.forward * np.swapaxes(self.backward, 0, 1)[..., ::-1])
 
     def coefficient(self, row: Array, column: Array, shift: Array) -> Array:
@@ -96,7 +96,7 @@ class CoupledPairs:
     coupling : (r, S)
         2√|C|, the smallest distance in rad/s between the exponents of two modes with this coupling.
     noise : (r,)
-        Coupling below which the coupling may be a numerical error.
+        Size below which the coupling may be a numerical error.
     gap : (r, S)
         Distance between the exponents halfway between the exceptional points, or at the nearer end of the
         segment.
@@ -134,8 +134,8 @@ def exceptional_points(
     the modes of the second point; noise (T,): bound on the errors of the exponents. In the basis of the first
     point, the equations of two modes are a matrix H(t) of order 2 with H(0) = diag(α, β) and H(1) = W
     diag(α', β') W⁻¹; H is assumed to be linear in t. Its eigenvalues coincide where (h₁₁ - h₂₂)² + 4 h₁₂ h₂₁
-    = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear Operators, II.1.1). A narrow pair
-    of conjugate exceptional points is a veering, a double one a crossing.
+    = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear Operators, II.1.1). If the two
+    points are conjugate and close, the modes veer; if they coincide, the modes cross.
     """
     (now, then), (a, b) = points, pairs
     first, second = np.triu_indices(len(a), 1)

@@ -8,9 +8,9 @@ from solve.period.eigenvalues import EPS
 from solve.period.points import rate_of
 
 LOOPED = 9
-"""Number of coordinates up to which elimination by loops over rows, for all points and phases at once, takes
-at most as long as LAPACK. Measured for one point: 1.6 times as long with 27 coordinates, 3.4 times with 72.
-With a hundred coordinates, determinants also underflow."""
+"""Number of coordinates up to which elimination by loops over rows, for all points and phases at once, is as
+fast as LAPACK. Measured for one point, elimination takes 1.6 times as long with 27 coordinates and 3.4 times
+with 72. With a hundred coordinates, determinants also underflow."""
 
 _ITERATIONS = 6
 """Number of power iterations for the vector of a bound. A choice: the bound is valid for any positive
@@ -37,7 +37,7 @@ def quadratic_roots(M: Array, C: Array, K: Array) -> Array:
     half, product = C / (2 * M), K / M
     root = np.sqrt((half**2 - product).astype(complex))
     larger = -half - np.where(half < 0, -1.0, 1.0) * root
-    with np.errstate(invalid="ignore"):  # Entries that are not finite have roots that are not numbers.
+    with np.errstate(invalid="ignore"):  # Entries that are not finite result in NaN.
         smaller = np.where(larger != 0, product / np.where(larger != 0, larger, 1.0), 0.0)
     return np.stack((larger, smaller), axis=-1)
 
@@ -57,7 +57,7 @@ def quadratic_moduli(M: Array, C: Array, K: Array) -> tuple[Array, Array]:
 
 
 def spectral_radius_within_one(B: Array) -> Array:
-    """Whether (P,) bounds prove that nonnegative fields B (n, n, P, k) have spectral radii of at most 1.
+    """Whether (P,) bounds prove that nonnegative matrices B (n, n, P, k) have spectral radii of at most 1.
 
     The spectral radius is at most 1 if B v ≤ v for some positive v (Perron, Collatz).
     """
@@ -101,8 +101,8 @@ def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple
 
 
 def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bool:
-    """Whether the equations `rows` (k, n) have a nonzero solution that the monodromy matrix (2n, 2n) maps to
-    itself.
+    """Whether the equations `rows` (k, n) have a nonzero solution v such that the monodromy matrix (2n, 2n)
+    maps (v, 0) to itself.
 
     Equations and unknowns are scaled by their largest coefficients. error: error of the states, relative to
     `units` (2n,). Residuals of 12 eps, and relative differences of 1e-6 after a period, count as zero:
@@ -122,7 +122,7 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
 
 
 def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) -> Array:
-    """Amplitude (…), at most 1, after one period of the least damped mode among those with a phase advance
+    """Amplitude (…) after one period, at most 1, of the least damped mode among those with a phase advance
     above the limit (…).
 
     eigenvalues (…, k, 2n): frozen at k phases.

@@ -1,9 +1,9 @@
 """Map of one period as a chain of affine maps, x_{k+1} = A_k x_k + b_k (chapter Eqs. (17), (38)).
 
-The maps of neighbouring steps are multiplied pairwise, with one array operation per level of a tree of about
-2m products. The products stop at `BLOCKS` blocks. Their cyclic system is solved by structured orthogonal
-factorisation (S. J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742-764). Single shooting, chapter Eqs.
-(21), (40), would lose accuracy if a solution of the homogeneous system grows over the period."""
+The maps of neighbouring steps are multiplied pairwise in a tree, with one array operation per level, until
+`BLOCKS` blocks remain. The cyclic system of the blocks is solved by structured orthogonal factorisation (S.
+J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742-764). Single shooting, chapter Eqs. (21), (40), would lose
+accuracy if a solution of the homogeneous system grows over the period."""
 
 from dataclasses import dataclass
 
@@ -14,40 +14,41 @@ from solve.arrays import Array, solved
 from solve.period.eigenvalues import EPS, balance_matrices, roundoff_growth
 
 BLOCKS = 32
-"""Number of blocks at which products stop and the orthogonal factorisation begins: a choice."""
+"""Number of blocks at which multiplication stops and the orthogonal factorisation begins: a choice."""
 
 _LARGE, _BLOCKS_OF_LARGE = 2 * SMALL, 8
-"""Number of states above which fewer blocks are used, and their number: with 216 states an elimination takes
-15 times as long as a product. If a solution grows by |ρ| over the period, 8 blocks lose log10|ρ|/8 digits.
-Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with 8 blocks, 1.1e-13 with 32, 3e-4 with one."""
+"""Number of states above which fewer blocks are used, and number of blocks in this case: with 216 states an
+elimination takes 15 times as long as a product. If a solution grows by |ρ| over the period, 8 blocks lose
+log10|ρ|/8 digits. Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with 8 blocks, 1.1e-13 with 32, 3e-4
+with one."""
 
 SINGULAR = 1e-14
 """Reciprocal condition number of the cyclic system below which it counts as singular: a choice, 45 times the
 unit round-off."""
 
 APART = 1e-3
-"""Ratio of the largest terms of two states below which the smaller state loses digits in elimination unless
-it has its own unit: a choice."""
+"""Ratio of the largest terms of two states below which the smaller state requires its own unit, so that
+elimination does not lose its digits: a choice."""
 
 _ROUNDING = 8.0
 """Multiple of the round-off up to which a state counts as zero: a choice."""
 
 _RESTS = 1e-11
-"""Largest ratio between a state that counts as zero and its terms, independent of the round-off: a choice."""
+"""Largest ratio, for any round-off, between a state that counts as zero and its terms: a choice."""
 
 REGULAR = 1e13
 """Upper limit of the condition number of systems that are regular in some units: a choice."""
 
 _LEFT = 1e-12
-"""Residual of the cyclic system, relative to its terms, above which it is solved again in other units.
-Elimination uses the same units at all nodes; a solution that grows by many powers of ten loses digits where
-it is small. A choice."""
+"""Residual of the cyclic system, relative to its terms, above which the system is solved again in other
+units. Elimination first uses the same units at all nodes, so that a solution that grows by many powers of ten
+loses digits where it is small. A choice."""
 
 _AGAIN = 3
-"""Largest number of repeated solutions in units that make the states at all nodes comparable: a choice."""
+"""Largest number of repeated solutions, in units that make the states at all nodes comparable: a choice."""
 
 _SMALLEST = 2.0**-100
-"""Smallest ratio between the units of two nodes, per solution. A choice."""
+"""Smallest ratio between the units of two nodes that a repeated solution may introduce. A choice."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Steps:
     b: Array
 
     def where(self, points: Array) -> "Steps":
-        """Steps of the selected points (P,); zero for all other points."""
+        """Steps with A and b set to zero except for the selected points (P,)."""
         if points.all():
             return self
         A, b = (np.where(points.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (self.A, self.b))
@@ -113,13 +114,12 @@ def period(steps: Steps) -> tuple[Array, Array, Array]:
 
 
 def _most_blocks(steps: Steps) -> int:
-    """Number of blocks at which the multiplication of steps stops."""
+    """Number of blocks at which the multiplication stops, for this number of states."""
     return BLOCKS if steps.A.shape[-1] <= _LARGE else _BLOCKS_OF_LARGE
 
 
 def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
-    """States and condition number as from `periodic_states`, from the steps and the levels of their
-    products."""
+    """States and condition number as in `periodic_states`, from the levels of products of the steps."""
     steps, A, b = levels[0], levels[-1].A, levels[-1].b
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)
@@ -155,8 +155,8 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
     """States at the starts of the blocks, the condition number of the cyclic system, and its relative
     residual.
 
-    The system is solved in units (..., N) of the states and, if this loses digits, again in units that differ
-    between the nodes. It is singular if it is singular in both."""
+    The system is solved in units (..., N) of the states and, if digits are lost, again in units that differ
+    between the nodes. It counts as singular if it is singular in both."""
     unit = np.broadcast_to(unit[..., None, :], A.shape[:-1])
     x, condition, left = _in_units(A, b, unit, level=False)
     regular = condition < 1 / SINGULAR
@@ -181,7 +181,7 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
 
 
 def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Array, Array]:
-    """Compute `_at_nodes` in units (..., B, N), without a test for singularity. level: see `_cyclic`."""
+    """Results of `_at_nodes` in units (..., B, N), without a test for singularity. level: see `_cyclic`."""
     ahead = np.roll(unit, -1, axis=-2)
     scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
     x, condition = _cyclic(scaled, level)
@@ -205,21 +205,21 @@ def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
 
 
 def rest_threshold(rounding: Array) -> Array:
-    """Threshold (...): terms whose relative sum is below it count as round-off. rounding: relative round-off
-    (...)."""
+    """Threshold (...) of the sum of terms, relative to the terms, below which the sum counts as round-off.
+    rounding: relative round-off (...)."""
     return np.minimum(_ROUNDING * rounding, _RESTS)
 
 
 def _cancellation(acting: Array, size: Array, rounding: Array) -> Array:
-    """Largest ratio (...) of the sum of a state's terms `acting` to its value `size`, both (..., N) in the
-    units of the chain. States within round-off (...) of their terms are excluded."""
+    """Largest ratio (...) of the sum of the terms of a state, `acting`, to its value, `size`; both are (...,
+    N) in the units of the chain. States that are round-off of their terms are excluded."""
     moving = size > rest_threshold(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
     return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
 
 
 def _levels(steps: Steps, most: int) -> list[Steps]:
-    """Products of steps by halves, with b as columns: the steps, products of pairs, products of pairs of
-    these, and so on until at most `most` remain."""
+    """Levels of products, with b as columns: the steps, the products of pairs of steps, the products of pairs
+    of these products, and so on until at most `most` factors remain."""
     levels = [steps]
     while levels[-1].b.shape[-3] > most:
         levels.append(_halved(levels[-1]))
@@ -233,7 +233,7 @@ def _halved_products(A: Array) -> Array:
 
 
 def _halved(steps: Steps) -> Steps:
-    """Products of pairs of steps; the last step of an odd number remains."""
+    """Products of pairs of steps; the last of an odd number of steps is kept."""
     A, b = steps.A, steps.b
     pairs = b.shape[-3] // 2 * 2
     joined = A[..., 1:pairs:2, :, :] @ b[..., 0:pairs:2, :, :] + b[..., 1:pairs:2, :, :]
@@ -241,7 +241,7 @@ def _halved(steps: Steps) -> Steps:
 
 
 def _refined(level: Steps, starts: Array) -> Array:
-    """States at the start of every step of a level, from the states at the start of every pair."""
+    """States at the starts of all steps of a level, from the states at the starts of pairs."""
     x = np.empty_like(level.b)
     x[..., 0::2, :, :] = starts
     inner = level.b.shape[-3] // 2

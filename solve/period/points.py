@@ -23,7 +23,7 @@ class Tables:
     Attributes
     ----------
     table : (k, R) or (P, k, R)
-        Terms, shared by all points or per point.
+        Values of the terms at the phases, shared by all points or per point.
     coefficients : (P, R)
         Coefficients of the terms at each point.
     entry : (R,)
@@ -89,7 +89,7 @@ class Tables:
         return fields
 
     def ranges(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (3n² + n, P) on the entries over the phases, from the ranges of the shared
+        """Lower and upper bounds (3n² + n, P) of the entries over the phases, from the ranges of the shared
         terms."""
         low, high = self.table.min(axis=0), self.table.max(axis=0)
         bounds = np.zeros((2, 3 * self.n**2 + self.n, len(self.coefficients)))
@@ -124,9 +124,8 @@ class Points(Protocol):
     the matrices).
 
     first_order: number of coordinates without second derivatives, which are the last ones. The state x = (q,
-    q′) contains the n coordinates and the rates of the second-order coordinates. bytes_a_phase: memory per
-    point and phase of tables that are not shared. alone: whether this is a single point that is not part of a
-    batch.
+    q′) contains the n coordinates and the rates of the second-order coordinates. bytes_a_phase: memory, per
+    point and phase, of unshared tables. alone: whether this is a single point that is not part of a batch.
     """
 
     @property
@@ -201,7 +200,8 @@ class SinglePoint(_OfSystem):
 
 @dataclass(frozen=True)
 class SpeedPoints(_OfSystem):
-    """One system at speeds (P,) in rad/s; its entries must be sums of terms."""
+    """One system at speeds (P,) in rad/s; its entries must be sums of speed-independent terms with
+    coefficients."""
 
     speeds: Array
     alone: bool = field(default=False, init=False)
@@ -220,7 +220,7 @@ class SpeedPoints(_OfSystem):
 
 
 class DerivedPoints:
-    """Base class of points whose tables follow from those of other points."""
+    """Base class of points with tables computed from the tables of other points."""
 
     def __init__(self, points: Points):
         self.points, self.n, self.first_order = points, points.n, points.first_order
@@ -275,7 +275,8 @@ def state_rate(points: Points, phase: Array) -> Array:
 
 
 def rate_of(M: Array, C: Array, K: Array, d: Array, first_order: int = 0) -> Array:
-    """As `state_rate` (…, N, N+1), from matrices (…, n, n) and loads (…, n), with N = 2n - first_order."""
+    """Matrix (A | f) (…, N, N+1) as in `state_rate`, from matrices (…, n, n) and loads (…, n), with N = 2n -
+    first_order."""
     n = d.shape[-1]
     p = n - first_order
     rate = np.zeros((*d.shape[:-1], n + p, n + p + 1))

@@ -3,8 +3,9 @@ product.
 
 SLICOT's periodic QZ algorithm (A. Bojanczyk, G. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31-42; D.
 Kressner, BIT 46 (2006) 421-440) finds unitary matrices Q_k for which every Q_{k+1}ᴴ A_k Q_k is upper
-triangular; an eigenvalue is a product of diagonal entries. The backward error of each factor is a few units
-of round-off of its own norm. An eigenvalue of 1e-400 is therefore as accurate as the factors determine it."""
+triangular; an eigenvalue is a product of diagonal entries. The backward error of a factor is a few units of
+round-off, relative to its norm. Even an eigenvalue of 1e-400 is therefore as accurate as the factors
+permit."""
 
 import math
 from dataclasses import dataclass
@@ -17,8 +18,8 @@ from solve.kernel.slicot import periodic_schur, product_logarithms
 from solve.period.eigenvalues import EPS
 
 ROUNDING = 4.0
-"""Backward error of the periodic Schur form, in units of round-off of a factor's Frobenius norm: the largest
-value measured for random factors of order 2 to 54, in products of 1 to 768."""
+"""Backward error of the periodic Schur form, relative to the Frobenius norm of a factor, in units of
+round-off. The largest value measured for random factors of order 2 to 54, in products of 1 to 768."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,8 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
     """Right eigenvectors of a chain of triangular factors F (m, N, N), as columns of X (m, N, N), unit upper
     triangular: F_k X_k = X_{k+1} diag F_k. diagonal (N, m): diagonals of F.
 
-    An entry along the chain solves a cyclic bidiagonal system. Equal eigenvalues are treated as if they
-    differed by one unit of round-off.
+    An entry along the chain solves a cyclic bidiagonal system. Equal eigenvalues are treated as different by
+    one unit of round-off.
     """
     m, N, _ = F.shape
     X = np.zeros((m, N, N), dtype=complex)
@@ -115,7 +116,7 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
         repeated = np.repeat(diagonal[j][None], N - 1 - j, axis=0)
         with np.errstate(invalid="ignore"):
             apart = np.abs(logarithms[j + 1 :] - logarithms[j])
-        # Exact zeros count as equal, although their difference is NaN.
+        # Exact zeros count as equal; the difference of their logarithms is NaN.
         repeated[(logarithms[j + 1 :] == logarithms[j]) | (apart < EPS), 0] *= 1 + 2 * EPS
         right = np.squeeze(F[:, j, None, j + 1 :] @ X[:, j + 1 :, j + 1 :], 1)
         entries = cyclic(repeated[..., None, None], -diagonal[j + 1 :], -right.T[..., None])
@@ -126,8 +127,8 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
 def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) -> Array:
     """Relative error of each eigenvalue due to errors of norm `size` (m,) of the triangular factors.
 
-    The first-order term contains the left and right eigenvectors, the second-order term every other
-    eigenvector. Errors that grow along a part of the chain only appear in the second-order term.
+    The first-order term contains the left and right eigenvector, the second-order term all other
+    eigenvectors. Only the second-order term includes errors that grow along a part of the chain.
     """
     errors = np.empty(len(theta))
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -142,7 +143,8 @@ def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) ->
             gap[i] = np.inf
             error = np.linalg.norm(np.exp(out[i])) + np.exp(second - np.maximum(gap, second / 2)).sum()
             nearest = max(math.exp(min(gap.min(), 0.0)), EPS)
-            # Two eigenvalues that an error makes coincide are separated by its square root.
+            # An error above the distance of the nearest eigenvalue acts as on a double eigenvalue, by its
+            # square root.
             errors[i] = math.sqrt(error * nearest) if error > nearest else error
     return np.where((errors < 1) & np.isfinite(logarithms), errors, np.inf)
 

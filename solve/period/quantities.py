@@ -1,5 +1,5 @@
-"""Coordinates and outputs over one period: extrema of the continuous curve, means, harmonics and
-statistics."""
+"""Statistics of coordinates and outputs over one period: extrema of the continuous curve, means and
+harmonics."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -29,13 +29,13 @@ FIGURES = Statistics._fields
 LEAST_SAMPLES = 2048
 _SAMPLES_PER_STEP = 4
 _ZOOMS, _ROUGH = 6, 3
-"""Number of refinements of an extremum, each to a sixteenth of the interval; and number for candidates, which
-need not be the extremum: choices."""
+"""Number of refinements of an extremum, each to a sixteenth of the interval; and number of refinements of
+other candidates: choices."""
 
 _ZOOM = np.linspace(-1.0, 1.0, 33)
 
 _SIGNS = np.array([1.0, -1.0])
-"""Signs for maxima and for minima, which are maxima of the negative."""
+"""Signs for maxima and minima; a minimum is computed as the maximum of the negative."""
 
 _TOGETHER = 16
 """Number of extrema of a quantity that are refined at a time: a choice."""
@@ -53,8 +53,8 @@ def samples_a_step(steps: int) -> int:
 def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
     """Fields of `Statistics` (…, 7) of quantities, from values (…, k) at k uniform phases from 0.
 
-    at: function that returns values (…, j) of each quantity at its phases (…, j). Extrema are refined with it
-    between the samples, so that they are those of the continuous curve. NaN if a value is not finite."""
+    at: function that returns values (…, j) of each quantity at its phases (…, j). With this function, extrema
+    of the continuous curve are found between the samples. NaN if a value is not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         return _figures(_known(values), at, period)
 
@@ -72,19 +72,19 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
         "rms": np.sqrt(np.mean(values**2, axis=-1)),
     }
     found = np.stack([statistics[name] for name in FIGURES], axis=-1)
-    # Without −0.0, which records would show.
+    # Replaces −0.0, which output would show.
     return np.where(np.isnan(values[..., :1]), np.nan, found) + 0.0
 
 
 def _known(values: Array) -> Array:
-    """Values (…, k). All k values are NaN if one of them is not finite."""
+    """Values (…, k), all NaN if one of the k values is not finite."""
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
 def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list[tuple[Array, Array]]:
     """Phases (…) and values, multiplied by the sign (1 or -1), of the maximum and of the minimum. The
-    extremum is sought next to the largest sample (the first of several), unless one next to a lower sample
-    is higher."""
+    extremum is sought next to the largest sample (the first of several), and next to lower samples that may
+    have a higher one."""
     reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
     firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]
     # One call evaluates both, because twice the phases cost little more.
@@ -111,8 +111,9 @@ def _above(
     width: float,
     side: tuple[float, Array],
 ) -> tuple[Array, Array]:
-    """Phases and values (…) of maxima. A maximum is replaced by a higher one near samples whose upper bound
-    `reach` (…, k) exceeds it. side: the sign, and the largest moduli (…)."""
+    """Phases and values (…) of maxima. A maximum is replaced if the curve is higher near other samples; these
+    are searched if their upper bound `reach` (…, k) exceeds the maximum. side: the sign, and the largest
+    moduli (…)."""
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
@@ -130,7 +131,8 @@ def _above(
 def _reach(values: Array) -> Array:
     """Upper bounds on the curve near samples (…, k) that are not below their neighbours; -inf elsewhere.
 
-    The bound is twice as far above the sample as the maximum of the parabola through the three samples."""
+    The bound exceeds the sample by twice as much as the maximum of the parabola through the sample and its
+    neighbours."""
     before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
     peak, bend = (values >= before) & (values >= after), 2 * values - before - after
     above = np.square(before - after) / (4 * np.where(bend > 0, bend, np.inf))
@@ -223,8 +225,8 @@ class Quantities:
     """The q quantities of P points: their coordinates, followed by their outputs, if any.
 
     curve (P, n, …): curves of the points. speeds (P,): in rad/s. formulas: formulas of the outputs, with
-    parameters (P, p). positions: indices of the quantities among the formulas. outputs: function for the same
-    outputs in NumPy."""
+    parameters (P, p). positions: indices of the outputs among the formulas. outputs: function that computes
+    the same outputs in NumPy."""
 
     curve: PeriodicCurve
     speeds: Array
@@ -314,11 +316,11 @@ class Quantities:
 
 
 _REPEATS, _SAMPLES = 1e-6, 512
-"""Relative tolerance, and number of phases, with which the periods of an orbit of several periods are
-compared. If all periods agree, the orbit has a single period. Choices."""
+"""Relative tolerance, and number of phases, for comparing the periods of an orbit of several periods. If all
+periods agree, the orbit has a single period. Choices."""
 
 _A_STEP = 4
-"""Phases per step at which outputs of two curves are compared."""
+"""Number of phases per step at which outputs of two curves are compared."""
 
 
 def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:

@@ -30,8 +30,8 @@ _PASSES = 3
 factors by less than 2."""
 
 _SMALL, _COMPARABLE = 1e-11, 0.03
-"""Thresholds for components of a unit vector: a component below the first may be round-off; if all exceed the
-second, all are accurate to 14 digits."""
+"""Thresholds for components of a unit vector: below the first, a component may be round-off; if all
+components exceed the second, all are accurate to 14 digits."""
 
 _INTEGER = 16 * EPS
 """Distance from an integer within which a component is rounded to it."""
@@ -42,10 +42,10 @@ class RigidBodyModes:
     """Rigid-body modes of P points, at most r per point.
 
     vectors (P, n, r): e, with component 1 at its reference coordinate; zero columns if a point has fewer than
-    r. references (P, r): these coordinates. damped (P, r): whether C e ≠ 0. errors (P, r): largest |K e| over
-    the period, relative to Σ|K_ij e_j|. Undamped modes come first. momentum (P, 2n): row ψ of a momentum ψ(q,
-    q′) at phase 0 that is conserved although C e ≠ 0, for example if C is the rate of a varying M; zero if
-    there is none.
+    r. references (P, r): the reference coordinates. damped (P, r): whether C e ≠ 0. errors (P, r): largest |K
+    e| over the period, relative to Σ|K_ij e_j|. Undamped modes come first. momentum (P, 2n): row ψ of a
+    momentum ψ(q, q′) at phase 0 that is conserved although C e ≠ 0, for example if C is the rate of a varying
+    M; zero without such a momentum.
     """
 
     vectors: Array
@@ -77,8 +77,8 @@ class RigidBodyModes:
         )
 
     def of_one_kind(self, first_order: int) -> "RigidBodyModes":
-        """Modes except those that move both first-order coordinates, which are the last ones, and
-        second-order coordinates."""
+        """Modes that move only first-order or only second-order coordinates. The first-order coordinates are
+        the last ones."""
         if not first_order:
             return self
         moves = self.vectors != 0
@@ -159,8 +159,8 @@ def before_rigid(multipliers: Array) -> int:
 
 
 def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyModes:
-    """Rigid-body modes from K, C and M (P, k, n, n) at k phases. Derivatives are with respect to one
-    variable, the phase or the time.
+    """Rigid-body modes from K, C and M (P, k, n, n) at k phases, all three for derivatives either with
+    respect to the phase or to time.
 
     If M is given, entries of K and C that are round-off of the inertia count as zero. The result does not
     depend on the units of coordinates and equations. It has r = 0 columns if no point has a mode.
@@ -189,9 +189,9 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
 
 
 def with_unit_states(mass: Array, first_order: int) -> Array:
-    """Mass matrices (P, n, n) with entry 1 for first-order coordinates, which are the last ones. Where the
-    block of the other coordinates is not positive definite, for example because the equations are in another
-    order, it is replaced by the identity."""
+    """Mass matrices (P, n, n) with entry 1 for first-order coordinates, which are the last ones. If the block
+    of the other coordinates is not positive definite, for example because the equations are in another order,
+    this block is replaced by the identity."""
     if not first_order:
         return mass
     n, p = mass.shape[-1], mass.shape[-1] - first_order
@@ -234,7 +234,7 @@ def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, peri
 
 
 def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
-    """Whether (P,) K e = 0 holds for all modes at further phases too, for K, C, M (P, k, n, n) at these
+    """Whether (P,) K e = 0 also holds for all modes at further phases, with K, C, M (P, k, n, n) at these
     phases."""
     allowed = BOUND * np.abs(K).max(axis=1) + ROUNDING * (np.abs(M) + np.abs(C)).max(axis=1)
     residual = np.abs(K @ modes.vectors[:, None]).max(axis=1)
@@ -254,7 +254,8 @@ def may_be_singular(K: Array, noise: Array) -> Array:
 
 
 def _of_point(K: Array, C: Array, noise: Array, damping_noise: Array) -> RigidBodyModes:
-    """Rigid-body modes of one point, from K and C (k, n, n) and the round-off (n, n) of each."""
+    """Rigid-body modes of one point, from K and C (k, n, n) and their round-off `noise` and `damping_noise`
+    (n, n)."""
     n, few = K.shape[-1], max(1, len(K) // _FEW)
     size = np.abs(K).max(axis=0)
 
@@ -280,7 +281,8 @@ def _of_point(K: Array, C: Array, noise: Array, damping_noise: Array) -> RigidBo
 
 
 def _null_space(K: Array, size: Array, noise: Array) -> Array:
-    """Common null space (n, r), independent of units, of matrices (k, n, n) with entries of sizes (n, n)."""
+    """Common null space (n, r) of matrices (k, n, n) with entries of sizes (n, n); the result is independent
+    of units."""
     columns, rows = np.ones(len(size)), np.ones(len(size))
     for _ in range(_PASSES):
         columns /= _largest(size * rows[:, None] * columns, 0)
@@ -294,7 +296,8 @@ def _null_space(K: Array, size: Array, noise: Array) -> Array:
         components = np.linalg.norm(null_vectors, axis=0)
         if not len(null_vectors) or components[components > _SMALL].min() > _COMPARABLE:
             break
-        # Small components are inaccurate. Scaling the columns by the components makes all of them comparable.
+        # Small components are inaccurate. Scaling the columns by the components makes all components
+        # comparable.
         columns = columns * np.where(components > _SMALL, components, 1.0)
         rows = rows / _largest(size * rows[:, None] * columns, 1)
     return columns[:, None] * null_vectors.T
@@ -340,5 +343,5 @@ def _reduced(vectors: Array) -> tuple[Array, Array]:
         rows[column] = place
     rounded = np.round(basis)
     is_integer = np.abs(basis - rounded) <= _INTEGER * np.maximum(np.abs(rounded), 1.0)
-    # Without −0.0, which records would show.
+    # Replaces −0.0, which output would show.
     return np.where(is_integer, rounded, basis) + 0.0, rows

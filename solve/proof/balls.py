@@ -1,8 +1,8 @@
 """Balls of Arb, matrices of balls, and upper bounds on norms.
 
 A ball is a midpoint with a radius. Every operation returns a ball that contains the exact results for all
-numbers of its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Bounds are computed in balls too,
-so that their rounding is directed.
+numbers in its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Bounds are also computed in balls,
+so that they include rounding errors.
 """
 
 import copyreg
@@ -29,7 +29,7 @@ arb_series = flint.arb_series
 
 
 _LARGEST_WHOLE = 2**53
-"""Bound below which integers are exact doubles."""
+"""Bound below which integers are represented exactly by doubles."""
 
 
 def _exact_parts(x: Ball) -> tuple[int, int]:
@@ -51,7 +51,7 @@ def _reduced_matrix(matrix: Matrix) -> tuple[Any, ...]:
     return arb_mat, (matrix.nrows(), matrix.ncols(), matrix.entries())
 
 
-# Balls are sent between processes without rounding.
+# Balls are pickled without rounding, to be sent between processes.
 copyreg.pickle(arb, _reduced_ball)
 copyreg.pickle(arb_mat, _reduced_matrix)
 
@@ -78,7 +78,7 @@ def working_terms() -> int:
 
 
 def coefficient(x: Ball, term: int) -> Ball:
-    """Coefficient of a power series, or of a constant taken as a series."""
+    """Coefficient of a power series; a constant counts as a series."""
     if isinstance(x, arb_series):
         if x.prec <= term:
             raise RuntimeError(f"a power series has {x.prec} terms, but {term + 1} are required")
@@ -87,8 +87,8 @@ def coefficient(x: Ball, term: int) -> Ball:
 
 
 def number(x: float, rounded: bool) -> Ball:
-    """Convert a number to a ball. rounded: the ball contains all numbers within two units in the last place,
-    since units and constants such as π round several times."""
+    """Convert a number to a ball. rounded: whether the ball contains all numbers within two units in the last
+    place, since unit conversions and constants such as π cause several roundings."""
     whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
     return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
 
@@ -131,5 +131,5 @@ def above(x: Ball) -> float:
 
 
 def below(x: Ball) -> float:
-    """Double that is a lower bound, at least 0, on a nonnegative ball."""
+    """Double, at least 0, that is a lower bound on a nonnegative ball."""
     return 0.0 if x.is_zero() else max(0.0, math.nextafter(float(x.lower()), -math.inf))

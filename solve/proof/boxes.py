@@ -1,12 +1,13 @@
 """Boxes of two quantities on which the system is proved stable, proved unstable, or remains undecided.
 
-A polynomial on a box is re-expanded on each half by the matrix that expresses T_k((x ± 1)/2) by T_j(x). Its
-range lies within c_00 ± Σ' |c_jk|, since |T_j T_k| ≤ 1. Ends of boxes are doubles, whose errors are below δ
-half widths. By |T_j(1 + δ)| ≤ e^(j√(2δ)) the sum is larger by at most e^z, z = p√(2δ_x) + q√(2δ_y).
+A polynomial on a box is re-expanded on each half by the matrix that expresses T_k((x ± 1)/2) by T_j(x). The
+range of the polynomial lies within c_00 ± Σ' |c_jk|, since |T_j T_k| ≤ 1. Ends of boxes are doubles with
+errors below δ half widths. Because |T_j(1 + δ)| ≤ e^(j√(2δ)), these errors increase the sum by at most the
+factor e^z, z = p√(2δ_x) + q√(2δ_y).
 
 For one coordinate, with trace t and determinant D of Φ, both multipliers lie inside the unit circle if D < 1
-and |t| < 1 + D, and one lies outside if D > 1 or |t| > 1 + D (Jury's criterion). More coordinates are decided
-by the discs of `spectrum`.
+and |t| < 1 + D, and one lies outside if D > 1 or |t| > 1 + D (Jury's criterion). With more coordinates, the
+discs of `spectrum` decide.
 """
 
 import math
@@ -29,25 +30,26 @@ from solve.results.chart import ProvedBoxes
 from solve.terminal import progress
 
 _UNIT = 2.0**-52
-"""Twice the unit round-off: the factor of two covers the rounding in the sums that bound rounding errors."""
+"""Twice the unit round-off. The factor of two accounts for rounding in the sums that bound rounding
+errors."""
 
 _ENDS = 2.0**-45
-"""Bound on twice the error of an end of a box, relative to the larger end: half of 2^-52 for each of up to
-128 halvings."""
+"""Bound on twice the error of an end of a box, relative to the larger end: the error is half of 2^-52 for
+each of up to 128 halvings."""
 
 _OPEN = 0.001
 """Undecided fraction of the area at which the bisection ends. A choice."""
 
 _MOST_BOXES = 200_000, 20_000
-"""Largest numbers of boxes that are examined with one coordinate, and with several, which take a hundred
-times as long per box. Choices."""
+"""Largest numbers of boxes that are examined with one coordinate and with several coordinates. Choices:
+several coordinates take a hundred times as long per box."""
 
 _SMALLEST = 2.0**-8
 """Width of a box, as a fraction of the range, below which a box without polynomials is not bisected. A
 choice."""
 
 _PRECISION = 53
-"""Bits of the balls in which boxes of several coordinates are decided."""
+"""Precision in bits with which boxes of several coordinates are decided."""
 
 
 class _Piece(NamedTuple):
@@ -91,14 +93,14 @@ def proved_boxes(plane: Plane, whole: Box, executor: Executor | None = None) -> 
 
 
 def _central(whole: Box) -> Box:
-    """Box of the smallest size that is tried, in the middle of the ranges."""
+    """Box of the smallest permitted size, in the middle of the ranges."""
     x, y = ((low + high) / 2 + np.array([-0.5, 0.5]) * _SMALLEST * (high - low) for low, high in whole)
     return Box((float(x[0]), float(x[1])), (float(y[0]), float(y[1])))
 
 
 def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box]]:
-    """Boxes with polynomials, and undecided boxes without polynomials, near which the equations are not
-    analytic."""
+    """Boxes with polynomials, and undecided boxes without polynomials because the equations are not analytic
+    near them."""
     found, without, pending = [], [], [whole]
     while pending:
         box = pending.pop()
@@ -138,8 +140,8 @@ def _halves(piece: _Piece) -> list[_Piece]:
 
 @cache
 def _halving(count: int, side: int) -> Array:
-    """Matrix (count, count) that maps the coefficients of Σ c_k T_k(x) to those of the same function of (x ±
-    1)/2. It is computed exactly and rounded once."""
+    """Matrix (count, count) that converts the coefficients of Σ c_k T_k(x) to coefficients of the same
+    function of (x ± 1)/2. It is computed exactly and rounded once."""
     rows = [[Fraction(1)], [Fraction(side, 2), Fraction(1, 2)]]
     for _ in range(2, count):
         # T_k+1(z) = 2 z T_k(z) − T_k−1(z), 2z = x ± 1, and x T_j = (T_j+1 + T_|j−1|)/2.
@@ -170,7 +172,7 @@ def _verdict(piece: _Piece, n: int) -> int:
         return UNDETERMINED
     # e^z < 1 + 2z.
     radius = (np.abs(c).sum(axis=(1, 2)) - np.abs(middle)) * (1 + 2 * z)
-    # Twice the rounding errors of the sums, of the difference, and of the additions below.
+    # Twice the bound on the rounding errors of the sums, of the difference, and of the additions below.
     radius = (
         radius * (1 + 8 * _UNIT) + (c[0].size + 8) * _UNIT * np.abs(c).sum(axis=(1, 2)) + 2 * piece.errors
     )

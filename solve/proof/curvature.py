@@ -1,12 +1,12 @@
 """Bounds on the second derivatives of nonlinear equations in a tube around a motion.
 
-Let v = (u, u̇, ü) be the deviation from the motion, and s_a the largest modulus of component a for
-|(y, z)| ≤ 1 in the norm of `solve.proof.existence`: λ|T|1 for u, λΩ|TW|1 for u̇, and λΩ²κ₂|TW|1 for ü, with
-moduli of the entries and a column of ones. For all deviations of norm ≤ ρ and all phases
+Let v = (u, u̇, ü) be the deviation from the motion, and s_a the largest modulus of component a for |(y, z)| ≤
+1 in the norm of `solve.proof.existence`. With moduli of the entries and a column of ones, s is λ|T|1 for u,
+λΩ|TW|1 for u̇, and λΩ²κ₂|TW|1 for ü. For all deviations of norm ≤ ρ and all phases
 
     Λ ≥ max_i Σ_j |(M T W)⁻¹|_ij Σ_ab |∂²r_j/∂v_a∂v_b| s_a s_b / (Ω² λ),
 
-the division being that of the equations in scaled form.
+where the divisor Ω² λ is that of the scaled equations.
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ from solve.proof.instructions import Instructions, UndecidedError
 from solve.proof.turn import Turn
 
 _CELLS = 4
-"""Number of intervals of a step on which M⁻¹ is bounded. They are halved as long as the bound is infinite. A
-choice."""
+"""Number of intervals of a step on which M⁻¹ is bounded. An interval is halved as long as its bound is
+infinite. A choice."""
 
 _SHORTEST = 2.0**-12
 """Fraction of an interval below which halving ends. A choice."""
@@ -28,7 +28,7 @@ _SHORTEST = 2.0**-12
 
 @dataclass(frozen=True)
 class Cell:
-    """Inputs of the equations on an interval of phases, and moduli (n, n) of (M T W)⁻¹."""
+    """Interval of phases: inputs of the equations, and moduli (n, n) of (M T W)⁻¹."""
 
     inputs: list[Sequence[Ball]]
     inverse: list[list[Ball]]
@@ -49,8 +49,8 @@ class Curvature:
 
     @classmethod
     def from_equation(cls, equation: Equation, second: Instructions, turn: Turn, rate: Ball) -> "Curvature":
-        """Compute the bounds for the motion of an equation. Raises StepsError where M may be singular, or
-        where the branch of a piecewise operation is undecided. rate: κ₂."""
+        """Compute the bounds for the motion of an equation. Raises StepsError if M may be singular, or if the
+        branch of a piecewise operation is undecided, at some phase. rate: κ₂."""
         cells = []
         for start, h in zip(turn.starts, turn.lengths, strict=True):
             for k in range(_CELLS):
@@ -60,7 +60,7 @@ class Curvature:
 
     def over(self, radius: Ball) -> Ball:
         """Bound Λ for deviations of norm ≤ radius. It is infinite if no bound exists, or if the residual may
-        have a kink or a jump in the tube; the second derivatives do not bound N in that case."""
+        have a kink or a jump in the tube, where second derivatives do not bound the remainder N."""
         tube = [arb(0, (radius * size).upper()) for size in self.sizes]
         return largest(self._on(cell, tube) for cell in self.cells)
 

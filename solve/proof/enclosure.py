@@ -29,24 +29,25 @@ from solve.results.stability import Stability
 from solve.system import PeriodicSystem
 
 GUARD_BITS = 40
-"""Additional bits of precision, for condition numbers up to 10^6 and for the levels of the product."""
+"""Additional bits of precision, sufficient for condition numbers up to 10^6 and for the levels of the
+product."""
 
 _MOST_ADVANCE = 24.0
 """Largest h‖A‖ of a step. The cam at 600 rpm takes 1.2 times as long with 48, and twice as long with 72."""
 
 ROUNDED = 34, 4.0
-"""Bits of precision, and largest h‖A‖ of a step, if parameters are balls: their radius of up to 2^-51 grows
-by e^{2h‖A‖} in a step."""
+"""Bits of precision, and largest h‖A‖ of a step, if parameters are balls. The radius of a parameter, up to
+2^-51, grows by e^{2h‖A‖} in a step."""
 
 _DOUBLINGS = 2
-"""Largest number of doublings of the precision if the verdict is open. A choice."""
+"""Largest number of doublings of the precision if the verdict is undecided. A choice."""
 
 _SAMPLES = 64
-"""Number of phases from which scales are computed. A choice that affects the widths of the enclosures, not
+"""Number of phases from which scales are computed. A choice; it affects the widths of the enclosures, not
 their validity."""
 
 _SHOWN = 4
-"""Number of decimal digits of two bounds that are shown after the digits that both share. A choice."""
+"""Number of decimal digits of two bounds that are shown after their common digits. A choice."""
 
 EXACT = "parameters, speed and constants are exactly their double-precision numbers"
 _ALL_WITHIN = (
@@ -54,11 +55,11 @@ _ALL_WITHIN = (
     "ones; whole numbers are exact"
 )
 
-_OF_FUNCTIONS = "the matrices are the operations of the given function on symbolic phases"
+_OF_FUNCTIONS = "the matrices are defined by the operations of the given function on symbolic phases"
 _OF_SAMPLES = "the matrices are the interpolant of the samples, with coefficients in double precision"
 
 _DENOMINATORS = range(1, 13)
-"""A period within two units in the last place of kπ/q, for such a q, is exactly that number."""
+"""Values of q: a period within two units in the last place of kπ/q counts as exactly this number."""
 
 
 def enclosed(
@@ -78,8 +79,8 @@ def enclosed(
     bounds, orbit_error, warnings = {}, math.nan, []
     if found.verdict == UNDETERMINED:
         warnings.append(
-            "no verdict is proved: discs of multipliers meet the unit circle; more digits help unless "
-            "a multiplier lies on the circle, as those of rigid-body modes do"
+            "no verdict is proved: discs of multipliers meet the unit circle; more digits help unless a "
+            "multiplier lies on the circle, such as the multipliers of rigid-body modes"
         )
     with precision(2 * bits):
         if isinstance(result, Orbit):
@@ -111,8 +112,8 @@ def enclosed(
 
 
 def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool) -> str:
-    """Text of the assumptions about a system: about its numbers and its functions, and about its periodicity
-    if the instructions do not prove it."""
+    """Text of the assumptions about the numbers and functions of a system, and about its periodicity if the
+    instructions do not prove the periodicity."""
     texts, multiple = [_ALL_WITHIN if rounded else EXACT], multiple_of_pi(system.period)
     if not isinstance(system, Model):
         texts.append(_OF_FUNCTIONS if system.capabilities.samples is None else _OF_SAMPLES)
@@ -128,7 +129,7 @@ def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
     centers = [complex(disc.center) for disc in each]
     moves = [abs(disc.center - center) for disc, center in zip(each, centers, strict=True)]
     radii = [above(disc.radius + move) for disc, move in zip(each, moves, strict=True)]
-    # Multipliers that no two doubles distinguish share a disc whose center is a double.
+    # Multipliers that agree in double precision share a disc whose center is a double.
     alone = [
         disc.isolated and bool(arb(radius) < disc.room - move)
         for disc, move, radius in zip(each, moves, radii, strict=True)
@@ -137,8 +138,8 @@ def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
 
 
 def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
-    """Maximum of the lower and of the upper bounds as decimal numbers, with the digits that both share and a
-    few more."""
+    """Maximum of the lower bounds and maximum of the upper bounds, as decimal numbers with their common
+    digits and a few more."""
     low, high = largest(lows), largest(highs)
     if not high.is_finite():
         return _decimal(low, _SHOWN, ROUND_FLOOR), "inf"
@@ -149,8 +150,8 @@ def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Enclosed:
-    """Steps of a period, their product (2n+1, 2n+1), its multipliers and verdict. unloaded: whether the load
-    is zero."""
+    """Steps of a period, their product (2n+1, 2n+1), and multipliers and verdict of the product. unloaded:
+    whether the load is zero."""
 
     turn: Turn
     Phi: Matrix
@@ -182,7 +183,7 @@ def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation
 
 
 def multiple_of_pi(T: float) -> Fraction | None:
-    """Fraction k/q such that the period, rounded to a double, represents kπ/q."""
+    """Fraction k/q for which kπ/q agrees with the period T within rounding; None without such a fraction."""
     for q in _DENOMINATORS:
         k = round(T * q / math.pi)
         if k and abs(Fraction(k, q) * Fraction(math.pi) - Fraction(T)) <= 2 * Fraction(math.ulp(T)):
@@ -191,7 +192,7 @@ def multiple_of_pi(T: float) -> Fraction | None:
 
 
 def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
-    """Exact period as a multiple of π."""
+    """Period as a ball: an exact multiple of π where it is recognised as such."""
     multiple = multiple_of_pi(system.period)
     if multiple is None:
         return number(system.period, rounded)
@@ -201,8 +202,8 @@ def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
 def _orbit(
     result: Orbit, equation: Equation, found: _Enclosed, enclosures: list[Matrix]
 ) -> tuple[dict[str, tuple[float, float]], float]:
-    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit relative to max|q|. Zero
-    without load."""
+    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit relative to max|q|; both are
+    zero without load."""
     if found.unloaded:
         return dict.fromkeys(result.coordinates, (0.0, 0.0)), 0.0
     q = result.at(np.array([float(start) for start in found.turn.starts]))
@@ -217,7 +218,7 @@ def _orbit(
             worst = max(worst, above(apart / low))
         else:
             resting = max(resting, above(apart))
-    # The size of a coordinate that may be zero is taken from the other coordinates.
+    # If a coordinate may be zero, its size is taken from the other coordinates.
     size = max(low for low, _ in bounds.values())
     return bounds, max(worst, resting / size) if size > 0 else math.inf
 

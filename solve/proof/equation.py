@@ -6,8 +6,8 @@ component,
 
     y₁′ = W y₂,    m y₂′ + r (y₁, y₂, 1) = 0,    m = P M T W,    r = P [K T/Ω², C T W/Ω, −d/(Ω² λ)].
 
-T, W and λ may be any exact numbers and P any exact regular matrix: they do not change the multipliers, and
-change the orbit only by known factors. W is diagonal.
+T, W and λ may be any exact numbers, with diagonal W, and P any exact regular matrix. They do not change the
+multipliers, and change the orbit only by known factors.
 """
 
 from collections.abc import Sequence
@@ -35,10 +35,11 @@ from solve.proof.instructions import ANY, Entries, Instructions, Outcomes, Undec
 from solve.proof.motion import TrigonometricMotion
 
 _CONDITION = 1e6
-"""Condition number of the modes above which coordinates are not transformed to modes."""
+"""Condition number of the matrix of modes above which modal coordinates are not used."""
 
 _TINY = 1e-290
-"""Bound above which numbers keep all digits when multiplied by scales near 1."""
+"""Bound above which numbers keep all digits when multiplied by scales near 1, since the products are not
+subnormal."""
 
 _HALVINGS = 30
 """Largest number of halvings of a step in the search for decided outcomes. The radius of a ball is rounded up
@@ -51,14 +52,10 @@ class Equation:
 
     Parameters
     ----------
-    instructions : M, C, K, d of phase, speed and parameters
-    n : number of coordinates
-    speed : ball, rad/s
-    parameters : balls
-    modes : T (n, n), exact
-    frequencies : W (n,), exact, in multiples of the speed
-    load : λ, exact
-    about : motion about which the equations are linearised, whose q, q̇, q̈ are inputs of the instructions
+    instructions : M, C, K, d of phase, speed and parameters n : number of coordinates speed : ball, rad/s
+    parameters : balls modes : T (n, n), exact frequencies : W (n,), exact, in multiples of the speed load :
+    λ, exact about : motion about which the equations are linearised; its q, q̇, q̈ are inputs of the
+    instructions
     """
 
     instructions: Instructions
@@ -102,14 +99,14 @@ class Equation:
         return cls(instructions, n, speed, tuple(parameters), modes, frequencies, float(moved or 1.0), about)
 
     def vanishes(self, period: Ball) -> tuple[bool, bool]:
-        """Whether C, and whether d, is exactly zero at all phases. If C = 0, det Φ = 1 (Liouville)."""
+        """Whether C is exactly zero at all phases, and whether d is. If C = 0, det Φ = 1 (Liouville)."""
         entries = self._entries(interval(arb(0), period), None)
         rates, loads = (all(value.is_zero() for *_, value in entries[k][0]) for k in (1, 3))
         return rates, loads
 
     def outcomes(self, start: Ball, end: Ball, halvings: int = _HALVINGS) -> Outcomes:
-        """Branches taken by the piecewise operations between two phases. The interval is halved if it is too
-        wide for a decision. Raises UndecidedError if the branches differ within it."""
+        """Branches taken by the piecewise operations between two phases. An interval too wide for a decision
+        is halved. Raises UndecidedError if a branch changes between the phases."""
         try:
             return self.instructions(self.inputs(interval(start, end)))[1]
         except UndecidedError:
@@ -146,13 +143,13 @@ class Equation:
         ]
         bounds = [row.upper() for row in rows]
         if not all(bound.is_finite() for bound in bounds):
-            # max() may ignore an undefined number among several.
+            # max() may ignore NaN among its arguments.
             return arb.pos_inf(), arb.pos_inf()
         return max(bounds), A.trace().real.upper()
 
     def at(self, phase: Ball, outcomes: Outcomes | None, P: Matrix | None = None) -> tuple[Matrix, Matrix]:
-        """Coefficients m (n, n) and r (n, 2n+1) at real or complex phases. P: matrix that r is multiplied by,
-        if given; outcomes: branches of piecewise operations, all of them if None."""
+        """Coefficients m (n, n) and r (n, 2n+1) at real or complex phases. P: matrix by which r is
+        multiplied, if given; outcomes: branches of piecewise operations; if None, all possible branches."""
         matrix, zero = (acb_mat, acb(0)) if isinstance(phase, acb) else (arb_mat, arb(0))
         found = self._entries(phase, outcomes)
         M, C, K, d = (self._filled(matrix, zero, entries, columns) for entries, columns in found)
@@ -213,7 +210,7 @@ class Equation:
 
 
 def _exact(*factors: Array) -> bool:
-    """Whether the products of these numbers and the scales, powers of two, are neither subnormal nor
-    infinite."""
+    """Whether the products of these numbers with the scales, which are powers of two, are neither subnormal
+    nor infinite."""
     sizes = np.abs(np.concatenate([factor.ravel() for factor in factors]))
     return bool((np.isfinite(sizes) & ((sizes == 0) | (sizes > _TINY))).all())

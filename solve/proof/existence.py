@@ -3,29 +3,29 @@ Newton–Kantorovich theorem.
 
 In the scaled coordinates of `solve.proof.equation`, with z = y₂′, the deviation from the polynomial satisfies
 y₁′ = W y₂, z = A₂ y − m⁻¹r_d + g, g = −m⁻¹N, where A = [0 W; A₂] and N is the nonlinear remainder. Let (y¹,
-z¹) be the periodic solution for g = 0, which is enclosed like that of any linear system. Periodic solutions
-of the full equations are fixed points of (y, z) ↦ (y¹, z¹) + G g(y, z), where G g is the periodic solution
-with input g.
+z¹) be the periodic solution for g = 0. It is enclosed like the solution of any linear system. Periodic
+solutions of the full equations are fixed points of (y, z) ↦ (y¹, z¹) + G g(y, z), where G g is the periodic
+solution with input g.
 
 **G.** By variation of constants, w(t) = Y(t) w(0) + ∫_0^t Ψ(t, s) (0, g) ds and w(0) = (1 − Φ)⁻¹ ∫_0^T
 Ψ(T, s) (0, g) ds. With κ and τ of `solve.proof.transitions`
 
     ‖w‖ ≤ Γ sup‖g‖,    Γ = τ (1 + κ ‖(1 − Φ)⁻¹‖).
 
-With a₂ ≥ sup‖A₂‖ and κ₂ = a₂ + 1/Γ, ‖w₂′‖ ≤ (a₂Γ + 1) sup‖g‖ = κ₂ Γ sup‖g‖. So in the norm |(y, z)| =
-sup max(‖y‖, ‖z‖/κ₂) also |G g| ≤ Γ sup‖g‖.
+With a₂ ≥ sup‖A₂‖ and κ₂ = a₂ + 1/Γ, ‖w₂′‖ ≤ (a₂Γ + 1) sup‖g‖ = κ₂ Γ sup‖g‖. Hence |G g| ≤ Γ sup‖g‖ also in
+the norm |(y, z)| = sup max(‖y‖, ‖z‖/κ₂).
 
 **g.** Let Λ be the bound on second derivatives of `solve.proof.curvature` for deviations of norm ≤ R. By
 Taylor's formula ‖g(v)‖ ≤ Λ|v|²/2 and
 ‖g(v) − g(v′)‖ ≤ ΛR|v − v′|.
 
 **Fixed point.** With η ≥ |(y¹, z¹)|, the ball of radius ρ ≤ R is mapped to itself if η + ΓΛρ²/2 ≤ ρ, and the
-map is a contraction if ΓΛρ < 1. By Banach's theorem it contains exactly one orbit.
+map is a contraction if ΓΛρ < 1. By Banach's theorem this ball contains exactly one orbit.
 
 **Stability.** The linearisation about that orbit has A₂ + B in place of A₂. From the bound on second
-derivatives ‖By‖ ≤ ρΛ max(‖y‖, ‖z‖/κ₂) with z = A₂y + By. Since ρΛ < 1/Γ, either ‖y‖ is the larger of the two,
-or ‖By‖ ≤ ρΛa₂/(κ₂ − ρΛ) ‖y‖ ≤ ρΛ‖y‖: in both cases ‖B‖ ≤ β = ρΛ. From Y* = Y + ∫Ψ B Y* follows sup‖Y*‖ ≤ κ/(1
-− τβ), and
+derivatives ‖By‖ ≤ ρΛ max(‖y‖, ‖z‖/κ₂) with z = A₂y + By. If ‖y‖ is the larger of the two, ‖By‖ ≤ ρΛ‖y‖.
+Otherwise ‖By‖ ≤ ρΛa₂/(κ₂ − ρΛ) ‖y‖ ≤ ρΛ‖y‖, since ρΛ < 1/Γ. In both cases ‖B‖ ≤ β = ρΛ. From Y* = Y + ∫Ψ B Y*
+it follows that sup‖Y*‖ ≤ κ/(1 − τβ), and
 
     ‖Φ* − Φ‖ ≤ τβκ/(1 − τβ),    τβ < 1.
 """
@@ -45,9 +45,9 @@ _WIDTH = 0.5
 """Relative width of the bounds on the defect. A choice."""
 
 _TUBES, _WIDEST = 40, 24
-"""Largest number of halvings of the tube in which uniqueness of the orbit is shown, and binary exponent of
-the largest radius. Motions have a size near 1 in scaled coordinates. Choices: radii from 2^-16 to 2^24 are
-tried."""
+"""Largest number of halvings of the tube in which uniqueness of the orbit is proved, and binary exponent of
+the largest radius. Choices: radii from 2^-16 to 2^24 are tried; motions have a size near 1 in scaled
+coordinates."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def existence(
 
 
 def _unique(curvature: Curvature, linear: Linear, radius: Ball) -> Ball:
-    """Radius of a large ball that a contraction maps into itself."""
+    """Radius of a ball, as large as possible, that the contraction maps into itself."""
     tube = (1 / (2 * linear.gamma * curvature.over(radius))).upper()
     if not tube < arb(2) ** _WIDEST:
         tube = arb(2) ** _WIDEST

@@ -1,9 +1,9 @@
 """Evaluation of a CasADi function for balls, discs and power series.
 
-A function of scalars is a list of instructions. Each operation is applied to whatever numbers are given, so
-that one list serves real balls, complex balls and power series. Piecewise operations (comparisons, |x|,
-floor, min, max) are analytic only where their outcome is constant. Outcomes are recorded in an evaluation on
-a real interval, where they must be the same everywhere, and then used on discs and in power series.
+A function of scalars is a list of instructions. The same list is evaluated for real balls, complex balls and
+power series. Piecewise operations (comparisons, |x|, floor, min, max) are analytic only where their outcome
+is constant. Outcomes are recorded by evaluation on a real interval, on which they must not change, and then
+used on discs and in power series.
 """
 
 import operator
@@ -18,7 +18,7 @@ from solve.proof.balls import Ball, acb, arb
 
 
 class UndecidedError(Exception):
-    """Raised for a piecewise operation that takes different branches on parts of an interval."""
+    """Raised for a piecewise operation whose branch may change within an interval."""
 
 
 Outcomes = tuple[Any, ...]
@@ -28,8 +28,8 @@ Entries = list[tuple[int, int, Ball]]
 """Rows, columns and values of a matrix."""
 
 ANY: Outcomes = ("any",)
-"""Value that selects all outcomes that are possible on an interval: results contain the results of each
-outcome."""
+"""Value that admits every possible outcome on an interval: results contain the results of all possible
+outcomes."""
 
 
 def _power(x: Ball, y: Ball) -> Ball:
@@ -49,8 +49,8 @@ def _whole_power(x: Ball, k: int) -> Ball:
 
 
 def _analytic(name: str) -> Callable[[Ball], Ball]:
-    """Wrap a function; the result is undefined on discs that meet its branch cut, where it is not
-    analytic."""
+    """Wrap a function so that the result is undefined on discs that meet a branch cut, where the function is
+    not analytic."""
 
     def apply(x: Ball) -> Ball:
         function = getattr(x, name)
@@ -60,8 +60,8 @@ def _analytic(name: str) -> Callable[[Ball], Ball]:
 
 
 def _inverse(name: str) -> Callable[[Ball], Ball]:
-    """Wrap asin, acos or atan; the result is undefined on discs that may meet a branch cut (the real axis
-    beyond ±1; for atan the imaginary axis beyond ±i)."""
+    """Wrap asin, acos or atan so that the result is undefined on discs that may meet a branch cut (the real
+    axis beyond ±1; for atan the imaginary axis beyond ±i)."""
 
     def apply(x: Ball) -> Ball:
         if isinstance(x, acb):
@@ -134,8 +134,8 @@ def _towards_zero(x: Ball, y: Ball) -> int:
 
 
 def _half_plane(y: Ball, x: Ball) -> str:
-    """Half plane that contains all points (x, y), with the points far from its edge if possible. Points in
-    the left half plane lie on one side of the branch cut of atan2."""
+    """Half plane that contains all points (x, y), chosen with its edge far from the points. Points in the
+    left half plane must lie on one side of the branch cut of atan2."""
     halves = {"right": x, "upper": y, "lower": -y}
     if y >= 0 or y < 0:
         halves["above the cut" if y >= 0 else "below the cut"] = -x
@@ -179,21 +179,22 @@ _PIECES: dict[int, tuple[Callable[..., Any], Callable[..., Ball]]] = {
         lambda yes, condition, x: x if yes else arb(0),
     ),
 }
-"""Operations with pieces: a function that returns the outcome for real balls, and a function that returns the
-result for an outcome and the operands. Conditions are exact, because their comparisons are decided."""
+"""Piecewise operations: for each, a function that returns the outcome for real balls, and a function that
+returns the result for an outcome and the operands. Conditions are exact (0 or 1), because their comparisons
+are decided."""
 
 
 def _decided(decide: Callable[..., Any], operands: Sequence[Ball]) -> Any:
-    """Branch of an operation for real balls. For complex balls, which stand for parameters near real values,
-    the branch of the real values is returned."""
+    """Branch of an operation for real balls. For complex balls, which represent parameters near real values,
+    it is the branch of the real values."""
     if any(isinstance(operand, acb) for operand in operands):
         raise UndecidedError
     return decide(*operands)
 
 
 def _real_only(hull: Callable[..., Ball]) -> Callable[..., Ball]:
-    """Wrap a hull function; the result is undefined for complex operands, for which the hull of real values
-    is not an enclosure."""
+    """Wrap a hull function so that the result is undefined for complex operands, for which the hull of real
+    values is not an enclosure."""
     return lambda *operands: (
         acb(arb.nan()) if any(isinstance(operand, acb) for operand in operands) else hull(*operands)
     )
@@ -224,9 +225,9 @@ _NAMES = {value: name for name, value in vars(casadi).items() if name.startswith
 class Instructions:
     """Function as a list of (operation, indices of operands, index of the result, constant or function).
 
-    The result of an output instruction is the number of the output, with row and column of the entry, because
-    later instructions reuse storage. entries: number of entries of each output that are not structurally
-    zero.
+    For an instruction that writes an output, the index of the result is the number of the output with row and
+    column of the entry. The entry is stored immediately, because later instructions reuse storage. entries:
+    number of entries of each output that are not structurally zero.
     """
 
     lines: tuple[tuple[int, tuple[int, ...], Any, Any], ...]
@@ -234,7 +235,7 @@ class Instructions:
     entries: tuple[int, ...]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without the table of functions, which other processes rebuild."""
+        """Pickle without the table of functions, which is rebuilt on loading."""
         lines = [line if line[0] not in _SMOOTH else (*line[:3], None) for line in self.lines]
         return _instructions, (lines, self.storage, self.entries)
 

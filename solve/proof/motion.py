@@ -46,7 +46,7 @@ _MOST_UNKNOWNS = 5000
 """Largest size of the dense equations of a Newton correction: a choice, some 20 s."""
 
 _CORRECTIONS = 2
-"""Number of Newton corrections on a grid, which start from an orbit with seven digits: each correction
+"""Number of Newton corrections on a grid. They start from an orbit with seven digits, and each correction
 squares the error."""
 
 _TAIL, _ROUNDOFF = 1 / 8, 64 * EPS
@@ -54,11 +54,11 @@ _TAIL, _ROUNDOFF = 1 / 8, 64 * EPS
 Choices."""
 
 _ORDERS = 3
-"""Number of time functions of a motion: q and its first two derivatives."""
+"""Number of functions of a motion: q and its first two time derivatives."""
 
 _PARTS, _TERMS = 2, 32
-"""Number of parts of the period per harmonic, and number of terms of the Taylor polynomial on each part: the
-remainder is below π^32/32! = 3e-20 of the sum of the harmonics."""
+"""Number of intervals of the period per harmonic, and number of terms of the Taylor polynomial on each
+interval. The remainder is below π^32/32! = 3e-20 times the sum of the harmonics."""
 
 _DROPPED = 1e-3 * EPS
 """Size, relative to the largest harmonic, below which harmonics are omitted. A choice."""
@@ -78,7 +78,7 @@ class TrigonometricMotion:
 
     @classmethod
     def from_curve(cls, curve: FourierCurve, period: Ball) -> "TrigonometricMotion":
-        """Motion with the Fourier coefficients of a curve, without harmonics far below round-off."""
+        """Motion with the Fourier coefficients of a curve; harmonics far below round-off are omitted."""
         c = curve.coefficients
         limits = _DROPPED * np.abs(c).max(axis=1, keepdims=True)
         large = np.flatnonzero((np.abs(c) > limits).any(axis=0))
@@ -98,7 +98,7 @@ class TrigonometricMotion:
     @cached_property
     def _weights(self) -> Matrix:
         """Factors (3n, 2K+2) of the cosines and sines in q and its derivatives with respect to the phase.
-        Each derivative of a cos + b sin replaces (a, b) by 2πk/T (b, −a)."""
+        Differentiation of a cos + b sin replaces (a, b) by 2πk/T (b, −a)."""
         a, b, rows = self.cosines, self.sines, []
         for order in range(_ORDERS):
             powers = [(k * self._rate) ** order for k in range(a.shape[1])]
@@ -174,8 +174,8 @@ class TrigonometricMotion:
 
 
 def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
-    """Orbit about which `system` is linearised, as a trigonometric polynomial whose harmonics decrease to
-    round-off. Raises NoOrbitError for an orbit with too many harmonics."""
+    """Orbit about which `system` is linearised, as a trigonometric polynomial. Its harmonics decrease to
+    round-off. Raises NoOrbitError if too many harmonics are required."""
     n, T = system.n, system.period
     count = round(T / system.model.period) * _FIRST_SAMPLES
     while n * count <= _MOST_UNKNOWNS:
@@ -200,8 +200,8 @@ def corrected(
     motion: TrigonometricMotion, nodes: Array, at: Callable[[Ball], list[Array]]
 ) -> TrigonometricMotion:
     """Apply one Newton correction to the motion. The defect is evaluated in ball arithmetic of high
-    precision, so that no digits are lost where forces cancel. `at` returns M, C, K and the defect at the
-    phase of a node."""
+    precision, so that no digits are lost where forces cancel. at: function that returns M, C, K and the
+    defect at the phase of a node."""
     phases = [motion.period * k / (len(nodes) - 1) for k in range(len(nodes) - 1)]
     matrices = [np.array(part) for part in zip(*map(at, phases), strict=True)]
     names = [f"q{i}" for i in range(motion.cosines.shape[0])]
@@ -231,8 +231,7 @@ def linearised_about(residual: casadi.Function) -> casadi.Function:
 @symbolic
 def second_derivatives(residual: casadi.Function) -> casadi.Function:
     """Function that returns ∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b, and r. The
-    value r is required to detect kinks and jumps, such as those of |q|, which the derivatives do not
-    contain."""
+    value r is also returned, because derivatives do not show kinks and jumps, such as that of |q|."""
     inputs, r, states = _residual(residual)
     v = casadi.vertcat(*states)
     jacobian = casadi.vec(casadi.jacobian(r, v))

@@ -1,4 +1,4 @@
-"""The proof of a nonlinear orbit: its existence near a trigonometric polynomial, and its stability."""
+"""Proof of the existence of a nonlinear orbit near a trigonometric polynomial, and of its stability."""
 
 import math
 import time
@@ -35,13 +35,14 @@ from solve.proof.turn import Marching, turn
 from solve.results.special_orbits import NonlinearOrbit
 
 MOST_DIGITS = 12
-"""Digits beyond which discs of multipliers do not shrink: the coefficients of the polynomial are doubles."""
+"""Number of digits beyond which the discs of multipliers do not shrink, because the coefficients of the
+polynomial are doubles."""
 
 _MOST_ADVANCE = 12.0
 """Largest h‖A‖ of a step. A choice: the cells of a step are compared in pairs."""
 
 _SAMPLES = 32
-"""Number of phases from which scales are computed. A choice that affects the widths of the enclosures, not
+"""Number of phases from which scales are computed. A choice; it affects the widths of the enclosures, not
 their validity."""
 
 
@@ -124,8 +125,9 @@ def _instructions(
 def _equation(
     system: LinearisedModel, omega: float, period: Ball, rounded: bool
 ) -> tuple[Equation, TrigonometricMotion]:
-    """Equations linearised about a motion near the orbit, in scales that balance their coefficients. The load
-    is scaled by the inertia forces of the motion, since the defect is far smaller."""
+    """Equations linearised about a motion near the orbit, in scales that balance their coefficients. The
+    load, the defect, is scaled by the inertia forces of the motion, because it is far smaller than other
+    forces."""
     model, n = system.model, system.n
     numbers = [number(float(x), rounded) for x in (omega, *model.setup.p)]
     instructions = _instructions(model, linearised_about, rounded)
@@ -171,8 +173,8 @@ def _unproved(orbit: NonlinearOrbit, reason: str, seconds: float) -> Proof:
 
 def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> ProvedOrbit:
     """Radius of existence and uniqueness for each coordinate. An orbit of norm ≤ ρ has |u_a| ≤ ρ s_a.
-    Conversely, |u_a| ≤ c ρ s_a implies a norm ≤ ρ if c Σ_a |T⁻¹_ia| s_a ≤ λ for every i; u̇ and ü are
-    treated alike, with T W."""
+    Conversely, |u_a| ≤ c ρ s_a implies a norm ≤ ρ if c Σ_a |T⁻¹_ia| s_a ≤ λ for every i. The same holds for
+    u̇ and ü with T W instead of T."""
     equation, motion, proved = found.equation, found.motion, found.existence
     n, sizes = equation.n, sizes_of(equation, proved.rate)
     T = arb_mat(equation.modes.tolist())

@@ -11,7 +11,8 @@ _WIDTH = 1e-12
 """Relative width of the bounds at which the search for a maximum ends. A choice."""
 
 _SHORTEST = 2.0**-30
-"""Fraction of a step at which halving ends: the enclosure of the solution is then wider than the interval."""
+"""Fraction of a step at which halving ends, because the enclosure of the solution is then wider than the
+interval."""
 
 _CELLS = 20_000
 """Largest number of intervals that are examined for one maximum. A choice."""
@@ -53,8 +54,8 @@ def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[lis
 def largest_modulus(pieces: list[tuple[list[Ball], Ball]], width: float = _WIDTH) -> tuple[Ball, Ball]:
     """Lower and upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and all polynomials.
 
-    The interval with the largest upper bound is halved until this is close to the largest lower bound. Bounds
-    are rounded up to doubles, so that their order is exact.
+    The interval with the largest upper bound is halved until this bound is close to the largest lower bound.
+    Bounds are rounded up to doubles, so that they are sorted exactly.
     """
     low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(pieces))]
     for _ in range(_CELLS):

@@ -2,8 +2,8 @@
 
 On a step, y = Ỹx + E with the exact polynomial Ỹ and ‖E‖ ≤ ε‖x‖ for the state x at its start. Since m E₂′ =
 −h r_y E − D₂, and ε contains the factor max(1, ‖m⁻¹‖) Σ‖D_k‖, also ‖E₂′‖ ≤ (h‖A‖ + 1) ε‖x‖ for the derivative
-with respect to τ. So q, q̇ and q̈ are polynomials with bounded errors. On an interval of τ they are evaluated
-by the mean value form of second order, and the generated function on the resulting balls.
+with respect to τ. Hence q, q̇ and q̈ are polynomials with bounded errors. On an interval of τ, the
+second-order mean value form encloses them in balls, for which the generated function is evaluated.
 """
 
 import heapq
@@ -21,8 +21,8 @@ from solve.proof.turn import Turn
 from solve.system import PeriodicSystem
 
 _WIDTH = 1e-3
-"""Relative width of the bounds at which the search for a maximum ends. A choice: the balls of the generated
-function converge only linearly with the length of the interval."""
+"""Relative width of the bounds at which the search for a maximum ends. A choice, because the radii of the
+outputs decrease only linearly with the length of the interval."""
 
 _CELLS = 600
 """Largest number of intervals that are examined for one output. A choice."""

@@ -1,14 +1,14 @@
 """Test whether a list of instructions is periodic in the phase with period T, by exact rules for each
 operation.
 
-At φ + T every intermediate value v is v + a + bπ with rational numbers a and b, or −v, or unknown. The phase
-has the change T. The rules follow from
+At φ + T every intermediate value v has changed to v + a + bπ with rational numbers a and b, or to −v, or is
+unknown. The phase changes by T. The rules follow from
 
     sin(x + 2πk) = sin x, sin(x + π + 2πk) = −sin x, likewise for cos, tan(x + πk) = tan x, (−v)² = v²,
 
 and c(v + a + bπ) = cv + ca + cbπ for rational c: the constants of the code are exact doubles. Every other
-operation has the period if its operands have it. The rules hold for real functions, so that they show the
-period where the operations are defined.
+operation has the period T if its operands have. The rules hold for real functions; they prove the period
+wherever the operations are defined.
 """
 
 from collections.abc import Callable
@@ -106,7 +106,8 @@ def _scaled(factor: int) -> Callable[..., Change]:
 
 
 def _wave(changes: list[Change], constants: list[Fraction | None]) -> Change:
-    """Shift rule for sin and cos: an argument shifted by a multiple of 2π, or of π with a change of sign."""
+    """Rule for sin and cos: they do not change if the argument shifts by a multiple of 2π, and change sign if
+    it shifts by an odd multiple of π."""
     (shift,) = changes
     if not isinstance(shift, Shift) or shift.a or shift.b.denominator > 1:
         return None

@@ -18,8 +18,7 @@ DIGITS = 20
 """Default number of decimal digits of enclosures, relative to the spectral radius. A choice."""
 
 _MOST_DIGITS = 1000
-"""Largest number of digits: the time per step grows with the square of this number and then takes minutes. A
-choice."""
+"""Largest number of digits. A choice: the computing time grows with its square and reaches minutes."""
 
 
 @first_is(PeriodicSystem, Stability, such_as="solve.load('cam')")
@@ -33,13 +32,13 @@ def prove(
 ) -> Proof:
     """Enclosures of the multipliers, the verdict and the periodic solution of a system.
 
-    For a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are proved too.
+    For a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are also proved.
 
     Parameters
     ----------
     system : PeriodicSystem or Stability
-        A model with generated matrices, a system of samples or of a function that takes symbolic phases (see
-        docs/proof.md), or a result for one of these, such as a linear or nonlinear orbit.
+        A model with generated matrices, a system from samples or from a function that accepts symbolic phases
+        (see docs/proof.md), or a result for one of these, such as a linear or nonlinear orbit.
     speed : float or str, optional
         Speed in rad/s, or a text with unit. It must be left out if `system` is a result.
     digits : int, optional
@@ -49,7 +48,7 @@ def prove(
         Whether the proof covers all real numbers within two units in the last place of the given numbers
         (integers are exact), instead of exactly the given double-precision numbers.
     orbit : bool, optional
-        Whether the periodic solution is enclosed too. The orbit of a result is always enclosed.
+        Whether to enclose the periodic solution as well. The orbit of a result is always enclosed.
     executor : Executor, optional
         Computes the steps of the period in parallel, such as a `concurrent.futures.ProcessPoolExecutor`.
 
@@ -61,8 +60,8 @@ def prove(
     Raises
     ------
     LinearModelError
-        For systems whose matrices are not a function of symbols, and for nonlinear orbits of equations with
-        jumps.
+        For systems with matrices that cannot be evaluated for symbols, and for nonlinear orbits of equations
+        with jumps.
     MissingLibraryError
         Without python-flint.
     StepsError
@@ -124,8 +123,8 @@ def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Periodi
         possible = type(system) is PeriodicSystem and not nonlinear
     if not possible:
         raise LinearModelError(
-            "a proof requires matrices that are a function of the phase; those of structures, of models "
-            "with modal damping and of first-order systems are not"
+            "a proof requires matrices that are symbolic functions of the phase; structures, models with "
+            "modal damping and first-order systems do not have them"
         )
     if nonlinear and system.breaks:
         raise LinearModelError(

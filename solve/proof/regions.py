@@ -1,16 +1,16 @@
 """Functions of the monodromy matrix over a box of two quantities, as polynomials with error bounds.
 
 The entries of Φ are analytic functions of parameters and speed where the coefficients of the equations are,
-as long as jumps do not move. Let x, y in [−1, 1] stand for the two quantities. Let |f| ≤ S on the product of
+as long as jumps do not move. Let x, y in [−1, 1] represent the two quantities. Let |f| ≤ S on the product of
 the ellipses with foci ±1 and sums of half axes ρ_x and ρ_y. The polynomial of degrees p and q through the
 values of f at Chebyshev's points has an error of at most
 
     E_x + Λ_p E_y,    E_x = 4 S ρ_x^−p / (ρ_x − 1),    Λ_p ≤ 1 + (2/π) log(p + 1)
 
-(L. N. Trefethen, Approximation Theory and Approximation Practice, Theorem 8.2, which holds for the zeros of
-T_{p+1} by the same aliasing of coefficients; T. J. Rivlin, The Chebyshev Polynomials, for Λ_p; the second
-term is the interpolant over x of the error over y). S is bounded by the logarithmic norm,
-‖Φ‖₂ ≤ exp ∫ μ₂(A) dφ.
+(L. N. Trefethen, Approximation Theory and Approximation Practice, Theorem 8.2, which also holds for the zeros
+of T_{p+1}, with the same aliasing of coefficients; T. J. Rivlin, The Chebyshev Polynomials, for Λ_p). The
+second term bounds the interpolant over x of the error over y. S is bounded by the logarithmic norm, ‖Φ‖₂ ≤
+exp ∫ μ₂(A) dφ.
 """
 
 import itertools
@@ -48,15 +48,15 @@ _ACCURACY = 2.0**-20
 decided."""
 
 _BITS, _ADVANCE, _ALLOWED = 34, 4.0, 2.0**-30
-"""Bits, largest h‖A‖, and allowed error of a step of the enclosures at the nodes. The error of the enclosures
-is far below the interpolation error."""
+"""Precision in bits, largest h‖A‖ of a step, and allowed error of a step, for the enclosures at the nodes.
+Their errors are far below the interpolation error."""
 
 _LARGEST = 1024
-"""Binary exponent of bounds S above which no number of nodes suffices."""
+"""Binary exponent of a bound S above which no permitted number of nodes suffices."""
 
 _MOST_NODES = 1200
-"""Number of nodes above which a box is bisected instead: a choice, a minute of computing time for Mathieu's
-equation."""
+"""Number of nodes above which a box is bisected instead: a choice, for which Mathieu's equation takes a
+minute."""
 
 _TOGETHER = 16
 """Number of nodes that a worker computes at a time: a choice, about a second."""
@@ -100,7 +100,7 @@ class Plane:
         return self.system.varied(values), speed
 
     def equation(self, box: Box) -> Equation:
-        """Equation at the middle of a box, in scales that are used on the whole box."""
+        """Equation at the middle of a box; its scales are used on the whole box."""
         return equation_of(*self.at(*(sum(side) / 2 for side in box)), rounded=False)
 
     def moved(self, equation: Equation, x: Ball, y: Ball) -> Equation:
@@ -121,7 +121,7 @@ class Plane:
 @dataclass(frozen=True)
 class Polynomials:
     """Functions f (k) on a box: coefficients (k, p+1, q+1) of products of Chebyshev polynomials, and bounds
-    (k,) on their errors. conservative: whether C is zero, so that det Φ = 1."""
+    (k,) on their errors. conservative: whether C is zero and hence det Φ = 1."""
 
     coefficients: Array
     errors: Array
@@ -244,8 +244,8 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
         return min(found, key=lambda at: math.prod(found[at][0]))
 
     examine(0, 0)
-    # S grows with the ellipses: if even the smallest S requires too many nodes with the largest ρ, so do all
-    # others.
+    # S grows with the ellipses: if the smallest S requires too many nodes even with the largest ρ, so does
+    # every other pair.
     if not found or math.prod(_count(sizes[0], _RATIOS[-1]) for _ in box) > _MOST_NODES:
         return None, np.zeros(0), False
     for k in range(1, len(_RATIOS)):
@@ -259,9 +259,9 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
 
 
 def axis_to_halve(plane: Plane, box: Box, widths: Sequence[float]) -> int:
-    """Axis, x (0) or y (1), whose bisection leaves the smaller bound S on one of the halves; the wider axis
+    """Axis to bisect, x (0) or y (1): that with the smaller bound S on one of its halves, or the wider axis
     if the bounds are equal. If the equations are not analytic near a value of one quantity, bisecting the
-    other has no effect."""
+    other axis does not reduce S."""
     x, y = (min(_size(plane, half) for half in box.halved(axis)) for axis in (0, 1))
     return int(widths[1] > widths[0] if x == y else y < x)
 
@@ -338,7 +338,7 @@ def _rates(equation: Equation, phase: Ball, outcomes: Outcomes | None) -> tuple[
 def _panels(
     real: Equation, period: Ball, breaks: Sequence[float]
 ) -> Iterator[tuple[Ball, Ball, Outcomes | None]]:
-    """Intervals of the period with the branches of the piecewise operations; None for the branches in windows
+    """Intervals of the period with the branches of the piecewise operations; the branches are None in windows
     around jumps."""
     for start, end, window in intervals(real, period, breaks):
         if window:

@@ -26,7 +26,8 @@ class ProvedOrbit(Serializable):
     radius : mapping of str to tuple of float
         Bounds on |q − q̄| and on its first and second time derivative, by coordinate.
     unique : mapping of str to tuple of float
-        No other periodic motion has deviations from q̄, and time derivatives of these, below these bounds.
+        Bounds on deviations from q̄ and on their time derivatives, below which no other periodic motion
+        exists.
     """
 
     harmonics: Array
@@ -56,8 +57,9 @@ class Proof(Serializable):
     result : Stability
         Result without proof.
     true_error : mapping of str to float
-        Bounds on the errors of the ordinary result: of its multipliers, relative to the spectral radius, and
-        of its orbit at the steps of the proof, relative to max|q|; NaN without an orbit.
+        Bounds on the errors of the ordinary result. Errors of multipliers are relative to the spectral
+        radius; errors of the orbit, at the steps of the proof, are relative to max|q| and NaN without an
+        orbit.
     assumed : str
         Assumption on the numbers of the model.
     steps : int
@@ -103,7 +105,7 @@ class Proof(Serializable):
         return ordinary in excluded.get(self.verdict, ())
 
     def file_contents(self) -> FileContents:
-        """Contents of files: those of the ordinary result, with the proof in their metadata."""
+        """Contents of files: those of the ordinary result, with the proof in the metadata."""
         contents = self.result.file_contents()
         return replace(contents, metadata={**contents.metadata, "proof": to_json(self.record)})
 

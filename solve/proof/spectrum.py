@@ -1,8 +1,9 @@
 """Enclosures of the eigenvalues of an interval matrix by Gershgorin's discs, and the verdict.
 
-With approximate eigenvectors X, D = X⁻¹ΦX is nearly diagonal. Row i of D divided by σ and column i multiplied
-by σ is a similar matrix. If its disc i, of radius Σ_j |D_ij|/σ, is apart from all others, it contains exactly
-one eigenvalue. With the largest such σ, the radius is of second order in the off-diagonal entries.
+With approximate eigenvectors X, D = X⁻¹ΦX is nearly diagonal. Dividing row i of D by σ and multiplying column
+i by σ yields a similar matrix. If disc i of this matrix, with radius Σ_j |D_ij|/σ, does not meet any other
+disc, it contains exactly one eigenvalue. With the largest such σ, the radius is of second order in the
+off-diagonal entries.
 """
 
 from dataclasses import dataclass
@@ -11,8 +12,8 @@ from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED
 from solve.proof.balls import Ball, Matrix, acb, acb_mat, arb, largest, norm
 
 _APART = 4
-"""Inverse of the fraction of the distance between two discs that the entry of the column may take: 1/4 leaves
-room for both radii."""
+"""Inverse of the largest column entry, as a fraction of the distance between two discs: 1/4 leaves room for
+both radii."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,8 @@ def _discs(D: Matrix) -> list[Multiplier]:
 
 
 def _with_real(discs: list[Multiplier]) -> list[Multiplier]:
-    """Discs, with centers made real if the multiplier is proved real: it is alone in a disc symmetric about
-    the real axis, which also contains its conjugate."""
+    """Discs with real centers for multipliers that are proved real. A multiplier is real if it is alone in a
+    disc that is symmetric about the real axis, because the disc also contains its conjugate."""
     result = list(discs)
     for at, disc in enumerate(discs):
         if not disc.isolated or disc.center.imag.is_zero() or abs(disc.center.imag) > disc.radius:
@@ -119,7 +120,7 @@ def _isolated(
         if moduli[j][i] > 0:
             bound = gaps[j] / (_APART * moduli[j][i])
             sigma = bound.mid() if bound < sigma else sigma
-    # With σ < 1 the disc would not lie within the unscaled disc, for which the multipliers were counted.
+    # With σ < 1 the disc would not lie within the unscaled disc, for which eigenvalues are counted.
     if not sigma >= 1:
         return None
     radius = ((radii[i] - own_radius) / sigma + own_radius).upper()
@@ -140,8 +141,7 @@ def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
 
 
 def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int) -> Multiplier:
-    """Disc that contains a set of discs. If there are several sets, smaller discs that isolate single
-    multipliers are tried."""
+    """Disc that contains a set of discs and hence `count` multipliers."""
     center = (sum((centers[i] for i in some), acb(0)) / len(some)).mid()
     reach = largest(abs(centers[i] - center) + radii[i] for i in some)
     others = [abs(centers[j] - center) - radii[j] for j in range(len(centers)) if j not in some]

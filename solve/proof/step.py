@@ -6,9 +6,9 @@ Y − Ỹ satisfies E₁′ = hWE₂ − D₁, m E₂′ + h r_y E = −D₂, E(
 
     ‖E(1)‖ ≤ e^a max(1, μ) Σ_k ‖D_k‖,    a ≥ sup h‖A‖,  μ ≥ sup ‖m⁻¹‖  on the step,  A = [0 W; −m⁻¹r_y].
 
-Coefficients of m and r beyond the order J are bounded by Cauchy's inequality from their sup S on the disc
-|t| ≤ R: ‖r_j‖h^j ≤ S s^j with s = h/R < 1, so that these add at most (S s^{J+1}/(1 − s)) Σ_k ‖Z_k‖ to the
-defect, Z = (Ỹ, 1) for r, and Ỹ₂′ for m.
+Cauchy's inequality bounds coefficients of m and r beyond the order J by their sup S on the disc |t| ≤ R:
+‖r_j‖h^j ≤ S s^j with s = h/R < 1. They add at most (S s^{J+1}/(1 − s)) Σ_k ‖Z_k‖ to the defect, with Z = (Ỹ,
+1) for r and Z = Ỹ₂′ for m.
 """
 
 import math
@@ -22,8 +22,8 @@ from solve.proof.equation import Equation
 from solve.proof.instructions import Outcomes, UndecidedError
 
 _RATIOS = 16, 8, 4, 2
-"""Candidates for R/h: with a larger ratio fewer terms of the coefficients suffice, but the coefficients are
-larger on larger discs."""
+"""Candidates for R/h. With a larger ratio, fewer terms of the coefficients suffice, but the bounds S on the
+larger discs increase."""
 
 _PARTS, _SHORTEST_PART = 4, 2.0**-6
 """Number of intervals of a step on which ‖A‖ and ‖m⁻¹‖ are bounded, and fraction of the step below which
@@ -67,7 +67,7 @@ def step(
     """Enclosure of a step with h‖A‖ below `most`, an error below `allowed` (2^-bits if None), and a
     truncation error below 2^-bits.
 
-    Raises StepTooLongError if these limits are not met, or if an operation with pieces changes its outcome.
+    Raises StepTooLongError if these limits are not met, or if the outcome of a piecewise operation changes.
     """
     n = equation.n
     try:

@@ -1,10 +1,10 @@
-"""Functions of the phase that are not generated (functions of the user, interpolated samples) as CasADi
-functions.
+"""Conversion of functions of the phase that are not generated (user functions, interpolated samples) to
+CasADi functions.
 
 A function `matrices(phase, speed)` is called with arrays of symbols. Its operations on the symbols form a
-graph, like that of generated code, and a proof evaluates every operation of the graph in ball arithmetic.
-Operations that a graph cannot contain raise an error: comparisons, conversions to numbers, and functions that
-NumPy has for numbers only.
+graph, like that of generated code. A proof evaluates every operation of the graph in ball arithmetic.
+Operations that a graph cannot contain raise an error: comparisons, conversions to numbers, and NumPy
+functions that accept only numbers.
 """
 
 import functools
@@ -25,8 +25,8 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _PLACES = 2
-"""Number of phases for which a function is called: entries at one phase must not depend on the other
-phase."""
+"""Number of phases for which a function is called, to check that entries at one phase do not depend on
+another phase."""
 
 _MOST_FACTORS = 16
 """Largest integer power that is written as a product. A choice."""
@@ -111,8 +111,8 @@ for _name in ("sin", "cos", "tan"):
 
 @symbolic
 def linearised(system: PeriodicSystem) -> casadi.Function:
-    """CasADi function of phase, speed and parameters that returns M, C, K and d; that of a generated model is
-    returned unchanged. Raises LinearModelError for a user's function with operations that symbols do not
+    """CasADi function of phase, speed and parameters that returns M, C, K and d; for a generated model, its
+    own function. Raises LinearModelError for a user's function with operations that symbols do not
     support."""
     if isinstance(system, Model):
         return system.setup.function("linearised")

@@ -1,7 +1,7 @@
 """Bounds on the transition matrices of a linear system over a period.
 
-Ψ(t, s) maps a state at s to the state at t ≥ s, Y(t) = Ψ(t, 0). The bounds are κ ≥ sup_t ‖Y(t)‖,    τ ≥ sup_t
-∫_0^t ‖Ψ(t, s)‖ ds.
+Ψ(t, s) maps a state at s to the state at t ≥ s, and Y(t) = Ψ(t, 0). The bounds are κ ≥ sup_t ‖Y(t)‖,    τ ≥
+sup_t ∫_0^t ‖Ψ(t, s)‖ ds.
 
 A step is divided into cells with ∫‖A‖ ≤ a on each, so that ‖Ψ‖ ≤ e^a within a cell. Between the ends of cells
 c ≤ d of a step with the polynomial Ỹ, Ψ = Ỹ(τ_d) Ỹ(τ_c)⁻¹ in balls. Between steps Ψ is a product of maps:
@@ -18,7 +18,7 @@ from solve.proof.step import BOUNDS, Step
 from solve.proof.turn import Turn
 
 _CELL = 0.5
-"""Largest ∫‖A‖ of a cell. A choice: bounds are too large by at most a factor e^0.5 for each end of Ψ."""
+"""Largest ∫‖A‖ of a cell. A choice: each end of Ψ increases the bounds by at most a factor e^0.5."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ def transitions(turn: Turn) -> Transitions:
 
 
 def _norms(maps: list[Matrix]) -> dict[tuple[int, int], Ball]:
-    """Norms of the products of the maps j … i−1, in a dictionary by (j, i). Products are formed by halves in
-    about log₂ levels, so that radii do not grow exponentially with the number of maps."""
+    """Norms of the products of the maps j … i−1; keys are (j, i). Products are formed by halves, in a number
+    of levels about log₂ of the number of maps, so that radii do not grow exponentially with this number."""
     found = {(i, i): arb(1) for i in range(len(maps) + 1)}
 
     def fill(first: int, last: int) -> None:

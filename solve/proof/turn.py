@@ -1,8 +1,8 @@
-"""Maps of the steps of a period, which end at the jumps, and their products by halves.
+"""Maps of the steps of a period, and their products by halves. Steps end at jumps.
 
-Comparisons in generated code are made with rounded numbers, so that a jump is somewhere near its break. In a
-window of a few units in the last place around each break, all outcomes are admitted, and the map is the
-identity up to e^{δ sup‖A‖} − 1, δ being the width of the window.
+Generated code compares rounded numbers, so that a jump may be displaced slightly from its break. In a window
+of a few units in the last place around each break, all outcomes are admitted. The map of a window of width δ
+is the identity with an error of at most e^{δ sup‖A‖} − 1.
 """
 
 import itertools
@@ -20,18 +20,18 @@ from solve.proof.step import Step, StepTooLongError, step
 from solve.terminal import progress
 
 _SHORTEST = 2.0**-36
-"""Step length, as a fraction of the period, below which the search for a step ends: there is then an
+"""Step length, as a fraction of the period, below which the search for a step ends, because there is an
 undeclared jump or a singular M."""
 
 _WINDOW = 4
 """Half width of the window around a break, in units in the last place of the period."""
 
 _PARTS = 24
-"""Number of parts of the period that are distributed to processes. A choice: enough for equal shares of
-several processes, and few enough for many steps in each part."""
+"""Number of parts of the period that are distributed to processes. A choice: enough parts to share evenly
+among several processes, each with many steps."""
 
 _GROWTH = 1.5
-"""Ratio of the length of a step to that of the previous step, if that step was not too long. A choice."""
+"""Ratio of the trial length of a step to the length of the previous successful step. A choice."""
 
 
 _Part = tuple[Ball, Ball, bool]
@@ -60,7 +60,8 @@ class Turn:
         return levels
 
     def states(self, start: Matrix) -> list[Matrix]:
-        """States (2n+1, 1) at the start of each step, computed from the state at the start of the first."""
+        """States (2n+1, 1) at the start of each step, computed from the state at the start of the first
+        step."""
         states = [start]
         for maps in reversed(self.levels()[:-1]):
             states = [
@@ -99,8 +100,8 @@ def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Ma
 
 
 def _parts(equation: Equation, period: Ball, breaks: Sequence[float], count: int) -> Iterator[_Part]:
-    """Start and end of intervals of at most 1/count of the period, and of windows around jumps, which are
-    marked. Interval ends between jumps are exact."""
+    """Start, end and mark of intervals of at most 1/count of the period, and of windows around jumps; the
+    mark is True for windows. Interval ends between jumps are exact."""
     for start, end, window in intervals(equation, period, breaks):
         if window:
             yield start, end, True
@@ -129,8 +130,8 @@ def _march(equation: Equation, period: float, marching: Marching, part: _Part) -
 
 
 def intervals(equation: Equation, period: Ball, breaks: Sequence[float]) -> Iterator[_Part]:
-    """Start and end of the intervals between the jumps, and of the windows around the jumps, which are
-    marked."""
+    """Start, end and mark of the intervals between the jumps, and of the windows around the jumps; the mark
+    is True for windows."""
     end, first = float(period.mid()), 0.0
     width = _WINDOW * math.ulp(end)
     if _jumps(equation, arb(-width), arb(width)):

@@ -77,7 +77,7 @@ def test_dimension_of_an_expression():
         (sympy.sin(length), "the argument length of sin is in m; it must be a pure number or an angle"),
         (sympy.exp(force / mass), "of exp is in m/s^2"),
         (length**mass, "the exponent of length**mass is in kg"),
-        (length**angle, "to a power that is not a fraction"),
+        (length**angle, "to a power that is not rational"),
         (sympy.Max(length, mass), "cannot be added or compared"),
     ],
 )

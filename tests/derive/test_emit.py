@@ -196,5 +196,5 @@ def test_parameters_and_outputs_in_units_of_other_sizes():
 
 @pytest.mark.parametrize("unit", ["mm", "deg"])
 def test_coordinates_are_in_si(unit):
-    with pytest.raises(UnitError, match=rf'q is in "{unit}", which is 0.0.* of the SI unit'):
+    with pytest.raises(UnitError, match=rf'q is in "{unit}", which is 0.0.* times the SI unit'):
         Mechanism("one", "One").coordinate("q", unit, "deflection")

@@ -32,7 +32,7 @@ from solve.views.tables import RenderableType, table_of
 
 REFERENCE = "reference"
 _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
-"""Quintic elements of the reference model, whose stresses are accurate to about 0.2 %."""
+"""Quintic elements of the reference model; its stresses are accurate to about 0.2 %."""
 
 
 @serializable
@@ -40,8 +40,8 @@ _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
 class OneModel:
     """Result computed with one model.
 
-    drawn: name of the output with the largest value, whose statistics are `figures`; values (k,): the output
-    that is drawn for the reference, at phases over a revolution, including both ends.
+    drawn: name of the output with the largest value; `figures`: its statistics. values (k,): the plotted
+    output, which is `drawn` of the reference model, at phases over a revolution including both ends.
     """
 
     drawn: str
@@ -138,7 +138,7 @@ def corrections(
     """Values of a quantity at a speed (rad/s) from three kinds of models: the reference, cubic elements, and
     one corrected element per link.
 
-    of: a coordinate or output, or the common name of several, of which the largest is taken. elements:
+    of: a coordinate or output, or the common name of several outputs, of which the largest is used. elements:
     numbers of cubic elements per link. The corrected element is solved with both loads. Raises SolveError
     subclasses.
     """

@@ -40,7 +40,8 @@ class CouplerCurve:
 
 @dataclass(frozen=True)
 class CurveOfPoint(AtOneSpeed):
-    """Path of the point at the fraction `along` of the coupler, at a distance `across` (m) from its axis."""
+    """Path of the point at the fraction `along` of the coupler, at the distance `across` (m) from the
+    coupler's axis."""
 
     along: float
     across: float
@@ -102,7 +103,7 @@ def _components(deviation: Array) -> dict[str, Array]:
 
 
 def _rms(values: Array) -> float:
-    """Root mean square over a revolution whose last sample repeats the first."""
+    """Root mean square over a revolution; the last sample repeats the first."""
     return float(np.sqrt((values[:-1] ** 2).mean()))
 
 
@@ -137,7 +138,8 @@ def curve_of_point(
 
 
 def _magnification(curve: CouplerCurve) -> float:
-    """Factor for which the drawn deviation is at most `DEFLECTION` of the path's larger extent."""
+    """Factor for which the drawn deviation is at most the fraction `DEFLECTION` of the larger extent of the
+    path."""
     size = max(float(np.ptp(np.real(curve.rigid))), float(np.ptp(np.imag(curve.rigid))))
     return round_magnification(DEFLECTION * size / (float(np.abs(curve.deviation).max()) or np.inf))
 
@@ -184,7 +186,7 @@ def curve(
     results: Results,
     speed: SpeedText = "30 rad/s",
     along: Annotated[float, Flag("Position on the coupler, from 0 at A to 1 at B.", "S")] = 0.5,
-    across: Annotated[float, Flag("Distance from its axis, in m.", "M")] = 0.0,
+    across: Annotated[float, Flag("Distance from the axis of the coupler, in m.", "M")] = 0.0,
     quasi_static: Annotated[bool, Flag("The quasi-static path instead of the dynamic one.")] = False,
     rtol: Tolerance = 1e-6,
 ) -> None:

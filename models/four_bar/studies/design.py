@@ -63,7 +63,8 @@ _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
 """First and last default speed of the map, relative to the mean lowest frequency, and ratio of neighbouring
 speeds. Choices.
 
-The frequency is then 32 to 3.5 times the speed, so the map contains the superharmonics of orders 4 to 32.
+The mean lowest frequency is then 32 to 3.5 times the speed, so that the map contains superharmonic resonances
+of the orders 4 to 32.
 """
 
 _FEWEST_SPEEDS, _LENGTHS, _MOST_LENGTHS = 5, 48, 200
@@ -82,7 +83,7 @@ class DesignResult(Outcome, Result):
 
     @property
     def summary_values(self) -> dict[str, Any]:
-        """Values of the result in SI units; ratios are those of stress to allowable stress."""
+        """Values of the result in SI units; ratios are stress divided by allowable stress."""
         design, stresses, links = self.design, self.map, self.map.links
         smallest = self.least[0] * stresses.allowable
         return {
@@ -120,8 +121,8 @@ class DesignResult(Outcome, Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns of the table: stress of each link for the mechanism's own L4, and the ratio needed to reach
-        each speed."""
+        """Columns of the table: stress of each link for the mechanism's own L4, and the stress ratio that is
+        needed to reach each speed."""
         needed, stresses, axes = self.design.needed, self.map, ("speed",)
         columns = {"speed": Column(stresses.speeds, "rad/s", "speed of the crank", axes=axes)}
         for number, link in enumerate(stresses.links):
@@ -192,8 +193,8 @@ def require_target(target: float, speeds: Array, unit: ShownUnit) -> None:
 
 
 def _simulated(stresses: DesignMap, plan: Plan, returns: bool, duration: float) -> list[Trial]:
-    """Simulations of the plan with the given duration (s), half of it, and so on, until a stress exceeds the
-    allowable one."""
+    """Simulations of the plan with the given duration (s), then half of it, and so on, until a stress exceeds
+    the allowable one."""
     trials: list[Trial] = []
     start, home = float(plan.speed[0]) / 10, stresses.own_L4 if returns else None
     for halving in range(_HALVINGS):
@@ -225,7 +226,7 @@ def design(
         typer.Option(
             "--L4",
             metavar='"A:B:N m"',
-            help="Range and number of ground links; by default all with a transmission angle of 40° to 140°.",
+            help="Range and number of lengths L4; by default all with a transmission angle of 40° to 140°.",
         ),
     ] = None,
     time: Annotated[str, Flag("Duration of the slowest simulated run-up.", '"60 s"')] = "60 s",

@@ -1,6 +1,7 @@
 """Rigid motion of the linkage over a revolution, or at one position: record, columns and command.
 
-SI units and radians. Ratios refer to the speed of the crank: ω/ω1, and α/ω1² at constant ω1.
+Values are in SI units and radians. Ratios are relative to the speed of the crank: ω/ω1, and α/ω1² at constant
+ω1.
 """
 
 import math
@@ -45,10 +46,10 @@ from solve.views.style import Figure
 from solve.views.tables import RenderableType
 
 _CURVE_POINTS = 360
-"""Positions per revolution of the files and of coupler curves: one per degree."""
+"""Number of positions per revolution in files and coupler curves: one per degree."""
 
 _BALANCE_POINTS = 720
-"""Positions per revolution at which the energy balance is evaluated."""
+"""Number of positions per revolution at which the energy balance is evaluated."""
 
 serializable(Linkage)
 
@@ -59,7 +60,8 @@ class RigidMotion(Result):
 
     speed: speed of the crank (rad/s); None if forces are not computed. position: crank angle t1 (rad) to
     report, None for a full revolution. points: coupler points X + iY (m) whose paths are traced. Raises
-    LinkageError where the crank cannot turn fully and no position is given, or the position is out of reach.
+    LinkageError if the crank cannot rotate fully and no position is given, or if the linkage cannot reach the
+    position.
     """
 
     case: str | None
@@ -78,7 +80,7 @@ class RigidMotion(Result):
 
     @cached_property
     def summary_values(self) -> dict[str, Any]:  # type: ignore[override]
-        """All values of the result; if the crank cannot rotate fully, only the values at one position."""
+        """Values of the result; if the crank cannot rotate fully, only those at the given position."""
         linkage = self.linkage
         record: dict[str, Any] = {**_classification(linkage), "speed": self.speed}
         if self.position is None:
@@ -104,8 +106,8 @@ class RigidMotion(Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns over the revolution in steps of one degree; at the position if the crank cannot rotate
-        fully."""
+        """Columns over the revolution in steps of one degree; if the crank cannot rotate fully, at the given
+        position only."""
         turns = self.linkage.turns_fully
         t1 = np.linspace(0.0, TURN, _CURVE_POINTS + 1) if turns else np.array([self.position])
         motion = self.linkage.motion(t1)

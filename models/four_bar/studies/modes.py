@@ -31,7 +31,7 @@ from solve.views.style import MANY, Figure, page
 from solve.views.tables import RenderableType, table, table_of
 
 _UNCOUPLED_STEPS = 720
-"""Number of steps per revolution of the uncoupled solution. With more steps, its error is the same."""
+"""Number of steps per revolution of the uncoupled solution. More steps do not change its error."""
 
 serializable(Contributions)
 
@@ -173,7 +173,7 @@ class ElementKinds(Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns of the table, with one row per position and one column per element type and frequency."""
+        """Columns of the table: one row per position, and one column per element type and frequency."""
         columns = {"position": Column(self.positions, "rad", "crank angle", axes=("position",))}
         for kind, values in zip(self.kinds, self.values, strict=True):
             for k, column in enumerate(values.T, start=1):
@@ -212,8 +212,8 @@ def element_kinds(
     """Lowest `count` frequencies at `turn` positions, for element types given with their number per link,
     such as "cubic:3".
 
-    Raises ValueOutOfBoundsError for another form and for numbers out of bounds, UnknownNameError for an
-    unknown element type.
+    Raises ValueOutOfBoundsError for text of another form and for numbers out of bounds, UnknownNameError for
+    an unknown element type.
     """
     if not (1 <= count <= _MOST_COUNT and 1 <= turn <= _MOST_TURN):
         raise ValueOutOfBoundsError(

@@ -1,4 +1,4 @@
-"""Flags that the commands on the elastic four-bar linkage share, and the base class of results at one
+"""Flags shared by the commands on the elastic four-bar linkage, and the base class of results at one
 speed."""
 
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ EachTolerance = Annotated[float, Flag("Relative error of each solution.", "R")]
 class FourBar(Numbers):
     """Arguments that select case, parameters and options of the four-bar linkage."""
 
-    # These studies require all coordinates of the beams, so that they do not offer --reduce.
+    # These studies require all coordinates of the beams, so --reduce is not available.
     reduce: ClassVar[None] = None  # type: ignore[misc]
 
     def loaded(self, *replaced: str) -> StructureModel:
-        """Model of the four-bar linkage with these arguments. replaced: options whose values the command
-        chooses, and which have no effect. Raises SolveError subclasses for invalid input."""
+        """Model of the four-bar linkage with these arguments. replaced: options that have no effect, because
+        the command selects their values. Raises SolveError subclasses for invalid input."""
         for name in assignments("--option", self.option or []):
             if name in ("reduce", *replaced):
                 raise ValueOutOfBoundsError(f"--option {name} has no effect on this command; leave it out")

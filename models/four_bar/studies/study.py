@@ -39,7 +39,9 @@ def study(
         ),
     ] = None,
     figure: Annotated[str, Flag("Statistic of the modulus over a revolution.", "max|rms")] = "max",
-    corrected: Annotated[bool, Flag("Add one element a link corrected by dynamic stiffness.")] = False,
+    corrected: Annotated[
+        bool, Flag("Add the model with one corrected element per link; see the command corrected.")
+    ] = False,
     rtol: EachTolerance = 1e-6,
 ) -> None:
     """Stress, deflection or energy over speed for several values of a parameter or option."""
@@ -58,7 +60,8 @@ def study(
 def _systems(
     model: StructureModel, over: str | None, corrected: bool
 ) -> tuple[str, dict[str, PeriodicSystem]]:
-    """Heading that names the varied quantity, and systems by its values. Raises SolveError subclasses."""
+    """Heading with the name of the varied quantity, and systems by the values of this quantity. Raises
+    SolveError subclasses."""
     systems: dict[str, PeriodicSystem] = {}
     title = ""
     if over is not None:

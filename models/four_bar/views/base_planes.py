@@ -1,8 +1,8 @@
-"""Figure of Barker's solution space: its base planes, divided into the classes (thesis 3.4).
+"""Figure of base planes of Barker's solution space, divided into the classes (thesis 3.4).
 
-On a base plane λ2 + λ3 + λ4 = S the planes of zero mobility are λ2, λ3, λ4 = (S + 1)/2 and the
-change points λ2, λ3, λ4 = (S - 1)/2. For S < 3 those three lines enclose RRR2, for S > 3 GCRR, and
-at S = 3 they meet in one point: four equal links.
+On a base plane λ2 + λ3 + λ4 = S the planes of zero mobility are λ2, λ3, λ4 = (S + 1)/2 and the change points
+λ2, λ3, λ4 = (S - 1)/2. For S < 3 the three lines of change points enclose RRR2, for S > 3 GCRR. For S = 3
+they meet at one point: four equal links.
 """
 
 import math
@@ -19,10 +19,10 @@ from solve.arrays import Array
 from solve.views.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 
 _TYPICAL = (1.05, math.sqrt(3), 3.2)
-"""Values of λ of the drawn planes, one for each kind of division into classes."""
+"""Values of λ of the drawn planes, one for each pattern of classes on a plane."""
 
 _CORNERS = np.exp(1j * np.radians([90, 210, 330]))
-"""Corners of the drawn triangle, at which only λ2, λ3 or λ4 is not zero."""
+"""Corners of the drawn triangle, at each of which only one of λ2, λ3 and λ4 is nonzero."""
 
 _MARKED = {"1": ("frame", ORANGE), "2": ("input", BLUE), "3": ("coupler", GREEN), "4": ("output", VERMILION)}
 _STRONG, _PALE = 0.65, 0.2
@@ -75,7 +75,7 @@ def _draw_plane(axes: Axes, distance: float, unnamed: str = "") -> None:
 
 
 def _label_edge(axes: Axes, link: int, value: float, total: float, size: float) -> None:
-    """Write a label outside the edge on which a coordinate λ has this value."""
+    """Write a label outside the edge on which the coordinate λ of a link has this value."""
     middle = np.full((1, 3), (total - value) / 2)
     middle[0, link] = value
     outward = _CORNERS[link] if value > 0 else -_CORNERS[link]
@@ -101,7 +101,8 @@ def _name_region(axes: Axes, region: Array, symbol: str, size: float) -> None:
 
 
 def _draw_linkage(axes: Axes, linkage: Linkage) -> None:
-    """Draw the plane of the linkage. Its class is in the title, where the dot does not hide it."""
+    """Draw the plane of the linkage. The title contains the class of the linkage, because the dot would hide
+    a label."""
     symbol, distance = classify(linkage).symbol, base_plane(linkage)
     _draw_plane(axes, distance, unnamed=symbol)
     place = _flat(np.array([solution_space(linkage)]))
@@ -124,7 +125,7 @@ def _flat(points: Array) -> Array:
 
 
 def _clipped(polygon: Array, link: int, limit: float, side: int) -> Array:
-    """Part of a convex polygon (k, 3) in which side · (λ - limit) >= 0 for the coordinate λ of a link."""
+    """Part of a convex polygon (k, 3) in which side · (λ - limit) >= 0, for the coordinate λ of a link."""
     corners = []
     for first, second in pairwise([*polygon, *polygon[:1]]):
         start, end = side * (first[link] - limit), side * (second[link] - limit)

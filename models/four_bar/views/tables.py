@@ -193,8 +193,8 @@ def _numbers(values: Sequence[float], heading: str) -> Column:
 
 
 def _damping(result: Outcome, speeds: Sequence[float]) -> Columns:
-    """Table of the effect of damping on the stress at these speeds, one column per link; empty if the effect
-    was not computed."""
+    """Columns of the table with the effect of damping on the stress at these speeds, one per link; empty if
+    the effect was not computed."""
     effects = {effect.speed: effect.sensitivity for effect in result.damping}
     effects_at = [effects.get(speed) for speed in speeds]
     return {

@@ -69,7 +69,7 @@ def test_invalid_combinations_are_refused_in_one_line(command, arguments, messag
 def test_a_model_without_generated_matrices_is_refused_before_it_is_solved(command):
     ran = command("floquet", "four_bar", "--speed", "30 rad/s", "--prove")
     assert (ran.status, ran.out) == (2, "")
-    assert "a proof requires matrices that are a function of the phase" in ran.err
+    assert "a proof requires matrices that are symbolic functions of the phase" in ran.err
 
 
 def test_without_python_flint_the_extra_is_named(command, monkeypatch):
