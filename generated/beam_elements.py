@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "272bf05eaa304c83aedcbc40c694e93cacc77f69ac9f19f1d62753a1f4915dd6"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "1a8c51787637cd63dab814227a630d114732819a1d13beda390fcafea2dc1e4d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4a9d8eac3bd8eef14041a82e8b68f2a55de17b9443ba89597e2ad24abe243036"
+FILE_SHA256 = "493f10679728a4fbccb11ae7f46c24f40ec0b88b3958f0cd570f796ddcf20e4d"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "1a8c51787637cd63dab814227a630d114732819a1d13beda390fcafea2dc1e4d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "576dc6ae04c551d8780e25db65c4111634abe21dbcb5dfd0abd10d72492b4aad"
+FILE_SHA256 = "57ce17bbe63c5e2bf47d228eb4282207c82b65f8eebcddebed22789e987064df"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

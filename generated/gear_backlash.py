@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "31bfb0baebfe5e8dc5aee591b9099cffab629d45336469c6a6aa4c747a80df34"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "1a8c51787637cd63dab814227a630d114732819a1d13beda390fcafea2dc1e4d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0785d70bf87c6c2db8d8c621fbb2a73c8c8f3a71b307e85662ae07c8c01d4ccf"
+FILE_SHA256 = "b35735681fc7a9f1e194cbb29afdb091cc46206ecc70a3afb7f6938f827fa358"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "106320254cb04cc1955c703fac5145a84a1b4eee2dba5dcf6e6e9e5f29827a57"
+DERIVE_SHA256 = "1a8c51787637cd63dab814227a630d114732819a1d13beda390fcafea2dc1e4d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "06bd819fed5851cb0aa8cea4bb468dd8f2632439eaca015faa5f6cf57d280ab2"
+FILE_SHA256 = "3c12a7a0db74e4a6205f53e913a78fab4d527a6923655fe3fa002e8d95cbdd68"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

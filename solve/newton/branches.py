@@ -175,7 +175,7 @@ def range_of(system: PeriodicSystem, over: str) -> tuple[str, float, float]:
     require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
     try:
         first, last = (in_own_unit(system, name, f"{end} {unit}".strip()) for end in ends)
-    except ValueError:
+    except ValueOutOfBoundsError:
         raise ValueOutOfBoundsError(usage) from None
     if first == last:
         raise ValueOutOfBoundsError(usage)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from solve.arguments import require_integer
+from solve.arguments import require_integer, require_steps
 from solve.certify.all_multipliers import Spectrum, refined_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
@@ -108,6 +108,8 @@ def nonlinear(
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_integer("periods", periods)
+    if steps is not None:
+        require_steps(steps)
     solve_request = request(steps, rtol, used, True)
     check(system, omega)
     system = shown_in(system, omega)

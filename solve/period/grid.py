@@ -5,6 +5,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from solve.arguments import require_size
 from solve.arrays import Array
 
 _MAX_CACHED = 4096
@@ -36,7 +37,8 @@ class Grid:
 
         With twice the steps, or with a third more from 6 steps per piece on, every piece has more steps,
         however short it is. Two grids with equal steps in a piece would agree on features that neither
-        resolves."""
+        resolves. Raises ValueOutOfBoundsError above the memory limit."""
+        require_size("steps", steps)
         return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
 
     @classmethod
