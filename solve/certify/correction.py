@@ -175,7 +175,7 @@ def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions,
     rates = np.einsum("kii->k", np.linalg.solve(M, C)).reshape(phases.shape)
     volume = -float(solutions.grid.h @ rates @ weights) / 2
     defect = float(np.linalg.slogdet(solutions.steps.A[0])[1].sum()) - volume
-    total = float(logarithms.real.sum()) - volume
+    total = float(np.real(logarithms).sum()) - volume
     # Determinants of products of steps lose small multipliers to round-off.
     return total if abs(defect) > _LOST and math.isfinite(total) else defect
 
