@@ -65,7 +65,7 @@ def branch(
         Whether to follow the branches of twice the period from each doubling, up to three in sequence.
     periods : int
         Number of model periods per period of the orbits.
-    start : optional
+    start : Orbit, Transient, Scatter, (q, q̇), callable or path, optional
         Start of `solve.nonlinear` at the first orbit. Or a result of `solve.scatter`, or its file: the
         branches through all its orbits are followed, and the first value is that of the result.
     points : int

@@ -61,7 +61,7 @@ def nonlinear(
         Model with nonlinear equations.
     speed : float or str
         In rad/s, or a text with unit.
-    start : optional
+    start : Orbit, Transient, (q, q̇), callable or path, optional
         Initial motion of Newton's iteration, over the period of the orbit or an integer fraction of it:
 
         - an orbit, linear or nonlinear, also for other parameters, speeds or steps;
