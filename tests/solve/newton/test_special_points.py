@@ -78,6 +78,7 @@ def test_a_jump_names_the_coordinate_that_changes_most():
     assert up["from"] > 3 * up["to"] > 0
     assert down["to"] > 3 * down["from"] > 0
     assert branch.summary.count("max|y| from") == 2
+    assert branch.plot().axes[-1].get_yscale() == "linear"
 
 
 PENDULUM = {"c": 0.5, "g": 1.0, "t": 0.0}
