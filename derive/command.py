@@ -91,7 +91,18 @@ def _begin(file: str, has_more: bool) -> None:
 def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
     if every == bool(models):
         raise UsageError(f"give one or more mechanisms, or --all (known: {', '.join(loader.names())})")
-    return [loader.find(model, out) for model in (loader.names() if every else models)]
+    found: dict[Path, Source] = {}
+    for model in loader.names() if every else models:
+        source = loader.find(model, out)
+        other = found.setdefault(source.target.resolve(), source)
+        if other is not source:
+            same = other.path.resolve() == source.path.resolve()
+            given = f"'{other.argument}' and '{model}' are " + ("the same file" if same else "two files")
+            raise UsageError(
+                f"{given}, for the generated module {source.target}; "
+                + ("give it once" if same else "derive one of them with another --out")
+            )
+    return list(found.values())
 
 
 def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:

@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "94609be273dce4716b1283dca26ff5bc954f445cc9623df8cc395d18c97f5f11"
-DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
+MECHANISM_SHA256 = "a89235df4dfd0c02dd80195075bac6372c6e6b47aedf8e14149b0db04429febd"
+DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "6d4de1a5a9077258f4f8622091525768a792006d092118c1a7fa49105e8a7983"
+FILE_SHA256 = "4f2aa1fc5642e25e286f57287208164bbca38d91277f9d0fa8faf9a1e0f214f6"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

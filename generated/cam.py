@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "bcbdc583a181a5aefa713eb7391b9c72be0b64cb001b79ffbcbc70ac88c47c67"
-DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
+DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f68b33d862e3fc2cd39f021b985f3da76e3ac16a3dfcd20325404ecd0a79c285"
+FILE_SHA256 = "5f19ddf26415dfb78a0ab95422aa25eefc3ea75d0239a4ede53f3713b114e4e2"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "5da26999f0523fb1f4104b6f48ba3a41b401c0d431fab5559fb13424c78f2df2"
-DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
+DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a7b5c266eef89b00c066d2db7eb0bcd9e739f7c844c1f731b749382bcfced99a"
+FILE_SHA256 = "46c9feb1fea0493433d32fbcb5c3496f8f844476e395fbfa61937d07d66b40a5"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

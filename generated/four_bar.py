@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
+DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "6540bf56fa9fe7699d6ba5a3e7d54bbcac28bf82730ec00a8ec06d835ebd39b2"
+FILE_SHA256 = "982d3cb0eb3a7c00ab73f0190d6a87cf58a6bba9ca8cf9f3165a78b760e34ef1"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

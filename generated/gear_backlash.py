@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "eac3bce0033e2724d2be10b9ad1523f3ba5d8bfcb278621dbac670d910411b8e"
-DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
+DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b3e0957ca64f39841eec06e94ff9242dad7bfaf464bb2d7e5ad434d5c94c3055"
+FILE_SHA256 = "e3be27f332ab7da5dbef33433ecdccf1784a8e88f2ac755318f0a254b465e715"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
+DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ba0ce54c1bdc38ba9a993a3df9c4b13a7725dac135a62e64112193a036e2e5dd"
+FILE_SHA256 = "f75bdbf0764fc3503ec682bac5957d59bc63c06350f55db2a08190ee35a65fdd"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

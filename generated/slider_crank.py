@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "d9d7a0c81d271e5e0130a202cd4aced250bd1ee841a0ed8863aab8df23b8654b"
-DERIVE_SHA256 = "8de591aba7daddedd2e1561f364342d1c0ecb3fa55db4489beafc05714555ba1"
+DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "98d1cfcfbbf78fda9835d875ba77e439095d93f9e25f6fb343134866a687cc75"
+FILE_SHA256 = "e4a59c74b2f88b82ace770ac11c4eb58b4b8a6dc252f570735afb2af2b61f885"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (

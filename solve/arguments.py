@@ -1,13 +1,17 @@
 """Validation of arguments of public functions, and checks of the memory limit before allocation."""
 
 import inspect
+import re
 import reprlib
-from collections.abc import Callable, Iterable, Iterator
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import wraps
+from fractions import Fraction
+from functools import cache, wraps
 from numbers import Real
-from typing import Any, ParamSpec, TypeVar
+from types import NoneType, UnionType
+from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -33,7 +37,8 @@ Result = TypeVar("Result")
 def first_is(
     *types: type, such_as: str, demand: Callable[[Any], None] | None = None
 ) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
-    """Decorator that raises ValueOutOfBoundsError unless the first argument is an instance of `types`.
+    """Decorator that raises ValueOutOfBoundsError unless the first argument is an instance of `types` and the
+    others match their annotations.
 
     Wrong arguments are rejected early with a clear message instead of an AttributeError.
 
@@ -49,6 +54,7 @@ def first_is(
 
     def decorator(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
         name = next(iter(inspect.signature(function).parameters))
+        typed = matches_annotations(function)
 
         @wraps(function)
         def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
@@ -60,11 +66,117 @@ def first_is(
                 )
             if first and demand is not None:
                 demand(first[0])
-            return function(*args, **kwargs)
+            return typed(*args, **kwargs)
 
         return checked
 
     return decorator
+
+
+def matches_annotations(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Decorator that raises ValueOutOfBoundsError for arguments that do not match their annotations.
+
+    Text where a sequence is annotated is one name or a range, and any number may be given for an integer; the
+    function itself checks these.
+
+    >>> @matches_annotations
+    ... def halved(values: Sequence[float]) -> list[float]:
+    ...     "values : list of numbers"
+    ...     return [value / 2 for value in values]
+    >>> halved([1, None])
+    Traceback (most recent call last):
+    solve.errors.ValueOutOfBoundsError: values is [1, None]; allowed: list of numbers; see help(solve.halved)
+    """
+    names = list(inspect.signature(function).parameters)
+
+    @wraps(function)
+    def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        annotations = _annotations(function)
+        for name, value in (*zip(names, args, strict=False), *kwargs.items()):
+            if name in annotations and not conforms(value, annotations[name]):
+                raise ValueOutOfBoundsError(
+                    f"{name} is {described(value)}; allowed: {_documented(function, name)}; "
+                    f"see help(solve.{function.__name__})"
+                )
+        return function(*args, **kwargs)
+
+    return checked
+
+
+@cache
+def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
+    """Types of the parameters by name, without those that collect further arguments."""
+    collecting = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    kinds = {name: each.kind for name, each in inspect.signature(function).parameters.items()}
+    hints = get_type_hints(function)
+    return {name: hints[name] for name, kind in kinds.items() if kind not in collecting}
+
+
+def _documented(function: Callable[..., Any], name: str) -> str:
+    """Type of a parameter in the docstring, or the names in its annotation where the docstring has none."""
+    found = re.search(
+        rf"^ *(?:\w+, )*{name}(?:, \w+)* : (.*?)(?:, optional)?$", function.__doc__ or "", re.MULTILINE
+    )
+    if found and found[1] != "optional":
+        return "whole numbers" if found[1] == "int" else found[1]
+    annotation = _annotations(function)[name]
+    kinds = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+    return " or ".join((get_origin(each) or each).__name__ for each in kinds if each is not NoneType)
+
+
+def conforms(value: Any, annotation: Any) -> bool:
+    """Whether a value is of the annotated type, with its entries. Iterators are not consumed.
+
+    >>> conforms({"k1": (1, 2)}, Mapping[str, tuple[float, float]]), conforms([3], Sequence[str])
+    (True, False)
+    """
+    kind, arguments = get_origin(annotation) or annotation, get_args(annotation)
+    if kind in (Union, UnionType):
+        return any(conforms(value, each) for each in arguments)
+    if kind is Any:
+        return True
+    if kind in (float, int):
+        is_number = isinstance(value, Real) or (isinstance(value, np.ndarray) and value.ndim == 0)
+        return is_number and not isinstance(value, bool) and _is_real(value)
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    if kind is Mapping:
+        key, entry = arguments
+        return isinstance(value, Mapping) and all(
+            conforms(each, key) and conforms(value[each], entry) for each in value
+        )
+    if kind is tuple:
+        pair = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes)
+        return pair and len(value) == len(arguments) and all(map(conforms, value, arguments))
+    if kind is Sequence:
+        return _is_sequence(value, arguments[0])
+    if kind is np.ndarray:
+        is_array = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes)
+        return is_array and _is_real(value)
+    if kind is NoneType or not isinstance(kind, type):
+        return value is None if kind is NoneType else True
+    return callable(value) if kind is Callable else isinstance(value, kind)
+
+
+def _is_real(value: Any) -> bool:
+    """Whether a value is a real number in the range of float64, or an array of such numbers."""
+    try:
+        if np.asarray(value).dtype.kind in "iuf":
+            return True
+    except ValueError:
+        return False
+    return isinstance(value, int | Fraction) and abs(value) < sys.float_info.max
+
+
+def _is_sequence(value: Any, annotation: Any) -> bool:
+    """Whether a value is a sequence of annotated entries, or a text."""
+    if isinstance(value, str):
+        return conforms("", annotation)
+    if not isinstance(value, Iterable) or isinstance(value, bytes | Mapping):
+        return False
+    if isinstance(value, np.ndarray) and value.ndim == 1 and _is_real(value):
+        return conforms(1.0, annotation)
+    return not isinstance(value, Collection) or all(conforms(each, annotation) for each in value)
 
 
 def described(value: object) -> str:

@@ -1,7 +1,7 @@
 """Data classes and protocols shared by systems and solvers, so that neither imports the other."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -204,6 +204,7 @@ def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]
     return (first * s + slope * s**2 / 2) / mean, first + slope * s, slope * mean
 
 
+@runtime_checkable
 class Motion(Protocol):
     """Periodic motion over phases from 0 to the last of its nodes (m+1,).
 

@@ -86,11 +86,10 @@ def unit_of(system: Labelled, name: str) -> ShownUnit:
 
 def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
     """Value of a parameter in its declared unit, from a number or a text such as "30 mm". Raises
-    UnknownNameError, UnitError, and ValueError for a text that is not a number."""
-    if not isinstance(value, str):
-        return float(value)
+    UnknownNameError, UnitError, and ValueOutOfBoundsError for what is not a number."""
     labels = system.labels
-    require_name(f"parameter of {labels.name}", name, labels.parameters)
+    if isinstance(value, str):
+        require_name(f"parameter of {labels.name}", name, labels.parameters)
     unit, _ = labels.parameter_labels.get(name, ("", ""))
     return in_unit(value, unit or "1", name)
 

@@ -5,10 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType, ModuleType
-from typing import Any, Protocol, Self, overload
+from typing import Any, Protocol, Self, overload, runtime_checkable
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.equations import require_desired_motion
@@ -22,6 +23,7 @@ from solve.readers.files import is_system_file
 from solve.system import PeriodicSystem, shown_in
 
 
+@runtime_checkable
 class Derivable(Protocol):
     """Protocol of an object that generates its own code, such as a `derive.Mechanism`."""
 
@@ -79,6 +81,7 @@ def load(
 ) -> Model | Any: ...
 
 
+@matches_annotations
 def load(
     model: str | Derivable | Callable[[], Derivable],
     case: str | int | None = None,
@@ -96,7 +99,7 @@ def load(
         that defines a system with the name `system`. The code of FMUs and of Python files is executed.
     case : str or int, optional
         Case of the case file; the first by default.
-    options : mapping, optional
+    options : mapping of str to value, optional
         Options of the model, which may also be given as keyword arguments. Files `.lin` and `.fmu` have the
         option "exclude", with names of states; FMUs also have "drive", see `read_fmu`.
     reduce : int, optional
@@ -185,6 +188,7 @@ def _options_of(module: ModuleType) -> set[str]:
     return {name for kind in kinds for name, *_ in getattr(module, kind, ())}
 
 
+@matches_annotations
 def case_numbers(
     model: str,
     case: str | None = None,
@@ -201,7 +205,7 @@ def case_numbers(
         Case of the case file; the first by default.
     cases : str, optional
         Path of another case file.
-    parameters : mapping, optional
+    parameters : mapping of str to float or str, optional
         Values that replace those of the case.
 
     Returns

@@ -7,7 +7,7 @@ from functools import lru_cache
 from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from solve.arguments import NUMBERS_A_POINT, require_size
+from solve.arguments import NUMBERS_A_POINT, described, require_size
 from solve.errors import UnitError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
@@ -283,12 +283,18 @@ def evenly(text: str, name: str) -> list[float] | list[str]:
 def in_unit(value: float | str, unit: str, name: str) -> float:
     """Number in `unit` from a number, or from a text with or without a unit.
 
-    name: quantity in messages. Raises UnitError, and ValueError for a text that is not a number.
+    name: quantity in messages. Raises UnitError, and ValueOutOfBoundsError for what is not a number.
 
     >>> in_unit("30 mm", "m", "r"), in_unit("0.03", "m", "r"), in_unit(0.03, "m", "r")
     (0.03, 0.03, 0.03)
     """
-    number = quantity(value) if isinstance(value, str) else float(value)
+    try:
+        number = quantity(value) if isinstance(value, str) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        example = "1.5" if unit in ("", "1") else f"1.5, in {unit}, or '1.5 {unit}'"
+        raise ValueOutOfBoundsError(
+            f"{name} is {described(value)}; give a number, such as {example}"
+        ) from None
     try:
         return with_unit(number, unit) if isinstance(number, str) else number
     except UnitError as error:

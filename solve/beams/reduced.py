@@ -198,8 +198,8 @@ class ReducedStructure(StructureModel):
             )
         if any(link.inextensible for link in freedoms.links):
             raise ValueOutOfBoundsError(
-                f"'reduce' requires extensible links, and {setup.module.NAME} has inextensible ones; omit "
-                "'reduce'"
+                f"'reduce' requires extensible links, and {setup.module.NAME} has inextensible ones, which "
+                "constrain several joints together, so that no link has a basis of its own; omit 'reduce'"
             )
         return cls(setup, ReducedMotion(motion, basis(motion.beams, setup.options[REDUCE], cls.static)))
 

@@ -98,9 +98,6 @@ class Numbers(CaseNumbers):
     option: Annotated[list[str] | None, Flag("Choose an option of the model; repeatable.", "NAME=VALUE")] = (
         None
     )
-    reduce: Annotated[
-        int | None, Flag("Beam structures: retain K modes per link; the error is estimated.", "K")
-    ] = None
 
     def named_model(
         self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE
@@ -132,13 +129,13 @@ class Numbers(CaseNumbers):
     def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
         """Setup of the named model. values: values of parameters that neither the case nor --set specifies.
         Raises SolveError subclasses for invalid input."""
-        options: dict[str, Any] = assignments("--option", self.option or [])
-        if self.reduce is not None:
-            if REDUCE in options:
-                raise ValueOutOfBoundsError("--reduce and --option reduce are both given; give one of them")
-            options[REDUCE] = self.reduce
         missing = {parameter: value for parameter, value in values.items() if parameter != SPEED}
-        return setup_of(name, self.case, self.cases, options, self.parameters, missing)
+        return setup_of(name, self.case, self.cases, self.options, self.parameters, missing)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of the model by name. Raises ValueOutOfBoundsError."""
+        return assignments("--option", self.option or [])
 
     @property
     def choices(self) -> list[str]:
@@ -158,6 +155,18 @@ class Problem(Numbers):
             "pattern of matrices (.lin, .mat, .npz, .nc, .mtx, .op4) or an FMU (.fmu).",
         ),
     ]
+    reduce: Annotated[
+        int | None, Flag("Beam structures: retain K modes per link; the error is estimated.", "K")
+    ] = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        options = super().options
+        if self.reduce is None:
+            return options
+        if REDUCE in options:
+            raise ValueOutOfBoundsError("--reduce and --option reduce are both given; give one of them")
+        return {**options, REDUCE: self.reduce}
 
     def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
         """Model named by the user, see `named_model`, or system read from other files, see `solve.load`.

@@ -34,6 +34,7 @@ from solve.results.bands import Bands
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.result import Result
 from solve.results.sweep import Sweep
+from solve.results.sweeps import ACCEPTABLE_ERROR
 from solve.system import PeriodicSystem
 from solve.units import speed_in_si, speeds_in_si
 from solve.views.over_time import require_turn, turn_figure, turns_figure
@@ -306,7 +307,7 @@ def validity(
     at: Annotated[
         float,
         Flag("Largest linearisation error for which the linear model counts as valid.", "5%", read=fraction),
-    ] = 0.05,
+    ] = ACCEPTABLE_ERROR,
 ) -> None:
     """Linearisation error over speed, and the speed up to which the linear model is valid."""
     omegas, model = speeds.omegas(), problem.loaded()

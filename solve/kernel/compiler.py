@@ -84,14 +84,18 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
         library = _folder() / f"{source.stem}-{_hash(text.encode())[:24]}.so"
         if not _is_valid(library):
             size_text = f" of {counted(sizes['N'], 'coordinate')}" if "N" in sizes else ""
-            _LOGGER.warning(
-                "compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), size_text
-            )
+            _announce(_WHAT.get(source.stem, source.stem) + size_text)
             command = [*compiler.command, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
             _compile(command, library, formulas)
         return library
     except OSError as error:
         raise CompilerError(f"compiled code cannot be stored: {error}") from None
+
+
+@lru_cache
+def _announce(what: str) -> None:
+    """Log a compilation, in one line for several libraries of one kind."""
+    _LOGGER.warning("compiling %s for this machine, once", what)
 
 
 def _is_valid(library: Path) -> bool:

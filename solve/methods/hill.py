@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from solve.arguments import checked_tolerance, conforms, described, matches_annotations
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.fourier import Fourier, from_exponents, in_balance, solved_balance
@@ -98,6 +99,7 @@ class Boundary:
     error: float
 
 
+@matches_annotations
 def boundaries(
     problem: Problem, values: Sequence[float], multiplier: int = 1, rtol: float = 1e-10
 ) -> list[Boundary]:
@@ -141,9 +143,13 @@ def boundaries(
     >>> [round(found.value, 8) for found in boundaries(mathieu, np.linspace(0, 3, 31), multiplier=-1)]
     [0.47065435, 1.46676684]
     """
-    grid = np.asarray(values, dtype=float)
+    grid, rtol = np.asarray(values, dtype=float), checked_tolerance(rtol, "rtol")
     if len(grid) < 2 or not (np.diff(grid) > 0).all():
         raise ValueOutOfBoundsError(f"values are {list(values)[:6]}; give at least two ascending values")
+    if not conforms(built := problem(float(grid[0])), tuple[PeriodicSystem, float]):
+        raise ValueOutOfBoundsError(
+            f"problem returns {described(built)}; it must return a PeriodicSystem and a speed in rad/s"
+        )
     tolerance = rtol * float(grid[-1] - grid[0])
     orders, before = _FIRST_ORDERS, np.empty(0)
     while True:

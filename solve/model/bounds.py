@@ -54,7 +54,7 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
     for name, unit, meaning, bound in module.PARAMETERS:
         try:
             value = in_unit(values[name], unit, name)
-        except (TypeError, ValueError):
+        except ValueOutOfBoundsError:
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {values[name]!r}; give a number in {unit}"
             ) from None

@@ -73,7 +73,7 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
         bare = file_unit is not None and not apart(part).partition(" ")[2]
         try:
             found = in_unit(f"{part} {file_unit}" if bare else part, unit, where)
-        except ValueError:
+        except ValueOutOfBoundsError:
             found = math.nan
         if not math.isfinite(found):
             raise ValueOutOfBoundsError(f"{where} is '{text}', but '{part}' is not a finite number; {_FORMS}")

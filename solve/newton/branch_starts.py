@@ -58,10 +58,7 @@ def first_value(
     elif name == SPEED:
         value = speed_in_si(begin)
     else:
-        try:
-            value = in_own_unit(system, name, begin)
-        except ValueError:
-            raise ValueOutOfBoundsError(f"begin is {begin!r}; give a value of {name}") from None
+        value = in_own_unit(system, name, begin)
     if not ends.min() <= value <= ends.max():
         raise ValueOutOfBoundsError(
             f"the first orbit is at {parameters.text(np.array([value]))}; allowed: values between "

@@ -65,7 +65,7 @@ def branch(
         Whether to follow the branches of twice the period from each doubling, up to three in sequence.
     periods : int
         Number of model periods per period of the orbits.
-    start : optional
+    start : Orbit, Transient, Scatter, (q, q̇), callable or path, optional
         Start of `solve.nonlinear` at the first orbit; or a result of `solve.scatter`, or its file. With the
         latter, the branches through all its orbits are followed from the speed or parameter value of that
         result.
@@ -176,7 +176,7 @@ def range_of(system: PeriodicSystem, over: str) -> tuple[str, float, float]:
     require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
     try:
         first, last = (in_own_unit(system, name, f"{end} {unit}".strip()) for end in ends)
-    except ValueError:
+    except ValueOutOfBoundsError:
         raise ValueOutOfBoundsError(usage) from None
     if first == last:
         raise ValueOutOfBoundsError(usage)

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction
 from solve.contracts import Motion
@@ -60,6 +61,9 @@ class Task:
     engine: str
     rtol: float
     factors: Array | None = None
+
+    def __post_init__(self) -> None:
+        require_size("periods", self.periods, NUMBERS_A_POINT)
 
     def along(self, curve: Motion) -> PeriodicSystem:
         """System linearised along a curve, with the events of the curve as breaks."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from solve.arguments import require_integer
+from solve.arguments import require_integer, require_steps
 from solve.certify.all_multipliers import Spectrum, refined_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
@@ -62,7 +62,7 @@ def nonlinear(
         Model with nonlinear equations.
     speed : float or str
         In rad/s, or a text with unit.
-    start : optional
+    start : Orbit, Transient, (q, q̇), callable or path, optional
         Initial motion of Newton's iteration, over the period of the orbit or an integer fraction of it:
 
         - an orbit, linear or nonlinear, also for other parameters, speeds or steps;
@@ -109,6 +109,8 @@ def nonlinear(
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_integer("periods", periods)
+    if steps is not None:
+        require_steps(steps)
     solve_request = request(steps, rtol, used, True)
     check(system, omega)
     system = shown_in(system, omega)

@@ -86,7 +86,7 @@ def transient(
         Constant speed in rad/s, or a text with unit.
     turns : int
         Number of periods, from phase 0.
-    start : optional
+    start : 'rest', 'orbit', (q, q̇) or path
         "rest"; "orbit", the linear orbit; q and q̇ (n,), with derivatives with respect to time; or a file
         .npz of an orbit or of a transient, which is continued from its end.
     nonlinear : bool

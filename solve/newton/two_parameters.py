@@ -58,7 +58,7 @@ def special_curves(
         the case.
     periods : int
         Number of model periods per period of the orbits.
-    start : optional
+    start : Orbit, Transient, (q, q̇), callable or path, optional
         Start of `solve.nonlinear` at the first values.
     points : int
         Maximum number of points of the branch and of each curve.

@@ -5,6 +5,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from solve.arguments import require_size
 from solve.arrays import Array
 
 _MAX_CACHED = 4096
@@ -35,7 +36,8 @@ class Grid:
 
         If `steps` is doubled, or increased by a third from at least 6 steps per piece, even the shortest
         piece between breaks has more steps. Two grids with equal steps in a piece would agree on features
-        that neither resolves."""
+        that neither resolves. Raises ValueOutOfBoundsError above the memory limit."""
+        require_size("steps", steps)
         return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
 
     @classmethod

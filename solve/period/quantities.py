@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arguments import SMALL
+from solve.arguments import SMALL, conforms, described, matches_annotations, require_integer, require_size
 from solve.arrays import Array
 from solve.contracts import Formulas, Statistics
 from solve.equations import output_formulas, output_values
@@ -166,6 +166,7 @@ def _zoomed(
     return centres, highest
 
 
+@matches_annotations
 def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
     """Compute the statistics of one quantity that is given as a function of the phase.
 
@@ -183,13 +184,26 @@ def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLE
     Statistics
         Extrema of the continuous curve, mean and root mean square.
 
+    Raises
+    ------
+    ValueOutOfBoundsError
+        For bad input.
+
     Examples
     --------
     >>> import numpy as np
     >>> round(signal_statistics(lambda phase: 1 + np.cos(phase), 2 * np.pi).max, 9)
     2.0
     """
+    require_integer("samples", samples, 4)
+    require_size("samples", samples)
+    if not 0 < period < math.inf:
+        raise ValueOutOfBoundsError(f"period is {period}; allowed: finite and > 0, such as 2 * np.pi")
     values = signal(np.arange(samples) * (period / samples))
+    if np.shape(values) != (samples,) or not conforms(values, Array):
+        raise ValueOutOfBoundsError(
+            f"signal returns {described(values)}; it must return a real value for each of its phases"
+        )
     return Statistics(*figures(values, signal, period).tolist())
 
 

@@ -23,6 +23,10 @@ _SHORTEST = 2.0**-36
 """Step length, as a fraction of the period, below which the search for a step ends, because there is an
 undeclared jump or a singular M."""
 
+_MOST_ADVANCE = 1e7
+"""Largest phase advance of a mode in a period, in rad. A choice: a step covers about 12 rad and takes about
+10 ms."""
+
 _WINDOW = 4
 """Half width of the window around a break, in units in the last place of the period."""
 
@@ -83,7 +87,14 @@ class Marching:
 
 
 def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Marching) -> Turn:
-    """Compute the steps of a period. Raises StepsError if a step cannot be enclosed."""
+    """Compute the steps of a period. Raises StepsError if a step cannot be enclosed, or if there would be too
+    many steps."""
+    advance = float(equation.frequencies.max()) * float(period.mid())
+    if advance > _MOST_ADVANCE:
+        raise StepsError(
+            f"the phase of the fastest mode advances by {advance:.2g} rad in a period; allowed for a proof: "
+            f"up to {_MOST_ADVANCE:g} rad; use softer parameters, or replace stiff elements by constraints"
+        )
     executor, alone = marching.executor, replace(marching, executor=None)
     parts = list(_parts(equation, period, breaks, 1 if executor is None else _PARTS))
     march = partial(_march, equation, float(period.mid()), alone)
@@ -172,8 +183,8 @@ def _between(
             h = (following - phase) / 2
             if h < _SHORTEST * period:
                 raise StepsError(
-                    f"no enclosure of the solution beyond phase {phase:.9g}: M is singular there, or "
-                    "the equations have a jump that is not declared; declare the jump as a break"
+                    f"no enclosure of the solution beyond phase {phase:.9g}: M is singular there, the "
+                    "equations change too fast, or they have an undeclared jump; declare the jump as a break"
                 ) from None
             continue
         yield arb(phase), length, taken

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.array_files import require_file
 from solve.arrays import Array
 from solve.errors import FileError, ValueOutOfBoundsError, require_name
@@ -31,6 +32,7 @@ _COUPLED = 1e-9
 the FMU, up to which it counts as round-off. A choice."""
 
 
+@matches_annotations
 def read_fmu(
     path: str | Path,
     speed: float | str | None = None,

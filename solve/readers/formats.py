@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.array_files import named_arrays
 from solve.arrays import Array
 from solve.readers.arrays import Read, system_of
@@ -14,6 +15,7 @@ _OVER_AZIMUTH = frozenset({"M", "C", "Cq", "K", "d", "A", "B", "D", "b"})
 """Names of arrays whose last index in .mat files is the azimuth, the page of an array in MATLAB."""
 
 
+@matches_annotations
 def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
     """Read a periodic system from a MATLAB file.
 
@@ -50,6 +52,7 @@ def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
     return _read(path, ".mat", speed)
 
 
+@matches_annotations
 def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     """Read a periodic system from a NumPy file.
 
@@ -82,6 +85,7 @@ def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     return _read(path, ".npz", speed)
 
 
+@matches_annotations
 def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
     """Read a periodic system from a netCDF file.
 
@@ -114,6 +118,7 @@ def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
     return _read(path, ".nc", speed)
 
 
+@matches_annotations
 def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
     """Read a system with constant matrices from an OUTPUT4 file of NASTRAN.
 

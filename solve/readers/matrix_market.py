@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.array_files import matrix_market
 from solve.arrays import Array
 from solve.errors import FileError, counted
@@ -18,6 +19,7 @@ _SYMBOL = re.compile(r"(?:^|[._-])(M|Cq|C|K|d|A|B|D|b)(?:[._-]?(\d+))?\.mtx$")
 """End of a file's name: the symbol of the matrix, and the number of the azimuth."""
 
 
+@matches_annotations
 def read_matrix_market(
     paths: str | Path | Sequence[str | Path],
     speed: float | str | None = None,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.errors import FileError, require_name
 from solve.first_order import Signals
@@ -29,6 +30,7 @@ _RATE = "First time derivative of "
 _AZIMUTH_STATES = "Variable speed generator DOF", "Drivetrain rotational-flexibility DOF"
 
 
+@matches_annotations
 def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[str] = ()) -> SampledStates:
     """Read a set of OpenFAST linearisation files over the azimuth.
 

@@ -22,7 +22,7 @@ from solve.results.contents import (
     peak_column,
     varied_column,
 )
-from solve.results.formatting import headed, prefixed
+from solve.results.formatting import greek, headed, prefixed
 from solve.results.result import ResultOver
 from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
@@ -212,14 +212,12 @@ class Branch(BranchPoints):
     @property
     def jumps(self) -> list[dict[str, Any]]:
         """Jumps of the response during a slow change of the parameter along the first branch: direction,
-        value of the parameter, and largest modulus of the first coordinate before and after the jump; None on
-        a side without a stable orbit."""
+        value of the parameter, coordinate that changes most, relative to its size, and its largest modulus
+        before and after the jump; None on a side without a stable orbit."""
         first_branch, records = np.flatnonzero(self.numbers == 0), []
-        values, peaks, verdicts = (
-            self.values[first_branch],
-            self.peaks[first_branch, 0],
-            np.array(self.verdicts)[first_branch],
-        )
+        values, peaks = self.values[first_branch], self.peaks[first_branch]
+        verdicts = np.array(self.verdicts)[first_branch]
+        steps, rises = np.diff(values), np.diff(peaks, axis=0)
         stable = (verdicts[:-1] == STABLE) | (verdicts[1:] == STABLE)
         stable &= (verdicts[:-1] != UNSTABLE) & (verdicts[1:] != UNSTABLE)
         for at in np.flatnonzero(self.turns[first_branch]).tolist():
@@ -229,17 +227,19 @@ class Branch(BranchPoints):
             up = values[at] > values[beside[0] + (beside[0] == at)]
             passed = (values[:-1] - values[at]) * (values[1:] - values[at]) < 0
             targets = [
-                float(np.interp(values[at], *_sorted(values, peaks, side)))
+                peaks[side] + (values[at] - values[side]) * rises[side] / steps[side]
                 for side in np.flatnonzero(passed & stable).tolist()
                 if side not in (at - 1, at)
             ]
-            before = float(peaks[at])
+            after = min(targets, key=lambda each: _change(peaks[at], each).max(), default=None)
+            most = 0 if after is None else int(_change(peaks[at], after).argmax())
             records.append(
                 {
                     "direction": "up" if up else "down",
                     self.over: float(values[at]),
-                    "from": before,
-                    "to": min(targets, key=lambda peak: abs(peak - before)) if targets else None,
+                    "coordinate": self.system.coordinates[most],
+                    "from": float(peaks[at, most]),
+                    "to": None if after is None else float(after[most]),
                 }
             )
         return records
@@ -368,11 +368,11 @@ class Branch(BranchPoints):
         return ", ".join(unit.text(point[self.over], ".6g") for point in points)
 
     def _jump_text(self, jump: Mapping[str, Any], at: str) -> str:
-        name, ends = self.system.coordinates[0], [jump["from"], jump["to"]]
+        name, ends = jump["coordinate"], [jump["from"], jump["to"]]
         factor, shown = prefixed(self.system.labels.units.get(name, ""), max(end or 0.0 for end in ends))
         before, after = (None if end is None else f"{end * factor:.4g} {shown}".strip() for end in ends)
         where = "to no stable orbit of this branch" if after is None else f"to {after}"
-        return f"A slow sweep {jump['direction']} jumps at {at}: max|{name}| from {before} {where}."
+        return f"A slow sweep {jump['direction']} jumps at {at}: max|{greek(name)}| from {before} {where}."
 
 
 def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array) -> bool:
@@ -389,10 +389,10 @@ def _distance(kind: str, multipliers: Array) -> Array:
     return multipliers - (1 if kind == FOLD else -1)
 
 
-def _sorted(values: Array, peaks: Array, side: int) -> tuple[Array, Array]:
-    """Values and peaks at both ends of a section, in ascending order of the values."""
-    order = [side, side + 1] if values[side] < values[side + 1] else [side + 1, side]
-    return values[order], peaks[order]
+def _change(before: Array, after: Array) -> Array:
+    """Relative changes (n,) of peaks (n,)."""
+    largest = np.maximum(before, after)
+    return np.abs(after - before) / np.where(largest > 0, largest, 1.0)
 
 
 def _shown(kind: str) -> str:

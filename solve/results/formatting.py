@@ -28,6 +28,22 @@ def listed(texts: Sequence[str]) -> str:
     return ", ".join(texts[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
+ROUND_OFF = 1e-12
+"""Relative error up to which a linearisation error is round-off. The models without nonlinear terms reach
+2e-15."""
+
+
+def linearisation(error: float) -> str:
+    """Relative linearisation error in percent.
+
+    >>> linearisation(0.0123), linearisation(3e-15), linearisation(math.nan)
+    ('1.2 %', 'none above round-off', 'unknown')
+    """
+    if error <= ROUND_OFF:
+        return "none above round-off"
+    return "unknown" if math.isnan(error) else f"{float(f'{100 * error:.2g}'):g} %"
+
+
 def greek(name: str) -> str:
     """Name with spelt-out Greek letters replaced by the letters.
 

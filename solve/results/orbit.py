@@ -1,6 +1,5 @@
 """Periodic solution of the linearised equations: continuous curve, stability and warnings."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +19,7 @@ from solve.results.contents import (
     curves_of,
     to_json,
 )
-from solve.results.formatting import greek, measured
+from solve.results.formatting import ROUND_OFF, greek, linearisation, measured
 from solve.results.periodic_motion import SolvedMotion, require_finite
 from solve.results.result import Figure
 from solve.results.serialization import stored_property
@@ -205,9 +204,7 @@ class Orbit(Stability, SolvedMotion):
         errors = (self.linearisation_error or {}).values()
         if not errors:
             return ""
-        percent = float(f"{100 * max(errors):.2g}")
-        size = "unknown" if math.isnan(percent) else f"{percent:g} %"
-        return f" Estimated linearisation error: {size}."
+        return f" Estimated linearisation error: {linearisation(max(errors))}."
 
     def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
         """JSON object of `solve periodic --json`, with `harmonics` amplitudes above the mean per quantity."""
@@ -223,11 +220,13 @@ class Orbit(Stability, SolvedMotion):
     def header_rows(self) -> HeaderRows:
         if self.linearisation_error is None:
             return super().header_rows()
-        errors = (f"{name} {100 * error:.2g} %" for name, error in self.linearisation_error.items())
-        return [
-            *super().header_rows(),
-            ("linearised", f"nonlinear orbit differs by about {', '.join(errors)}"),
-        ]
+        errors = self.linearisation_error
+        if max(errors.values()) <= ROUND_OFF:
+            text = "nonlinear orbit is the same up to round-off"
+        else:
+            texts = (f"{name} {100 * error:.2g} %" for name, error in errors.items())
+            text = f"nonlinear orbit differs by about {', '.join(texts)}"
+        return [*super().header_rows(), ("linearised", text)]
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
         errors, checks = super()._accuracy()

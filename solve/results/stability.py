@@ -129,7 +129,8 @@ class Solution(Result):
     def liouville(self) -> float:
         """Difference in log|det Φ| between the method and Liouville's formula, caused by modes that the steps
         do not resolve; NaN for a method without steps."""
-        return liouville_defect(self.system, self.speed, self.certified.solutions)
+        known = np.where(np.isfinite(self.multiplier_errors), self.spectrum.logarithms, np.nan)
+        return liouville_defect(self.system, self.speed, self.certified.solutions, known)
 
     @stored_property
     def reduction_error(self) -> ReductionError | None:
@@ -334,7 +335,10 @@ class Stability(Solution):
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
         """Texts of the errors and of the checks."""
-        checks = [f"Liouville {self.liouville:.1e}", f"nearest ρ to +1 at {self.distance_from_one:.2g}"]
+        liouville = f"Liouville {self.liouville:.1e}"
+        if self.unresolved:
+            liouville += f" owing to {counted(self.unresolved, 'unresolved multiplier')}"
+        checks = [liouville, f"nearest ρ to +1 at {self.distance_from_one:.2g}"]
         return [f"multipliers {self.error_estimate.multipliers:.1e}"], checks
 
     @property

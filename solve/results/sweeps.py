@@ -10,6 +10,7 @@ from solve.arrays import Array
 from solve.errors import NoResultError, counted
 from solve.labels import parts_of
 from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, digits, speeds_of, to_json
+from solve.results.formatting import ROUND_OFF
 from solve.results.result import Figure, Result
 from solve.results.serialization import stored_property
 from solve.results.sweep import Sweep
@@ -126,6 +127,11 @@ class Sweeps(Result):
         return [("over", f"{counted(len(self.speeds), 'speed')} from {span}")]
 
 
+ACCEPTABLE_ERROR = 0.05
+"""Linearisation error up to which the linear model is valid by default, and nonlinear orbits confirm an
+optimum. A choice."""
+
+
 @dataclass(frozen=True)
 class Validity(Result):
     """Linearisation error over speed, from `solve.validity`.
@@ -205,6 +211,8 @@ class Validity(Result):
         if highest is None:
             return f"errors exceed {limit} from the lowest of these speeds on"
         speed = self.system.labels.speed_unit.text(highest)
+        if self.errors.max() <= ROUND_OFF:
+            return f"no error above round-off up to {speed}"
         return f"errors of all coordinates are at most {limit} up to {speed}"
 
     @property

@@ -84,8 +84,10 @@ class Tolerances(Result):
         Sobol indices by quantity and parameter.
     worst : mapping of str to WorstPoint
         Worst points by quantity.
-    bounds, units : mapping of str to float, str
-        Limits by quantity, and units of quantities.
+    bounds : mapping of str to tuple of float
+        Limits by quantity, in SI units. The worst values lie in the direction of the first one.
+    units : mapping of str to str
+        Units of quantities.
     points : (P, r) array
         Parameters of the samples, in the model's units.
     values : (P, q) array
@@ -104,7 +106,7 @@ class Tolerances(Result):
     probability: Mapping[str, Probability]
     sobol: Mapping[str, Mapping[str, SobolIndices]]
     worst: Mapping[str, WorstPoint]
-    bounds: Mapping[str, float]
+    bounds: Mapping[str, Sequence[float]]
     units: Mapping[str, str]
     points: Array
     values: Array

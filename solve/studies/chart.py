@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.arguments import NUMBERS_A_POINT, checked_tolerance, require_size
+from solve.arguments import NUMBERS_A_POINT, checked_tolerance, matches_annotations, require_size
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
@@ -46,6 +46,7 @@ _PREDICTED = 0.3
 which the minimum is searched for. A choice: on a coarse grid, a larger ratio gives more false minima."""
 
 
+@matches_annotations
 def chart(
     model: str | PeriodicSystem | Callable[..., PeriodicSystem],
     x: str | Mapping[str, str | Sequence[float | str] | Array],
@@ -69,7 +70,7 @@ def chart(
     model : str, PeriodicSystem or callable
         Name or path of a model; a system (a generated one varies in its parameters, any other in its speed);
         or a function that builds a system from the two values by name.
-    x, y : str or dict
+    x, y : str or mapping of str to values
         Parameters in the model's unit or as texts with unit, or "speed": {name: values}, or a text such as
         "delta=0:10:60", "k1=10:90:50 kN m/rad", "speed=100:400:40 rpm".
     speed : float or str, optional

@@ -18,6 +18,9 @@ from solve.results.stability import Stability
 from solve.single import floquet, periodic
 from solve.system import PeriodicSystem
 
+_AT_BOUND = 1e-12
+"""Distance from a bound, relative to the range, that counts as round-off. A choice."""
+
 
 @dataclass(frozen=True, eq=False)
 class DesignPoint:
@@ -86,8 +89,9 @@ class Design:
 
     def parameters(self, x: Array) -> Mapping[str, float]:
         """Free parameters by name, in the model's units."""
-        # Round-off must not lead beyond the bounds.
-        values = np.clip(self.low + x * (self.high - self.low), self.low, self.high)
+        values = self.low + x * (self.high - self.low)
+        # Round-off must lead neither beyond a bound nor to a tiny number instead of the bound 0.
+        values = np.where(x < _AT_BOUND, self.low, np.where(x > 1 - _AT_BOUND, self.high, values))
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def varied(self, x: Array) -> PeriodicSystem:

@@ -58,7 +58,7 @@ def fit(
         root mean square.
     free : sequence of str
         Names of the free parameters. Positive parameters are fitted by their logarithms.
-    bounds : dict, optional
+    bounds : mapping of str to (float or str, float or str), optional
         Lower and upper bounds by name, in the model's units or as texts with unit.
     speed : float or str, optional
         Speed in rad/s, or a text with unit; required if the file has no column of speeds.

@@ -120,7 +120,7 @@ def follow_modes(
         are not distinguished.
     engine : str
         "auto", "compiled" or "numpy".
-    over : dict or str, optional
+    over : str, sequence of str or mapping of str to values, optional
         Values of one parameter, in the model's units or with a unit, such as "k1=1e4:9e4:50".
 
     Returns

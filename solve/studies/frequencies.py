@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solve.arguments import NUMBERS_A_POINT, require_size
+from solve.arguments import NUMBERS_A_POINT, described, require_size
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.equations import freedoms_of, most_frequencies, require_desired_motion
@@ -73,15 +73,23 @@ def frequencies(
     >>> found.values.shape
     (1, 2)
     """
-    phase = with_unit(position, "rad") if isinstance(position, str) else position
-    positions = np.atleast_1d(np.asarray(phase, dtype=float))
-    if positions.ndim != 1 or positions.size == 0 or not np.isfinite(positions).all():
-        raise ValueOutOfBoundsError(f"position is {position}; allowed: finite angles in rad, or '70 deg'")
-    for value in positions:
-        require_size_of_number("position", float(value))
+    positions = _angles(position)
     require_size("positions", len(positions), freedoms_of(system) ** 2 + NUMBERS_A_POINT)
     natural_frequencies = natural(system, positions, _checked_count(system, count))
     return Frequencies(system, positions, *natural_frequencies, _rigid_body_modes(system, positions[:1]))
+
+
+def _angles(position: float | str | Sequence[float] | Array) -> Array:
+    """Positions (m,) in rad. Raises ValueOutOfBoundsError, UnitError."""
+    phase = with_unit(position, "rad") if isinstance(position, str) else position
+    positions = np.atleast_1d(np.asarray(phase, dtype=float))
+    if positions.ndim != 1 or positions.size == 0 or not np.isfinite(positions).all():
+        raise ValueOutOfBoundsError(
+            f"position is {described(position)}; allowed: finite angles in rad, or '70 deg'"
+        )
+    for value in positions:
+        require_size_of_number("position", float(value))
+    return positions
 
 
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
@@ -192,10 +200,11 @@ def frequencies_over(
         If the system rejects all values.
     """
     require_name(f"parameter of {system.labels.name}", parameter, system.labels.parameters)
-    if len(values) == 0 or len(positions) == 0:
+    if len(values) == 0 or np.size(positions) == 0:
         raise ValueOutOfBoundsError(
-            f"{len(values)} values at {len(positions)} positions; give at least one of each"
+            f"{len(values)} values at {np.size(positions)} positions; give at least one of each"
         )
+    positions = _angles(positions)
     k = _checked_count(system, count)
     require_size(
         "values at all positions", len(values) * len(positions), freedoms_of(system) ** 2 + NUMBERS_A_POINT

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arguments import require_integer, unique_names
+from solve.arguments import NUMBERS_A_POINT, require_integer, require_size, unique_names
 from solve.arrays import Array
 from solve.equations import derivatives_of, is_nonlinear, require_bounds
 from solve.errors import SolveError, ValueOutOfBoundsError
@@ -21,13 +21,13 @@ from solve.proof.prove import prove as proof_of
 from solve.results.formatting import measured
 from solve.results.optimum import Curves, FreeParameter, Optimum
 from solve.results.orbit import Orbit
+from solve.results.sweeps import ACCEPTABLE_ERROR
 from solve.studies.design_points import Design, DesignPoint
 from solve.studies.fit import Bounds
 from solve.studies.optimum_search import ROUNDS, Search, State
 from solve.studies.range_search import over_range
 from solve.studies.requirements import bounds_of, kept_of, real_quantity, spreads_of
 from solve.studies.robust import Statistic, deviating
-from solve.studies.sweep import ACCEPTABLE_ERROR
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speeds_given
@@ -63,7 +63,7 @@ def optimise(
     minimise : str or callable
         Quantity such as "q3.max_abs", "shaft_torque.rms" or "spectral_radius"; or a function of the sequence
         of orbits at the speeds, which is differentiated by finite differences.
-    free : mapping
+    free : mapping of str to (float or str, float or str)
         Lower and upper bounds of each free parameter by name, in the model's units or as texts with unit. The
         search starts from the parameters of the model.
     speeds : float, str or sequence, optional
@@ -116,6 +116,7 @@ def optimise(
     True
     """
     require_integer("starts", starts)
+    require_size("starts", starts, NUMBERS_A_POINT)
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
         raise ValueOutOfBoundsError(f"method is {rule.name}; allowed for an optimum: radau, gauss, auto")
@@ -124,8 +125,6 @@ def optimise(
     model = shown_in(model, given[0])
     names, low, high = _free(model, free)
     kept, bounds = kept_of(model, keep), bounds_of(model, subject)
-    if not (isinstance(minimise, str) or callable(minimise)):
-        raise ValueOutOfBoundsError(f"minimise is {minimise!r}; allowed: a quantity by name, or a function")
     objective = real_quantity(model, minimise) if isinstance(minimise, str) else minimise
     named = [each.quantity for each in bounds] + ([objective] if isinstance(objective, Named) else [])
     orbits = not isinstance(objective, Named) or bool(kept) or any(each.of_orbit for each in named)

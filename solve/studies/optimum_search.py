@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -75,7 +76,7 @@ class Search:
     machines, statistic: deviating machines of a robust objective, and the statistic of their values.
     limit: largest permitted spectral radius. failures: reasons of trials without a solution. given: speeds
     without those of the peaks. peaks: local maxima over the speed. edges: edges of unstable bands, which must
-    stay outside the range.
+    stay outside the range. rng: generator of the random designs, which differ from search to search.
     """
 
     design: Design
@@ -87,6 +88,7 @@ class Search:
     failures: list[str] = field(default_factory=list)
     peaks: Sequence[PeakSpeed] = ()
     edges: Sequence[BandEdge] = ()
+    rng: np.random.Generator = field(default_factory=partial(np.random.default_rng, 1))
 
     def __post_init__(self) -> None:
         verdicts = {point.solved.verdict for point in self.design.points(self.design.start)}
@@ -198,7 +200,7 @@ class Search:
         violation. Random designs help because the violation has several local minima if an unstable band
         moves through the speeds. Raises the exceptions of `_round`."""
         best = self._least_violation(state)
-        for x in np.random.default_rng(1).random((_RESTARTS, len(best.x))):
+        for x in self.rng.random((_RESTARTS, len(best.x))):
             if best.feasible:
                 break
             try:

@@ -10,7 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from solve.arguments import NUMBERS_A_POINT, require_size, require_steps, unique_names
+from solve.arguments import (
+    NUMBERS_A_POINT,
+    checked_rtol,
+    matches_annotations,
+    require_size,
+    require_steps,
+    unique_names,
+)
 from solve.arrays import Array
 from solve.batch.family import SPEED, Family, SystemFamily
 from solve.batch.store import made_folder
@@ -26,16 +33,12 @@ from solve.period.quantities import harmonics as harmonics_of
 from solve.results.points import Kept, PointResults
 from solve.results.special_orbits import RigidOrbit
 from solve.results.sweep import Sweep
-from solve.results.sweeps import Sweeps, Validity
+from solve.results.sweeps import ACCEPTABLE_ERROR, Sweeps, Validity
 from solve.single import periodic
 from solve.studies.nonlinear_sweep import nonlinear_points
 from solve.system import PeriodicSystem, of_any_system, of_system, shown_in
 from solve.terminal import progress
 from solve.units import evenly, speeds_given
-
-ACCEPTABLE_ERROR = 0.05
-"""Linearisation error up to which the linear model is valid by default, and nonlinear orbits confirm an
-optimum. A choice."""
 
 Over = str | Sequence[str] | Mapping[str, str | Sequence[float | str] | Array]
 """Type of varied parameters: values by name, or texts such as "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad"."""
@@ -79,7 +82,7 @@ def sweep(
         Highest harmonic of the amplitudes.
     engine : str
         "compiled", "numpy", or "auto" for compiled code if a C compiler is available.
-    over : dict or str, optional
+    over : str, sequence of str or mapping of str to values, optional
         Values of parameters by name, in the model's units or as texts with unit; or texts such as
         "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad". Every combination is solved, with the speed varying
         fastest.
@@ -161,7 +164,7 @@ def parameter_values(
 ) -> list[float]:
     """Values of a parameter in its own unit, or plain numbers without a system. Empty if they are invalid."""
     numbers: list[float] = []
-    with suppress(TypeError, ValueError):
+    with suppress(TypeError, ValueError, ValueOutOfBoundsError):
         texts = evenly(values, name) if isinstance(values, str) else values
         numbers = [float(value) if system is None else in_own_unit(system, name, value) for value in texts]
     return numbers
@@ -268,7 +271,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     if name in model.labels.options:
         models = {str(value): model.varied(options={name: value}) for value in values}
     else:
-        numbers = [_number(model, name, value) for value in values]
+        numbers = [in_own_unit(model, name, value) for value in values]
         labels = [f"{number:g}" for number in numbers]
         if len(set(labels)) < len(labels):
             labels = [repr(number) for number in numbers]
@@ -278,6 +281,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     return models
 
 
+@matches_annotations
 def sweeps(
     systems: Mapping[str, PeriodicSystem],
     speeds: float | str | Sequence[float | str] | Array,
@@ -292,7 +296,7 @@ def sweeps(
 
     Parameters
     ----------
-    systems : dict
+    systems : mapping of str to PeriodicSystem
         Systems by label.
     speeds : float, str or sequence of float or str
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
@@ -329,15 +333,6 @@ def sweeps(
                 )
     first = shown_in(next(iter(systems.values())), given_speeds[0])
     return Sweeps(title, np.array(given_speeds), by_label, quantities, first)
-
-
-def _number(model: Model, name: str, value: float | str) -> float:
-    try:
-        return in_own_unit(model, name, value)
-    except ValueError:
-        raise ValueOutOfBoundsError(
-            f"{name} is '{value}'; give a number in the model's unit or with a unit"
-        ) from None
 
 
 @of_system
@@ -383,7 +378,7 @@ def validity(
             f"{system.labels.name} is linear by construction; validity requires a model with "
             "nonlinear equations"
         )
-    given_speeds = speeds_given(speeds)
+    given_speeds, rtol = speeds_given(speeds), checked_rtol(rtol)
     system, omegas = shown_in(system, given_speeds[0]), np.sort(given_speeds)
     errors, failures = np.full((len(omegas), system.n), np.nan), {}
     with progress.task("speeds", len(omegas)):

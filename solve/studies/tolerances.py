@@ -152,6 +152,9 @@ def tolerances(
         worst = _worst(machines, every, np.concatenate((searched.values, outcome.values, nominal), axis=1))
     names = [UNSTABLE, *(bound.text for bound in machines.bounds)]
     events = [outcome.unstable, *outcome.beyond]
+    bounds: dict[str, tuple[float, ...]] = {}
+    for bound in machines.bounds:
+        bounds[bound.quantity.text] = (*bounds.get(bound.quantity.text, ()), bound.value)
     probability = {
         name: mixture.probability(weights, *event[1:]) for name, event in zip(names, events, strict=True)
     }
@@ -167,7 +170,7 @@ def tolerances(
         probability=probability,
         sobol=sobol,
         worst=worst,
-        bounds={bound.quantity.text: bound.value for bound in machines.bounds},
+        bounds=bounds,
         units={each.named.text: each.named.unit for each in machines.quantities},
         points=points,
         values=machines.worst(outcome.values)[0],

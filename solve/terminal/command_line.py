@@ -52,7 +52,8 @@ class UniqueOptions:
         for option, count in Counter(given).items():
             repeatable = option.multiple or getattr(option, "is_flag", False) or option.nargs != 1
             if count > 1 and not repeatable and option.param_type_name == "option":
-                ctx.fail(f"{option.opts[0]} is given {count} times; give it once")
+                listed = ", with its values separated by commas" if "commas" in (option.help or "") else ""
+                ctx.fail(f"{option.opts[0]} is given {count} times; give it once{listed}")
             if count > 1 and option.multiple:
                 (text, most), *_ = Counter(values[option.name]).most_common(1)
                 if most > 1:

@@ -22,7 +22,15 @@ from solve.results.contents import MOST_SHOWN
 from solve.results.formatting import headed
 from solve.results.scatter import Scatter
 from solve.results.special_curves import SpecialCurves
-from solve.views.panels import axis_label, label_quantity, label_speeds, panels_over, shades, title_of
+from solve.views.panels import (
+    axis_label,
+    label_quantity,
+    label_radius,
+    label_speeds,
+    panels_over,
+    shades,
+    title_of,
+)
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, BLUE, GREY, MANY, VERMILION, Axes, Figure, page
 from solve.views.tables import MOST_ROWS, RenderableType, table_of, text
@@ -56,13 +64,12 @@ def branch_figure(branch: Branch) -> Figure:
         for axes, name, values in zip(panels, names, branch.peaks.T, strict=False):
             factor = label_quantity(axes, branch.system, name, values, "max_abs")
             _draw_branch(axes, branch, factor * values)
-        panels[-1].set_yscale("log")
         if len(branch.energies):
+            panels[-1].set_yscale("log")
             panels[-1].set_ylabel(f"energy ({branch.energy_unit})" if branch.energy_unit else "energy")
             _draw_branch(panels[-1], branch, branch.energies)
         else:
-            panels[-1].axhline(1.0, color=BLACK, linewidth=0.9)
-            panels[-1].set_ylabel("spectral\nradius |ρ|")
+            label_radius(panels[-1], branch.radius)
             _draw_branch(panels[-1], branch, branch.radius)
         sheet.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     return sheet

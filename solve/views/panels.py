@@ -14,7 +14,7 @@ from solve.labels import SPEED, known_quantities, unit_of
 from solve.results.contents import MOST_SHOWN
 from solve.results.formatting import greek, headed, named, prefixed
 from solve.system import PeriodicSystem
-from solve.views.style import GREY, Axes, Figure, page
+from solve.views.style import BLACK, GREY, Axes, Figure, page
 
 Value = TypeVar("Value", bound=Hashable)
 
@@ -24,6 +24,10 @@ SAMPLES = 721
 
 _BETWEEN = 16
 """Number of line segments between two points of a curve."""
+
+_ALIKE = 1e-6
+"""Distance from 1 below which differences between spectral radii are round-off and are not resolved by the
+axis."""
 
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
@@ -196,6 +200,17 @@ def frame_of(points: Plane) -> tuple[complex, complex]:
     high = complex(points.real.max(), points.imag.max())
     room = 0.07 * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
     return low - room, high + room
+
+
+def label_radius(axes: Axes, radius: Array) -> None:
+    """Label the axis of spectral radii, with a line at 1. The axis is logarithmic beyond a factor of ten."""
+    axes.axhline(1.0, color=BLACK, linewidth=0.9)
+    if np.nanmin(radius, initial=1.0) <= 0.1 or np.nanmax(radius, initial=1.0) >= 10:
+        axes.set_yscale("log")
+    elif np.nanmax(np.abs(radius - 1), initial=0.0) < _ALIKE:
+        # The axis must not resolve round-off.
+        axes.set_ylim(0.99, 1.01)
+    axes.set_ylabel("spectral\nradius |ρ|")
 
 
 def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:

@@ -25,23 +25,20 @@ from solve.views.panels import (
     draw_map,
     draw_through,
     label_quantity,
+    label_radius,
     legend_above,
     panels_over,
     shades,
     title_of,
 )
 from solve.views.show import figure, tables, waterfall
-from solve.views.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
+from solve.views.style import BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table, table_of, text
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 """Colours of unstable bands and boundaries, by the multiplier that leaves the unit circle."""
 
 KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex": "complex pair"}
-
-_ALIKE = 1e-6
-"""Distance from 1 below which differences between spectral radii are round-off and are not resolved by the
-axis."""
 
 _FLOOR = -80.0
 """Lowest amplitude of a spectrum in dB that is drawn."""
@@ -256,15 +253,9 @@ def bands_tables(bands: Bands) -> Sequence[RenderableType]:
 
 
 def _draw_radius(axes: Axes, x: Array, radius: Array, **style: Any) -> None:
-    axes.axhline(1.0, color=BLACK, linewidth=0.9)
     positive = np.where(radius > 0, radius, np.nan)
     draw_through(axes, x, positive, True, **style)
-    if np.nanmin(positive, initial=1.0) <= 0.1 or np.nanmax(positive, initial=1.0) >= 10:
-        axes.set_yscale("log")
-    elif np.nanmax(np.abs(positive - 1), initial=0.0) < _ALIKE:
-        # The axis must not resolve round-off.
-        axes.set_ylim(0.99, 1.01)
-    axes.set_ylabel("spectral\nradius |ρ|")
+    label_radius(axes, positive)
 
 
 def _name_bands(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:

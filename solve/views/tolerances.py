@@ -11,7 +11,7 @@ from solve import labels
 from solve.arrays import Array
 from solve.results.formatting import greek, measured, prefixed
 from solve.results.tolerances import UNSTABLE, Tolerances
-from solve.views.panels import title_of
+from solve.views.panels import legend_above, title_of
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table, text
@@ -40,18 +40,28 @@ def tolerances_figure(result: Tolerances) -> Figure:
             _draw_distribution(row[0], result, name)
             if result.sobol:
                 _draw_indices(row[1], result, name)
-        panels[0, 0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize="small")
+        legend_above(panels[0, 0])
         if result.sobol:
             panels[0, 1].set_title("Sobol indices", loc="left", color=GREY)
-            panels[-1, 1].legend(loc="lower right", fontsize="small")
+            legend_above(panels[0, 1])
     return sheet
 
 
 def _shown(result: Tolerances) -> list[str]:
-    """Quantities that vary, with the spectral radius last."""
-    varying = [name for name, column in zip(result.units, result.values.T, strict=True) if _spread(column)]
+    """Quantities that vary owing to the parameters, or that have limits, with the spectral radius last."""
+    varying = [
+        name
+        for name, column in zip(result.units, result.values.T, strict=True)
+        if _spread(column) and (name in result.bounds or _is_influenced(result, name))
+    ]
     ordered = [*varying[1:], *varying[:1]] if varying[:1] == ["spectral_radius"] else varying
     return (ordered or list(result.units)[:1])[:_MOST_QUANTITIES]
+
+
+def _is_influenced(result: Tolerances, name: str) -> bool:
+    """Whether a quantity has Sobol indices, or none were computed."""
+    indices = result.sobol.get(name, {}).values()
+    return not indices or any(np.isfinite(each.total) for each in indices)
 
 
 def _spread(values: Array) -> bool:
@@ -71,8 +81,9 @@ def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
         low, high = np.interp([_OUTSIDE, 1 - _OUTSIDE], mass, values[order])
         axes.hist(values, _BINS, range=(low, high), weights=weights, density=True, color=BLUE, alpha=0.6)
     axes.axvline(factor * result.worst[name].nominal, color=GREY, linewidth=1.0, label="nominal")
-    if name in result.bounds:
-        axes.axvline(factor * result.bounds[name], color=VERMILION, linewidth=1.2, label="limit")
+    for number, limit in enumerate(result.bounds.get(name, ())):
+        label = "limit" if number == 0 else None
+        axes.axvline(factor * limit, color=VERMILION, linewidth=1.2, label=label)
     axes.set_xlabel(f"{greek(name)} ({shown})" if shown else greek(name).replace("_", " "))
     axes.set_yticks([])
     axes.set_ylabel("density")
@@ -85,7 +96,11 @@ def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
     rows = np.arange(len(ranked))
     for shift, field, colour, label in ((-0.2, "total", GREY, "total"), (0.2, "first", BLUE, "first order")):
         sizes = [max(0.0, np.nan_to_num(getattr(indices[parameter], field))) for parameter in ranked]
-        errors = [getattr(indices[parameter], f"{field}_error") for parameter in ranked]
+        known = [np.isfinite(getattr(indices[parameter], field)) for parameter in ranked]
+        errors = [
+            getattr(indices[parameter], f"{field}_error") if is_known else 0.0
+            for parameter, is_known in zip(ranked, known, strict=True)
+        ]
         axes.barh(rows + shift, sizes, 0.4, xerr=errors, color=colour, label=label, error_kw={"lw": 0.8})
     axes.set_yticks(rows, ranked)
     axes.invert_yaxis()

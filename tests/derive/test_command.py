@@ -33,6 +33,23 @@ def test_out_overrides_the_folder(derive, rotor, tmp_path):
     assert "is stale: it is missing. Run: python -m derive" in out
 
 
+def test_mechanisms_that_share_a_generated_module_are_refused(derive, rotor, tmp_path):
+    other = tmp_path / "other" / rotor.name
+    other.parent.mkdir()
+    shutil.copy(rotor, other)
+    detour = other.parent / ".." / rotor.name
+    for given, words in [
+        ((rotor, detour), "are the same file, for the generated module"),
+        (("gear_pair", "cam", "gear_pair"), "'gear_pair' and 'gear_pair' are the same file"),
+        ((rotor, other, "--out", tmp_path / "both"), "are two files, for the generated module"),
+    ]:
+        status, out, error = derive(*given)
+        assert (status, out) == (2, "")
+        assert words in error
+    assert not list(tmp_path.glob("**/generated"))
+    assert derive(rotor, other)[0] == 0
+
+
 def test_generated_text_is_independent_of_the_folder(derive, rotor, tmp_path, monkeypatch):
     derive(rotor)
     first = (tmp_path / "generated" / "rotor.py").read_bytes()

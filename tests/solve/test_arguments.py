@@ -2,12 +2,17 @@
 
 import inspect
 import pickle
+import typing
+from collections.abc import Callable, Mapping
+from types import UnionType
 
 import numpy as np
 import pytest
 
 import solve
 from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.results.bands import Bands
+from solve.system import PeriodicSystem
 from tests.solve.systems import random_system
 
 FUNCTIONS = [name for name in solve.__all__ if inspect.isfunction(getattr(solve, name))]
@@ -26,6 +31,43 @@ def test_a_number_is_refused_by_every_public_function(name):
         function(**{first.name: 3}, **needed)
 
 
+class Wrong:
+    """Object of no allowed type."""
+
+
+ACCEPTED = {
+    PeriodicSystem: solve.load("mathieu", delta=1.0),
+    solve.Model: solve.load("mathieu", delta=1.0),
+    Bands: Bands.__new__(Bands),
+    str: "cam",
+    Mapping: {},
+    Callable: np.cos,
+}
+"""Values of the first argument by type."""
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_every_argument_of_wrong_type_is_refused_by_name(name):
+    """Lists and mappings of wrong entries are refused too, and None where it is not allowed. The numbers that
+    `load` collects are checked by the model."""
+    function, wrong = getattr(solve, name), Wrong()
+    hints = typing.get_type_hints(function)
+    first, *others = list(hints)[: -2 if name == "load" else -1]
+    kinds = typing.get_args(hints[first]) if typing.get_origin(hints[first]) is UnionType else (hints[first],)
+    kinds = [typing.get_origin(each) or each for each in kinds]
+    given = next(value for kind, value in ACCEPTED.items() if kind in kinds)
+    for parameter in others:
+        values = [wrong, [wrong], {3: "1"}, b"k1"]
+        values += [] if type(None) in typing.get_args(hints[parameter]) else [None]
+        values += [] if parameter == "options" else [{"k1": wrong}]
+        for value in values:
+            with pytest.raises(ValueOutOfBoundsError) as caught:
+                function(**{first: given, parameter: value})
+            (message,) = str(caught.value).splitlines()
+            assert message.startswith(f"{parameter} is "), message
+            assert message.endswith(f"; see help(solve.{name})"), message
+
+
 def test_a_model_name_instead_of_a_system_names_load():
     message = r"^system is 'cam'; allowed: PeriodicSystem, such as solve\.load\('cam'\)$"
     with pytest.raises(SolveError, match=message):
@@ -38,6 +80,12 @@ def test_messages_print_no_address_of_an_object(given):
         solve.tolerances(given)
     assert "0x" not in str(caught.value)
     assert "allowed: Model, such as solve.load('cam')" in str(caught.value)
+
+
+@pytest.mark.parametrize("steps", [0, -1, 2.5, np.nan])
+def test_steps_of_a_nonlinear_orbit_are_whole_numbers(steps):
+    with pytest.raises(SolveError, match=r"steps is .*; allowed: whole numbers of at least 1"):
+        solve.nonlinear(solve.load("cam"), "100 rpm", steps=steps)
 
 
 def test_missing_arguments_raise_a_type_error():
@@ -66,7 +114,11 @@ REFUSED = {
         lambda delta, epsilon: 3,
         **CHARTED,  # type: ignore[arg-type, return-value]
     ),
-    "values of delta must be at least two": lambda: solve.chart("mathieu", {"delta": 1.0}, "epsilon=0:1:2"),  # type: ignore[dict-item]
+    "x is {'delta': 1.0}; allowed: str or mapping": lambda: solve.chart(
+        "mathieu",
+        {"delta": 1.0},  # type: ignore[dict-item]
+        "epsilon=0:1:2",
+    ),
     r"position is \[\]; allowed": lambda: solve.frequencies(plane(), []),
     "count is 1.5; allowed": lambda: solve.frequencies(plane(), 0.0, 1.5),  # type: ignore[arg-type]
     "0 values at 1 positions": lambda: solve.frequencies_over(solve.load("cam"), "k1", [], np.zeros(1)),
@@ -74,7 +126,20 @@ REFUSED = {
     "'targets' is empty": lambda: solve.compare(plane(), 2.0, targets=[]),
     "period is '2'; allowed": lambda: solve.PeriodicSystem(plane().at, ["q"], "2"),  # type: ignore[arg-type]
     "1e\\+09 turns; allowed: up to 43690, or more with": lambda: solve.transient(plane(), 2.0, 10**9),
-    "start is 3; allowed: rest, orbit": lambda: solve.transient(plane(), 2.0, 3, 3),  # type: ignore[arg-type]
+    "start is 3; allowed: 'rest', 'orbit'": lambda: solve.transient(plane(), 2.0, 3, 3),  # type: ignore[arg-type]
+    "k1 is 'stiff'; give a number, such as 1.5, in N m/rad": lambda: solve.variants(
+        solve.load("cam"), "k1", ["stiff"]
+    ),
+    "1e\\+30 periods; allowed": lambda: solve.nonlinear(solve.load("cam"), "100 rpm", periods=10**30),
+    "problem returns 0.0; it must return a PeriodicSystem and a speed": lambda: solve.boundaries(
+        float,  # type: ignore[arg-type]
+        [0.0, 1.0],
+    ),
+    "signal returns 1.0; it must return a real value for each": lambda: solve.signal_statistics(
+        lambda phase: 1.0,  # type: ignore[arg-type, return-value]
+        1.0,
+    ),
+    "period is nan; allowed: finite": lambda: solve.signal_statistics(np.cos, np.nan),
     "no harmonics above the mean are stored": lambda: solve.sweep(
         plane(), 2.0, spectra="q1", harmonics=0
     ).waterfall("q1"),

@@ -227,9 +227,9 @@ def control(
         System with inputs.
     speed : float or str
         Ω in rad/s, or a text with unit.
-    lqr : mapping or pair, optional
+    lqr : mapping of str to float, or pair of matrices, optional
         Weights by name, of inputs and of states and outputs, such as {"q3": 1e6, "u": 1}; or Q and R.
-    kalman : mapping or pair, optional
+    kalman : mapping of str to float, or pair of matrices, optional
         Noise intensities by name, of inputs and of measured states and outputs, such as {"u": 1, "q1": 1e-9};
         or W and V.
     rtol : float

@@ -29,7 +29,7 @@ def regulator(
         if missing := [name for name in inputs if name not in numbers]:
             raise MissingValueError(f"R has no number for the input {missing[0]}; give one for every input")
         R = np.diag([numbers[name] for name in inputs])
-    cost = matrix_function("R", R, len(inputs), plant.system.period, definite=True)
+    cost = matrix_function("R", R, len(inputs), plant.system, definite=True)
 
     def coefficients(phase: Array) -> tuple[Array, Array, Array]:
         A, B, _ = plant.dynamics(phase)
@@ -80,7 +80,7 @@ def _state_weight(plant: Plant, Q: Weight) -> Function:
     """Weight Q (k, N, N) as a function of the phase. A mapping gives the weights of squared states and
     outputs by name."""
     if not isinstance(Q, Mapping):
-        return matrix_function("Q", Q, plant.N, plant.system.period)
+        return matrix_function("Q", Q, plant.N, plant.system)
     plant.require_names(list(Q))
     numbers = named_numbers("Q", Q, list(Q), positive=False)
     if all(name in plant.states for name in numbers):
@@ -110,7 +110,7 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
     else:
         of_states = len(system.states) == system.n and system.outputs
         measured = tuple(system.outputs if of_states else system.coordinates)
-    cost = matrix_function("V", V, len(measured), system.period, definite=True)
+    cost = matrix_function("V", V, len(measured), system, definite=True)
 
     def coefficients(phase: Array) -> tuple[Array, Array, Array]:
         rows, A = plant.rows(measured, phase), plant.dynamics(phase)[0]
@@ -129,7 +129,7 @@ def _state_noise(plant: Plant, W: Weight) -> Function:
     """Intensity W (k, N, N) of the process noise as a function of the phase. A mapping gives the intensities
     of inputs and states by name."""
     if not isinstance(W, Mapping):
-        return matrix_function("W", W, plant.N, plant.system.period)
+        return matrix_function("W", W, plant.N, plant.system)
     inputs, states = plant.system.inputs, plant.states
     numbers = named_numbers("W", W, [*inputs, *states], positive=False)
     along, direct = (np.array([numbers.get(name, 0.0) for name in each]) for each in (inputs, states))

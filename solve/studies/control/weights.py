@@ -1,11 +1,13 @@
 """Weights and covariances as functions of the phase, from arrays, diagonals by name, or functions."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
+from solve.system import PeriodicSystem
 
 Weight = Array | Sequence[Sequence[float]] | Mapping[str, float] | Callable[[Array], Array]
 """Types of weights: a matrix (N, N); numbers by name; or a function of phases (k,) that returns (k, N, N)."""
@@ -14,40 +16,67 @@ _PHASES = 37
 """Number of phases per period at which definiteness is checked: a choice, odd so that the phases do not
 coincide with symmetries."""
 
+_HALVINGS, _JUMP = 30, 1e-3
+"""Bisections of the interval of the largest change, and change, relative to the largest entry, that is then a
+jump: a continuous function would need slopes of 1e6 of its size per radian. Choices."""
+
+_INSIDE = 1e-9
+"""Least distance from the jumps of the system, relative to the period, of jumps that are found. A choice."""
+
 _NEGATIVE = 1e-10
 """Negative eigenvalue, relative to the largest, that counts as round-off. A choice."""
 
 
 def matrix_function(
-    name: str, given: Weight, size: int, period: float, definite: bool = False
+    name: str, given: Weight, size: int, system: PeriodicSystem, definite: bool = False
 ) -> Callable[[Array], Array]:
     """Symmetric matrices (k, size, size) as a function of phases (k,), from an array or a function.
 
     Raises ValueOutOfBoundsError unless they are symmetric and positive semidefinite; with `definite`, they
-    must be positive definite."""
+    must be positive definite. They may jump only at jumps of the system, which are nodes of every grid."""
     if callable(given):
 
         def function(phase: Array) -> Array:
             return _real(given(phase))
 
     else:
-        try:
-            matrix = _real(given)
-        except (TypeError, ValueError):
-            matrix = np.full((0,), np.nan)
+        matrix = _real(given)
 
         def function(phase: Array) -> Array:
             return np.broadcast_to(matrix, (len(phase), *matrix.shape))
 
-    phase = np.arange(_PHASES) * (period / _PHASES)
+    phase = np.arange(_PHASES) * (system.period / _PHASES)
     _require(name, function(phase), (_PHASES, size, size), definite)
+    if callable(given):
+        _require_continuous(name, function, system)
     return function
 
 
+def _require_continuous(name: str, function: Callable[[Array], Array], system: PeriodicSystem) -> None:
+    """Raise ValueOutOfBoundsError if the interval of the largest change contains a jump away from the jumps
+    of the system."""
+    for low, high in pairwise(sorted({0.0, *system.breaks, system.period})):
+        inside = _INSIDE * system.period
+        ends = np.linspace(low + inside, high - inside, _PHASES)
+        scale = np.abs(function(ends)).max()
+        for _ in range(_HALVINGS):
+            changes = np.abs(np.diff(function(ends), axis=0)).max(axis=(1, 2))
+            first = int(np.argmax(changes))
+            ends = np.linspace(ends[first], ends[first + 1], 3)
+        if np.abs(np.diff(function(ends), axis=0)).max() > _JUMP * scale:
+            raise ValueOutOfBoundsError(
+                f"{name} jumps at the phase {ends[1]:.6g} rad, where the system does not; give a continuous "
+                "function, or a system that declares this phase in `breaks`"
+            )
+
+
 def _real(values: object) -> Array:
-    """Array of real numbers; NaN if they are complex."""
-    array = np.asarray(values)
-    return np.full(array.shape, np.nan) if np.iscomplexobj(array) else array.astype(float)
+    """Array of real numbers; NaN for others."""
+    try:
+        array = np.asarray(values)
+        return np.full(array.shape, np.nan) if np.iscomplexobj(array) else array.astype(float)
+    except (TypeError, ValueError):
+        return np.full((0,), np.nan)
 
 
 def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -> None:

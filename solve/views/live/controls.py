@@ -212,7 +212,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
     require_name(f"parameter of {model.labels.name}", name, model.parameters)
     try:
         value = in_own_unit(model, name, text)
-    except ValueError:
+    except ValueOutOfBoundsError:
         own_unit = model.labels.parameter_labels[name][0]
         raise ValueOutOfBoundsError(
             f"{name} is '{text}'; give a number, in {own_unit} unless a unit follows, such as "

@@ -115,6 +115,7 @@ class LiveWindow:
         return f'<iframe src="{escape(self.address)}" style="{style}" allow="clipboard-write"></iframe>'
 
 
+@first_is(Model, str, such_as="solve.load('cam')")
 def explore(
     model: Model | str,
     speed: float | str | None = None,
@@ -158,12 +159,7 @@ def explore(
     """
     if isinstance(model, str):
         return LiveWindow(server(load(model), Origin(model), speed, port))
-    return LiveWindow(server(model, Origin.from_model(_checked(model)), speed, port))
-
-
-@first_is(Model, such_as="solve.load('cam')")
-def _checked(model: Model) -> Model:
-    return model
+    return LiveWindow(server(model, Origin.from_model(model), speed, port))
 
 
 def server(

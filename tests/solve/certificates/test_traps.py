@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from solve import Newmark, PeriodicSystem, Radau, floquet, periodic
+from solve import Newmark, PeriodicSystem, Radau, floquet, load, periodic
 from solve.errors import StepsError
 from solve.methods.choice import METHODS, chosen
 from solve.methods.gauss import Gauss
@@ -172,6 +172,16 @@ def test_phase_error_of_a_mode_follows_the_phase_constant(method, steps):
         method.phase_constant * steps * (exact / steps) ** (method.order + 1), rel=4e-2
     )
     assert method.in_phase(steps, late) == pytest.approx(exact, rel=1e-2)
+
+
+@pytest.mark.parametrize(("speed", "method"), [("50 rpm", "auto"), ("60 rpm", "gauss")])
+def test_liouville_is_within_the_errors_of_tiny_multipliers(speed, method):
+    """Multipliers below 1e-100 are lost in products of steps, not in the multipliers."""
+    found = floquet(load("cam"), speed, method)
+    assert min(abs(found.multipliers)) < 1e-60
+    assert 0 < abs(found.liouville) < found.multiplier_errors.sum() < 1
+    coarse = floquet(load("cam"), speed, steps=32, rtol=0.9)
+    assert f"owing to {coarse.unresolved} unresolved multipliers" in str(coarse)
 
 
 @pytest.mark.parametrize("method", ["auto", "radau", "gauss", "hsu", "newmark", "rk4"])

@@ -157,6 +157,10 @@ BAD = {
     "number of a flag too large": ((*CAM, "--rtol", "1e-300"), ("1e-300", "1e-60 … 1e+60")),
     "whole number of 5000 digits": ((*CAM, "--harmonics", "9" * 5000), ("is not a whole number",)),
     "flag twice": ((*CAM, "--rtol", "1e-3", "--rtol", "1e-4"), ("--rtol is given 2 times", "once")),
+    "list flag twice": (
+        ("optimise", "cam", "--minimise", "q1.max", "--free", "k1", "--free", "k2"),
+        ("--free is given 2 times", "once, with its values separated by commas"),
+    ),
     "limit zero": ((*CAM, "--limit", "0"), ("limit is 0", "1 … 1e15")),
     "limit infinite": ((*CAM, "--limit", "inf"), ("limit is inf", "1 … 1e15")),
     "steps beyond the limit": (

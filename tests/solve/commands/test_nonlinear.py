@@ -130,7 +130,7 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
         (("branch", "cam", "--speeds", "3:4 Hz", "--begin", "9 Hz"), ("9 Hz", "between 3 Hz and 4 Hz")),
         (
             ("branch", "cam", "--over", "k1=1:2", "--begin", "soft", "--speed", "1 Hz"),
-            ("begin is 'soft'",),
+            ("k1 is 'soft'; give a number",),
         ),
         (("sweep", "cam", "--speeds", "300:310:2 rpm", "--nonlinear", "--turn", "q1"), ("--turn",)),
         (("branch", "four_bar", "--speeds", "10:20 rad/s"), ("linear by construction",)),

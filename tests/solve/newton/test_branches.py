@@ -138,7 +138,7 @@ def test_truncated_branch_gives_a_warning():
         ({"speeds": "2:3 rad/s", "points": 1}, "points is 1"),
         ({"speeds": "2:3 rad/s", "rtol": 2.0}, "rtol"),
         ({"speeds": "2:3 rad/s", "start": "rest"}, "start is 'rest'; allowed: an orbit"),
-        ({"speeds": "2:3 rad/s", "start": ([1j], [0])}, "allowed: an orbit"),
+        ({"speeds": "2:3 rad/s", "start": ([1j], [0])}, "allowed: Orbit, Transient, Scatter"),
         ({"speeds": "2:3 rad/s", "start": lambda phase: np.exp(1j * phase)[None]}, "it must return finite q"),
         ({"speeds": "2:3 rad/s", "start": lambda phase: None}, "start returns None; it must return finite q"),
         (

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import solve
+from derive import Max, Mechanism, cos, rate
 from tests.solve.newton.mechanisms import autoparametric, duffing, held_pendulum, model_of
 from tests.solve.newton.shooting import doubling, fold, located, period_map, settled, torus
 
@@ -58,6 +59,26 @@ def test_a_slow_sweep_jumps_at_the_folds(duffing_branch):
         beyond = jump["speed"] * (1.001 if jump is up else 0.999)
         orbit = solve.nonlinear(model_of(duffing(), **DUFFING), beyond)
         assert orbit.statistics("q").max_abs == pytest.approx(jump["to"], rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_jump_names_the_coordinate_that_changes_most():
+    """A mass meets a stop in one of two uncoupled directions; the other one passes the folds unchanged."""
+    made = Mechanism("sieve", "Mass on springs with a stop across")
+    x, y = made.coordinates(x=("m", "along"), y=("m", "across"))
+    m, c, F, gap = made.parameters(m=("kg", "mass"), c=("N s/m", "damper"), F=("N", "load"), gap=("m", "gap"))
+    k, soft = made.parameters(k=("N/m", "spring and stop"), soft=("N/m", "spring along"))
+    made.kinetic, made.dissipation = (factor * (rate(x) ** 2 + rate(y) ** 2) / 2 for factor in (m, c))
+    made.potential = soft * x**2 / 2 + k * y**2 / 2 + k * Max(0, y - gap) ** 2 / 2
+    made.force(F * cos(made.phase), along=x + y / 4)
+    sieve = solve.load(made, m=1.0, c=0.05, k=1.0, soft=0.1, F=1.0, gap=1.0)
+    branch = solve.branch(sieve, "0.9:1.6 rad/s", rtol=1e-3)
+    up, down = branch.jumps
+    assert (up["coordinate"], down["coordinate"]) == ("y", "y")
+    assert up["from"] > 3 * up["to"] > 0
+    assert down["to"] > 3 * down["from"] > 0
+    assert branch.summary.count("max|y| from") == 2
+    assert branch.plot().axes[-1].get_yscale() == "linear"
 
 
 PENDULUM = {"c": 0.5, "g": 1.0, "t": 0.0}

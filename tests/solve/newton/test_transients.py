@@ -130,7 +130,7 @@ def test_short_transient_warns_that_the_orbit_is_not_reached():
         ({"start": "tset"}, FileError, "start 'tset' is not a state"),
         ({"start": "none.npz"}, FileError, "`solve periodic` or `solve transient` wrote"),
         ({"start": (np.zeros(2), np.zeros(1))}, ValueOutOfBoundsError, "shape"),
-        ({"start": (np.array([1j]), np.zeros(1))}, ValueOutOfBoundsError, "allowed: rest, orbit"),
+        ({"start": (np.array([1j]), np.zeros(1))}, ValueOutOfBoundsError, "allowed: 'rest', 'orbit'"),
     ],
 )
 def test_bad_input_is_refused(given, error, words):

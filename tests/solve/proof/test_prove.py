@@ -81,6 +81,17 @@ def test_the_trace_of_mathieus_equation(delta, epsilon, zeta, message):
         assert mpmath.mpf(high) - mpmath.mpf(low) < mpmath.mpf(10) ** -23
 
 
+@pytest.mark.parametrize("stiffness", [1e16, 1e25])
+def test_modes_too_fast_for_a_proof_are_the_stated_reason(stiffness):
+    # ω = √δ, over the period π.
+    with pytest.raises(
+        StepsError, match=r"the fastest mode advances by .* rad in a period; allowed"
+    ) as caught:
+        solve.prove(solve.load("mathieu", delta=stiffness, epsilon=0.1, zeta=0.01), 1.0)
+    stated = float(str(caught.value).split("advances by ")[1].split()[0])
+    assert 0.5 < stated / (np.pi * np.sqrt(stiffness)) < 2
+
+
 def test_enclosures_with_more_digits_lie_within_those_with_fewer():
     system = mathieu(delta=3.3, epsilon=2.2, zeta=0.01)
     coarse, fine = (prove(system, 1.0, digits=digits).spectral_radius for digits in (8, 40))

@@ -45,6 +45,17 @@ def test_linearised_orbit_summary_states_the_linearisation_error():
     assert "linearisation" not in solve.nonlinear(solve.load("manipulator"), "50 rpm").summary
 
 
+@pytest.mark.parametrize(("name", "speed"), [("gear_pair", 300.0), ("mathieu", 1.0), ("coupler", 90.0)])
+def test_linear_models_have_no_linearisation_error_above_round_off(name, speed):
+    model = solve.load(name)
+    orbit = solve.periodic(model, speed)
+    assert orbit.summary.endswith("Estimated linearisation error: none above round-off.")
+    assert "nonlinear orbit is the same up to round-off" in str(orbit)
+    assert solve.validity(model, [speed]).summary.endswith(
+        f"no error above round-off up to {model.labels.speed_unit.text(speed)}."
+    )
+
+
 def test_bands_are_named_and_the_rest_counted():
     system = oscillator(0.2)
     one = [Band(speed, speed + 0.5, "+1", 1.1) for speed in range(1, 7)]

@@ -547,3 +547,30 @@ def test_steps_relate_states_and_costates_as_collocation_of_both_does(sign):
         state = x0 + np.einsum("s,sij->ij", weights.b, rates)
         assert np.allclose(state, np.hstack((of_start[step], -gramian[step])), atol=1e-13)
         assert np.allclose(solved[-N:], np.hstack((cost[step], of_start[step].T)), atol=1e-13)
+
+
+@pytest.mark.parametrize("at", [0.01, 2.5, 6.2])
+def test_weights_may_jump_only_where_the_system_does(at):
+    def integrator(phase, speed):
+        zero = np.zeros((len(phase), 1, 1))
+        return zero, zero[:, 0]
+
+    def noise(phase):
+        return np.where(phase < at, 4.0, 9.0)[:, None, None]
+
+    smooth = solve.FirstOrderSystem(integrator, ["x"])
+    with pytest.raises(
+        ValueOutOfBoundsError, match=f"W jumps at the phase {at} rad, where the system does not"
+    ):
+        solve.kalman(smooth, 1.0, noise, {"x": 1.0})
+    with pytest.raises(ValueOutOfBoundsError, match="V jumps"):
+        solve.kalman(smooth, 1.0, [[4.0]], noise)
+    stepped = solve.FirstOrderSystem(integrator, ["x"], breaks=[at])
+    found = solve.kalman(stepped, 1.0, noise, {"x": 1.0}, rtol=1e-8)
+    # Ṗ = W − P² with constant W on either side of the jump, over three periods from P = 1.
+    P = 1.0
+    for _ in range(3):
+        for W, span in ((4.0, at), (9.0, 2 * np.pi - at)):
+            P = solve_ivp(lambda _, P, W=W: W - P**2, (0.0, span), [P], rtol=1e-11, atol=1e-12).y[0, -1]
+    assert not found.warnings
+    assert found.gain(0.0)[0, 0, 0] == pytest.approx(P, rel=1e-7)

@@ -12,9 +12,11 @@ from derive import Mechanism, cos, rate, sin
 from models.manipulator.mechanism import mechanism as manipulator
 from solve.commands.app import run
 from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoundsError
+from solve.methods.choice import chosen
 from solve.model.spread import spread_of
 from solve.period.named import Named
 from solve.studies.design_points import Design
+from solve.studies.optimum_search import Search
 from solve.studies.over_speed import Peak
 from solve.studies.robust import Robust, Statistic, deviating
 from solve.studies.tracked import Function, tracked
@@ -550,3 +552,37 @@ def test_robust_gear_deviates_less_than_the_nominal_optimum():
     (nominal, wide), (robust, narrow) = spread
     assert robust < 0.96 * nominal
     assert narrow < 0.3 * wide
+
+
+def test_every_search_for_a_feasible_design_begins_elsewhere(monkeypatch):
+    """Searches over a range repeat the search in every round."""
+    begun = []
+
+    def begin(search, state):
+        begun.append((search, state))
+        return state
+
+    monkeypatch.setattr(Search, "_least_violation", begin)
+    pendulum = solve.load("mathieu", delta=1.3, epsilon=0.2, zeta=0.05)
+    unattainable = ["spectral_radius < 1e-3"]
+    for _ in range(2):
+        found = solve.optimise(
+            pendulum, "spectral_radius", {"zeta": (0.0, 0.1)}, 1.0, subject=unattainable, rtol=1e-3
+        )
+        assert found.warnings
+    search, state = begun[-1]
+    first, second = ([x.x.tolist() for each, x in begun if each is one] for one in (begun[0][0], search))
+    assert first == second
+    search._feasible_near(state)
+    later = [each.x.tolist() for one, each in begun if one is search][len(second) :]
+    assert len(later) > 1
+    assert not [x for x in later[1:] if x in second]
+
+
+def test_optimum_at_a_bound_is_exactly_the_bound():
+    cam, low, high = solve.load("cam"), np.array([0.0, 7e4]), np.array([0.3, 9.1e4])
+    design = Design(cam, ["Fa1", "k1"], low, high, [60.0], chosen("auto"), 1e-6, True)
+    near = np.array([[2e-16, 1 - 1.1e-16], [-1e-17, 1 + 2.2e-16], [1e-13, 1.0]])
+    assert [list(design.parameters(x).values()) for x in near] == 3 * [[0.0, 9.1e4]]
+    inside = list(design.parameters(np.array([1e-6, 0.5])).values())
+    assert inside == pytest.approx([3e-7, 8.05e4], rel=1e-9)

@@ -89,7 +89,7 @@ def test_variants_that_differ_in_the_seventh_digit_are_all_there():
     ("name", "values", "error", "message"),
     [
         ("l33", [1.0], UnknownNameError, "did you mean 'l3'"),
-        ("l3", ["long"], ValueOutOfBoundsError, "give a number in the model's unit or with a unit"),
+        ("l3", ["long"], ValueOutOfBoundsError, "l3 is 'long'; give a number, such as 1.5, in m"),
         ("l3", [0.7, 0.7], ValueOutOfBoundsError, "twice"),
         ("l3", [0.7, "0.70"], ValueOutOfBoundsError, "twice"),
         ("modes", [2, "2"], ValueOutOfBoundsError, "twice"),

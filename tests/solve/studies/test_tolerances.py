@@ -193,6 +193,26 @@ def test_result_is_reopened_and_drawn(model, tmp_path):
     assert "Probability of instability: 0" in repr(found)
 
 
+def test_quantities_without_influence_are_not_drawn(model):
+    """The damping, which does not vary, alone determines the spectral radius, up to round-off."""
+    found = solve.tolerances(model, SPEED, {"k": "±1 %"}, ["q.rms < 1"], samples=64, index_samples=8)
+    assert np.isnan(found.sobol["spectral_radius"]["k"].total)
+    assert "spectral radius" not in [axes.get_xlabel() for axes in found.plot().axes]
+
+
+@pytest.mark.parametrize("limits", [["q.rms > 0.15", "q.rms < 0.16"], ["q.min > -0.3", "q.min < -0.2"]])
+def test_two_limits_of_a_quantity_are_kept_and_drawn(model, limits, tmp_path):
+    solve.tolerances(model, SPEED, {"k": "±1 %"}, limits, samples=64, index_samples=0).save(
+        tmp_path / "a.npz"
+    )
+    found = solve.open(tmp_path / "a.npz")
+    name, values = limits[0].split()[0], [float(text.split()[-1]) for text in limits]
+    assert list(found.bounds[name]) == values
+    (axes,) = [each for each in found.plot().axes if name.replace("_", " ") in each.get_xlabel()]
+    drawn = [line.get_xdata()[0] for line in axes.lines if line.get_label() != "nominal"]
+    assert drawn[1] / drawn[0] == pytest.approx(values[1] / values[0])
+
+
 @pytest.mark.parametrize(
     ("change", "error", "text"),
     [
