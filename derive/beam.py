@@ -85,8 +85,8 @@ class Element:
 
     @property
     def coupling(self) -> sympy.Matrix:
-        """Integral ∫ N̂u N̂vᵀ dξ, to be multiplied by ρA L: the blocks −X and Xᵀ of P = ∫ ρA Nᵀ S N dx, S =
-        [[0, −1], [1, 0]].
+        """Integral ∫ N̂u N̂vᵀ dξ. Its product with ρA L, X, gives the off-diagonal blocks −X (upper) and Xᵀ
+        (lower) of P = ∫ ρA Nᵀ S N dx with S = [[0, −1], [1, 0]].
 
         In axes that rotate at ω, the Coriolis matrix is ωP, and the other terms due to the rotation are ω̇P −
         ω²M: thesis (4.22).

@@ -38,7 +38,8 @@ def require_plain(name: str) -> None:
 
 
 def require_result(name: str) -> None:
-    """Raise DeclarationError unless the name is permitted for an output, an option or a sketched line."""
+    """Raise DeclarationError unless the name is permitted for an input, an output, an option or a
+    sketched line."""
     require_plain(name)
     if name in ARGUMENTS:
         raise DeclarationError(

@@ -389,7 +389,8 @@ class MechanismStatement(Quantities):
         return expressions if any(expression != 0 for expression in expressions) else ()
 
     def decline_drive_torque(self, reason: str) -> None:
-        """Remove the drive torque from the outputs, with the reason why the energies do not determine it."""
+        """Remove the drive torque from the outputs. reason: why the energies do not determine the drive
+        torque."""
         self.no_drive_torque = reason
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:

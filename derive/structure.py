@@ -278,10 +278,13 @@ class StructureStatement(MechanismStatement):
         ends = [f"{each.name}_{joint}" for each in self.declared_links for joint in (each.start, each.end)]
         for name in (*self.joints, *ends):
             link, _, number = name.rpartition("_")
-            within = f"a node within link {link}" if link in self.links and number.isdigit() else ""
-            twice = "the ends of two links" if ends.count(name) > 1 else ""
-            if within or twice:
-                raise DeclarationError(f'"{name}" also names {within or twice}; rename a link or a joint')
+            if link in self.links and number.isdigit():
+                first = "a joint" if name in self.joints else "the end of a link"
+                raise DeclarationError(
+                    f'"{name}" names both {first} and a node within link {link}; rename a link or a joint'
+                )
+            if ends.count(name) > 1:
+                raise DeclarationError(f'the ends of two links are named "{name}"; rename a link or a joint')
 
     def _elastic(self, joint: str, links: tuple[str, ...], x: Any, y: Any, turn: Any) -> Elastic:
         return Elastic(joint, self._links_at(joint, links), *map(sympy.sympify, (x, y, turn)))

@@ -120,8 +120,8 @@ class Nonlinear(Protocol):
         period. sizes (n,): scales of the coordinates, to which rtol is relative. Raises TransientError
         without generated code."""
         raise TransientError(
-            "the system has no generated equations of motion that can be integrated in time; state "
-            "it as a mechanism and derive it"
+            "the system has no generated equations of motion that can be integrated in time; write it as a "
+            "mechanism file, and generate its equations with python -m derive FILE"
         )
 
 

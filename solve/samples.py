@@ -134,9 +134,9 @@ class Samples:
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
     def decay(self, first: float, last: float) -> float:
-        """Amplitude of harmonic `last` divided by that of harmonic `first`, at most 1, extrapolated from the
-        quarters of the resolved harmonics.
+        """Ratio of the amplitude of harmonic `last` to that of harmonic `first`, at most 1.
 
+        The ratio is extrapolated from the largest amplitude in each quarter of the resolved harmonics.
         Amplitudes of smooth functions decay geometrically. If the decay of the logarithms is slower in the
         last quarter, as for kinks and jumps, the amplitudes are assumed to decay as a power of the harmonic.
         """

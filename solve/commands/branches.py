@@ -81,8 +81,8 @@ def branch(
         )
     if follow is not None and len(over) != 2:
         raise ValueOutOfBoundsError(
-            f"--follow {follow} needs two ranges; give --over NAME=A:B twice, also for the speed, such as "
-            '--over "speed=300:600 rpm"'
+            f"--follow {follow} needs two ranges; give --over NAME=A:B twice; one of them may be the speed, "
+            'such as --over "speed=300:600 rpm"'
         )
     if follow is None and len(over) > 1:
         raise ValueOutOfBoundsError("--over is given twice; give it once, or add --follow fold")

@@ -71,7 +71,10 @@ def deliver_result(
         sys.stdout.flush()
         print_warnings([*notes, *result.warnings, *([] if proof is None else proof.warnings)])
     if proof is not None and proof.contradicted:
-        raise ContradictionError(f"{proof.verdict} is proved, but the ordinary verdict is {result.verdict}")
+        raise ContradictionError(
+            f'the proof gives the verdict "{proof.verdict}", but the calculation without proof gives '
+            f'"{result.verdict}"'
+        )
 
 
 def _write_text(text: str, stream: BinaryIO) -> None:

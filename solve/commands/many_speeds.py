@@ -159,8 +159,8 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
     counts: number of speeds, and number of values of each parameter."""
     if sum(count > 1 for count in counts) > 1:
         raise ValueOutOfBoundsError(
-            "--waterfall draws spectra over one quantity, but several vary; give a single value of all "
-            "but one"
+            "--waterfall draws spectra over one quantity, but several vary; let one vary, and give a single "
+            "value for each of the others"
         )
     if not (results.plot or results.save or results.json):
         raise MissingValueError(

@@ -315,8 +315,8 @@ def _members(name: str, entry: dict[str, Any], path: Path) -> Iterator[tuple[str
         pairs = ((f"{name}{k}", number) for k, number in enumerate(entry["values"], start=1))
     else:
         raise CaseFileError(
-            f"{name} in {path.name} has neither one value, nor one value and a count of 1 or more, nor a "
-            "list of values; give one of these"
+            f"{name} in {path.name} is not understood; give value, or value with count (an integer >= 1), or "
+            "values (a list that is not empty)"
         )
     for member, number in pairs:
         yield member, _finite(member, number, path)

@@ -156,8 +156,8 @@ def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) ->
         start = math.degrees(ordered[np.argmax(gaps)])
         raise CaseFileError(
             f"{name}: {path.name} does not cover the revolution: no row between {start:.6g} deg and "
-            f"{start + math.degrees(widest):.6g} deg, half a period of harmonic {harmonics} or more; "
-            "add rows or fit fewer harmonics"
+            f"{start + math.degrees(widest):.6g} deg; this gap is not shorter than half a period of harmonic "
+            f"{harmonics}; add rows or fit fewer harmonics"
         )
 
 

@@ -51,7 +51,9 @@ def first_value(
                 f"the scattered starts belong to other parameters or another speed; vary only {name}"
             )
         if not start.orbits:
-            raise NoOrbitError("no scattered motion settled on an orbit; use more starts or another seed")
+            raise NoOrbitError(
+                "no motion from the scattered starts settled on an orbit; use more starts or another seed"
+            )
         value = start.speed if name == SPEED else start.system.labels.parameters[name]
     elif begin is None:
         return float(ends[0])

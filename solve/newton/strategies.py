@@ -205,8 +205,10 @@ def from_state(task: Task, state: Array, grid: Grid) -> Converged:
 
 
 def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
-    """Integrate from near rest. Yields the number of integrated periods, the motion over the last period of
-    the orbit, and its relative change over this period without rigid-body motion."""
+    """Integrate from near rest. Yields the number of integrated periods of the system, the motion over the
+    last period of the orbit, and the relative difference between start and end of this motion.
+
+    Rigid-body motion is excluded from the difference."""
     system, count = task.system, max(1, grid.steps // task.periods)
     sizes = linear_sizes(task, grid)
     march = nonlinear_of(system).marcher(sizes, count, _RTOL)

@@ -130,8 +130,8 @@ def transient(
     """
     if (speed is None) == (speeds is None):
         raise ValueOutOfBoundsError(
-            f"{'neither speed nor speeds is' if speed is None else 'speed and speeds are both'} given; give "
-            "one speed, or two speeds between which it changes"
+            f"{'neither `speed` nor `speeds` is' if speed is None else '`speed` and `speeds` are both'} "
+            "given; give either speed, or speeds with the first and the last speed of a run-up"
         )
     rtol = checked_rtol(rtol)
     require_integer("turns", turns)
@@ -269,14 +269,14 @@ def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
     n = system.n
     if isinstance(start, str | Path):
         return np.zeros(2 * n) if orbit is None or start == REST else np.append(orbit.q[:, 0], orbit.qd[:, 0])
-    return np.concatenate(state_of(start, n, f"{REST}, {ORBIT}, a file .npz, or q and q̇ ({n},)"))
+    return np.concatenate(state_of(start, n, f"{REST}, {ORBIT}, an .npz file, or q and q̇ ({n},)"))
 
 
 def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
     """Read q and q̇ at the end of a saved orbit or transient. Raises FileError."""
     if file.suffix != ".npz":
         raise FileError(
-            f"start '{file}' is not a state; allowed: {REST}, {ORBIT}, or a file .npz saved with --save"
+            f"start '{file}' is not a state; allowed: {REST}, {ORBIT}, or an .npz file saved with --save"
         )
     try:
         with np.load(file, allow_pickle=False) as file_data:
@@ -288,8 +288,8 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
             model = json.loads(str(file_data["metadata"]))["model"]
     except Exception:  # NumPy and zipfile raise various exceptions for a damaged file.
         raise FileError(
-            f"start '{file}' is not a saved orbit or transient; allowed: {REST}, {ORBIT}, or a file "
-            ".npz that `solve periodic` or `solve transient` wrote with --save"
+            f"start '{file}' is not a saved orbit or transient; allowed: {REST}, {ORBIT}, or an "
+            ".npz file that `solve periodic` or `solve transient` wrote with --save"
         ) from None
     if names != system.coordinates:
         raise FileError(

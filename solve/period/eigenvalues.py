@@ -91,7 +91,8 @@ def roundoff_growth(steps: int) -> float:
 
 
 def balanced(Phi: Array, units: Array | None = None) -> Array:
-    """Balanced matrices (…, N, N), by the given units of the state if available."""
+    """Balanced matrices (…, N, N), scaled by the units of the state if these are given. Matrices with N = 2
+    are always scaled by their entries."""
     if Phi.shape[-1] == 2:
         return _matrices(_balanced_pair(*_by_entry(Phi)))
     return balance_matrices(Phi)[0] if units is None else _in_units(Phi, units)

@@ -293,12 +293,13 @@ def _powers(sizes: Array) -> Array:
 
 
 def _solve_sum(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
-    """Solution x (..., N, columns) of (G + H) x = r, and the condition number of G + H relative to (G, H)."""
+    """Solution x (..., N, columns) of (G + H) x = r, and `closed_condition(G, H)`."""
     return solved(G + H, r), closed_condition(G, H)
 
 
 def closed_condition(G: Array, H: Array) -> Array:
-    """Condition number (...) of G + H relative to (G, H)."""
+    """Condition number (...): largest singular value of G stacked on H, divided by the smallest singular
+    value of G + H."""
     least = np.linalg.svd(G + H, compute_uv=False)[..., -1]
     scale = np.linalg.svd(np.concatenate((G, H), axis=-2), compute_uv=False)[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -63,8 +63,10 @@ class Unit:
             "inputs": self._of_causality("input"),
             "outputs": self._of_causality("output"),
         }
-        if not rates or any(variable.dimensions for group in found.values() for variable in group):
-            raise FileError(f"'{self.path}' has no states or has array variables; allowed: scalar variables")
+        if not rates:
+            raise FileError(f"'{self.path}' has no continuous states; give an FMU with states")
+        if any(variable.dimensions for group in found.values() for variable in group):
+            raise FileError(f"'{self.path}' has array variables; allowed: scalar variables")
         self.states, self.inputs, self.outputs = (
             [variable.name for variable in group] for group in found.values()
         )

@@ -165,8 +165,8 @@ def _read(path: str | Path, ending: str, speed: float | str | None) -> Read:
 
 
 def _azimuth_first(name: str, values: Array) -> Array:
-    """MATLAB array with the azimuth moved from the last index to the first. Two-dimensional arrays are
-    changed only if they contain vectors (d, b); matrices are constant."""
+    """MATLAB array with the azimuth moved from the last index to the first. A two-dimensional array is
+    changed only if its name is d or b (vectors over the azimuth); otherwise it is a constant matrix."""
     if name not in _OVER_AZIMUTH or (values.ndim == 2 and name not in "db"):
         return values
     return np.moveaxis(values, -1, 0)

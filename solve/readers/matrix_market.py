@@ -49,7 +49,7 @@ def read_matrix_market(
     Raises
     ------
     FileError
-        For files that cannot be read, names without a symbol, or matrices that do not fit.
+        For files that cannot be read, names without the symbol of a matrix, or matrices that do not fit.
 
     Examples
     --------
@@ -66,7 +66,8 @@ def read_matrix_market(
         found = _SYMBOL.search(file.name)
         if found is None:
             raise FileError(
-                f"'{file}' has no symbol at the end of its name; give names such as run.K.mtx, run.K.007.mtx"
+                f"the name of '{file}' lacks the symbol of its matrix before .mtx; give names such as "
+                "run.K.mtx, or run.K.007.mtx for azimuth 7"
             )
         numbers = series.setdefault(found[1], {})
         number = -1 if found[2] is None else int(found[2])

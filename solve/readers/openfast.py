@@ -188,7 +188,7 @@ def _signals(matrices: dict[str, Array], names: dict[str, list[str]], kept: Sequ
 
 
 def _source(files: Sequence[LinFile], names: dict[str, list[str]]) -> Source:
-    """Labels of the system from a set of files."""
+    """Origin of the samples in a set of files: title, mean speed, and data of the signals."""
     first = files[0]
     labelled = [
         (name, signal)

@@ -271,7 +271,7 @@ class Branch(BranchPoints):
         return sentences
 
     def _where(self, which: Array) -> str:
-        """Text with the first and the number of the points selected by a mask (P,)."""
+        """Text that states the first point selected by a mask (P,) and the number of selected points."""
         first = unit_of(self.system, self.over).text(float(self.values[int(which.argmax())]), self._digits)
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 

@@ -185,7 +185,8 @@ class _Encoder:
 
     @property
     def arrays(self) -> list[Array]:
-        """Arrays to store, joined to one array per data type, because many arrays make a file slow."""
+        """Arrays to store, joined into one array per data type. Files with many arrays are slow to read and
+        write."""
         return [np.concatenate(parts, dtype=kind) for kind, parts in self._flat.items()]
 
     def plain(self, value: Any) -> Any:

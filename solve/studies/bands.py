@@ -238,8 +238,10 @@ def _least_angle(multipliers: Array) -> Array:
 
 @dataclass(frozen=True)
 class _UnstableRuns:
-    """Runs of consecutive unstable samples of one kind, over ascending speeds. highest (1,): highest speed;
-    inside: samples within runs. Results between two speeds are cached, because runs are split repeatedly."""
+    """Search for runs of consecutive unstable samples of one kind, over ascending speeds.
+
+    highest (1,): highest speed. inside: additional samples, evaluated within the runs. Borders and largest
+    |ρ| between two speeds are cached, because the search is repeated after each split."""
 
     evaluate: Evaluate
     tolerance: float

@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arguments import unique_names
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import ValueOutOfBoundsError, counted, require_name
 from solve.labels import bounds_in_own_unit
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
@@ -97,8 +97,8 @@ def fit(
     count = sum(len(values) for values in problem.measured)
     if count <= len(names):
         raise ValueOutOfBoundsError(
-            f"{count} measured values are too few for {len(names)} free parameters; free fewer parameters, "
-            "or measure more values"
+            f"{counted(len(names), 'parameter needs', 'parameters need')} {len(names) + 1} or more measured "
+            f"values, not {count}; fit fewer parameters, or measure more values"
         )
     limits = _limits(problem, bounds or {})
     with progress.task("trials"):

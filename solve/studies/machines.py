@@ -89,7 +89,7 @@ class Machines:
 
     @property
     def limits(self) -> list[Bound]:
-        """Stability limit, followed by the limits of the request."""
+        """Stability limit, followed by `bounds`."""
         return [STABILITY, *self.bounds]
 
     @property

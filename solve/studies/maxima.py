@@ -99,9 +99,10 @@ class Trials:
 
 
 def peaks(values: Array, errors: Array) -> Array:
-    """Indices (k, 3) of the prominent local maxima of values (P,), with NaN for unknown values, and of the
-    known neighbours of each maximum. The prominence exceeds a hundredth of the height and twice the error
-    (P,)."""
+    """Indices (k, 3) of each prominent local maximum and its nearest finite neighbours: left, maximum, right.
+
+    values (P,): NaN where unknown. errors (P,): errors of the values. A maximum is prominent if its
+    prominence exceeds both a hundredth of its height and twice its error."""
     finite = np.flatnonzero(np.isfinite(values))
     top, prominences = find_peaks(values[finite])
     height, error = np.abs(values[finite[top]]), np.nan_to_num(errors[finite[top]], nan=0.0)

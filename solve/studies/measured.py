@@ -103,7 +103,10 @@ def _matlab(path: Path) -> Record:
     }
     axis = next((name for name in AXES if name in vectors), None)
     if axis is None:
-        raise CaseFileError(f"data: {path.name} has no vector of one of the names {', '.join(AXES)}; add one")
+        *others, last = AXES
+        raise CaseFileError(
+            f"data: {path.name} has no vector named {', '.join(others)} or {last}; add one of them"
+        )
     count = len(vectors[axis])
     names = [axis, *(name for name in vectors if name not in AXES)]
     other = [name for name in names if len(vectors[name]) not in (1, count)]

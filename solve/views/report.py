@@ -124,7 +124,7 @@ def _tried(calculate: Callable[[], Result]) -> tuple[Result | None, str]:
 def _of_motion(
     system: PeriodicSystem, omega: float, omegas: Sequence[float], rule: Rule, rtol: float
 ) -> list[Request]:
-    """Sections for a model with motion."""
+    """Sections of the report for a model with equations of motion, not only natural frequencies."""
     unit, options = system.labels.speed_unit, {"method": rule, "rtol": rtol}
     at, linear, other = unit.text(omega), "linear orbit" * is_nonlinear(system), "nonlinear orbit"
     orbit = Part(

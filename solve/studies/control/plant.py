@@ -50,8 +50,9 @@ class Plant:
         """Raise ControlError if the system has no inputs."""
         if not self.system.inputs:
             raise ControlError(
-                f"{self.system.labels.name} has no inputs; declare them, such as "
-                'mechanism.input("u", "N", along=q1), or give `inputs` of the system, see docs/control.md'
+                f"{self.system.labels.name} has no inputs; declare them, for example with "
+                'mechanism.input("u", "N", along=q1), or create the system with the argument `inputs`; see '
+                "docs/control.md"
             )
 
     def rows(self, names: Sequence[str], phase: Array) -> Array:
@@ -124,8 +125,8 @@ def linear_outputs(system: PeriodicSystem) -> Sequence[str]:
 
 
 def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """State q̈, q̇, q (3, n, k) about which outputs are linearised: the motion about which the equations are
-    linearised, or 0."""
+    """Values of q̈, q̇ and q (3, n, k) at k phases, about which outputs are linearised: those of the
+    fundamental motion for a `LinearisedModel`, otherwise 0."""
     if not isinstance(system, LinearisedModel):
         return np.zeros((3, system.n, len(phase)))
     return np.stack([speed**k * system.motion(phase, k) for k in (2, 1, 0)])
@@ -134,7 +135,7 @@ def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array
 def output_slopes(
     system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
 ) -> Array:
-    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at a state (3, n, k)."""
+    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at their values `state` (3, n, k)."""
     rates = np.asarray(speed)[..., None, None] ** np.array([2.0, 1.0, 0.0])[:, None]
     # `Dependence` uses derivatives with respect to the phase.
     dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates

@@ -113,8 +113,8 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             entry("P", "Pa"),
             [(x, 1.0) for x in range(0, 230, 10)],
             CaseFileError,
-            "does not cover the revolution: no row between 220 deg and 360 deg, half a period of harmonic "
-            "3 or more",
+            "does not cover the revolution: no row between 220 deg and 360 deg; this gap is not shorter than "
+            "half a period of harmonic 3",
         ),
         (
             entry("P", "Pa"),
