@@ -65,7 +65,7 @@ _DENOMINATORS = range(1, 13)
 def enclosed(
     system: PeriodicSystem, result: Stability, digits: int, rounded: bool, executor: Executor | None = None
 ) -> Proof:
-    """Proof for a system with its ordinary result. The proof includes the orbit if the result contains one.
+    """Proof for a system with its numerical result. The proof includes the orbit if the result contains one.
     executor: computes steps in parallel."""
     begun = time.process_time()
     equation = equation_of(system, result.speed, rounded)
@@ -79,8 +79,8 @@ def enclosed(
     bounds, orbit_error, warnings = {}, math.nan, []
     if found.verdict == UNDETERMINED:
         warnings.append(
-            "no verdict is proved: discs of multipliers meet the unit circle; more digits help unless a "
-            "multiplier lies on the circle, such as the multipliers of rigid-body modes"
+            "no verdict is proved: discs of multipliers meet the unit circle; more digits help, except for "
+            "multipliers on the circle, such as those of rigid-body modes"
         )
     with precision(2 * bits):
         if isinstance(result, Orbit):
@@ -202,7 +202,7 @@ def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
 def _orbit(
     result: Orbit, equation: Equation, found: _Enclosed, enclosures: list[Matrix]
 ) -> tuple[dict[str, tuple[float, float]], float]:
-    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit relative to max|q|; both are
+    """Bounds on max|q| of each coordinate, and the error of the numerical orbit relative to max|q|; both are
     zero without load."""
     if found.unloaded:
         return dict.fromkeys(result.coordinates, (0.0, 0.0)), 0.0
@@ -232,7 +232,7 @@ def _outputs(system: PeriodicSystem, outputs: Outputs | None) -> dict[str, tuple
 
 
 def true_error(result: Stability, discs: list[Multiplier]) -> float:
-    """Largest distance of an ordinary multiplier from its nearest enclosure, relative to the spectral radius;
+    """Largest distance of a numerical multiplier from its nearest enclosure, relative to the spectral radius;
     NaN if it is unknown."""
     centers = [(complex(disc.center), disc) for disc in discs for _ in range(disc.count)]
     radius = largest(disc.low for disc in discs)

@@ -203,7 +203,7 @@ def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> Pro
 def _extrema(
     orbit: NonlinearOrbit, motion: TrigonometricMotion, located: ProvedOrbit
 ) -> tuple[dict[str, tuple[float, float]], float]:
-    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit at its nodes relative to
+    """Bounds on max|q| of each coordinate, and the error of the numerical orbit at its nodes relative to
     max|q|."""
     nodes = orbit.curve.nodes[:-1]
     exact, given = motion.at(nodes), orbit.at(nodes)

@@ -37,7 +37,7 @@ class ProvedOrbit(Serializable):
 
 @dataclass(frozen=True)
 class Proof(Serializable):
-    """Enclosures of multipliers and orbit, and the true error of the ordinary result.
+    """Enclosures of multipliers and orbit, and the true error of the numerical result.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Proof(Serializable):
     result : Stability
         Result without proof.
     true_error : mapping of str to float
-        Bounds on the errors of the ordinary result. Errors of multipliers are relative to the spectral
+        Bounds on the errors of the numerical result. Errors of multipliers are relative to the spectral
         radius; errors of the orbit, at the steps of the proof, are relative to max|q| and NaN without an
         orbit.
     assumed : str
@@ -93,24 +93,24 @@ class Proof(Serializable):
 
     @property
     def contradicted(self) -> bool:
-        """Whether the ordinary verdict contradicts the proved one."""
+        """Whether the numerical verdict contradicts the proved one."""
         ordinary, low = self.result.verdict, float(self.spectral_radius[0])
         asymptotically, stable, unstable, _ = VERDICTS
         excluded = {
             asymptotically: (unstable,),
             stable: (asymptotically, unstable),
-            # An ordinary verdict "stable" allows for moduli up to its error.
+            # A numerical verdict "stable" allows for moduli up to its error.
             unstable: (asymptotically, stable) if low > 1 + KNOWN_ON_CIRCLE else (asymptotically,),
         }
         return ordinary in excluded.get(self.verdict, ())
 
     def file_contents(self) -> FileContents:
-        """Contents of files: those of the ordinary result, with the proof in the metadata."""
+        """Contents of files: those of the numerical result, with the proof in the metadata."""
         contents = self.result.file_contents()
         return replace(contents, metadata={**contents.metadata, "proof": to_json(self.record)})
 
     def save(self, path: str | Path) -> None:
-        """Write the ordinary result with its proof to a file; see `Result.save`. `solve.open` reads .npz and
+        """Write the numerical result with its proof to a file; see `Result.save`. `solve.open` reads .npz and
         .nc."""
         file = checked_data(path)
         write_atomic(file, writer(self, file))
