@@ -17,7 +17,7 @@ _UNITS = {
     "K": ("N/m", "N/rad", "N m/rad"),
     "C": ("N s/m", "N s/rad", "N m s/rad"),
 }
-"""Units of an entry, in this order for row and column both in length, one in length, and none in length.
+"""Units of an entry: if both its row and its column belong to lengths, if one of them does, and if none does.
 Modal coordinates count as angles."""
 
 _MEANINGS = {"M": "mass", "K": "stiffness", "C": "damping"}

@@ -15,7 +15,7 @@ class DeriveError(Exception):
 
 
 class UsageError(DeriveError):
-    """Options or arguments of the command are inconsistent."""
+    """Inconsistent options or arguments of the command."""
 
 
 class DeclarationError(DeriveError):

@@ -128,7 +128,7 @@ def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
     density = sympy.Add(*(marked.diff(mark) * integral.density for integral, mark in marks.items()))
     if density.has(*marks.values(), FieldIntegral):
         raise DeclarationError(
-            f"energies must be sums of integrals over {deflection.name} that are not nested"
+            f"energies must be sums of integrals over {deflection.name}, without nested integrals"
         )
     return marked.xreplace(dict.fromkeys(marks.values(), sympy.S.Zero)), density
 

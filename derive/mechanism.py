@@ -192,8 +192,8 @@ class MechanismStatement(Quantities):
         )
         if not len(equations) == len(guess) == len(symbols) > 0 or not given or iterations < 1:
             raise DeclarationError(
-                f"loop of {', '.join(unknowns) or 'nothing'} has {len(equations)} equations, {len(guess)} "
-                f"guesses, {len(given)} arguments and {iterations} iterations; give one equation and one "
+                f"loop of {', '.join(unknowns) or 'nothing'}: equations {len(equations)}, guesses "
+                f"{len(guess)}, arguments {len(given)}, iterations {iterations}; give one equation and one "
                 "guess per unknown, and at least one unknown, one argument and one iteration"
             )
         arguments = tuple(map(sympy.sympify, driven_by))

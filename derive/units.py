@@ -89,11 +89,11 @@ def size(text: str) -> float:
 
 
 def require_coherent(what: str, text: str) -> None:
-    """Raise UnitError unless a unit is one of coherent SI."""
+    """Raise UnitError unless the unit is a coherent SI unit."""
     if size(text) != 1.0:
         raise UnitError(
             f'{what} is in "{text}", which is {size(text):g} times the SI unit; coordinates and energies are '
-            f"in SI, from {', '.join(UNITS)} (parameters and outputs may have any unit)"
+            f"in SI units composed of {', '.join(UNITS)} (parameters and outputs may have any unit)"
         )
 
 

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "a89235df4dfd0c02dd80195075bac6372c6e6b47aedf8e14149b0db04429febd"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4f2aa1fc5642e25e286f57287208164bbca38d91277f9d0fa8faf9a1e0f214f6"
+FILE_SHA256 = "2c5208854c1a5a7e0c5292a99bc1208827ee8a02278987f44bf529a39a7617f1"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

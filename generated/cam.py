@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "bcbdc583a181a5aefa713eb7391b9c72be0b64cb001b79ffbcbc70ac88c47c67"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5f19ddf26415dfb78a0ab95422aa25eefc3ea75d0239a4ede53f3713b114e4e2"
+FILE_SHA256 = "b8f466e16b5ab7e52ebfbe6231c4b2053eb90b695c83c2f27b8f80443a61c594"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "5da26999f0523fb1f4104b6f48ba3a41b401c0d431fab5559fb13424c78f2df2"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+MECHANISM_SHA256 = "512a084bb292d02ef8a7faf5f1bf90d8259af03fb57bce46e994a6835aee73da"
+DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "46c9feb1fea0493433d32fbcb5c3496f8f844476e395fbfa61937d07d66b40a5"
+FILE_SHA256 = "e7cc2c32f7f7d6721a25f30d2b5844132d5c99bfbfafbf1c1b5de350b408d607"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -49,7 +49,7 @@ PARAMETERS = (
     ("I", "m^4", "coupler's second moment of area", "> 0"),
     ("rho", "kg/m^3", "coupler's density", "> 0"),
     ("cx", "N s/m^2", "drag per length on the motion of the coupler along its axis", ">= 0"),
-    ("cy", "N s/m^2", "drag per length on the motion of the coupler across its axis", ">= 0"),
+    ("cy", "N s/m^2", "drag per length on the motion of the coupler normal to its axis", ">= 0"),
     ("JC", "kg m^2", "follower about its pivot", ">= 0"),
     ("alpha", "s", "material damping: stress is E (strain + alpha strain rate)", ">= 0"),
     ("alpha4", "rad", "direction of the follower's centre of mass, from its line to the joint", ""),

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "eac3bce0033e2724d2be10b9ad1523f3ba5d8bfcb278621dbac670d910411b8e"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e3be27f332ab7da5dbef33433ecdccf1784a8e88f2ac755318f0a254b465e715"
+FILE_SHA256 = "d47e96600da1165076ca2aea73e1e09e7306e8e4a8246882a7cbf8b3c04e0aac"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

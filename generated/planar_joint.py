@@ -9,15 +9,15 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "e62be5ada10d05c9a39a99ddddaefdf5432c4e87f00ff1783a820871b8b53d8a"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+MECHANISM_SHA256 = "6f9edefa985b1574c35aaf2224d6d4ffecd6089cd815158f992d3923ddc5b0e2"
+DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5e978376b5284e0ec0443e35e2426e6c98ce6d0bd6b292a82ae0969c9b5cde11"
+FILE_SHA256 = "8854e6bfa972269b02f39a2300d94721b89d20c04da1e1d3544dd571faae33ae"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
     ("u", "m", "pin in the bearing along the stroke, from the position under the load"),
-    ("v", "m", "pin in the bearing across the stroke"),
+    ("v", "m", "pin in the bearing perpendicular to the stroke"),
 )
 PARAMETERS = (
     ("r", "m", "crank", "> 0"),

@@ -105,7 +105,7 @@ def matches_annotations(function: Callable[Parameters, Result]) -> Callable[Para
 
 @cache
 def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
-    """Types of the parameters by name, without those that collect further arguments."""
+    """Types of the parameters by name, except `*args` and `**kwargs`."""
     collecting = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     kinds = {name: each.kind for name, each in inspect.signature(function).parameters.items()}
     hints = get_type_hints(function)

@@ -160,7 +160,7 @@ def sketched(
     if not lines:
         raise NoSketchError(
             f"{system.labels.name} declares no lines to draw; add mechanism.sketch(name, points) to its file "
-            "and derive it again, see docs/motion.md"
+            "and run python -m derive FILE; see docs/motion.md"
         )
     return lines
 
@@ -174,8 +174,8 @@ def nonlinear_of(system: PeriodicSystem) -> Nonlinear:
     """Nonlinear equations of a system. Raises LinearModelError for linear systems."""
     if system.capabilities.nonlinear is None:
         raise LinearModelError(
-            f"{system.labels.name} is linear by construction and has no nonlinear equations; use the linear "
-            "study"
+            f"{system.labels.name} is linear by construction and has no nonlinear equations; request linear "
+            "results"
         )
     return system.capabilities.nonlinear
 
@@ -185,8 +185,8 @@ def varying_of(system: PeriodicSystem) -> Callable[[Array, Array, float], Matric
     systems without this function."""
     if system.capabilities.varying is None:
         raise TransientError(
-            f"{system.labels.name} is stated for constant speeds only; for varying speeds, state it as a "
-            "mechanism and derive it"
+            f"{system.labels.name} is stated for constant speeds only; for varying speeds, write it as a "
+            "mechanism file, and generate its equations with python -m derive FILE"
         )
     return system.capabilities.varying
 
@@ -228,8 +228,8 @@ def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
     equations."""
     if system.capabilities.variation is None:
         raise NoDerivativeError(
-            f"{system.labels.name} has no generated equations that can be differentiated; state it as a "
-            "mechanism and derive it"
+            f"{system.labels.name} has no generated equations that can be differentiated; write it as a "
+            "mechanism file, and generate its equations with python -m derive FILE"
         )
     return system.capabilities.variation.derivatives
 

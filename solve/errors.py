@@ -61,7 +61,7 @@ class StructureError(SolveError):
 
 
 class NoMotionError(SolveError):
-    """Request that requires motion, for a model without motion."""
+    """Request that requires equations of motion, for a model that has none."""
 
 
 class NoVibrationError(SolveError):

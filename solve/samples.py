@@ -240,8 +240,8 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
     if gaps.max() >= period / 2 * (1 - _SAME_AZIMUTH):
         start = float(ordered[int(gaps.argmax())])
         raise MatricesError(
-            f"no azimuth lies between {start:.6g} and {start + gaps.max():.6g} rad, half of the period "
-            f"{period:.6g} or more; give azimuths that cover the period"
+            f"no azimuth lies between {start:.6g} and {start + gaps.max():.6g} rad; this gap is not shorter "
+            f"than half of the period {period:.6g}; give azimuths that cover the period"
         )
     return wrapped
 

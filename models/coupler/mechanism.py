@@ -27,7 +27,7 @@ def mechanism() -> Mechanism:
     rho, cx, cy, JC = linkage.parameters(
         rho=("kg/m^3", "coupler's density", "> 0"),
         cx=("N s/m^2", "drag per length on the motion of the coupler along its axis", ">= 0"),
-        cy=("N s/m^2", "drag per length on the motion of the coupler across its axis", ">= 0"),
+        cy=("N s/m^2", "drag per length on the motion of the coupler normal to its axis", ">= 0"),
         JC=("kg m^2", "follower about its pivot", ">= 0"),
     )
     alpha, alpha4, theta, g, Me = linkage.parameters(

@@ -13,7 +13,7 @@ def mechanism() -> Mechanism:
     joint = Mechanism("planar_joint", "Slider-crank mechanism with a planar clearance joint")
     u, v = joint.coordinates(
         u=("m", "pin in the bearing along the stroke, from the position under the load"),
-        v=("m", "pin in the bearing across the stroke"),
+        v=("m", "pin in the bearing perpendicular to the stroke"),
     )
     r, L = joint.parameters(r=("m", "crank", "> 0"), L=("m", "connecting rod", "> 0"))
     joint.require(r < L, "the crank cannot turn fully")

@@ -94,8 +94,8 @@ class ReducedMotion:
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:
-        """Two tables, multiplied by 2ω ṗ and ω̇ p, and by ω² p. They contain the moving basis and, with
-        terms=full, the accelerations of the deflections."""
+        """Two tables: one for the terms 2ω ṗ and ω̇ p, one for the term ω² p. They contain the moving basis
+        and, with terms=full, the accelerations of the deflections."""
         turning, centrifugal = [], []
         for link in self.basis.links:
             body, (B, B2) = link.body, link.turned

@@ -212,7 +212,7 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
     most = max(len(body.freedoms) - len(body.interface) for body in bodies)
     if not 1 <= modes <= most:
         raise ValueOutOfBoundsError(
-            f"reduce is {modes} modes per link; allowed: 1 to {most} for these elements; {most} retains all "
+            f"reduce is {modes}; allowed: 1 to {most} modes per link for these elements; {most} retains all "
             "modes"
         )
     interface = np.flatnonzero(retained)

@@ -46,8 +46,8 @@ close to them."""
 _COEFFICIENTS = 1e-3
 """Largest difference between coefficients and their interpolant, relative to the stiffness of the softest
 mode, as a fraction of `rtol`. The response amplifies this difference by at most the phase advance of a
-resolved mode, a few hundred radians. With half and twice this value, the errors of 65 results on 14 systems
-of both populations stay within their estimates, and the verdicts are the same."""
+resolved mode, a few hundred radians. With half and twice this value, the errors of 65 results on 14 random
+test systems stay within their estimates, and the verdicts are the same."""
 
 _AMPLIFICATION = 100.0
 """Factor by which the response may amplify aliased harmonics of the coefficients: that of a resonance with a

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class ContradictionError(Exception):
-    """Contradiction between a proof and the ordinary verdict: an internal error."""
+    """Contradiction between the proved and the numerical verdict: an internal error."""
 
 
 def deliver_result(
@@ -72,8 +72,7 @@ def deliver_result(
         print_warnings([*notes, *result.warnings, *([] if proof is None else proof.warnings)])
     if proof is not None and proof.contradicted:
         raise ContradictionError(
-            f'the proof gives the verdict "{proof.verdict}", but the calculation without proof gives '
-            f'"{result.verdict}"'
+            f'the proved verdict is "{proof.verdict}", but the numerical verdict is "{result.verdict}"'
         )
 
 

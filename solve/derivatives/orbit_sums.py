@@ -115,7 +115,8 @@ class Forward:
         ).T
 
     def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of statistics. If `sizes`, estimated sizes of the terms are returned instead."""
+        """Derivatives (r,) of each statistic. If `sizes`, estimated sizes (r,) of the terms that are summed
+        for each derivative."""
         whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
         from_signal = [whole_outputs and figure.name in self.orbit.system.outputs for figure in figures]
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
@@ -142,7 +143,8 @@ class Adjoint:
     dependence: Dependence
 
     def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of statistics. If `sizes`, estimated sizes of the terms are returned instead."""
+        """Derivatives (r,) of each statistic. If `sizes`, estimated sizes (r,) of the terms that are summed
+        for each derivative."""
         term = np.abs if sizes else np.asarray
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, figures, term)
         gradient = self.orbit.problem.adjoint(data_weights)

@@ -127,13 +127,13 @@ def solved(
 
 
 def _joined(parts: Sequence[Array | None]) -> Array | None:
-    """Arrays of single points, joined to one array; None if a point has no array."""
+    """Arrays of single points, joined into one array; None if a point has no array."""
     present = [part for part in parts if part is not None]
     return np.concatenate(present) if len(present) == len(parts) else None
 
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:
-    """Table of the samples in the layout of the kernel. Tables per point (P, k, R) are rearranged to groups
+    """Table of the samples in the layout of the kernel. Tables per point (P, k, R) are rearranged into groups
     (groups, k, R, width)."""
     if samples.per_point and not segments:
         return _grouped(samples.table, groups, width)

@@ -102,5 +102,5 @@ def _check(failed: int, routine: str) -> None:
 
 
 def _factors(chain: Array) -> Array:
-    """Chain (N, N, m) rearranged to factors (m, N, N)."""
+    """Chain (N, N, m) rearranged into factors (m, N, N)."""
     return np.ascontiguousarray(np.moveaxis(chain, -1, 0))

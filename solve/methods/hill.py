@@ -148,7 +148,7 @@ def boundaries(
         raise ValueOutOfBoundsError(f"values are {list(values)[:6]}; give at least two ascending values")
     if not conforms(built := problem(float(grid[0])), tuple[PeriodicSystem, float]):
         raise ValueOutOfBoundsError(
-            f"problem returns {described(built)}; it must return a PeriodicSystem and a speed in rad/s"
+            f"'problem' returns {described(built)}; it must return a PeriodicSystem and a speed in rad/s"
         )
     tolerance = rtol * float(grid[-1] - grid[0])
     orders, before = _FIRST_ORDERS, np.empty(0)

@@ -67,7 +67,7 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
 def _discarded(reduced: CraigBampton) -> str:
     if np.isinf(reduced.discarded):
         return "no modes discarded"
-    return f"modes from {reduced.discarded:.4g} rad/s on discarded"
+    return f"modes of {reduced.discarded:.4g} rad/s and above discarded"
 
 
 def _arrays(file: Path, has_damping: bool) -> tuple[dict[str, Any], str]:
@@ -106,7 +106,8 @@ def _interface(entry: Mapping[str, Any], arrays: Mapping[str, Any], count: int) 
     rows = np.asarray(entry.get("interface", range(1, count + 1)))
     if rows.shape != (count,) or rows.dtype.kind != "i" or not ((rows >= 1) & (rows <= n)).all():
         raise ValueOutOfBoundsError(
-            f"interface is {rows.tolist()}; give {counted(count, 'row')} of the matrices, from 1 to {n}"
+            f"interface is {rows.tolist()}; give {counted(count, 'row number')} of the matrices, from 1 to "
+            f"{n}"
         )
     return rows - 1
 

@@ -182,7 +182,7 @@ def _read(path: Path) -> dict[str, Any]:
     """Content of a TOML file. Raises CaseFileError."""
     try:
         if path.exists() and not path.is_file():
-            raise CaseFileError(f"case file '{path}' is not a file; give one that ends in .toml")
+            raise CaseFileError(f"case file '{path}' is not a file; give the path of a .toml file")
         require_size(f"bytes in case file '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
@@ -341,7 +341,7 @@ def _entry_form(name: str, unit: str | None) -> str:
 
 
 def _require_no_parameters(table: Mapping[str, Any], names: Collection[str], place: str, path: Path) -> None:
-    """Raise CaseFileError if parameters are stated beside [….parameters]. names: keys that belong there."""
+    """Raise CaseFileError if parameters are stated outside [….parameters]. names: names of parameters."""
     for key in table:
         if key in names:
             where = f"[{place}]" if place else "the top level"

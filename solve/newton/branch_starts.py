@@ -1,4 +1,5 @@
-"""First orbits of branches: from a given start, or all orbits on which scattered motions settle."""
+"""First orbits of branches: from a given start, or all orbits on which motions from scattered starts
+settle."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -44,7 +45,7 @@ def first_value(
     system, name, ends = parameters.task.system, parameters.names[0], parameters.ranges[0]
     if isinstance(start, Scatter):
         if begin is not None:
-            raise ValueOutOfBoundsError("begin is given together with scattered starts; omit begin")
+            raise ValueOutOfBoundsError("'begin' is given together with scattered starts; omit 'begin'")
         one, other = ({**each.labels.parameters, name: 0.0} for each in (start.system, system))
         if one != other or (name != SPEED and start.speed != parameters.task.speed):
             raise ValueOutOfBoundsError(

@@ -112,7 +112,8 @@ def branch(
     parameters, notes = continuation(system, speeds, over, periods, rtol, engine)
     if unforced and (over is not None or switch or start is not None or begin is not None or periods != 1):
         raise ValueOutOfBoundsError(
-            "unforced modes are followed over the speed; omit over, switch, start, begin and periods"
+            "unforced modes are followed over the speed; omit 'over', 'switch', 'start', 'begin' and "
+            "'periods'"
         )
     start, most = scattered_or(start), int(points)
     value = first_value(parameters, start, begin)

@@ -243,7 +243,7 @@ def _drift(one: Curve, factor: float, other: Curve) -> Array | None:
 
 
 def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) -> Curve:
-    """Join the motions (3, n, k) of successive revolutions to a curve over the whole period.
+    """Join the motions (3, n, k) of successive revolutions into a curve over the whole period.
 
     The mean displacement and steady velocity along rigid-body modes are removed. If drag determines the
     velocity, it becomes the drift of the curve."""

@@ -110,21 +110,21 @@ def _spline_through(function: Callable[[Array], Array], task: Task) -> Curve:
         values = _real(function(phase[:-1]))
     except _NotRealError as reason:
         raise ValueOutOfBoundsError(
-            f"start returns {reason}; it must return finite q of shape {shape}"
+            f"'start' returns {reason}; it must return finite q of shape {shape}"
         ) from None
     except Exception as reason:  # A user function may raise any exception.
         raise ValueOutOfBoundsError(
-            f"start raises {type(reason).__name__} for {shape[1]} phases ({reason}); it must return q "
+            f"'start' raises {type(reason).__name__} for {shape[1]} phases ({reason}); it must return q "
             f"of shape {shape}"
         ) from None
     if values.shape != shape:
         raise ValueOutOfBoundsError(
-            f"start returns shape {values.shape} for {shape[1]} phases; it must return finite q of "
+            f"'start' returns shape {values.shape} for {shape[1]} phases; it must return finite q of "
             f"shape {shape}"
         )
     if not np.isfinite(values).all():
         raise ValueOutOfBoundsError(
-            f"start returns NaN or infinite values; it must return finite q of shape {shape}"
+            f"'start' returns NaN or infinite values; it must return finite q of shape {shape}"
         )
     spline = CubicSpline(phase, np.column_stack((values, values[:, 0])), axis=1, bc_type="periodic")
     q, v, a = (spline(phase, order).T for order in range(3))

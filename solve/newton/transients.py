@@ -129,9 +129,9 @@ def transient(
     2
     """
     if (speed is None) == (speeds is None):
+        both = "neither 'speed' nor 'speeds' is" if speed is None else "'speed' and 'speeds' are both"
         raise ValueOutOfBoundsError(
-            f"{'neither `speed` nor `speeds` is' if speed is None else '`speed` and `speeds` are both'} "
-            "given; give either speed, or speeds with the first and the last speed of a run-up"
+            f"{both} given; give one of them: a constant speed, or the first and the last speed of a run-up"
         )
     rtol = checked_rtol(rtol)
     require_integer("turns", turns)

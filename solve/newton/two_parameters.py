@@ -128,7 +128,7 @@ def _continuation(
         names.append(name)
         ranges.append(ends)
     if names[0] == names[1]:
-        raise ValueOutOfBoundsError(f"over gives {names[0]} twice; give two different parameters")
+        raise ValueOutOfBoundsError(f"'over' gives {names[0]} twice; give two different parameters")
     omega = ranges[names.index(SPEED)][0] if SPEED in names else speed_or_usual(system, speed)
     task = Task(shown_in(system, omega), float(omega), int(periods), Radau(), used, rtol)
     return ContinuationParameters(task, tuple(names), np.array(ranges)), notes

@@ -182,14 +182,14 @@ def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
 
 
 def _by_entry(matrices: Array) -> Array:
-    """Matrices (…, N, N) rearranged to entries (N², …), each entry contiguous."""
+    """Matrices (…, N, N) rearranged into entries (N², …), each entry contiguous."""
     *points, rows, columns = matrices.shape
     fields = matrices.reshape(-1, rows * columns).T
     return np.ascontiguousarray(fields).reshape(-1, *points)
 
 
 def _matrices(entries: Array) -> Array:
-    """Entries (N², …) rearranged to matrices (…, N, N)."""
+    """Entries (N², …) rearranged into matrices (…, N, N)."""
     size = math.isqrt(len(entries))
     return np.moveaxis(entries, 0, -1).reshape(*entries.shape[1:], size, size)
 

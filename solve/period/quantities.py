@@ -202,7 +202,7 @@ def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLE
     values = signal(np.arange(samples) * (period / samples))
     if np.shape(values) != (samples,) or not conforms(values, Array):
         raise ValueOutOfBoundsError(
-            f"signal returns {described(values)}; it must return a real value for each of its phases"
+            f"'signal' returns {described(values)}; it must return a real value for each of its phases"
         )
     return Statistics(*figures(values, signal, period).tolist())
 

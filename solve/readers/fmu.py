@@ -239,7 +239,7 @@ def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> Sampled
 
 
 def _source(unit: Unit, file: Path, speed: float | None = None, states: Array | None = None) -> Source:
-    """Labels of the FMU. states (k, N): motion about which it was linearised, if known."""
+    """Origin of the samples: the FMU. states (k, N): motion about which the FMU was linearised, if known."""
     units, meanings = ({name: pair[k] for name, pair in unit.labels.items()} for k in (0, 1))
     points = {} if states is None else dict(zip(unit.states, states.T, strict=True))
     return Source(file.name, unit.description.description or "", speed, units, meanings, (), points)

@@ -99,7 +99,7 @@ class _Parser:
         for number, line in itertools.islice(self.lines, 2):
             self.number = number
             if "Operating Point" not in line and set(line.strip()) - {"-", " "}:
-                raise self._error("two lines of headings of the section")
+                raise self._error("the two header lines of the section")
         for row in range(1, count + 1):
             self.number, line = next(self.lines, (self.number + 1, ""))
             match = _ROW.match(line)

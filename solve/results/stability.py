@@ -287,7 +287,7 @@ class Stability(Solution):
         velocity = f"{drift * mode.vector[largest]:.6g} {unit}/s".replace(" /s", " per second")
         return (
             f"{text}; load and drag balance at a steady velocity along this mode ({names[largest]}: "
-            f"{velocity}), which velocities include and coordinates do not"
+            f"{velocity}); the velocities of the result include this velocity, the coordinates exclude it"
         )
 
     @stored_property

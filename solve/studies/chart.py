@@ -164,11 +164,11 @@ def chart(
 def _provable(model: object) -> Model:
     """Return the model. Raises LinearModelError if verdicts on boxes cannot be proved for it."""
     if not isinstance(model, PeriodicSystem):
-        raise LinearModelError("prove requires a model, not a function that builds systems")
+        raise LinearModelError("'prove' requires a model, not a function that builds systems")
     require_provable(model)
     if not isinstance(model, Model):
         raise LinearModelError(
-            f"{model.labels.name} has no generated equations, which prove requires; leave out prove"
+            f"{model.labels.name} has no generated equations, which 'prove' requires; leave out 'prove'"
         )
     return model
 

@@ -54,7 +54,7 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
             warnings.append(
                 f"{name}: the residuals are {100 * size:.3g} % of the measured values (rms), so the "
                 "model does not describe them; check unit, sign, speed and phase origin of the data, "
-                "or free further parameters"
+                "or fit further parameters"
             )
         elif len(residuals) < _FEW and size > _SENSOR_ERROR:
             warnings.append(

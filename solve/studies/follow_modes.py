@@ -205,8 +205,8 @@ class _Points:
         given_speeds = speeds_given(speed_or_usual(system, None) if speeds is None else speeds)
         if len(given_speeds) != 1:
             raise ValueOutOfBoundsError(
-                f"{len(given_speeds)} speeds are given, and over varies {name}; give one speed together "
-                "with over"
+                f"{len(given_speeds)} speeds are given, and 'over' varies {name}; give one speed together "
+                "with 'over'"
             )
         require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
         for extreme in (numbers[0], numbers[-1]):

@@ -52,8 +52,8 @@ class Event(NamedTuple):
 
     @classmethod
     def from_points(cls, margins: Array, occurs: Array, is_open: Array, failed: Array) -> "Event":
-        """Event from arrays (P, k) over points and speeds: margins, and whether the event occurs, is open, or
-        has no result."""
+        """Event from arrays (P, k) over points and speeds: margins, and whether the event occurs, is
+        undetermined, or has no result."""
         any_occurs, any_open, any_failed = (
             np.asarray(each.any(axis=1)) for each in (occurs, is_open, failed)
         )

@@ -146,21 +146,21 @@ def _machines(
     vary: Mapping[str, str] | None,
     is_range: bool,
 ) -> list[Design]:
-    """Deviating machines of a robust objective; none without one. Raises SolveError subclasses."""
+    """Deviating machines of a robust objective; empty for other objectives. Raises SolveError subclasses."""
     if statistic is None:
         if vary:
             raise ValueOutOfBoundsError(
-                "vary requires robust; add robust, such as robust=3, or leave out vary"
+                "'vary' requires 'robust'; add robust=3, for example, or leave out 'vary'"
             )
         return []
     if is_range or not isinstance(objective, Named):
         raise ValueOutOfBoundsError(
-            "robust requires a quantity by name and a list of speeds, such as '100 200 300 rpm', instead of "
-            "a function or a range"
+            "'robust' requires a quantity by name and a list of speeds, such as '100 200 300 rpm', instead "
+            "of a function or a range"
         )
     if not isinstance(design.model, Model):
         raise ValueOutOfBoundsError(
-            f"robust requires a model, and {design.model.labels.name} is not a model; leave out robust"
+            f"'robust' requires a model, and {design.model.labels.name} is not a model; leave out 'robust'"
         )
     return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 
@@ -170,7 +170,7 @@ def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Ar
     ValueOutOfBoundsError, UnitError, NoDerivativeError."""
     names = unique_names(free)
     if not names:
-        raise ValueOutOfBoundsError("free is empty; give parameters with bounds, such as k1=4e4:1e5")
+        raise ValueOutOfBoundsError("'free' is empty; give parameters with bounds, such as k1=4e4:1e5")
     ends = []
     for name in names:
         ends.append(bounds_in_own_unit(model, name, free[name]))

@@ -149,11 +149,11 @@ def varied_values(given: Over | None, system: PeriodicSystem) -> dict[str, Array
     numbers: dict[str, Array] = {}
     for name, values in pairs:
         if name in numbers:
-            raise ValueOutOfBoundsError(f"over gives {name} twice; give it once")
+            raise ValueOutOfBoundsError(f"'over' gives {name} twice; give it once")
         numbers[name] = np.array(parameter_values(name, values, system))
         if not len(numbers[name]) or not np.isfinite(numbers[name]).all():
             raise ValueOutOfBoundsError(
-                f"over gives {name} = {values!r}; give finite numbers in the model's own units, or a text "
+                f"'over' gives {name} = {values!r}; give finite numbers in the model's own units, or a text "
                 "such as '1:9:5'"
             )
     return numbers

@@ -251,7 +251,7 @@ def _internal_error(name: str, error: Exception, debug: bool) -> int:
 
         traceback.print_exception(error)
     cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-    message = f"internal error, not caused by your input ({cause}); --debug shows where, please report it"
+    message = f"internal error, not caused by your input ({cause}); --debug shows where; please report it"
     return _fail(name, message, INTERNAL_ERROR)
 
 

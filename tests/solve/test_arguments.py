@@ -131,11 +131,11 @@ REFUSED = {
         solve.load("cam"), "k1", ["stiff"]
     ),
     "1e\\+30 periods; allowed": lambda: solve.nonlinear(solve.load("cam"), "100 rpm", periods=10**30),
-    "problem returns 0.0; it must return a PeriodicSystem and a speed": lambda: solve.boundaries(
+    "'problem' returns 0.0; it must return a PeriodicSystem and a speed": lambda: solve.boundaries(
         float,  # type: ignore[arg-type]
         [0.0, 1.0],
     ),
-    "signal returns 1.0; it must return a real value for each": lambda: solve.signal_statistics(
+    "'signal' returns 1.0; it must return a real value for each": lambda: solve.signal_statistics(
         lambda phase: 1.0,  # type: ignore[arg-type, return-value]
         1.0,
     ),

@@ -211,7 +211,7 @@ class _Transfer(NamedTuple):
         return cls(plant, outputs, [system.inputs.index(name) for name in names])
 
     def inputs_at(self, phase: Array) -> Array:
-        """B (k, N, r)."""
+        """Input matrix B (k, N, r) at phases (k,)."""
         return self.plant.input_matrix(phase)[..., self.inputs]
 
     def riccati(

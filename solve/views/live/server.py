@@ -31,7 +31,8 @@ _MOST_BYTES = 100_000
 """Largest message of a page in bytes: several thousand values of parameters."""
 
 _LAST = 1 << 53
-"""Number above those of all requests: up to this one, JavaScript represents all integers exactly."""
+"""Number above those of all requests: the largest integer up to which JavaScript represents all integers
+exactly."""
 
 _HEADERS = {
     "Cache-Control": "no-store",

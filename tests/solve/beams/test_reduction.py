@@ -191,7 +191,7 @@ def test_saved_results_contain_the_reduction_error(tmp_path):
     ("arguments", "words"),
     [
         (["cam", "--reduce", "3"], "'reduce' requires a beam structure, but cam is not one"),
-        (["four_bar", "--reduce", "3"], "reduce is 3 modes per link; allowed: 1 to 2"),
+        (["four_bar", "--reduce", "3"], "reduce is 3; allowed: 1 to 2 modes per link"),
         (["four_bar", "--reduce", "0"], "allowed: a number of modes per link, 1 or more"),
         (["four_bar", "--reduce", "1", "--option", "element=dynamic"], "choose another element"),
         (["four_bar", "--reduce", "1", "--option", "reduce=1"], "give one of them"),

@@ -102,7 +102,7 @@ def test_a_contradiction_is_printed_and_saved_and_ends_in_status_70(command, mon
     assert json.loads(ran.out)["proof"]["verdict"] == "unstable"
     assert json.loads(ran.out)["verdict"] == "asymptotically stable"
     *_, line = ran.err.splitlines()
-    assert 'the verdict "unstable", but the calculation without proof gives "asymptotically stable"' in line
+    assert 'verdict is "unstable", but the numerical verdict is "asymptotically stable"' in line
 
 
 def test_a_saved_file_contains_the_proof(command, tmp_path):

@@ -126,7 +126,7 @@ def test_source_states_hash_and_discarded_modes(loaded, tmp_path):
         *(np.delete(np.delete(each, np.array(ROWS) - 1, 0), np.array(ROWS) - 1, 1) for each in (K, M)),
         eigvals_only=True,
     )
-    assert source.endswith(f"modes from {np.sqrt(squares[1]):.4g} rad/s on discarded")
+    assert source.endswith(f"modes of {np.sqrt(squares[1]):.4g} rad/s and above discarded")
     assert loaded[1].parameters["beam_K3_3"] == pytest.approx(squares[0], rel=1e-8)
 
 
@@ -218,7 +218,7 @@ def shared_rig(tmp_path_factory):
 BAD_ENTRIES = {
     "unit": (given("beam.npz", unit="mm"), CaseFileError, '"mm t s"'),
     "dimension": (given("beam.npz", unit="kg m s"), CaseFileError, "kg"),
-    "rows": (given("beam.npz").replace(str(ROWS), "[1]"), CaseFileError, "give 2 rows"),
+    "rows": (given("beam.npz").replace(str(ROWS), "[1]"), CaseFileError, "give 2 row numbers"),
     "range": (given("beam.npz").replace(str(ROWS), "[0, 1]"), CaseFileError, "from 1 to 24"),
     "twice": (given("beam.npz").replace(str(ROWS), "[1, 1]"), CaseFileError, "different"),
     "ending": (given("beam.op2"), CaseFileError, "allowed: .mat"),

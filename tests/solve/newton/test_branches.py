@@ -140,10 +140,13 @@ def test_truncated_branch_gives_a_warning():
         ({"speeds": "2:3 rad/s", "start": "rest"}, "start is 'rest'; allowed: an orbit"),
         ({"speeds": "2:3 rad/s", "start": ([1j], [0])}, "allowed: Orbit, Transient, Scatter"),
         ({"speeds": "2:3 rad/s", "start": lambda phase: np.exp(1j * phase)[None]}, "it must return finite q"),
-        ({"speeds": "2:3 rad/s", "start": lambda phase: None}, "start returns None; it must return finite q"),
+        (
+            {"speeds": "2:3 rad/s", "start": lambda phase: None},
+            "'start' returns None; it must return finite q",
+        ),
         (
             {"speeds": "2:3 rad/s", "start": lambda phase: np.nan * np.tile(phase, (2, 1))},
-            "start returns NaN or infinite",
+            "'start' returns NaN or infinite",
         ),
         (
             {"speeds": "2:3 rad/s", "start": ([np.nan, 0], [0, 0])},

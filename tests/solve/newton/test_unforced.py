@@ -55,7 +55,7 @@ def test_two_modes_begin_at_their_frequencies_of_small_vibrations():
         (("gear_backlash", {"e": 0.0, "E": 0.0}), {}, "contain damping"),
         (("gear_backlash", {"e": 0.0, "E": 0.0, "c": 0.0}), {}, "contain no frequency of small vibrations"),
         (("gear_backlash", {"E": 0.0, "c": 0.0}), {}, "contain a load"),
-        (("gear_backlash", {}), {"switch": True}, "omit over, switch, start, begin and periods"),
+        (("gear_backlash", {}), {"switch": True}, "omit 'over', 'switch', 'start', 'begin' and 'periods'"),
     ],
 )
 def test_other_equations_are_refused(model, given, words):

@@ -169,7 +169,7 @@ def test_unsupported_proofs_are_refused():
         prove_boxes(solve.load("cam"), ("speed", "k1"), ranges, None)
     with pytest.raises(LinearModelError, match=r"jumps of the equations move with share or w1"):
         prove_boxes(solve.load("meissner"), ("share", "w1"), ((0.4, 0.6), (1.0, 1.5)), np.pi)
-    with pytest.raises(LinearModelError, match="prove requires a model, not a function"):
+    with pytest.raises(LinearModelError, match="'prove' requires a model, not a function"):
         solve.chart(lambda delta, epsilon: mathieu(), "delta=1:2:3", "epsilon=0:1:3", 1.0, prove=True)
     with pytest.raises(LinearModelError, match="a proof requires matrices"):
         solve.chart("four_bar", "L2=0.5:0.6:3", "L4=0.5:0.6:3", 30.0, prove=True)

@@ -238,7 +238,7 @@ def test_matrix_market_files_that_do_not_fit_are_refused(tmp_path):
     with pytest.raises(ValueOutOfBoundsError, match=r"paths is \[3\]"):
         solve.read_matrix_market([3])  # type: ignore[list-item]
     (tmp_path / "run.other.mtx").write_text("")
-    with pytest.raises(FileError, match="no symbol"):
+    with pytest.raises(FileError, match="lacks the symbol"):
         solve.read_matrix_market(pattern)
 
 

@@ -395,7 +395,7 @@ def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
         ({"vary": {"k": 3}, "robust": 3}, ValueOutOfBoundsError, "spread of k is 3; give a text"),
         ({"minimise": "q"}, ValueOutOfBoundsError, "names no statistic"),
         ({"minimise": "rho1"}, ValueOutOfBoundsError, "is complex"),
-        ({"free": {}}, ValueOutOfBoundsError, "free is empty"),
+        ({"free": {}}, ValueOutOfBoundsError, "'free' is empty"),
         ({"free": {"z": (1, 2)}}, UnknownNameError, "parameter of oscillator 'z'"),
         ({"free": {"k": (10, 20)}}, ValueOutOfBoundsError, "its initial value is 9"),
         ({"free": {"k": (0, 20)}}, ValueOutOfBoundsError, "allowed: > 0"),
@@ -522,7 +522,7 @@ def test_robust_gradient_equals_differences(model, objective):
     ("change", "text"),
     [
         ({"robust": 3.0}, "no parameter has a tolerance"),
-        ({"vary": {"k": "±1 %"}}, "vary requires robust"),
+        ({"vary": {"k": "±1 %"}}, "'vary' requires 'robust'"),
         ({"robust": -1.0, "vary": {"k": "±1 %"}}, "robust is -1"),
         ({"robust": "100 %", "vary": {"k": "±1 %"}}, "from 1 % to 99 %"),
         ({"robust": "three", "vary": {"k": "±1 %"}}, "robust is three"),
