@@ -133,8 +133,8 @@ class Linearisation(Protocol):
 
     def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
         """Derivatives (k, 1 + 2n + r) of the switches that a motion passes at its k events, at a speed in
-        rad/s. They are with respect to phase, q, dq/dφ and r named parameters, or the "speed"; derivatives
-        with respect to the speed are at constant q and dq/dφ."""
+        rad/s. They are with respect to phase, q, dq/dφ and r named parameters (the name "speed" is the
+        speed); derivatives with respect to the speed are at constant q and dq/dφ."""
         ...
 
     def roundoff(self, phase: Array, speed: float) -> Array:

@@ -161,12 +161,13 @@ class ParameterDerivatives(Protocol):
         ...
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Derivatives (b, r) of the phases of the breaks with respect to parameters, or the "speed"."""
+        """Derivatives (b, r) of the phases of the breaks with respect to parameters or, for the name "speed",
+        the speed."""
         ...
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives with respect to the named parameters, or the "speed". compiled: compiled evaluation of
-        formulas, if available. Raises UnknownNameError, NoDerivativeError."""
+        """Derivatives with respect to the named parameters or, for the name "speed", the speed. compiled:
+        compiled evaluation of formulas, if available. Raises UnknownNameError, NoDerivativeError."""
         ...
 
 

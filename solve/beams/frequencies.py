@@ -119,7 +119,9 @@ def _upper_bound(positions: Positions, count: int) -> Array:
         if not few.any():
             return omega
         omega[few] *= 2.0
-    raise StructureError(f"fewer than {count} frequencies below {omega.max():.3g} rad/s; request fewer")
+    raise StructureError(
+        f"frequencies below {omega.max():.3g} rad/s: fewer than the requested {count}; request fewer"
+    )
 
 
 _POINTS = 48

@@ -176,8 +176,9 @@ def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
 def _direct_and_orbit_terms(
     orbit: GridOrbit, dependence: Dependence, figures: Sequence[WeightedSums], term: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Derivatives (r, c) of all sums with respect to θ at fixed orbit (or 0), and weights (m, 2 + k, n, c) of
-    the data of the orbit's curve. term: function that is applied to each term, modulus or identity."""
+    """Derivatives (r, c) of all sums with respect to θ at fixed orbit, 0 for coordinates, and weights (m, 2
+    + k, n, c) of the data of the orbit's curve. term: function that is applied to each term, modulus or
+    identity."""
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])
     (m, k), n = problem.phases.shape, orbit.system.n
     data_weights, direct = np.zeros((m, 2 + k, n, ends[-1])), {}

@@ -314,8 +314,9 @@ def _members(name: str, entry: dict[str, Any], path: Path) -> Iterator[tuple[str
     elif forms == {"values"} and isinstance(entry["values"], list) and entry["values"]:
         pairs = ((f"{name}{k}", number) for k, number in enumerate(entry["values"], start=1))
     else:
+        given = ", ".join(f"{key} = {entry[key]!r}" for key in sorted(forms)) or "no value"
         raise CaseFileError(
-            f"{name} in {path.name} is not understood; give value, or value with count (an integer >= 1), or "
+            f"{name} in {path.name} has {given[:80]}; allowed: value, value with count (an integer >= 1), or "
             "values (a list that is not empty)"
         )
     for member, number in pairs:

@@ -105,7 +105,7 @@ def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, load
     K : (n, n) array
         Symmetric stiffness matrix.
     basis : (n, r) array
-        T of `craig_bampton`, for the same interface.
+        T of `craig_bampton` with this interface.
     loads : (n, c) array
         Forces on the coordinates. Forces on the interface have no effect, because the interface is fixed.
 

@@ -54,26 +54,30 @@ class ModelDerivatives:
         return derivatives
 
     @cached_property
+    def _integers(self) -> set[str]:
+        parameters = self._setup.module.PARAMETERS
+        return {name for name, _, _, bound in parameters if "integer" in clauses(bound)}
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Parameters with respect to which the equations are differentiable."""
-        parameters = self._setup.module.PARAMETERS
-        integers = {name for name, _, _, bound in parameters if "integer" in clauses(bound)}
         return tuple(
             name
             for name, value in self._setup.case.parameters.items()
-            if name not in integers and (value or not self._assembled) and self._has_smooth_breaks(name)
+            if name not in self._integers and (value or not self._assembled) and self._has_smooth_breaks(name)
         )
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Derivatives (b, r) of the phases of the breaks with respect to parameters, or the "speed"."""
+        """Derivatives (b, r) of the phases of the breaks with respect to parameters or, for the name "speed",
+        the speed."""
         zero = np.zeros(len(self._setup.breaks))
         columns = [None if name == SPEED else self._of_break(name) for name in names]
         slopes = np.array([zero if column is None else column for column in columns])
         return np.tile(slopes.reshape(len(names), -1).T, (self._periods, 1))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives with respect to the named parameters, or the "speed". compiled: compiled evaluation of
-        formulas, if available. Raises UnknownNameError, NoDerivativeError."""
+        """Derivatives with respect to the named parameters or, for the name "speed", the speed. compiled:
+        compiled evaluation of formulas, if available. Raises UnknownNameError, NoDerivativeError."""
         self._require(names)
         damped = self._setup.ratios is not None
         if self._assembled and not damped:
@@ -101,10 +105,17 @@ class ModelDerivatives:
                 )
             if name not in smooth:
                 raise NoDerivativeError(
-                    f"derivatives with respect to {name} are not available: {name} is an integer, or moves "
-                    "a jump that coincides with another, or moves a jump of a model with damping ratios; "
+                    f"derivatives with respect to {name} are not available: {name} {self._obstacle(name)}; "
                     f"leave out {name}"
                 )
+
+    def _obstacle(self, name: str) -> str:
+        """Reason why there are no derivatives with respect to a parameter."""
+        if name in self._integers:
+            return "is an integer"
+        if self._of_break(name) is None:
+            return "moves a jump that coincides with another"
+        return "moves a jump of a model with damping ratios"
 
     def _slopes_by(self, names: tuple[str, ...]) -> GeneratedSlopes:
         key = names, self._nonlinear

@@ -243,7 +243,7 @@ def _text_of(
     count: int,
 ) -> tuple[str | None, int]:
     """C code of a generated function after `transform`, and its number of outputs. The free parameters are
-    inputs; the others of the `count` parameters are 0."""
+    inputs; all other parameters are 0. count: number of all parameters."""
     function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
     return c_text(function), function.size1_out(0)
 

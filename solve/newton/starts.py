@@ -52,8 +52,8 @@ def motion_of(start: Start, task: Task) -> Motion:
 def _allowed(task: Task) -> str:
     n = task.system.n
     return (
-        f"an orbit, a transient, a file {' or '.join(FILES)} of either, q and q̇ ({n},) at phase 0, or a "
-        f"function of phases (k,) that returns q ({n}, k); omit it to start from the linear orbit"
+        f"an orbit, a transient, a saved {' or '.join(FILES)} file of either, q and q̇ ({n},) at phase 0, or a"
+        f" function of phases (k,) that returns q ({n}, k); omit it to start from the linear orbit"
     )
 
 

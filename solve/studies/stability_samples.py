@@ -31,8 +31,8 @@ class StabilitySamples:
 
     unstable (k,): whether a multiplier lies outside the unit circle by more than its error; stable (k,):
     whether all multipliers lie inside or on it within their errors. Both are False where the point failed or
-    the verdict is open. multipliers (k, N): in descending order of modulus, 0 where failed. distances (k, 4):
-    see `distances_to_instability`.
+    the verdict is undetermined. multipliers (k, N): in descending order of modulus, 0 where failed. distances
+    (k, 4): see `distances_to_instability`.
     """
 
     points: Array

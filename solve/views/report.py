@@ -59,7 +59,7 @@ def report(
         System, or the name of a model.
     speeds : float, str or sequence of float or str, optional
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Not required for a structure
-        without motion.
+        at rest.
     speed : float or str, optional
         Speed in rad/s, or a text with unit; by default the speed of the case.
     method : str or Method

@@ -86,7 +86,7 @@ def entry(text):
         ),
         (entry("a = {values=[1, 'x'], unit='m', source='s'}"), CaseFileError, "a2 .* give a finite number"),
         *(
-            (entry(f"a = {{{numbers}, unit='m', source='s'}}"), CaseFileError, "give one of these")
+            (entry(f"a = {{{numbers}, unit='m', source='s'}}"), CaseFileError, "allowed: value, value")
             for numbers in (
                 "count=3", "values=[]", "values=1", "value=1, count=0", "value=1, count=2.7",
                 "value=1, count='x'", "value=1, count=true", "value=1, values=[1]", "values=[1], count=1",
