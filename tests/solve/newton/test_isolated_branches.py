@@ -78,7 +78,7 @@ def test_scattered_starts_of_other_equations_are_refused():
     ):
         with pytest.raises(ValueOutOfBoundsError, match=words):
             solve.branch(other, speeds, start=scattered)
-    with pytest.raises(ValueOutOfBoundsError, match="omit begin"):
+    with pytest.raises(ValueOutOfBoundsError, match="omit 'begin'"):
         solve.branch(model, (0.4, 0.6), start=scattered, begin=0.5)
     object.__setattr__(scattered, "orbits", [])
     with pytest.raises(NoOrbitError, match="no motion from the scattered starts settled"):

@@ -224,8 +224,8 @@ def test_run_up_starts_on_an_orbit_and_can_be_resumed(tmp_path):
 @pytest.mark.parametrize(
     ("given", "error", "words"),
     [
-        ({}, ValueOutOfBoundsError, "give one speed, or two"),
-        ({"speed": 3.0, "speeds": "0:3 rad/s"}, ValueOutOfBoundsError, "give one speed, or two"),
+        ({}, ValueOutOfBoundsError, "a constant speed, or the first"),
+        ({"speed": 3.0, "speeds": "0:3 rad/s"}, ValueOutOfBoundsError, "a constant speed, or the first"),
         ({"speeds": "0:0 rad/s"}, UnitError, "give two, such as '0:600 rpm', not both 0"),
         ({"speeds": "0:3:5 rad/s"}, UnitError, "give two"),
         ({"speeds": "0:3"}, UnitError, "give two|without a unit"),
