@@ -55,8 +55,8 @@ class ModeShape(NamedTuple):
     """Mode shape with its frequency (rad/s), scaled so that its largest displacement is 1.
 
     places: positions x, y along each link, (points, 2), in m. displacements: displacements x, y at these
-    positions, relative to the largest displacement. transverse: displacements across each link, (points,).
-    modal_mass: kg.
+    positions, relative to the largest displacement. transverse: displacements perpendicular to each link,
+    (points,). modal_mass: kg.
     """
 
     frequency: float

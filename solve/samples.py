@@ -70,7 +70,7 @@ class Samples:
         """Samples at uniform azimuths from 0, or at other `phases` (k,).
 
         Raises MatricesError if the arrays have different numbers of azimuths, if azimuths coincide, if there
-        are fewer than three, or if half of the period or more contains none.
+        are fewer than three, or if a gap between them is half of the period or longer.
         """
         counts = {len(array) if array.ndim else 0 for array in arrays}
         if len(counts) != 1 or 0 in counts:

@@ -86,9 +86,9 @@ class PointSolver:
         """Whether (k,) the error due to round-off of the coefficients may exceed one of the errors (k, j),
         for points at positions (k,). roundoff (k, j): errors due to round-off of the step maps.
 
-        Round-off ε of the largest rate ω₁ changes the smallest rate ω₂ by at most ε ω₁²/2ω₂, and a multiplier
-        by T times this change. A second bound is ω₁ T ε, multiplied by the factor of cancellation in the
-        stiffness. For a single coordinate the bound is zero."""
+        Round-off ε of the largest rate ω₁ changes the smallest rate ω₂ by at most ε ω₁²/(2ω₂), and a
+        multiplier by T times this change. A second bound is ω₁ T ε, multiplied by the factor of cancellation
+        in the stiffness. For a single coordinate the bound is zero."""
         if self.points.n == 1:
             return np.zeros(len(positions), dtype=bool)
         least, largest = self._extreme_rates[:, positions] * self.points.period

@@ -209,7 +209,7 @@ class _Refinement(Comparison):
            not halve it, and if it is below a thousand times the estimated round-off or all multipliers
            underflow. Larger errors may not decrease for other reasons, such as kinks in the coefficients;
         2. features of the coefficients between the samples cause no larger errors;
-        3. a finer grid would not decide an open verdict.
+        3. a finer grid would not decide an undetermined verdict.
 
         On the last grid every point is accepted, and its errors state the accuracy reached. Errors due to
         features between the samples are added in place to those of accepted points."""

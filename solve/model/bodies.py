@@ -41,8 +41,9 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
     """Parameters of a body from an entry of a case file, and the source of the parameters with the hash of
     the matrix file.
 
-    The matrix file contains M, K and, if declared, C, either of all coordinates or already reduced. In the
-    entry, `interface` lists the rows of the interface, counted from 1; by default these are the first rows.
+    The matrix file contains M, K and, if declared, C, either of all degrees of freedom of the finite-element
+    model, or already reduced. In the entry, `interface` lists the rows of the interface, counted from 1; by
+    default these are the first rows.
     Raises CaseFileError.
     """
     file, where = path.parent / str(entry["file"]), f"{body.name} in {path.name}"

@@ -87,8 +87,8 @@ def transient(
     turns : int
         Number of periods, from phase 0.
     start : 'rest', 'orbit', (q, q̇) or path
-        "rest"; "orbit", the linear orbit; q and q̇ (n,), with derivatives with respect to time; or a file
-        .npz of an orbit or of a transient, which is continued from its end.
+        "rest"; "orbit", the linear orbit; q and q̇ (n,), with derivatives with respect to time; or an .npz
+        file of an orbit or of a transient, which is continued from its end.
     nonlinear : bool
         Whether to integrate the nonlinear equations.
     rtol : float

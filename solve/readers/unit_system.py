@@ -26,7 +26,7 @@ class UnitSystem(OfSource, FirstOrderSystem, Validity):
     period : float
         Period in phase.
     source : Source
-        Labels of the FMU.
+        Name, title and speed of the FMU.
     """
 
     def __init__(
