@@ -42,6 +42,10 @@ _STALLED = 1e-6
 """Relative size below which corrections that no longer decrease count as round-off. A choice: far above eps
 times the condition number of typical systems, and far below a useful rtol."""
 
+QUADRATIC = 1e-3
+"""Norm of a correction below which convergence is quadratic. A choice: the next correction is about its
+square."""
+
 _RTOL_FRACTION = 0.01
 """Upper limit of the last correction, as a fraction of the tolerance of the orbit. A choice: with quadratic
 convergence the remaining error is far smaller than the last correction."""
@@ -59,6 +63,12 @@ class Task:
     engine: str
     rtol: float
     factors: Array | None = None
+
+    def with_method(self, method: Collocated) -> "Task":
+        """The same orbit by another method."""
+        other = replace(self, method=method)
+        vars(other).update(rigid=self.rigid, breaks=self.breaks)
+        return other
 
     def along(self, curve: Motion) -> PeriodicSystem:
         """System linearised along a curve, with its events."""
@@ -128,28 +138,30 @@ def without_zeros(sizes: Array) -> Array:
     return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
 
-def iterate(task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS) -> Converged:
-    """Apply Newton's iteration on a grid, from an initial motion, until it converges. Raises NoOrbitError,
-    whose text includes the smallest correction."""
+def iterate(
+    task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS, last: float = 0.0
+) -> Converged:
+    """Apply Newton's iteration on a grid, from an initial motion, until it converges, or until the norm of a
+    correction is at most `last`. Raises NoOrbitError, whose text includes the smallest correction."""
     with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
-        return _iterate(task, start, grid, most)
+        return _iterate(task, start, grid, most, max(last, _RTOL_FRACTION * task.rtol))
 
 
-def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
+def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> Converged:
     norm, curve = _CorrectionNorm(task, grid), on(grid, start)
-    corrected, near = _correct(task, curve, grid, False), False
+    corrected, near = correct(task, curve, grid, False), False
     size, damping, smallest, count = norm(curve, corrected), 1.0, math.inf, 0
     while count < most:
         count += 1
         if not near and (size < _NEAR or damping < _MIN_DAMPING):
-            near, damping, corrected = True, 1.0, _correct(task, curve, grid, True, corrected)
+            near, damping, corrected = True, 1.0, correct(task, curve, grid, True, corrected)
             size = norm(curve, corrected)
         smallest = min(smallest, size)
-        if size <= _RTOL_FRACTION * task.rtol:
+        if size <= last:
             return norm.converged(curve, corrected, count)
         trial = interpolate(curve, Converged(corrected, count, size).curve, damping)
         try:
-            after = _correct(task, trial, grid, near)
+            after = correct(task, trial, grid, near)
         except LinearModelError:
             raise
         except SolveError:
@@ -277,7 +289,7 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
     return along, grid
 
 
-def _correct(
+def correct(
     task: Task, curve: Curve, grid: Grid, through_jumps: bool, otherwise: Solutions | None = None
 ) -> Solutions:
     """Next Newton iterate from a curve. through_jumps: whether jumps of the forces at events move
