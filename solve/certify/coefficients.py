@@ -214,7 +214,9 @@ def _differences(
     compared: Array, lower: Array, higher: Array, phases: SampledPhases
 ) -> tuple[Array, Array, Array]:
     by_step = [each.reshape(*each.shape[:-2], len(phases), -1, each.shape[-1]) for each in (lower, higher)]
-    interpolated = np.matmul(phases.basis, np.concatenate(by_step, axis=-2))
+    stages = phases.lower.shape[1]
+    interpolated = phases.basis[..., :stages] @ by_step[0]
+    interpolated += phases.basis[..., stages:] @ by_step[1]
     differences = compared - interpolated[..., phases.step, phases.place, :]
     largest = np.maximum(_largest(lower), _largest(higher))
     return differences, _largest(differences), largest

@@ -154,8 +154,9 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> C
     while count < most:
         count += 1
         if not near and (size < _NEAR or damping < _MIN_DAMPING):
-            near, damping, corrected = True, 1.0, correct(task, curve, grid, True, corrected)
-            size = norm(curve, corrected)
+            near, damping, without_jumps = True, 1.0, corrected
+            corrected = correct(task, curve, grid, True, without_jumps)
+            size = size if corrected is without_jumps else norm(curve, corrected)
         smallest = min(smallest, size)
         if size <= last:
             return norm.converged(curve, corrected, count)
