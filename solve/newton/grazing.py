@@ -1,8 +1,12 @@
 """Continuation of a branch beyond a grazing orbit, next to which multipliers change abruptly.
 
-Newton's iteration does not converge across the grazing orbit, because its tangent is that of the equations
-with the events of one side. A motion that starts on the last orbit before it settles on the orbit beyond it,
-if that orbit is stable."""
+The branch has a corner there, because the tangent on each side is that of the equations with the events of
+this side: it continues at further values of the parameter or turns back. Newton's iteration at a fixed value,
+from the last orbit or a slightly larger motion, finds the orbit beyond, stable or not. Otherwise, a motion
+that starts on the last orbit settles on the orbit beyond it, if that orbit is stable."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -10,12 +14,23 @@ from solve.contracts import Events
 from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import Point, Unknowns
+from solve.newton.iteration import iterate
 from solve.newton.manifold import Manifold
+from solve.newton.special_points import special_points
 from solve.newton.strategies import from_state, linear_sizes
+from solve.period.curve import Curve
 
-_STEPS = 0.01, 0.02, 0.04
-"""Steps of the parameter beyond the grazing orbit, as fractions of its range. Choices: short enough that the
-orbit beyond is near, long enough that its events are clear."""
+_STEPS = 0.001, 0.003, 0.01, 0.03
+"""Steps of the parameter from the grazing orbit, as fractions of its range. Choices: the shortest are near
+enough for Newton's iteration, the longest make the events clear."""
+
+_LARGER = 0.0, 0.002, 0.006
+"""Relative increases of the last motion from which Newton's iteration starts, in the order in which they are
+tried. Choices: at some of them the motion passes the switch about as far as the orbit beyond."""
+
+_BACK = 0.01
+"""Length, in scaled coordinates, of the step back to the orbit whose events are those of the branch so far. A
+choice."""
 
 _PERIODS = 8
 """Number of periods of the orbit that are integrated. A choice: beyond a grazing orbit that is stable, the
@@ -30,24 +45,39 @@ Choices: an orbit at a distance that falls with the square root of the step come
 stable orbit at the same value of the parameter does not."""
 
 
-def point_beyond(manifold: Manifold, before: Point) -> Point:
-    """First point beyond a grazing orbit near `before`, whose orbit passes other switches.
+def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
+    """First points beyond a grazing orbit near `before`, whose orbits pass other switches, with the special
+    points between them.
 
-    Raises NoOrbitError if the equations have no switches, and if no motion settles on such an orbit."""
-    parameters, here = manifold.parameters, _events(manifold, before)
-    if not here.sides:
+    Raises NoOrbitError if the equations have no switches, and if no such orbit is found."""
+    if not _events(manifold, before).sides:
         raise NoOrbitError("the equations have no switches")
-    for step in _STEPS:
-        value = before.value + step * np.sign(before.direction.value) * parameters.spans[0]
+    # The last orbit itself may pass the switch already, within its errors.
+    back, _ = manifold.along(before, -_BACK)
+    here = _events(manifold, back)
+    for orbit_beyond in _trials(manifold, before, grazes(manifold, before)):
         try:
-            after = _settled(manifold, before, float(value))
+            after = orbit_beyond()
         except SolveError:
             continue
         there = _events(manifold, after)
-        passes = here.grazing or len(here.phases) != len(there.phases) or here.sides != there.sides
-        if passes and _begins_at(manifold, before, after):
-            return after
-    raise NoOrbitError("no motion settles beyond a grazing orbit")
+        if len(here.phases) == len(there.phases) and here.sides == there.sides:
+            continue
+        first = _first_beyond(manifold, before, after)
+        if first is not None:
+            return [after] if first is after else [first, *special_points(manifold, first, after), after]
+    raise NoOrbitError("no orbit was found beyond a grazing orbit")
+
+
+def _trials(manifold: Manifold, before: Point, grazing: bool) -> Iterator[Callable[[], Point]]:
+    """Functions that return the orbit beyond, in the order in which they are tried."""
+    onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
+    for way in (1, -1) if grazing else ():
+        for step in _STEPS:
+            for larger in _LARGER if way > 0 else _LARGER[1:]:
+                yield partial(_iterated, manifold, before, before.value + way * step * onwards, 1 + larger)
+    for step in _STEPS[2:]:
+        yield partial(_settled, manifold, before, before.value + step * onwards)
 
 
 def grazes(manifold: Manifold, point: Point) -> bool:
@@ -61,31 +91,43 @@ def _events(manifold: Manifold, point: Point) -> Events:
     return events_of(task.along(point.unknowns.curve))
 
 
-def _begins_at(manifold: Manifold, before: Point, after: Point) -> bool:
-    """Whether the branch of the orbit beyond begins at the grazing orbit. Otherwise a slow sweep
-    jumps to it."""
+def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | None:
+    """Orbit nearest to the grazing orbit on the branch of the orbit beyond; None if that branch does not
+    begin at the grazing orbit. Otherwise a slow sweep jumps to it."""
     point = after
     for _ in range(_HALVINGS):
         if manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME:
-            return True
+            return point
         step = (before.value - point.unknowns.value) / 2
         back = point.unknowns.plus(step / point.direction.value, point.direction)
         try:
             point = manifold.held(back, point.tangents, point.grid)
         except SolveError:
             break
-    return manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME
+    is_same = manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME
+    return point if is_same else None
+
+
+def _iterated(manifold: Manifold, before: Point, value: float, factor: float) -> Point:
+    """Point at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`."""
+    task = manifold.parameters.task_at(np.array([value]))
+    found = iterate(task, before.unknowns.times(factor).curve, before.grid)
+    return _point(manifold, before, found.curve, value, before.grid.steps)
 
 
 def _settled(manifold: Manifold, before: Point, value: float) -> Point:
     """Point at a value of the parameter, on the orbit on which a motion from the orbit `before` settles."""
-    parameters, values = manifold.parameters, np.array([value])
-    task, curve = parameters.task_at(values), before.unknowns.curve
+    task, curve = manifold.parameters.task_at(np.array([value])), before.unknowns.curve
     march = nonlinear_of(task.system).marcher(linear_sizes(task, before.grid), _STATES, _RTOL)
     state = np.concatenate([curve(np.zeros(1), order)[:, 0] for order in range(2)])
     for turn in range(_PERIODS * task.periods):
         state = march(state, turn * task.system.period, task.speed)[:2, :, -1].ravel()
     found = from_state(task, state, before.grid)
-    grid = parameters.task.grid(found.solutions.grid.steps)
-    towards = Unknowns(parameters.task.rest(grid), np.array([before.direction.value]))
-    return manifold.held(Unknowns(found.curve, values), [towards], grid)
+    return _point(manifold, before, found.curve, value, found.solutions.grid.steps)
+
+
+def _point(manifold: Manifold, before: Point, curve: Curve, value: float, steps: int) -> Point:
+    """Point of an orbit at a value of the parameter, whose tangent is directed away from `before`."""
+    grid = manifold.parameters.task.grid(steps)
+    away = Unknowns(manifold.parameters.task.rest(grid), np.array([value - before.value]))
+    return manifold.held(Unknowns(curve, np.array([value])), [away], grid)

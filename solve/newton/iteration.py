@@ -14,7 +14,7 @@ from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction
 from solve.contracts import Motion
 from solve.equations import events_of, nonlinear_of
-from solve.errors import LinearModelError, NoOrbitError, SolveError, counted
+from solve.errors import ChatterError, LinearModelError, NoOrbitError, SolveError, counted
 from solve.kernel.formulas import columns_by
 from solve.methods.collocated import Collocated
 from solve.methods.free import free, solutions_on
@@ -37,6 +37,10 @@ _MIN_DAMPING = 1 / 64
 _NEAR = 0.1
 """Norm of a correction below which jumps at events are included. A choice: farther away, with other events,
 the iteration that holds the events converges from more starts. They are also included where that stops."""
+
+_MOST_EVENTS = 128
+"""Largest number of events per period of the system. A choice: a quarter of the number of phases at which
+switches are evaluated on a coarse grid, so that most events of a motion with more of them would be missed."""
 
 _STALLED = 1e-6
 """Relative size below which corrections that no longer decrease count as round-off. A choice: far above eps
@@ -284,10 +288,22 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
     """System linearised along a curve, and a grid of about the same number of steps with the phases of events
     as breaks."""
     along = task.along(curve)
+    if len(events_of(along).phases) > _MOST_EVENTS * task.periods:
+        raise _chatter(task, np.array(events_of(along).phases))
     # A parameter may have moved the breaks of the task since the grid was made.
     if along.breaks != tuple(grid.nodes[:-1][grid.at_break].tolist()):
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
+
+
+def _chatter(task: Task, phases: Array) -> ChatterError:
+    densest = float(phases[np.diff(phases, append=phases[0] + task.period).argmin()])
+    number = f"{len(phases)} times" + (f" in {task.periods} periods" if task.periods > 1 else " per period")
+    return ChatterError(
+        f"the motion passes switches of the equations {number}, most densely near phase {densest:.4g} rad; "
+        f"allowed: {_MOST_EVENTS} times per period; it may chatter: give the contact more damping or less "
+        "stiffness"
+    )
 
 
 def correct(

@@ -11,6 +11,7 @@ from solve.certify.refinement import certified
 from solve.contracts import Motion
 from solve.equations import events_of, nonlinear_of
 from solve.errors import (
+    ChatterError,
     NoOrbitError,
     ResonanceError,
     SolveError,
@@ -98,6 +99,8 @@ def nonlinear(
         For systems without nonlinear equations.
     NoOrbitError
         If no orbit is found; the message states the progress of each strategy.
+    ChatterError
+        If the motion passes switches of the equations too often.
     ValueOutOfBoundsError, FileError
         For bad input.
 
@@ -158,6 +161,8 @@ class _Search:
                 except UnbalancedLoadError:
                     raise
                 except SolveError as error:
+                    if isinstance(error, ChatterError) and strategy == _TRANSIENT:
+                        raise
                     failed.append(f"by the {strategy}: {error}")
                     continue
                 if orbit.verdict != "unstable" or (strategy == _TRANSIENT and unstable is None):
