@@ -2,23 +2,19 @@
 
 The branch has a corner there, because the tangent on each side is that of the equations with the events of
 this side: it continues at further values of the parameter or turns back. Newton's iteration at a fixed value,
-from the last orbit or a slightly larger motion, finds the orbit beyond, stable or not. Otherwise, a motion
-that starts on the last orbit settles on the orbit beyond it, if that orbit is stable."""
+from the last orbit or a slightly larger motion, finds the orbit beyond, stable or not."""
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from itertools import product
 
 import numpy as np
 
 from solve.contracts import Events
-from solve.equations import events_of, nonlinear_of
+from solve.equations import events_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import Point, Unknowns
 from solve.newton.iteration import iterate
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
-from solve.newton.strategies import from_state, linear_sizes
-from solve.period.curve import Curve
 
 _STEPS = 0.001, 0.003, 0.01, 0.03
 """Steps of the parameter from the grazing orbit, as fractions of its range. Choices: the shortest are near
@@ -32,13 +28,6 @@ _BACK = 0.01
 """Length, in scaled coordinates, of the step back to the orbit whose events are those of the branch so far. A
 choice."""
 
-_PERIODS = 8
-"""Number of periods of the orbit that are integrated. A choice: beyond a grazing orbit that is stable, the
-difference between the two orbits decays within a few periods."""
-
-_STATES, _RTOL = 512, 1e-8
-"""States per period and tolerance of the motion. Choices."""
-
 _HALVINGS, _SAME = 10, 0.02
 """Halvings of the step back to the grazing orbit, and largest distance to it there, in scaled coordinates.
 Choices: an orbit at a distance that falls with the square root of the step comes 32 times nearer; another
@@ -49,15 +38,16 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
     """First points beyond a grazing orbit near `before`, whose orbits pass other switches, with the special
     points between them.
 
-    Raises NoOrbitError if the equations have no switches, and if no such orbit is found."""
-    if not _events(manifold, before).sides:
-        raise NoOrbitError("the equations have no switches")
+    Raises NoOrbitError if `before` grazes no switch, and if no such orbit is found."""
+    if not grazes(manifold, before):
+        raise NoOrbitError("the orbit grazes no switch")
     # The last orbit itself may pass the switch already, within its errors.
     back, _ = manifold.along(before, -_BACK)
     here = _events(manifold, back)
-    for orbit_beyond in _trials(manifold, before, grazes(manifold, before)):
+    onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
+    for way, step, larger in product((1, -1), _STEPS, _LARGER):
         try:
-            after = orbit_beyond()
+            after = _orbit_at(manifold, before, before.value + way * step * onwards, 1 + larger)
         except SolveError:
             continue
         there = _events(manifold, after)
@@ -67,17 +57,6 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
         if first is not None:
             return [after] if first is after else [first, *special_points(manifold, first, after), after]
     raise NoOrbitError("no orbit was found beyond a grazing orbit")
-
-
-def _trials(manifold: Manifold, before: Point, grazing: bool) -> Iterator[Callable[[], Point]]:
-    """Functions that return the orbit beyond, in the order in which they are tried."""
-    onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
-    for way in (1, -1) if grazing else ():
-        for step in _STEPS:
-            for larger in _LARGER if way > 0 else _LARGER[1:]:
-                yield partial(_iterated, manifold, before, before.value + way * step * onwards, 1 + larger)
-    for step in _STEPS[2:]:
-        yield partial(_settled, manifold, before, before.value + step * onwards)
 
 
 def grazes(manifold: Manifold, point: Point) -> bool:
@@ -108,26 +87,10 @@ def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | No
     return point if is_same else None
 
 
-def _iterated(manifold: Manifold, before: Point, value: float, factor: float) -> Point:
-    """Point at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`."""
-    task = manifold.parameters.task_at(np.array([value]))
-    found = iterate(task, before.unknowns.times(factor).curve, before.grid)
-    return _point(manifold, before, found.curve, value, before.grid.steps)
-
-
-def _settled(manifold: Manifold, before: Point, value: float) -> Point:
-    """Point at a value of the parameter, on the orbit on which a motion from the orbit `before` settles."""
-    task, curve = manifold.parameters.task_at(np.array([value])), before.unknowns.curve
-    march = nonlinear_of(task.system).marcher(linear_sizes(task, before.grid), _STATES, _RTOL)
-    state = np.concatenate([curve(np.zeros(1), order)[:, 0] for order in range(2)])
-    for turn in range(_PERIODS * task.periods):
-        state = march(state, turn * task.system.period, task.speed)[:2, :, -1].ravel()
-    found = from_state(task, state, before.grid)
-    return _point(manifold, before, found.curve, value, found.solutions.grid.steps)
-
-
-def _point(manifold: Manifold, before: Point, curve: Curve, value: float, steps: int) -> Point:
-    """Point of an orbit at a value of the parameter, whose tangent is directed away from `before`."""
-    grid = manifold.parameters.task.grid(steps)
-    away = Unknowns(manifold.parameters.task.rest(grid), np.array([value - before.value]))
-    return manifold.held(Unknowns(curve, np.array([value])), [away], grid)
+def _orbit_at(manifold: Manifold, before: Point, value: float, factor: float) -> Point:
+    """Point at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`. Its
+    tangent is directed away from `before`."""
+    parameters, values = manifold.parameters, np.array([value])
+    found = iterate(parameters.task_at(values), before.unknowns.times(factor).curve, before.grid)
+    away = Unknowns(parameters.task.rest(before.grid), values - before.value)
+    return manifold.held(Unknowns(found.curve, values), [away], before.grid)
