@@ -41,6 +41,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         As for `PeriodicSystem`.
     coordinates : sequence of (str, str, str)
         Name, unit and meaning of each coordinate.
+    labels : Labels, optional
+        Labels of the model; by default those of the setup.
 
     Examples
     --------
