@@ -31,9 +31,6 @@ _AMPLIFIED = 32.0
 bound on 430 grids of systems of both populations, of systems with stiff modes in rotated axes, and of models.
 With 16 and 64, 80 estimates of stiff modes do not fall below the errors."""
 
-_STEADY = 0.02
-"""Fraction of the median of det M below which a phase with singular M is searched. A choice."""
-
 _DRIVEN = 1e-9
 """Mean acceleration of a free machine, relative to its accelerations, that counts as zero. Measured round-off
 for chains whose loads have zero mean: 1e-13."""
@@ -186,9 +183,9 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
     """Positions of the points whose M is singular at some phase, including phases that no step samples, and
     the exceptions.
 
-    The phase is searched if det M falls below `_STEADY` of its median at a sampled phase.
+    The phase is searched if M has no steady inertia at the sampled phases.
     """
-    for position in (~modes.has_steady_inertia(_STEADY)).nonzero()[0].tolist():
+    for position in (~modes.has_steady_inertia()).nonzero()[0].tolist():
         phase = _singular_phase(points[np.array([position])], modes.phases)
         if phase is not None:
             yield position, singular_inertia_error(f"near phase {phase:.6g}", points.first_order)

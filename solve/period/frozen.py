@@ -12,6 +12,7 @@ from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.matrices import by_rates, leading, split_entries
 from solve.period.eigenvalues import balance_matrices
+from solve.period.multipliers import UNDERFLOW
 from solve.period.pencils import (
     LOOPED,
     eigenvalues,
@@ -35,6 +36,9 @@ _ENTRY_PHASES = 16
 _BALANCED = 64.0
 """Largest ratio between rows, or between entries of a column, for which elimination loses few digits: a
 choice."""
+
+_STEADY = 0.02
+"""Fraction of the median of det M below which a phase with singular M is searched. A choice."""
 
 _FEW = np.s_[::16]
 """Selection of phases from which rates are estimated if no bound is required."""
@@ -134,12 +138,12 @@ class FrozenModes:
     def _is_oscillator(self) -> bool:
         return self._n == 1 and not self._first_order
 
-    def has_steady_inertia(self, fraction: float) -> Array:
-        """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `fraction` of its
+    def has_steady_inertia(self) -> Array:
+        """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `_STEADY` of its
         median."""
         if self._is_oscillator and not self._tables.per_point:
             low, high = self._ranges
-            steady = (low[0] > fraction * high[0]) | (high[0] < fraction * low[0])
+            steady = (low[0] > _STEADY * high[0]) | (high[0] < _STEADY * low[0])
             if steady.all():
                 return steady
         M = self._rates_at(slice(None))[0]
@@ -150,7 +154,7 @@ class FrozenModes:
             same_sign = sign == np.take_along_axis(sign, middle, 1)
             # Two singular matrices have the difference NaN, which does not count as steady inertia.
             with np.errstate(invalid="ignore"):
-                return np.asarray((same_sign & (logarithm - median > np.log(fraction))).all(axis=1))
+                return np.asarray((same_sign & (logarithm - median > np.log(_STEADY))).all(axis=1))
         M = M.copy()
         determinant: Array = np.ones(M.shape[2:])
         with np.errstate(all="ignore"):
@@ -160,7 +164,7 @@ class FrozenModes:
                     M[i, k + 1 :] -= M[i, k] / M[k, k] * M[k, k + 1 :]
             middle = determinant.shape[1] // 2
             median = np.partition(determinant, middle, axis=1)[:, [middle]]
-            return np.asarray((determinant * np.sign(median) > fraction * np.abs(median)).all(axis=1))
+            return np.asarray((determinant * np.sign(median) > _STEADY * np.abs(median)).all(axis=1))
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
         """Eigenvalues (P, k, N) with respect to the phase, at all phases or a selection of them."""
@@ -205,9 +209,9 @@ class FrozenModes:
             factors = 1 / np.abs(np.linalg.det(A * unit[..., None] * unit[..., None, :]))
         return np.where(np.isfinite(factors), factors, np.inf).max(axis=1)
 
-    def rates_and_decay(self, negligible: float) -> tuple[Array, Array]:
+    def rates_and_decay(self) -> tuple[Array, Array]:
         """Moduli (P, N) of the eigenvalues, maximal over the phases, in ascending order. Also the mean decay
-        factor (P, N) of these modes over a period, relative to the least damped mode or to `negligible`."""
+        factor (P, N) of these modes over a period, relative to the least damped mode or to `UNDERFLOW`."""
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -218,7 +222,7 @@ class FrozenModes:
             moduli, real_parts = np.abs(values), np.real(values)
         with np.errstate(invalid="ignore"):
             exponents = real_parts.mean(axis=1) * self.period
-            exponents -= np.maximum(exponents.max(axis=1, keepdims=True), np.log(negligible))
+            exponents -= np.maximum(exponents.max(axis=1, keepdims=True), np.log(UNDERFLOW))
             decay = np.exp(np.clip(exponents, -700.0, 0.0))
         return moduli.max(axis=1), decay
 
