@@ -72,7 +72,7 @@ def test_with_all_modes_a_welded_frame_keeps_its_frequencies():
 
 def true_errors(full, reduced, speed):
     """Errors of coordinates, multipliers and some outputs relative to the full system."""
-    truth, own = (solve.periodic(each, speed, rtol=1e-7) for each in (full, reduced))
+    truth, own = (solve.periodic(each, speed, rtol=1e-5) for each in (full, reduced))
     q, ours = truth.at(PHASE), reduced.expanded(PHASE, speed, own.at(PHASE)).q
     rho, other = (
         truth.certified.solutions.multipliers.values[0],
@@ -98,7 +98,7 @@ def true_errors(full, reduced, speed):
     ],
 )
 def test_the_estimate_holds_within_a_factor_of_two(speed, options):
-    own, orbit, multipliers, outputs = true_errors(four_bar(4, **options), four_bar(4, 2, **options), speed)
+    own, orbit, multipliers, outputs = true_errors(four_bar(3, **options), four_bar(3, 2, **options), speed)
     computed = own.reduction_error
     assert 1e-3 < orbit < 0.1
     assert orbit < 2 * computed.orbit < 6 * orbit
