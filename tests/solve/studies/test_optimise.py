@@ -467,13 +467,13 @@ def integrals(k, speed, half):
 def test_robust_optimum_equals_a_scan_of_mean_and_deviation(model):
     speeds, half = [1.5, 3.0], 1.5
     found = solve.optimise(
-        model, "q.max_abs", {"k": (6.5, 16.0)}, speeds, robust=2.0, vary={"k": f"±{half}"}, rtol=1e-8
+        model, "q.max_abs", {"k": (6.5, 16.0)}, speeds, robust=2.0, vary={"k": f"±{half}"}, rtol=1e-6
     )
 
     def worst(k):
         return max(mean + 2 * deviation for mean, deviation in (integrals(k, w, half) for w in speeds))
 
-    scan = np.linspace(10.0, 13.0, 301)
+    scan = np.linspace(10.0, 13.0, 121)
     values = [worst(k) for k in scan]
     assert found.free["k"] == pytest.approx(scan[np.argmin(values)], abs=0.05)
     assert found.objective == pytest.approx(min(values), rel=0.02)
@@ -487,10 +487,10 @@ def test_quantile_optimum_equals_a_scan_of_quantiles(model):
     )
 
     def worst(k):
-        stiffness = np.linspace(k - half, k + half, 4001)
+        stiffness = np.linspace(k - half, k + half, 1001)
         return max(np.quantile(abs(response(w, k=stiffness)), 0.8) for w in speeds)
 
-    scan = np.linspace(9.0, 14.0, 501)
+    scan = np.linspace(9.0, 14.0, 101)
     values = [worst(k) for k in scan]
     assert found.free["k"] == pytest.approx(scan[np.argmin(values)], abs=0.1)
     assert found.objective == pytest.approx(min(values), rel=0.02)
