@@ -32,9 +32,13 @@ _PLAIN, _WIDE = 0.3, 0.2
 them, intervals for events that surround 0 in three dimensions contain the true value as often as other
 intervals."""
 
-_STEPS, _STEP_END, _FARTHEST = 12, 0.02, 8.0
-"""Largest number of Newton steps to the nearest point of an event, change of z below which they end, and
-largest modulus of z, with probability 6e-16. Choices."""
+_STEPS, _STEP_END = 12, 0.02
+"""Largest number of Newton steps to the nearest point of an event, and change of z below which they end.
+Choices."""
+
+MAX_DISTANCE = 8.0
+"""Largest distance from the mean, in standard deviations, at which events are sought and gradients are
+calculated. A choice: larger values of one variable have the probability 1e-15."""
 
 MAX_CENTRES = 8
 """Largest number of centres of a mixture, of which the nearest to 0 are kept. A choice."""
@@ -143,7 +147,7 @@ def _nearest(gradient: Gradient, z: Array) -> Array | None:
         if not 0 < size < math.inf:
             break
         moved = slopes * float(slopes @ z - margin) / size**2
-        if not np.linalg.norm(moved) < _FARTHEST:
+        if not np.linalg.norm(moved) < MAX_DISTANCE:
             break
         change, z = np.linalg.norm(moved - z), moved
         if change < _STEP_END:
