@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from solve.period import frozen as module
 from solve.period import pencils
 from solve.period.frozen import FrozenModes
 from solve.period.points import Tables
@@ -31,7 +30,7 @@ def test_ratios_to_the_inertia(n, monkeypatch):
 
 @pytest.mark.parametrize("most", [0, 100])
 def test_inertia_that_dips_or_changes_its_sign_is_not_steady(most, monkeypatch):
-    monkeypatch.setattr(module, "LOOPED", most)
+    monkeypatch.setattr(pencils, "LOOPED", most)
     modes, M = frozen_system(12, 3)
     entries = np.concatenate((M.reshape(2, 6, -1), np.ones((2, 6, 2 * 144 + 12))), axis=-1)
     for factor in (1e-3, -1.0, 0.0):
