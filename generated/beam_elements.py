@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "a89235df4dfd0c02dd80195075bac6372c6e6b47aedf8e14149b0db04429febd"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+MECHANISM_SHA256 = "94609be273dce4716b1283dca26ff5bc954f445cc9623df8cc395d18c97f5f11"
+DERIVE_SHA256 = "27feaba8d4dd3de95fcf240f14a68baee65369a979236fcdedc3bc81a610b284"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4f2aa1fc5642e25e286f57287208164bbca38d91277f9d0fa8faf9a1e0f214f6"
+FILE_SHA256 = "0ad307781551a5c1ef9d750940c2b4a4f6cf5a25e37cdaaa24dbc6239dbe5350"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

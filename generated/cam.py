@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "bcbdc583a181a5aefa713eb7391b9c72be0b64cb001b79ffbcbc70ac88c47c67"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "27feaba8d4dd3de95fcf240f14a68baee65369a979236fcdedc3bc81a610b284"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5f19ddf26415dfb78a0ab95422aa25eefc3ea75d0239a4ede53f3713b114e4e2"
+FILE_SHA256 = "78a1fdec060feb69a777f533e8354631320dc5472ac239231b463e75cbca2f71"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

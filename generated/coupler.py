@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "5da26999f0523fb1f4104b6f48ba3a41b401c0d431fab5559fb13424c78f2df2"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "27feaba8d4dd3de95fcf240f14a68baee65369a979236fcdedc3bc81a610b284"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "46c9feb1fea0493433d32fbcb5c3496f8f844476e395fbfa61937d07d66b40a5"
+FILE_SHA256 = "a0b7c003b1079a2bc2b8104023349f9e6f755829ef1e4a16fb9fd74c4b0ea6b5"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "eac3bce0033e2724d2be10b9ad1523f3ba5d8bfcb278621dbac670d910411b8e"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "27feaba8d4dd3de95fcf240f14a68baee65369a979236fcdedc3bc81a610b284"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e3be27f332ab7da5dbef33433ecdccf1784a8e88f2ac755318f0a254b465e715"
+FILE_SHA256 = "065ac6cf88cac1377bb72df81eae143932fd4557b674a368fb490cd87d4adeee"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

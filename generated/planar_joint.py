@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e62be5ada10d05c9a39a99ddddaefdf5432c4e87f00ff1783a820871b8b53d8a"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "27feaba8d4dd3de95fcf240f14a68baee65369a979236fcdedc3bc81a610b284"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5e978376b5284e0ec0443e35e2426e6c98ce6d0bd6b292a82ae0969c9b5cde11"
+FILE_SHA256 = "89f6a42414f27452f12ff084d1ab28d49a447bb440619a2d057a40747994be96"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "27feaba8d4dd3de95fcf240f14a68baee65369a979236fcdedc3bc81a610b284"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f75bdbf0764fc3503ec682bac5957d59bc63c06350f55db2a08190ee35a65fdd"
+FILE_SHA256 = "5131c9a6daeec4fa9a21fec1fea5b734991fb7ffcd49122d45b0eefe5c7df019"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

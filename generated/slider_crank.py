@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "d9d7a0c81d271e5e0130a202cd4aced250bd1ee841a0ed8863aab8df23b8654b"
-DERIVE_SHA256 = "c7b7e6fb3538d94f28e5a307a24a1df6f33fb62229a7b1b6131fef8ff9b88e34"
+DERIVE_SHA256 = "27feaba8d4dd3de95fcf240f14a68baee65369a979236fcdedc3bc81a610b284"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e4a59c74b2f88b82ace770ac11c4eb58b4b8a6dc252f570735afb2af2b61f885"
+FILE_SHA256 = "c301efc826311ed5ff24a5f12240f413d47203de75d3fea65064c239637c72e5"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
