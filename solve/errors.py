@@ -100,6 +100,10 @@ class NoOrbitError(SolveError):
     """No convergence of Newton's method, continuation or transients to a periodic solution."""
 
 
+class ChatterError(SolveError):
+    """Motion that passes switches of the equations more often than events are located."""
+
+
 class ControlError(SolveError):
     """Feedback that does not exist, because of missing inputs or because the Riccati equation has no
     stabilising solution."""

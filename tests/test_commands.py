@@ -33,7 +33,7 @@ EXCEPTIONS = {
     "prop.py": "tests/solve/beams/test_docs.py",
     "design --allowable": "a minute; with other elements by tests/models/four_bar/test_design_page.py",
     'floquet "run.*.lin"': "tests/solve/readers/test_page.py",
-    "--robust 95%": "two minutes; with an oscillator by tests/solve/studies/test_optimise.py",
+    "--robust 95%": "two minutes; with an oscillator by tests/solve/studies/test_robust.py",
     "optimise cam --case dwell": "tests/solve/studies/test_optimise.py",
     "compare cam --case 1": "as the README's, since the first case is the default",
 }

@@ -3,7 +3,7 @@
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -144,9 +144,9 @@ class SampledPhases:
     basis : (m, c, 2 s + 1)
         Lagrange polynomials of all stages at the compared phases of each step; c is the largest number of
         compared phases in a step.
-    weights : (Q, s)
+    weights : (m, s, c)
         Increments of the coefficients at the stages of the lower method for a unit difference at each
-        compared phase.
+        compared phase of a step.
     """
 
     lower: Array
@@ -167,8 +167,9 @@ class SampledPhases:
         order = np.lexsort((fraction, step))
         compared, step, fraction = compared[order], step[order], fraction[order]
         quadrature = _trapezoidal(step, fraction, nodes)[:, None] / lower.b
-        weights = lagrange(np.array(lower.c), fraction) * quadrature
         place = np.arange(len(step)) - np.searchsorted(step, step)
+        weights = np.zeros((grid.steps, len(lower.c), place.max() + 1))
+        weights[step, :, place] = lagrange(np.array(lower.c), fraction) * quadrature
         # A node that both methods share counts once.
         is_counted = np.concatenate((np.ones(len(lower.c), dtype=bool), ~np.isin(higher.c, lower.c)))
         columns = np.searchsorted(nodes, np.concatenate((lower.c, higher.c)))
@@ -190,48 +191,15 @@ class SampledPhases:
             self.step[rows] - first,
             self.place[rows],
             self.basis[steps],
-            self.weights[rows],
+            self.weights[steps],
         )
-
-    def relative_difference(self, points: Points) -> Array:
-        """Largest difference (P,) between an entry and its interpolant, relative to the largest value of the
-        entry; 0 for round-off."""
-        terms, differences, largest = self._largest_differences(points)
-        entries, starts = _entries(terms.entry)
-        sums = np.add.reduceat(np.abs(terms.coefficients) * differences, starts, axis=-1)
-        largest = np.maximum.reduceat(np.abs(terms.coefficients) * largest, starts, axis=-1)
-        return _relative(sums[:, None], largest, entries, points.n)[:, 0]
-
-    def _largest_differences(self, points: Points) -> tuple[Tables, Array, Array]:
-        """Tables at the compared phases, largest differences and largest coefficients, as `differences`
-        returns them. The steps are halved if memory requires it."""
-        rows = len(points) if points.bytes_a_phase else 1
-        phases = self.lower.size + self.higher.size + len(self.compared)
-        if len(self) == 1 or 8 * _entry_count(points.n) * rows * phases <= _MEMORY:
-            terms, differences = self.differences(points)
-            return terms, differences[1], differences[2]
-        middle = len(self) // 2
-        parts = (self.of_steps(*ends) for ends in ((0, middle), (middle, len(self))))
-        halves = [part._largest_differences(points) for part in parts]
-        (terms, *first), (_, *second) = halves
-        return terms, np.maximum(first[0], second[0]), np.maximum(first[1], second[1])
-
-    def differences(self, points: Points) -> tuple[Tables, tuple[Array, Array, Array]]:
-        """Tables at the compared phases; differences (…, Q, R) of coefficients from their interpolant there,
-        the largest differences (…, R) and the largest coefficients (…, R)."""
-        terms = points.tables(self.compared)
-        lower, higher = (points.tables(phase.ravel()).table for phase in (self.lower, self.higher))
-        compute = _differences if terms.per_point else _cached_differences
-        return terms, compute(terms.table, lower, higher, self)
 
     def increments(self, differences: Array) -> Array:
         """Increments (…, m s, R) of the coefficients at the stages due to the differences (…, Q, R)."""
         m, s = self.lower.shape
-        order = np.argsort(self.step, kind="stable")
-        first = np.searchsorted(self.step[order], np.arange(m))
-        parts = self.weights[order, :, None] * differences[..., order, None, :]
-        increments = np.add.reduceat(parts, first, axis=-3)
-        return increments.reshape(*increments.shape[:-3], m * s, -1)
+        by_step = np.zeros((*differences.shape[:-2], m, self.weights.shape[-1], differences.shape[-1]))
+        by_step[..., self.step, self.place, :] = differences
+        return (self.weights @ by_step).reshape(*differences.shape[:-2], m * s, -1)
 
 
 def _compared_phases(grid: Grid) -> tuple[Array, Array]:
@@ -250,7 +218,9 @@ def _differences(
     compared: Array, lower: Array, higher: Array, phases: SampledPhases
 ) -> tuple[Array, Array, Array]:
     by_step = [each.reshape(*each.shape[:-2], len(phases), -1, each.shape[-1]) for each in (lower, higher)]
-    interpolated = np.matmul(phases.basis, np.concatenate(by_step, axis=-2))
+    stages = phases.lower.shape[1]
+    interpolated = phases.basis[..., :stages] @ by_step[0]
+    interpolated += phases.basis[..., stages:] @ by_step[1]
     differences = compared - interpolated[..., phases.step, phases.place, :]
     largest = np.maximum(_largest(lower), _largest(higher))
     return differences, _largest(differences), largest
@@ -281,13 +251,53 @@ class ResampledPoints(DerivedPoints):
     def tables(self, phase: Array) -> Tables:
         """Tables at phases (k,). They contain averages if the phases are the stages of consecutive steps, and
         the original coefficients otherwise."""
-        tables, stages = self.points.tables(phase), self.phases.lower
+        stages = self.phases.lower
         first, m = int(np.searchsorted(stages[:, 0], phase[0])), len(phase) // stages.shape[1]
         if not np.array_equal(phase, stages[first : first + m].ravel()):
-            return tables
-        phases = self.phases if m == len(stages) else self.phases.of_steps(first, first + m)
-        table = tables.table + phases.increments(phases.differences(self.points)[1][0])
-        return replace(tables, table=table)
+            return self.points.tables(phase)
+        part = self if m == len(stages) else self._of_steps(first, first + m)
+        return replace(part._lower, table=part._lower.table + part.phases.increments(part._differences[1][0]))
+
+    def _of_steps(self, first: int, end: int) -> "ResampledPoints":
+        return ResampledPoints(self.points, self.phases.of_steps(first, end))
+
+    @cached_property
+    def relative_difference(self) -> Array:
+        """Largest difference (P,) between an entry and its interpolant, relative to the largest value of the
+        entry; 0 for round-off."""
+        terms, differences, largest = self._largest_differences
+        entries, starts = _entries(terms.entry)
+        sums = np.add.reduceat(np.abs(terms.coefficients) * differences, starts, axis=-1)
+        largest = np.maximum.reduceat(np.abs(terms.coefficients) * largest, starts, axis=-1)
+        return _relative(sums[:, None], largest, entries, self.n)[:, 0]
+
+    @property
+    def _largest_differences(self) -> tuple[Tables, Array, Array]:
+        """Tables at compared phases, and largest differences and coefficients of `_differences`, half of the
+        steps at a time if memory requires it."""
+        phases, rows = self.phases, len(self) if self.bytes_a_phase else 1
+        count = phases.lower.size + phases.higher.size + len(phases.compared)
+        if len(phases) == 1 or 8 * _entry_count(self.n) * rows * count <= _MEMORY:
+            terms, (_, differences, largest) = self._differences
+            return terms, differences, largest
+        middle = len(phases) // 2
+        parts = self._of_steps(0, middle), self._of_steps(middle, len(phases))
+        (terms, *first), (_, *second) = (part._largest_differences for part in parts)
+        return terms, np.maximum(first[0], second[0]), np.maximum(first[1], second[1])
+
+    @cached_property
+    def _lower(self) -> Tables:
+        return self.points.tables(self.phases.lower.ravel())
+
+    @cached_property
+    def _differences(self) -> tuple[Tables, tuple[Array, Array, Array]]:
+        """Tables at the compared phases; differences (…, Q, R) of coefficients from their interpolant there,
+        the largest differences (…, R) and the largest coefficients (…, R)."""
+        terms, higher = (
+            self.points.tables(each.ravel()) for each in (self.phases.compared, self.phases.higher)
+        )
+        compute = _differences if terms.per_point else _cached_differences
+        return terms, compute(terms.table, self._lower.table, higher.table, self.phases)
 
 
 def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:

@@ -153,13 +153,14 @@ class Comparison(PointSolver):
         points = method.linearised(self.points[positions], solutions)
         stages = method.stages, self.better.stages
         phases = _sampled_phases(steps, points.period, points.breaks, *stages)
-        errors = np.zeros((len(points), 2))
+        resampled = ResampledPoints(points, phases)
+        errors = np.zeros((len(positions), 2))
         allowed = _COEFFICIENTS * self.request.rtol * self.relative_stiffness[positions]
-        rows = (phases.relative_difference(points) > allowed).nonzero()[0]
+        rows = (resampled.relative_difference > allowed).nonzero()[0]
         if len(rows):
-            equations = method.linearised(self.equations[positions[rows]], solutions[rows])
-            rigid = self._linear_modes(positions[rows], equations)
-            resampled = ResampledPoints(equations, phases)
+            if method.linear:
+                resampled = ResampledPoints(self.equations[positions[rows]], phases)
+            rigid = self._linear_modes(positions[rows], resampled.points)
             errors[rows] = self._change(resampled, rigid, steps, positions[rows], solutions[rows])
         return errors
 

@@ -18,6 +18,7 @@ from solve.kernel.formulas import columns_by
 from solve.matrices import by_rates
 from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, Solutions
+from solve.period.curve import Curve
 from solve.period.frozen import PHASES
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
@@ -137,9 +138,13 @@ def corrected(
 def correction(motion: Motion, solutions: Solutions) -> tuple[Array, Array]:
     """Largest moduli (n,) of the Newton correction to a motion, and of the corrected motion."""
     assert solutions.curve is not None
-    fractions = (np.arange(PHASES_PER_STEP) + 0.5) / PHASES_PER_STEP
-    phase = (solutions.grid.nodes[:-1, None] + solutions.grid.h[:, None] * fractions).ravel()
-    change, largest = largest_moduli(motion(phase), solutions.curve(phase))
+    fractions, after = (np.arange(PHASES_PER_STEP) + 0.5) / PHASES_PER_STEP, solutions.curve
+    if isinstance(motion, Curve) and isinstance(after, Curve) and np.array_equal(motion.nodes, after.nodes):
+        values, better = (curve.within(fractions).reshape(1, motion.n, -1) for curve in (motion, after))
+    else:
+        phase = (solutions.grid.nodes[:-1, None] + solutions.grid.h[:, None] * fractions).ravel()
+        values, better = motion(phase), after(phase)
+    change, largest = largest_moduli(values, better)
     return change[0], largest[0]
 
 

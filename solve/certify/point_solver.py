@@ -31,9 +31,6 @@ _AMPLIFIED = 32.0
 bound on 430 grids of random test systems, of systems with stiff modes in rotated axes, and of models. With
 16 and 64, none of 80 estimates for stiff modes falls below the error."""
 
-_STEADY = 0.02
-"""Fraction of the median of det M below which a phase with singular M is sought. A choice."""
-
 _DRIVEN = 1e-9
 """Mean acceleration of a free machine, relative to its accelerations, that counts as zero. Measured round-off
 for chains whose loads have zero mean: 1e-13."""
@@ -186,9 +183,9 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
     """Positions of points with an M that is singular at some phase, and the exceptions. Phases between the
     samples are included.
 
-    The phase is sought if det M at a sampled phase is below `_STEADY` times its median.
+    The phase is searched if M has no steady inertia at the sampled phases.
     """
-    for position in (~modes.has_steady_inertia(_STEADY)).nonzero()[0].tolist():
+    for position in (~modes.has_steady_inertia()).nonzero()[0].tolist():
         phase = _singular_phase(points[np.array([position])], modes.phases)
         if phase is not None:
             yield position, singular_inertia_error(f"near phase {phase:.6g}", points.first_order)

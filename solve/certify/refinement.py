@@ -18,7 +18,6 @@ from solve.certify.point_solver import PointSolver
 from solve.certify.resolution import (
     AIM,
     MIN_STEPS,
-    UNDERFLOW,
     first_steps,
     grid_sizes,
     unresolved_remainder,
@@ -26,7 +25,7 @@ from solve.certify.resolution import (
 from solve.errors import SolveError, StepsError
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import FrozenModes
-from solve.period.multipliers import EPS, KNOWN_ON_CIRCLE, NEGLIGIBLE, UNDETERMINED
+from solve.period.multipliers import EPS, KNOWN_ON_CIRCLE, NEGLIGIBLE, UNDERFLOW, UNDETERMINED
 from solve.period.points import Points
 from solve.terminal import progress
 
@@ -268,7 +267,7 @@ class _Refinement(Comparison):
             # The difference of two multipliers is at most the sum of the radii.
             largest = np.maximum(SAFETY * (rho.spectral_radius + better.spectral_radius), pair.remainder)
             absolute = np.where(underflows, largest, absolute)
-            digits = rho.with_digits(np.where(underflows, errors[:, 1], 0.0), UNDERFLOW)
+            digits = rho.with_digits(np.where(underflows, errors[:, 1], 0.0))
             solutions = solutions.with_multipliers(digits)
         rows = (~resonant).nonzero()[0]
         if len(rows):

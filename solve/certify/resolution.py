@@ -25,10 +25,6 @@ _MAX_FIRST_STEPS = 2**14
 """Largest number of steps of a first grid: a choice, because predictions of more steps are not reliable.
 docs/certificate.md states the measured range."""
 
-UNDERFLOW = 1e-30
-"""Spectral radius below which multipliers are round-off of the entries of Φ. docs/certificate.md states the
-measured range."""
-
 AIM = 0.3
 """Target of the error on the next grid, as a fraction of `rtol`. Measured: between 0.15 and 0.6 the number of
 steps changes by less than 10 %."""
@@ -54,7 +50,7 @@ def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool,
         steps = np.ceil(np.nan_to_num(phase_advance) / (2 * method.follows))
         return np.clip(steps, 2 * MIN_STEPS, _MAX_FIRST_STEPS).astype(int)
     c, p, T = collocation.error_constant, collocation.order, modes.period
-    rates, remaining = modes.rates_and_decay(UNDERFLOW)
+    rates, remaining = modes.rates_and_decay()
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         # Varying coefficients increase the frozen rates by about 1.5 times the speed.
         mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)

@@ -18,7 +18,7 @@ from solve.period.curve import without_drift
 from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import enough_samples
 
-_EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
+EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
 """Relative difference up to which two extrema count as equally large; and difference of their derivatives,
 relative to the largest derivative over the period, up to which the derivative of either may be returned.
 Choices."""
@@ -246,7 +246,7 @@ class Figures:
         would yield only half the digits."""
         name, figure = quantity.subject, quantity.figure
         phases, signs, values = self._extrema[name, figure]
-        largest = values >= values.max() - _EQUAL * np.abs(values).max()
+        largest = values >= values.max() - EQUAL * np.abs(values).max()
         phases, signs = phases[largest], signs[largest]
         sign, carried = -1.0 if figure == "min" else 1.0, signs * self._carried(name, phases)
 

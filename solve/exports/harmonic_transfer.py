@@ -3,7 +3,6 @@ Systems, PhD thesis, MIT, 1990). They map the harmonics of a force modulated by 
 the outputs."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,18 +12,15 @@ import numpy as np
 from solve.arguments import checked_rtol
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, counted
+from solve.exports.lifted import Spectra, phasors, real_matrix
 from solve.exports.state_space import (
-    Coefficients,
     Signals,
     coefficients,
-    labels,
     python_control,
     signals,
 )
 from solve.labels import require_motion
 from solve.methods.fourier import MOST_UNKNOWNS
-from solve.methods.hill import toeplitz, together
-from solve.period.grid import Grid
 from solve.system import PeriodicSystem, check, multiplier_count, of_system, shown_in
 from solve.units import speed_in_si
 
@@ -37,9 +33,6 @@ choice."""
 
 _PHASES = 64
 """Number of phases at which the highest natural frequency is sampled. A choice."""
-
-_GAUSS_POINTS = 12
-"""Number of Gauss points per step; a step is one period of the highest harmonic."""
 
 
 class TransferValues(NamedTuple):
@@ -93,8 +86,8 @@ class HarmonicTransfer:
         return 2 * math.pi / self.system.period * self.speed
 
     @cached_property
-    def _spectra(self) -> "_Spectra":
-        return _Spectra.from_system(self.system, self.speed, 4 * self.orders)
+    def _spectra(self) -> Spectra:
+        return Spectra.from_system(self.system, self.speed, 4 * self.orders)
 
     @cached_property
     def error(self) -> float:
@@ -211,14 +204,14 @@ class HarmonicTransfer:
         orders, N = self.orders, self.harmonics
         A, B, C, D = self._spectra.lifted(orders, N, self.rotation)
         size, (p, r) = multiplier_count(self.system), self._spectra.D.shape[1:]
-        A = _real(A, orders, orders, size, size)
-        B, C = _real(B, orders, N, size, r), _real(C, N, orders, p, size)
+        A = real_matrix(A, orders, orders, size, size)
+        B, C = real_matrix(B, orders, N, size, r), real_matrix(C, N, orders, p, size)
         names = self.signals
         return control.StateSpace(
-            *(A, B, C, _real(D, N, N, p, r)),
-            states=_phasors(names.states, orders),
-            inputs=_phasors(names.inputs, N),
-            outputs=_phasors(names.outputs, N),
+            *(A, B, C, real_matrix(D, N, N, p, r)),
+            states=phasors(names.states, orders),
+            inputs=phasors(names.inputs, N),
+            outputs=phasors(names.outputs, N),
         )
 
     def __repr__(self) -> str:
@@ -314,101 +307,3 @@ def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
     phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
     frequency = np.abs(np.linalg.eigvals(coefficients(system, speed, phase).A).imag).max()
     return math.ceil(frequency * system.period / (2 * math.pi * speed))
-
-
-@dataclass(frozen=True)
-class _Spectra:
-    """Fourier coefficients (2K+1, …) of A, B, C, D, d, y₀ and b for harmonics -K … K."""
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    d: Array
-    y0: Array
-    b: Array
-
-    @classmethod
-    def from_system(cls, system: PeriodicSystem, speed: float, highest: int) -> "_Spectra":
-        """Spectra by Gauss quadrature in steps that end at the jumps of the matrices."""
-        grid = Grid.uniform(highest + 1, system.period, system.breaks)
-        nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
-        phases = grid.stages((nodes + 1) / 2).ravel()
-        matrices: Coefficients = coefficients(system, speed, phases)
-        orders = np.arange(-highest, highest + 1)
-        waves = np.exp(-2j * np.pi / system.period * np.outer(orders, phases))
-        waves *= (grid.h[:, None] * (weights / 2)).ravel() / system.period
-        return cls(*(np.tensordot(waves, matrix, 1) for matrix in matrices[:7]))
-
-    def lifted(self, orders: int, harmonics: int, rotation: float) -> tuple[Array, Array, Array, Array]:
-        """Matrices A - N, B, C and D of the lifted system, whose states have the harmonics -orders …
-        orders."""
-        inner, outer = np.arange(-orders, orders + 1), np.arange(-harmonics, harmonics + 1)
-        blocks = (
-            (self.A, inner, inner),
-            (self.B, inner, outer),
-            (self.C, outer, inner),
-            (self.D, outer, outer),
-        )
-        A, B, C, D = (together(toeplitz(*block)) for block in blocks)
-        A[range(len(A)), range(len(A))] -= 1j * rotation * np.repeat(inner, self.A.shape[-1])
-        return A, B, C, D
-
-    @property
-    def units(self) -> Array:
-        """Scales (N,) of the states that balance the mean A, so that round-off affects all states equally."""
-        from scipy.linalg import matrix_balance
-
-        mean = self.A[len(self.A) // 2].real
-        return matrix_balance(mean, permute=False, separate=True)[1][0]
-
-    def transfer(self, s: complex, orders: int, harmonics: int, rotation: float) -> Array:
-        """Transfer function C (s - A + N)⁻¹ B + D as (2N+1, p, 2N+1, r); NaN at a pole."""
-        A, B, C, D = self.lifted(orders, harmonics, rotation)
-        H = self._response(s, A, B, C) + D
-        p, r = self.D.shape[1:]
-        return H.reshape(2 * harmonics + 1, p, 2 * harmonics + 1, r)
-
-    def free_response(self, orders: int, harmonics: int, rotation: float) -> Array:
-        """Coefficients (2N+1, p) of the outputs due to the load b; zero without this load."""
-        p = self.D.shape[1]
-        if not self.b.any():
-            return np.zeros((2 * harmonics + 1, p))
-        A, _, C, _ = self.lifted(orders, harmonics, rotation)
-        middle = len(self.b) // 2
-        loads = self.b[middle - orders : middle + orders + 1].reshape(-1, 1)
-        return self._response(0.0, A, loads, C).reshape(-1, p)
-
-    def _response(self, s: complex, A: Array, B: Array, C: Array) -> Array:
-        """Values C (s - A)⁻¹ B for lifted matrices; NaN at a pole."""
-        unit = np.tile(self.units, len(A) // len(self.units))
-        try:
-            return (C * unit) @ np.linalg.solve(
-                s * np.eye(len(A)) - A * unit / unit[:, None], B / unit[:, None]
-            )
-        except np.linalg.LinAlgError:
-            return np.full((len(C), B.shape[1]), np.nan)
-
-
-def _real(matrix: Array, rows: int, columns: int, height: int, width: int) -> Array:
-    """Lifted matrix converted from complex harmonics to means and amplitudes of cosines and sines."""
-    blocks = matrix.reshape(2 * rows + 1, height, 2 * columns + 1, width)
-    forward, backward = _amplitudes(rows), np.linalg.inv(_amplitudes(columns))
-    converted = np.einsum("ij,jakb,kl->ialb", forward, blocks, backward, optimize=True)
-    return converted.real.reshape(matrix.shape)
-
-
-def _amplitudes(orders: int) -> Array:
-    """Matrix that converts the coefficients of exp(ikφ), k = -orders … orders, to mean, cosine and sine
-    amplitudes."""
-    matrix = np.zeros((2 * orders + 1, 2 * orders + 1), dtype=complex)
-    matrix[0, orders] = 1.0
-    for k in range(1, orders + 1):
-        matrix[2 * k - 1, [orders - k, orders + k]] = 1.0
-        matrix[2 * k, [orders - k, orders + k]] = -1j, 1j
-    return matrix
-
-
-def _phasors(names: Sequence[str], orders: int) -> list[str]:
-    suffixes = ["0", *(f"{wave}{k}" for k in range(1, orders + 1) for wave in "cs")]
-    return labels(f"{name}_{suffix}" for suffix in suffixes for name in names)

@@ -115,16 +115,7 @@ def stability_limit(gamma: float, beta: float) -> float:
     """Largest ω h for which a step is stable: 1/sqrt(γ/2 - β), where an eigenvalue passes -1.
 
     It is infinite for 2β ≥ γ ≥ 1/2, and 0 for γ < 1/2, where every step is unstable. The condition of the
-    thesis, β ≥ (γ + 1/2)²/4, is stronger: the eigenvalues remain complex, see `oscillation_limit`."""
+    thesis (6.11), β ≥ (γ + 1/2)²/4, is stronger: the eigenvalues remain complex."""
     if gamma < 0.5:
         return 0.0
     return math.inf if 2 * beta >= gamma else 1 / math.sqrt(gamma / 2 - beta)
-
-
-def oscillation_limit(gamma: float, beta: float) -> float:
-    """Largest ω h for which the eigenvalues are complex, so that the step oscillates: 2/sqrt((γ + 1/2)² -
-    4β), thesis (6.11).
-
-    It is infinite for β ≥ (γ + 1/2)²/4."""
-    rest = (gamma + 0.5) ** 2 - 4 * beta
-    return math.inf if rest <= 0 else 2 / math.sqrt(rest)

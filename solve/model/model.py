@@ -15,7 +15,7 @@ from solve.capabilities import Capabilities, Evaluation, Nonlinear, Validity, Va
 from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
 from solve.equations import require_desired_motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.labels import SPEED, require_vibration
+from solve.labels import SPEED, Labels, require_vibration
 from solve.matrices import by_the_phase, split_entries
 from solve.model.bounds import checked_parameters, stated_limits
 from solve.model.cases import Case
@@ -25,7 +25,7 @@ from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
 from solve.model.outputs import ModelOutputs
-from solve.model.sampling import MatrixSampler, Sampler, folded, tangent
+from solve.model.sampling import MatrixSampler, Sampler, folded, nonzero_rows, tangent
 from solve.model.setup import Setup, labels_of, left_out, stated_lines
 from solve.system import PeriodicSystem, shown_in
 
@@ -41,6 +41,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         As for `PeriodicSystem`.
     coordinates : sequence of (str, str, str)
         Name, unit and meaning of each coordinate.
+    labels : Labels, optional
+        Labels of the model; by default those of the setup.
 
     Examples
     --------
@@ -54,17 +56,19 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         setup: Setup,
         matrices: Callable[[Array, float], Sequence[Array]],
         coordinates: Sequence[tuple[str, str, str]],
+        labels: Labels | None = None,
     ):
         module = setup.module
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
         self._outputs = ModelOutputs(setup)
         self.slopes: SlopesCache = {}
+        self._labels_along: dict[object, tuple[Labels, Labels]] = {}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         inputs = getattr(module, "INPUTS", ())
         self.inputs = tuple(name for name, *_ in inputs)
         self.fits = setup.case.fits
-        self.labels = labels_of(setup, (*coordinates, *module.OUTPUTS, *inputs))
+        self.labels = labels or labels_of(setup, (*coordinates, *module.OUTPUTS, *inputs))
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
 
     @classmethod
@@ -217,6 +221,17 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         texts = [*self.labels.equation_warnings, *overdamped]
         return texts if linear else [text for text in texts if text not in left_out(self.setup)]
 
+    @property
+    def labels_along(self) -> Labels:
+        """Labels of the model linearised about a motion: without the terms that the linearisation about the
+        fundamental motion neglects."""
+        known, labels = self._labels_along.get(self.labels.speed_unit, (None, self.labels))
+        if known is not self.labels:
+            warnings = [each for each in self.labels.equation_warnings if each not in left_out(self.setup)]
+            labels = replace(self.labels, equation_warnings=tuple(warnings))
+            self._labels_along[self.labels.speed_unit] = self.labels, labels
+        return labels
+
     def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":
         return LinearisedModel(self, motion, compiled)
 
@@ -283,6 +298,11 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return Sampler(tangent(self.setup.function("residual"), self.setup.p))
 
     @cached_property
+    def tangent_entries(self) -> Array:
+        """Indices of the entries of `tangent` that do not vanish identically, ascending."""
+        return nonzero_rows(tangent(self.setup.function("residual"), self.setup.p))
+
+    @cached_property
     def tangent_formulas(self) -> Formulas | None:
         """C code of the function of `tangent`; None if unavailable."""
         return self.setup.formulas("residual", (), tangent)
@@ -323,14 +343,12 @@ class LinearisedModel(Model):
         return self.model.derivatives.about_motion(round(self.period / self.model.period))
 
     def __init__(self, model: Model, motion: Motion, compiled: Columns | None = None):
-        super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
+        labels = model.labels_along
+        super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n], labels)
         self.model, self.motion, self._compiled, self.events = model, motion, compiled, Events()
         starts = np.arange(round(motion.nodes[-1] / model.period)) * model.period
         self.breaks = tuple((starts[:, None] + np.array(model.breaks)).ravel().tolist())
         self.period, self.validity = float(motion.nodes[-1]), {}
-        fitted = (text for text in self.labels.equation_warnings if text not in left_out(model.setup))
-        unit = model.labels.speed_unit
-        self.labels = replace(self.labels, equation_warnings=tuple(fitted), speed_unit=unit)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model, self.motion), {"breaks": self.breaks, "events": self.events}
@@ -381,6 +399,15 @@ class LinearisedModel(Model):
         entries = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
         # If None is returned, the caller evaluates the matrices, which raises the error.
         return entries if np.isfinite(entries).all() else None
+
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array] | None:
+        if self.model.assembled:
+            return None
+        used, squared = self.model.tangent_entries, self.n**2
+        entries = self._tangent(phase, speed)[used]
+        entries *= np.array([speed**2, speed, 1.0, 1.0])[used // squared][:, None]
+        # The evaluation of all entries raises the error.
+        return (entries.T, used) if np.isfinite(entries).all() else None
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":
         return self.model.along(motion, compiled)

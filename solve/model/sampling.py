@@ -15,9 +15,9 @@ from solve.threads import symbolic
 if TYPE_CHECKING:
     import casadi
 
-_CHUNK = 256
+_CHUNK = 64
 """Number of phases per evaluation. A choice: large enough to make the cost of a call negligible, small enough
-for CasADi's map to be built quickly."""
+for few phases, which take as long as a whole chunk."""
 
 _MAX_DEGREE = 4
 """Maximum degree of polynomials in the speed. A choice."""
@@ -119,6 +119,13 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
     d = sum((A @ x for A, x in zip(matrices, states, strict=True)), -r)
     entries = casadi.cse(casadi.vertcat(by_rows(matrices), casadi.densify(d)))
     return casadi.Function("tangent", [*inputs, values] if len(free) else inputs, [entries])
+
+
+@symbolic
+def nonzero_rows(function: "casadi.Function") -> Array:
+    """Indices of the entries of the only output that do not vanish identically, ascending."""
+    (entries,) = function.call(list(inputs_of(function).values()), True, False)
+    return np.array([k for k in range(entries.numel()) if not entries[k].is_zero()])
 
 
 class MatrixSampler:

@@ -14,7 +14,7 @@ from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError, counted
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.branch_store import BranchStep, SavedBranch
-from solve.newton.grazing import grazes, point_beyond
+from solve.newton.grazing import grazes, points_beyond
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
@@ -149,22 +149,20 @@ class _BranchFollower:
                     return self._stored((*found, self.between(one, other, edge)), length, "")
                 found.append(other)
         except NoOrbitError as reason:
-            beyond = [] if found else self._beyond_grazing(before)
-            if beyond:
-                return self._stored(beyond, _FIRST_STEP)
+            if not found:
+                with suppress(SolveError):
+                    return self._stored(self._beyond_grazing(before), _FIRST_STEP)
             grazing = not found and grazes(self.manifold, before)
             return self._stored(found, length, f"{reason}{', which grazes a switch' if grazing else ''}")
         return self._stored(found, min(growth * length, _MAX_STEP))
 
     def _beyond_grazing(self, before: Point) -> list[Point]:
-        """Grazing point at the end of the branch so far, and the first point beyond it; empty if the range
-        contains no point beyond."""
-        try:
-            after = point_beyond(self.manifold, before)
-        except SolveError:
-            return []
-        inside = self.ends[0] <= after.value <= self.ends[1]
-        return [replace(before, kind=GRAZING), after] if inside else []
+        """Grazing point at the end of the branch so far, and the first points beyond it. Raises SolveError
+        if there are none within the range."""
+        points = points_beyond(self.manifold, before)
+        if not self.ends[0] <= points[-1].value <= self.ends[1]:
+            raise NoOrbitError("the orbit beyond is outside the range")
+        return [replace(before, kind=GRAZING), *points]
 
     def _closing_point(self, start: Point, before: Point, after: Point) -> Point | None:
         """First point of the branch, if the branch returns to it within a step and is thus closed."""

@@ -173,6 +173,10 @@ class ContinuationParameters:
         return replace(self.task, system=system, speed=speed)
 
     def text(self, values: Array) -> str:
-        """Values with units, as text."""
+        """Text of values with their units, and with their names unless only the speed varies."""
         shown = [pair for pair in zip(self.names, values, strict=True) if pair[0] != DAMPING]
-        return ", ".join(unit_of(self.task.system, name).text(float(value), ".6g") for name, value in shown)
+        named = [name for name, _ in shown] != [SPEED]
+        return ", ".join(
+            f"{name} = " * named + unit_of(self.task.system, name).text(float(value), ".6g")
+            for name, value in shown
+        )

@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arguments import checked_rtol, require_integer
 from solve.arrays import Array
-from solve.equations import require_bounds
+from solve.equations import require_bounds, warnings_of
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED, in_own_unit, speed_or_usual
@@ -20,9 +20,11 @@ from solve.newton.several_branches import follow_orbits
 from solve.newton.starts import Start
 from solve.newton.switching import Followed, follow_doublings
 from solve.newton.unforced import energy, follow_modes_of
+from solve.period.curve import Curve
+from solve.period.grid import Grid
 from solve.results.branch import KINDS, Branch
 from solve.results.scatter import Scatter
-from solve.system import PeriodicSystem, of_system, shown_in
+from solve.system import PeriodicSystem, in_phase, of_system, shown_in
 from solve.units import apart, ramp_in_si
 
 _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
@@ -30,6 +32,11 @@ _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeat
 _SAMPLES = 127
 """Number of phases at which orbits are stored; a choice. It resolves 63 harmonics, accurate enough as a start
 of Newton's iteration, and is odd, so that the highest harmonic has a cosine and a sine."""
+
+
+_PHASES, _ROUNDOFF = 32, 1e-12
+"""Number of phases at which coefficients are compared, and relative difference up to which they are equal.
+Choices."""
 
 
 @of_system
@@ -115,6 +122,11 @@ def branch(
             "unforced modes are followed over the speed; omit 'over', 'switch', 'start', 'begin' and "
             "'periods'"
         )
+    if switch and _is_linear(parameters.task):
+        raise ValueOutOfBoundsError(
+            f"{system.labels.name} is linear in its coordinates: where its period doubles, all orbits of "
+            f"twice the period have the same {parameters.names[0]} and form no branch; omit switch"
+        )
     start, most = scattered_or(start), int(points)
     value = first_value(parameters, start, begin)
     task = parameters.task_at(np.array([value]))
@@ -131,6 +143,17 @@ def branch(
             for one, found, _ in tuple(followed):
                 followed += follow_doublings(one, found, most, steps)
     return _result(parameters, followed, notes)
+
+
+def _is_linear(task: Task) -> bool:
+    """Whether the equations have no switches, and the same M, C and K along rest and another motion."""
+    system, speed = task.system, task.speed
+    if warnings_of(system, speed) != warnings_of(system, speed, linear=False):
+        return False
+    rest, phase = task.rest(Grid.uniform(1, task.period)), np.linspace(0.0, task.period, _PHASES + 1)[:-1]
+    motion = Curve(rest.nodes, np.ones((system.n, 1, 3)))
+    pairs = zip(*(in_phase(task.along(curve), phase, speed)[:3] for curve in (motion, rest)), strict=True)
+    return all(np.abs(one - other).max() <= _ROUNDOFF * np.abs(other).max() for one, other in pairs)
 
 
 def continuation(

@@ -1,28 +1,32 @@
 """Continuation of a branch beyond a grazing orbit, where multipliers change abruptly.
 
-Newton's iteration does not converge across the grazing orbit, because the linearisation contains the events
-of one side only. The orbit beyond is found by integration: a motion that starts on the last orbit before the
-grazing orbit settles on the orbit beyond, if that orbit is stable."""
+The branch has a corner there, because the tangent on each side follows from the equations with the events of
+that side. The branch continues at further values of the parameter or turns back. Newton's iteration at a
+fixed value, from the last orbit or a slightly larger motion, finds the orbit beyond, stable or not."""
+
+from itertools import product
 
 import numpy as np
 
 from solve.contracts import Events
-from solve.equations import events_of, nonlinear_of
+from solve.equations import events_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import Point, Unknowns
+from solve.newton.iteration import iterate
 from solve.newton.manifold import Manifold
-from solve.newton.strategies import from_state, linear_sizes
+from solve.newton.special_points import special_points
 
-_STEPS = 0.01, 0.02, 0.04
-"""Steps of the parameter beyond the grazing orbit, as fractions of its range. Choices: short enough to find a
-near orbit, long enough for unambiguous events."""
+_STEPS = 0.001, 0.003, 0.01, 0.03
+"""Steps of the parameter from the grazing orbit, as fractions of its range. Choices: the shortest are near
+enough for Newton's iteration, the longest make the events clear."""
 
-_PERIODS = 8
-"""Number of periods of the orbit that are integrated. A choice: the difference from a stable orbit beyond the
-grazing orbit decays within a few periods."""
+_LARGER = 0.0, 0.002, 0.006
+"""Relative increases of the last motion from which Newton's iteration starts, in the order in which they are
+tried. Choices: at some of them the motion passes the switch about as far as the orbit beyond."""
 
-_STATES, _RTOL = 512, 1e-8
-"""Number of states per period of the motion, and its tolerance. Choices."""
+_BACK = 0.01
+"""Length, in scaled coordinates, of the step back to an orbit with the same events as the branch so far. A
+choice."""
 
 _HALVINGS, _SAME = 10, 0.02
 """Number of halvings of the step, and largest distance from the grazing orbit after them, in scaled
@@ -30,24 +34,29 @@ coordinates. Choices: if the distance decreases with the square root of the step
 nearer; a stable orbit of another branch does not."""
 
 
-def point_beyond(manifold: Manifold, before: Point) -> Point:
-    """First point beyond a grazing orbit near `before`; its orbit passes other switches.
+def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
+    """First points beyond a grazing orbit near `before`, whose orbits pass other switches, with the special
+    points between them.
 
-    Raises NoOrbitError if the equations have no switches, and if no motion settles on such an orbit."""
-    parameters, here = manifold.parameters, _events(manifold, before)
-    if not here.sides:
-        raise NoOrbitError("the equations have no switches")
-    for step in _STEPS:
-        value = before.value + step * np.sign(before.direction.value) * parameters.spans[0]
+    Raises NoOrbitError if `before` grazes no switch, and if no such orbit is found."""
+    if not grazes(manifold, before):
+        raise NoOrbitError("the orbit grazes no switch")
+    # The last orbit itself may pass the switch already, within its errors.
+    back, _ = manifold.along(before, -_BACK)
+    here = _events(manifold, back)
+    onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
+    for way, step, larger in product((1, -1), _STEPS, _LARGER):
         try:
-            after = _settled(manifold, before, float(value))
+            after = _orbit_at(manifold, before, before.value + way * step * onwards, 1 + larger)
         except SolveError:
             continue
         there = _events(manifold, after)
-        passes = here.grazing or len(here.phases) != len(there.phases) or here.sides != there.sides
-        if passes and _begins_at(manifold, before, after):
-            return after
-    raise NoOrbitError("no motion settles beyond a grazing orbit")
+        if len(here.phases) == len(there.phases) and here.sides == there.sides:
+            continue
+        first = _first_beyond(manifold, before, after)
+        if first is not None:
+            return [after] if first is after else [first, *special_points(manifold, first, after), after]
+    raise NoOrbitError("no orbit was found beyond a grazing orbit")
 
 
 def grazes(manifold: Manifold, point: Point) -> bool:
@@ -61,32 +70,27 @@ def _events(manifold: Manifold, point: Point) -> Events:
     return events_of(task.along(point.unknowns.curve))
 
 
-def _begins_at(manifold: Manifold, before: Point, after: Point) -> bool:
-    """Whether the branch through the orbit beyond begins at the grazing orbit. Otherwise the motion has
-    jumped to another branch, as in a slow sweep."""
+def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | None:
+    """Orbit nearest to the grazing orbit on the branch of the orbit beyond; None if that branch does not
+    begin at the grazing orbit. Otherwise a slow sweep jumps to it."""
     point = after
     for _ in range(_HALVINGS):
         if manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME:
-            return True
+            return point
         step = (before.value - point.unknowns.value) / 2
         back = point.unknowns.plus(step / point.direction.value, point.direction)
         try:
             point = manifold.held(back, point.tangents, point.grid)
         except SolveError:
             break
-    return manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME
+    is_same = manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME
+    return point if is_same else None
 
 
-def _settled(manifold: Manifold, before: Point, value: float) -> Point:
-    """Point at a value of the parameter, from the orbit on which a motion that starts on the orbit `before`
-    settles."""
+def _orbit_at(manifold: Manifold, before: Point, value: float, factor: float) -> Point:
+    """Point at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`. Its
+    tangent is directed away from `before`."""
     parameters, values = manifold.parameters, np.array([value])
-    task, curve = parameters.task_at(values), before.unknowns.curve
-    march = nonlinear_of(task.system).marcher(linear_sizes(task, before.grid), _STATES, _RTOL)
-    state = np.concatenate([curve(np.zeros(1), order)[:, 0] for order in range(2)])
-    for turn in range(_PERIODS * task.periods):
-        state = march(state, turn * task.system.period, task.speed)[:2, :, -1].ravel()
-    found = from_state(task, state, before.grid)
-    grid = parameters.task.grid(found.solutions.grid.steps)
-    towards = Unknowns(parameters.task.rest(grid), np.array([before.direction.value]))
-    return manifold.held(Unknowns(found.curve, values), [towards], grid)
+    found = iterate(parameters.task_at(values), before.unknowns.times(factor).curve, before.grid)
+    away = Unknowns(parameters.task.rest(before.grid), values - before.value)
+    return manifold.held(Unknowns(found.curve, values), [away], before.grid)

@@ -15,7 +15,7 @@ from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction
 from solve.contracts import Motion
 from solve.equations import events_of, nonlinear_of
-from solve.errors import LinearModelError, NoOrbitError, SolveError, counted
+from solve.errors import ChatterError, LinearModelError, NoOrbitError, SolveError, counted
 from solve.kernel.formulas import columns_by
 from solve.methods.collocated import Collocated
 from solve.methods.free import free, solutions_on
@@ -40,9 +40,17 @@ _NEAR = 0.1
 iteration without jumps converges from more starts. Jumps are also included if the iteration without jumps
 stops."""
 
+_MOST_EVENTS = 128
+"""Largest number of events per period of the system. A choice: a quarter of the number of phases at which
+switches are evaluated on a coarse grid, so that most events of a motion with more of them would be missed."""
+
 _STALLED = 1e-6
 """Relative size below which corrections that no longer decrease count as round-off. A choice: far above eps
 times the condition number of typical systems, far below a useful rtol."""
+
+QUADRATIC = 1e-3
+"""Norm of a correction below which convergence is quadratic. A choice: the next correction is about its
+square."""
 
 _RTOL_FRACTION = 0.01
 """Upper limit of the last correction, as a fraction of the tolerance of the orbit. A choice: with quadratic
@@ -64,6 +72,12 @@ class Task:
 
     def __post_init__(self) -> None:
         require_size("periods", self.periods, NUMBERS_A_POINT)
+
+    def with_method(self, method: Collocated) -> "Task":
+        """The same orbit by another method."""
+        other = replace(self, method=method)
+        vars(other).update(rigid=self.rigid, breaks=self.breaks)
+        return other
 
     def along(self, curve: Motion) -> PeriodicSystem:
         """System linearised along a curve, with the events of the curve as breaks."""
@@ -132,28 +146,31 @@ def without_zeros(sizes: Array) -> Array:
     return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
 
-def iterate(task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS) -> Converged:
-    """Apply Newton's iteration on a grid, from an initial motion, until it converges. Raises NoOrbitError
-    with the smallest correction in its text."""
+def iterate(
+    task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS, last: float = 0.0
+) -> Converged:
+    """Apply Newton's iteration on a grid, from an initial motion, until it converges, or until the norm of a
+    correction is at most `last`. Raises NoOrbitError, whose text includes the smallest correction."""
     with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
-        return _iterate(task, start, grid, most)
+        return _iterate(task, start, grid, most, max(last, _RTOL_FRACTION * task.rtol))
 
 
-def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
+def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> Converged:
     norm, curve = _CorrectionNorm(task, grid), on(grid, start)
-    corrected, near = _correct(task, curve, grid, False), False
+    corrected, near = correct(task, curve, grid, False), False
     size, damping, smallest, count = norm(curve, corrected), 1.0, math.inf, 0
     while count < most:
         count += 1
         if not near and (size < _NEAR or damping < _MIN_DAMPING):
-            near, damping, corrected = True, 1.0, _correct(task, curve, grid, True, corrected)
-            size = norm(curve, corrected)
+            near, damping, without_jumps = True, 1.0, corrected
+            corrected = correct(task, curve, grid, True, without_jumps)
+            size = size if corrected is without_jumps else norm(curve, corrected)
         smallest = min(smallest, size)
-        if size <= _RTOL_FRACTION * task.rtol:
+        if size <= last:
             return norm.converged(curve, corrected, count)
         trial = interpolate(curve, Converged(corrected, count, size).curve, damping)
         try:
-            after = _correct(task, trial, grid, near)
+            after = correct(task, trial, grid, near)
         except LinearModelError:
             raise
         except SolveError:
@@ -276,13 +293,25 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
     """System linearised along a curve, and a grid of about the same number of steps with the phases of events
     as breaks."""
     along = task.along(curve)
-    # A parameter may have moved the breaks of the task since the grid was created.
+    if len(events_of(along).phases) > _MOST_EVENTS * task.periods:
+        raise _chatter(task, np.array(events_of(along).phases))
+    # A parameter may have moved the breaks of the task since the grid was made.
     if along.breaks != tuple(grid.nodes[:-1][grid.at_break].tolist()):
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
 
 
-def _correct(
+def _chatter(task: Task, phases: Array) -> ChatterError:
+    densest = float(phases[np.diff(phases, append=phases[0] + task.period).argmin()])
+    number = f"{len(phases)} times" + (f" in {task.periods} periods" if task.periods > 1 else " per period")
+    return ChatterError(
+        f"the motion passes switches of the equations {number}, most densely near phase {densest:.4g} rad; "
+        f"allowed: {_MOST_EVENTS} times per period; it may chatter: give the contact more damping or less "
+        "stiffness"
+    )
+
+
+def correct(
     task: Task, curve: Curve, grid: Grid, through_jumps: bool, otherwise: Solutions | None = None
 ) -> Solutions:
     """Next Newton iterate from a curve. through_jumps: whether disturbances jump at events with discontinuous

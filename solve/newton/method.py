@@ -1,18 +1,21 @@
 """Newton's iteration in the form of a method, so that nonlinear solutions on several grids are compared like
 linear ones."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import CoordinateScale
+from solve.certify.comparison import SAFETY
+from solve.certify.correction import CoordinateScale, correction
+from solve.certify.resolution import AIM, first_steps, grid_sizes
 from solve.contracts import Matrices, Motion
-from solve.errors import NoOrbitError, StepsError
+from solve.errors import NoOrbitError, SolveError, StepsError
 from solve.methods.collocated import Collocated
 from solve.methods.collocation import Collocation
 from solve.methods.method import Method, Solutions, one_by_one
-from solve.newton.iteration import Converged, Task, iterate
+from solve.newton.iteration import Converged, Task, correct, iterate, without_zeros
 from solve.period.curve import Curve
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
@@ -22,6 +25,10 @@ from solve.system import PeriodicSystem
 _FEW_STEPS = 32
 """Number of steps of the grid on which the round-off of the loads is computed. A choice: few suffice, because
 the bound varies smoothly."""
+
+_MAX_GROWTH = 3.0
+"""Largest predicted ratio of the numbers of steps. A choice: the first grid may be too coarse for the order
+to hold, or a coordinate may be zero except for round-off."""
 
 _COARSE = 256
 """Number of steps above which no finer grid is tried if the iteration diverges. A choice."""
@@ -45,24 +52,30 @@ def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
 
 class Newton(Method):
     """Newton's iteration in the form of a method for one point, so that `certified` can compare grids. On
-    each grid it starts from the last curve of the finest grid so far, or from the curve of `lower`, the
-    iteration with one stage fewer. found: converged iteration by the task's method on the first grid, if
-    available."""
+    each grid it starts from the last curve of the finest grid so far, or from the curve of `lower`.
+
+    Attributes
+    ----------
+    start : Motion
+        Curve from which the iteration starts.
+    first : int
+        Number of steps of the grid on which the start was found. Coarser grids may have no orbit near it.
+    predicts : bool
+        Whether the first grid is predicted, instead of `first` steps.
+    lower : Newton
+        Iteration with one stage fewer, from whose solutions this one starts.
+    better : Curve
+        Curve by the method with one more stage on the predicted grid, if this grid suffices."""
 
     first_order = True
 
     def __init__(
-        self,
-        task: Task,
-        start: Motion,
-        steps: int = 0,
-        found: Converged | None = None,
-        lower: "Newton | None" = None,
+        self, task: Task, start: Motion, first: int = 0, predicts: bool = False, lower: "Newton | None" = None
     ):
         method = task.method
-        self.task, self.start, self.first, self.finest, self.found = task, start, steps, steps, found
-        self.lower = lower
-        # The next step linearises about this curve, so its solution is not more accurate than the curve.
+        self.task, self.start, self.first, self.finest = task, start, first, first
+        self.predicts, self.lower, self.better = predicts, lower, None
+        # The next linearisation is about this curve, and its solution is not more accurate than the curve.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
 
@@ -73,7 +86,7 @@ class Newton(Method):
     @property
     def with_another_stage(self) -> "Newton":
         """The same iteration by the method with one more stage."""
-        task = replace(self.task, method=self.task.method.with_another_stage)
+        task = self.task.with_method(self.task.method.with_another_stage)
         return Newton(task, self.start, self.first, lower=self)
 
     @property
@@ -95,9 +108,34 @@ class Newton(Method):
         return self.task.method
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Number of steps of the grid on which the first orbit was found. On coarser grids there may be no
-        orbit nearby."""
+        if self.predicts:
+            self.predicts, self.first = False, self._predicted(modes)
         return np.full(len(modes), int(self.first / 1.2))
+
+    def _predicted(self, modes: FrozenModes) -> int:
+        """Number of steps of a grid that is expected to suffice. On a first grid, the orbit is corrected by
+        the method with one more stage. The error is twice the change and decreases with the order."""
+        first = first_steps(self, self.point(), modes, True, self.task.rtol)
+        (steps,) = grid_sizes(np.maximum(first, self.first)).tolist()
+        task, grid = self.task, self.task.grid(steps)
+        try:
+            # The remaining correction is about rtol, and is included in the change.
+            curve = iterate(task, self.start, grid, last=math.sqrt(task.rtol)).curve
+            higher = task.with_method(task.method.with_another_stage)
+            better = correct(higher, curve, grid, True)
+        except SolveError:
+            return self.first
+        change, largest = correction(curve, better)
+        error = SAFETY * float((change / without_zeros(largest)).max())
+        self.start, self.finest = curve, steps
+        if error <= task.rtol:
+            self.better = Converged(better, 1, error).curve
+            return steps
+        growth = (error / (AIM * task.rtol)) ** (1 / self.curve_order)
+        if growth > _MAX_GROWTH:
+            return steps
+        self.start = Converged(better, 1, error).curve
+        return min(int(growth * steps), task.method.most_steps(len(largest)))
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
         return self.task.method.bytes_a_step(n, orbit, engine)
@@ -109,16 +147,15 @@ class Newton(Method):
         return one_by_one(points, lambda point: self._converged(point, grid))
 
     def _converged(self, point: Points, grid: Grid) -> Solutions:
-        found, task = self.found, self.task
+        task = self.task
         if isinstance(point, ScaledEquations):
-            found, task = None, replace(task, factors=point.factors)
+            task = replace(task, factors=point.factors)
         try:
-            if found is None or not np.array_equal(found.solutions.grid.nodes, grid.nodes):
-                found = iterate(task, self.start if self.lower is None else self.lower.start, grid)
-                if found.iterations == 1 and self.lower is not None:
-                    # Multipliers computed about the curve with fewer stages would hide the effect of the
-                    # error of that curve.
-                    found = iterate(task, found.curve, grid)
+            found = iterate(task, self._start_on(grid), grid)
+            if found.iterations == 1 and self.lower is not None and self._start_on(grid) is self.lower.start:
+                # Multipliers computed about the curve with fewer stages would hide the effect of
+                # the error of that curve.
+                found = iterate(task, found.curve, grid)
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
                 raise StepsError(str(reason)) from None
@@ -132,6 +169,12 @@ class Newton(Method):
         scale = CoordinateScale(along, found.curve, task.speed, _FEW_STEPS)
         defect = max(found.last, scale.load_roundoff(np.abs(found.curve.sampled(1)).max(axis=1)))
         return replace(found.solutions, defect=np.array([defect]))
+
+    def _start_on(self, grid: Grid) -> Motion:
+        if self.lower is None:
+            return self.start
+        better = self.lower.better
+        return self.lower.start if better is None or len(better.h) != grid.steps else better
 
     def point(self) -> SinglePoint:
         """The system linearised along the curve from which the iteration starts."""

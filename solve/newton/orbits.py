@@ -11,6 +11,7 @@ from solve.certify.refinement import certified
 from solve.contracts import Motion
 from solve.equations import events_of, nonlinear_of
 from solve.errors import (
+    ChatterError,
     NoOrbitError,
     ResonanceError,
     SolveError,
@@ -20,7 +21,7 @@ from solve.errors import (
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocated import Collocated
-from solve.newton.iteration import Converged, Task, iterate, zero_motion
+from solve.newton.iteration import QUADRATIC, Converged, Task, iterate, zero_motion
 from solve.newton.method import Newton
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
@@ -99,6 +100,8 @@ def nonlinear(
         For systems without nonlinear equations.
     NoOrbitError
         If no orbit is found; the message states the progress of each strategy.
+    ChatterError
+        If the motion passes switches of the equations too often.
     ValueOutOfBoundsError, FileError
         For bad input.
 
@@ -161,6 +164,8 @@ class _Search:
                 except UnbalancedLoadError:
                     raise
                 except SolveError as error:
+                    if isinstance(error, ChatterError) and strategy == _TRANSIENT:
+                        raise
                     failed.append(f"by the {strategy}: {error}")
                     continue
                 if orbit.verdict != "unstable" or (strategy == _TRANSIENT and unstable is None):
@@ -193,10 +198,11 @@ class _Search:
         self._check_period(motion)
         for grid in self.grids[:-1]:
             try:
-                return iterate(self.task, motion or self.task.rest(grid), grid)
+                return iterate(self.task, motion or self.task.rest(grid), grid, last=QUADRATIC)
             except (NoOrbitError, ResonanceError):
                 continue
-        return iterate(self.task, motion or self.task.rest(self.grids[-1]), self.grids[-1])
+        grid = self.grids[-1]
+        return iterate(self.task, motion or self.task.rest(grid), grid, last=QUADRATIC)
 
     def _check_period(self, motion: Motion | None) -> None:
         ratio = 1.0 if motion is None else self.task.period / motion.nodes[-1]
@@ -212,7 +218,7 @@ class _Search:
         """Certify the orbit that was found on one grid."""
         task, start, first = self.task, found.curve, found.solutions.grid.steps
         solve_request = request(self.steps, task.rtol, task.engine, True)
-        newton = Newton(task, start, first, found)
+        newton = Newton(task, start, first, predicts=self.steps is None)
         (result,) = certified(newton.point(), newton, solve_request)
         if isinstance(result, Failed):
             raise result.reason

@@ -11,7 +11,7 @@ from solve.capabilities import Capabilities, Nonlinear
 from solve.certify.correction import corrected
 from solve.contracts import Columns, Matrices, Motion
 from solve.equations import nonlinear_of
-from solve.errors import NoOrbitError, SolveError
+from solve.errors import ChatterError, NoOrbitError, SolveError
 from solve.newton.iteration import Converged, Task, interpolate, iterate, joined, without_zeros
 from solve.period.curve import Curve
 from solve.period.grid import Grid
@@ -196,6 +196,8 @@ def from_state(task: Task, state: Array, grid: Grid) -> Converged:
         try:
             fine = motion_from(task, state, sizes, finer.steps // task.periods, _FINE_RTOL)
             return iterate(task, fine, finer, _MAX_CORRECTIONS)
+        except ChatterError:
+            raise
         except SolveError:
             continue
     raise NoOrbitError(

@@ -12,10 +12,11 @@ from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.matrices import by_rates, leading, split_entries
 from solve.period.eigenvalues import balance_matrices
+from solve.period.multipliers import UNDERFLOW
 from solve.period.pencils import (
-    LOOPED,
     eigenvalues,
     fields_by_rates,
+    has_steady_determinant,
     is_periodic_drift,
     mass_normalised,
     pencil_eigenvalues,
@@ -36,6 +37,9 @@ _BALANCED = 64.0
 """Largest ratio between rows, or between entries of a column, up to which elimination loses few digits: a
 choice."""
 
+_STEADY = 0.02
+"""Fraction of the median of det M below which a phase with singular M is searched. A choice."""
+
 _FEW = np.s_[::16]
 """Selection of phases from which rates are estimated if no bound is required."""
 
@@ -44,16 +48,12 @@ class FrozenModes:
     """Modes of P points with coefficients frozen at the midpoints of k equal intervals of the period."""
 
     def __init__(self, tables: Tables, period: float, engine: str = NUMPY):
-        self._tables, self._n, self.period, self._engine = tables, tables.n, period, engine
+        self._tables, self.n, self.period, self._engine = tables, tables.n, period, engine
         self._first_order = tables.first_order
         self._parent: tuple[Array, Array] | None = None
 
     def __len__(self) -> int:
         return len(self._tables.coefficients)
-
-    @property
-    def n(self) -> int:
-        return self._n
 
     def __getitem__(self, points: Array) -> "FrozenModes":
         if covers_all(points, len(self)):
@@ -78,12 +78,12 @@ class FrozenModes:
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
         """Rigid-body modes at these phases; None if no point has one."""
-        if self._n == 1 and not self._tables.per_point:
+        if self.n == 1 and not self._tables.per_point:
             low, high = self._ranges
             M, C, K = np.maximum(-low[:3], high[:3])
             if (K > ROUNDING * (M + C)).all():
                 return None
-        elif self._n > 1:
+        elif self.n > 1:
             M, C, K = self._matrices_at(slice(1)).transpose(0, 3, 4, 1, 2)
             if not may_be_singular(K[:, 0], ROUNDING * (np.abs(M) + np.abs(C))[:, 0]).any():
                 return None
@@ -123,44 +123,25 @@ class FrozenModes:
             fields = fields[..., phases][:, positions]
         else:
             fields = self._fields[..., phases]
-        return fields[: 3 * self._n**2].reshape(3, self._n, self._n, *fields.shape[1:])
+        return fields[: 3 * self.n**2].reshape(3, self.n, self.n, *fields.shape[1:])
 
     def _rates_at(self, phases: Array | slice) -> Array:
-        """M, C and K (3, n, n, P, k') at a selection of the phases, with the rates of first-order coordinates
-        as unknowns."""
+        """`_matrices_at` with the rates of first-order coordinates as unknowns."""
         return fields_by_rates(self._matrices_at(phases), self._first_order)
 
     @property
     def _is_oscillator(self) -> bool:
-        return self._n == 1 and not self._first_order
+        return self.n == 1 and not self._first_order
 
-    def has_steady_inertia(self, fraction: float) -> Array:
-        """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `fraction` of its
+    def has_steady_inertia(self) -> Array:
+        """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `_STEADY` of its
         median."""
         if self._is_oscillator and not self._tables.per_point:
             low, high = self._ranges
-            steady = (low[0] > fraction * high[0]) | (high[0] < fraction * low[0])
+            steady = (low[0] > _STEADY * high[0]) | (high[0] < _STEADY * low[0])
             if steady.all():
                 return steady
-        M = self._rates_at(slice(None))[0]
-        if self._n > LOOPED:
-            sign, logarithm = np.linalg.slogdet(np.moveaxis(M, (0, 1), (2, 3)))
-            middle = np.argsort(logarithm, axis=1)[:, [logarithm.shape[1] // 2]]
-            median = np.take_along_axis(logarithm, middle, 1)
-            same_sign = sign == np.take_along_axis(sign, middle, 1)
-            # If both are singular, their difference is NaN, which does not count as steady inertia.
-            with np.errstate(invalid="ignore"):
-                return np.asarray((same_sign & (logarithm - median > np.log(fraction))).all(axis=1))
-        M = M.copy()
-        determinant: Array = np.ones(M.shape[2:])
-        with np.errstate(all="ignore"):
-            for k in range(self._n):
-                determinant *= M[k, k]
-                for i in range(k + 1, self._n):
-                    M[i, k + 1 :] -= M[i, k] / M[k, k] * M[k, k + 1 :]
-            middle = determinant.shape[1] // 2
-            median = np.partition(determinant, middle, axis=1)[:, [middle]]
-            return np.asarray((determinant * np.sign(median) > fraction * np.abs(median)).all(axis=1))
+        return has_steady_determinant(self._rates_at(slice(None))[0], _STEADY)
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
         """Eigenvalues (P, k, N) with respect to the phase, at all phases or a selection of them."""
@@ -206,10 +187,9 @@ class FrozenModes:
             factors = 1 / np.abs(np.linalg.det(A * unit[..., None] * unit[..., None, :]))
         return np.where(np.isfinite(factors), factors, np.inf).max(axis=1)
 
-    def rates_and_decay(self, negligible: float) -> tuple[Array, Array]:
-        """Moduli (P, N) of the eigenvalues in ascending order, each the maximum over the phases, and mean
-        decay factors (P, N) of these modes over a period. The decay factors are relative to the least damped
-        mode, or to `negligible` if it is larger."""
+    def rates_and_decay(self) -> tuple[Array, Array]:
+        """Moduli (P, N) of the eigenvalues, maximal over the phases, in ascending order. Also the mean decay
+        factor (P, N) of these modes over a period, relative to the least damped mode or to `UNDERFLOW`."""
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -220,7 +200,7 @@ class FrozenModes:
             moduli, real_parts = np.abs(values), np.real(values)
         with np.errstate(invalid="ignore"):
             exponents = real_parts.mean(axis=1) * self.period
-            exponents -= np.maximum(exponents.max(axis=1, keepdims=True), np.log(negligible))
+            exponents -= np.maximum(exponents.max(axis=1, keepdims=True), np.log(UNDERFLOW))
             decay = np.exp(np.clip(exponents, -700.0, 0.0))
         return moduli.max(axis=1), decay
 
@@ -230,7 +210,7 @@ class FrozenModes:
 
         Factors are 1 for points with rows of similar size. None is returned if all factors are 1.
         """
-        if self._n == 1:
+        if self.n == 1:
             return None
         entries = self._rates_at(slice(None))
         sizes = np.abs(entries[..., entry_phases(entries.shape[-1])]).max(axis=-1)
@@ -248,7 +228,7 @@ class FrozenModes:
             exponents = -np.round(np.log2(inertia.max(axis=2)))
             exponents -= exponents.max(axis=1, keepdims=True)
         needs_factors = np.isfinite(exponents).all(axis=1) & (exponents.min(axis=1) < -np.log2(_BALANCED))
-        factors = np.ones((len(self), self._n))
+        factors = np.ones((len(self), self.n))
         factors[rows[needs_factors]] = np.exp2(exponents[needs_factors])
         return factors if needs_factors.any() else None
 
@@ -256,7 +236,7 @@ class FrozenModes:
     def _coupling(self) -> tuple[Array, Array]:
         """Mean accelerations of the coordinates due to other coordinates and their rates (P, n, n), and those
         due to loads (P, n)."""
-        n = self._n
+        n = self.n
         M, C, K, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
         M, C, K = by_rates(M, C, K, self._first_order)
         rate = np.abs(rate_of(M, C, K, load)[..., n:, :]).mean(axis=1)
@@ -293,8 +273,8 @@ class FrozenModes:
             M = leading(M, C, self._first_order)
             C, K = (relative[:, None] @ solved(M, matrix) * mask for matrix in (C, K))
             # Reference coordinates of the modes are excluded.
-            K = K + (1 - mask) * np.eye(self._n)
-        return np.concatenate((C, K), axis=2).reshape(len(points), -1, self._n)
+            K = K + (1 - mask) * np.eye(self.n)
+        return np.concatenate((C, K), axis=2).reshape(len(points), -1, self.n)
 
     def units(self, points: Array) -> Array:
         """Units that make the entries of states (k, N) of points at positions (k,) comparable: square roots
@@ -305,8 +285,8 @@ class FrozenModes:
         inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
         units = np.sqrt(np.concatenate((np.maximum(stiffness, inertia), inertia), axis=-1))
         if self._first_order:
-            units = units[:, : 2 * self._n - self._first_order]
-            units[:, self._n - self._first_order : self._n] = 1.0
+            units = units[:, : 2 * self.n - self._first_order]
+            units[:, self.n - self._first_order : self.n] = 1.0
         return units
 
     def exceeds_rate(self, rate: float) -> Array:
@@ -321,7 +301,7 @@ class FrozenModes:
         limits, ratios = (rate, rate**2), self._ratios()
         # The largest eigenvalue is at least the mean of all eigenvalues, the trace divided by n.
         traces = [np.abs(ratio.trace()).max(axis=1) for ratio in ratios]
-        exceeds = (traces[0] > self._n * limits[0]) | (traces[1] > self._n * limits[1])
+        exceeds = (traces[0] > self.n * limits[0]) | (traces[1] > self.n * limits[1])
         rows = (~exceeds).nonzero()[0]
         if len(rows):
             scaled = (np.abs(ratio[:, :, rows]) / limit for ratio, limit in zip(ratios, limits, strict=True))
@@ -348,9 +328,7 @@ class FrozenModes:
                 rows = rows[self[rows]._is_within_at(phases, rate[rows])]
                 if not len(rows):
                     break
-            is_within = np.zeros(len(self), dtype=bool)
-            is_within[rows] = True
-            return is_within
+            return np.isin(np.arange(len(self)), rows)
         is_within = self._bounded_by_ranges(rate)
         rows = (~is_within).nonzero()[0]
         if len(rows):
@@ -361,11 +339,11 @@ class FrozenModes:
         return is_within
 
     def _is_within_at(self, phases: slice, rate: Array) -> Array:
-        """Evaluate `is_within` at a selection of the phases, for several coordinates."""
+        """`is_within` at a selection of the phases, for several coordinates."""
         C, K = self._ratios(phases)
         # The sum of squares of the 2n eigenvalues is at most 2n times that of the largest.
         squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * K.trace()
-        is_within = np.abs(squares).max(axis=1) <= 2 * self._n * rate**2
+        is_within = np.abs(squares).max(axis=1) <= 2 * self.n * rate**2
         rows = is_within.nonzero()[0]
         if len(rows):
             C, K, rate = C[:, :, rows], K[:, :, rows], rate[rows, None]
@@ -384,14 +362,13 @@ class FrozenModes:
 
     def _at_phase(self, phase: int) -> "FrozenModes":
         entries = np.moveaxis(self._fields[..., phase : phase + 1], 0, -1)
-        return FrozenModes(
-            Tables.from_entries(entries, self._n, self._first_order), self.period, self._engine
-        )
+        tables = Tables.from_entries(entries, self.n, self._first_order)
+        return FrozenModes(tables, self.period, self._engine)
 
     def _largest_rates(self) -> Array:
         """Maximum (P, k) of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C)."""
         M, C, K = np.moveaxis(self._rates_at(slice(None)), (3, 4), (1, 2))
-        if self._n == 1:
+        if self.n == 1:
             stiffness, damping = (np.abs(matrix[..., 0, 0] / M[..., 0, 0]) for matrix in (K, C))
         else:
             stiffness, damping = (np.abs(eigenvalues(solved(M, A))).max(axis=-1) for A in (K, C))

@@ -22,6 +22,10 @@ choice."""
 SURE = 2.0
 """Factor on the error estimate for the decision that a modulus is larger than 1. A choice."""
 
+UNDERFLOW = 1e-30
+"""Spectral radius below which multipliers are round-off of the entries of Φ. docs/certificate.md states the
+measured range."""
+
 _TIMES_ESTIMATE = 10.0
 """Factor on the error estimate of multipliers that may coincide, because the error that splits a double
 multiplier moves it off the unit circle. A choice."""
@@ -123,15 +127,15 @@ class Multipliers:
         without_scale = np.where(distance == 0, 0.0, np.inf)
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), without_scale)
 
-    def with_digits(self, error: Array, bound: float) -> "Multipliers":
+    def with_digits(self, error: Array) -> "Multipliers":
         """Multipliers, with zero for those that are not accurate to one digit.
 
-        error (…): error of the multipliers relative to the spectral radius. bound (…): upper bound on all
-        moduli, used where the error is infinite.
+        error (…): error of the multipliers relative to the spectral radius, infinite where all multipliers
+        are below `UNDERFLOW`.
         """
         has_no_digit = np.isinf(error)
         absolute = np.where(has_no_digit, 0.0, error) * self.spectral_radius
-        bounds = np.maximum(np.where(has_no_digit, bound, absolute), self.bound)
+        bounds = np.maximum(np.where(has_no_digit, UNDERFLOW, absolute), self.bound)
         is_resolved = np.abs(self.values) > bounds[..., None]
         return Multipliers(np.where(is_resolved, self.values, 0.0), is_resolved.sum(axis=-1), bounds)
 

@@ -131,3 +131,27 @@ def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) 
     is_fast = (moduli * period > limit) | (moduli == moduli.max(axis=-1, keepdims=True))
     rates = np.where(is_fast, np.real(eigenvalues), -np.inf).max(axis=-1)
     return np.exp(np.minimum(rates.mean(axis=-1) * period, 0.0))
+
+
+def has_steady_determinant(M: Array, fraction: float) -> Array:
+    """Whether (P,) the determinants of fields (n, n, P, k) have the same sign at every phase, and moduli
+    above a fraction of that of their median."""
+    n = len(M)
+    if n > LOOPED:
+        sign, logarithm = np.linalg.slogdet(np.moveaxis(M, (0, 1), (2, 3)))
+        middle = np.argsort(logarithm, axis=1)[:, [logarithm.shape[1] // 2]]
+        median = np.take_along_axis(logarithm, middle, 1)
+        same_sign = sign == np.take_along_axis(sign, middle, 1)
+        # Two singular matrices have the difference NaN, which does not count as steady.
+        with np.errstate(invalid="ignore"):
+            return np.asarray((same_sign & (logarithm - median > np.log(fraction))).all(axis=1))
+    M = M.copy()
+    determinant: Array = np.ones(M.shape[2:])
+    with np.errstate(all="ignore"):
+        for k in range(n):
+            determinant *= M[k, k]
+            for i in range(k + 1, n):
+                M[i, k + 1 :] -= M[i, k] / M[k, k] * M[k, k + 1 :]
+        middle = determinant.shape[1] // 2
+        median = np.partition(determinant, middle, axis=1)[:, [middle]]
+        return np.asarray((determinant * np.sign(median) > fraction * np.abs(median)).all(axis=1))

@@ -349,23 +349,31 @@ class Branch(BranchPoints):
             if points:
                 sentences.append(f"{words} at {self._values_text(points)}.")
         for jump in self.jumps:
-            sentences.append(self._jump_text(jump, unit.text(jump[self.over], ".6g")))
+            sentences.append(self._jump_text(jump, self._named + unit.text(jump[self.over], ".6g")))
         return " ".join(sentences)
 
     def _range_text(self, number: int) -> str:
         """Sentence on the range and the folds of a branch."""
         unit, values = unit_of(self.system, self.over), self.values[self.numbers == number]
         folds = [point for point in self.folds if point["branch"] == number]
+        named = self._named
         subject = "The mode" if len(self.energies) else "The branch"
         subject = f"Branch {number + 1}" if number else subject
         if number in self.closed:
-            return f"{subject} is closed and extends from {unit.span(values.min(), values.max())}."
+            return (
+                f"{subject} is closed and extends from {self._named}{unit.span(values.min(), values.max())}."
+            )
         turns = f" and turns back at {self._values_text(folds)}" if folds else ""
-        return f"{subject} goes from {unit.span(values[0], values[-1])}{turns}."
+        return f"{subject} goes from {named}{unit.span(values[0], values[-1])}{turns}."
 
     def _values_text(self, points: Sequence[dict[str, Any]]) -> str:
         unit = unit_of(self.system, self.over)
-        return ", ".join(unit.text(point[self.over], ".6g") for point in points)
+        return self._named + ", ".join(unit.text(point[self.over], ".6g") for point in points)
+
+    @property
+    def _named(self) -> str:
+        """Name of the parameter before its values; empty for the speed."""
+        return "" if self.over == SPEED else f"{self.over} = "
 
     def _jump_text(self, jump: Mapping[str, Any], at: str) -> str:
         name, ends = jump["coordinate"], [jump["from"], jump["to"]]

@@ -40,15 +40,11 @@ from solve.studies.speed_grids import (
     separate_crossings,
     without_result,
 )
-from solve.studies.stability_samples import Evaluate, StabilitySamples, evaluator
+from solve.studies.stability_samples import NOISE, Evaluate, StabilitySamples, evaluator
 from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import ShownUnit, speeds_between
-
-GROWTH = 1e-6
-"""Smallest growth per period that counts as instability. Smaller values may be round-off, because multipliers
-that coincide lose half their digits."""
 
 _MIN_INTERVALS, _MAX_INTERVALS = 40, 2000
 """Minimum and maximum number of intervals into which the range of speeds is divided before the search for
@@ -279,7 +275,7 @@ class _UnstableRuns:
         for at, run in enumerate(runs):
             first, last = starts[run], ends[run]
             radius = max(self._within[within[at]], np.abs(known.multipliers[first : last + 1, 0]).max())
-            growing[at] = radius > 1 + GROWTH
+            growing[at] = radius > 1 + NOISE
             if growing[at]:
                 open_ends = bool(unknown[run]), bool(unknown[run + 1])
                 uniform.append(Band(*within[at], KINDS[state[first]], float(radius), *open_ends))

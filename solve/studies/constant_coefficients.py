@@ -15,7 +15,14 @@ from solve.batch.family import Family
 from solve.batch.gathering import gathered
 from solve.matrices import inertia_units, split_entries
 from solve.methods.method import Method
-from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CIRCLE, UNSTABLE
+from solve.period.multipliers import (
+    ASYMPTOTICALLY_STABLE,
+    EPS,
+    KNOWN_ON_CIRCLE,
+    STABLE,
+    UNIT_CIRCLE,
+    UNSTABLE,
+)
 from solve.period.natural import PERTURBATION
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
 from solve.results.points import Kept, PointResults
@@ -34,10 +41,6 @@ changes a mode by less than 1e-13 ω T / 2 per period, far below the growth that
 
 _ROUNDING = 64 * EPS
 """Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
-
-_CLOSE = 1e-6
-"""Uncertainty of a modulus up to which a multiplier on the unit circle counts as stable, as in
-`solve.period.multipliers.verdicts`."""
 
 _LARGEST = 300.0
 """Largest growth exponent per period that is shown; larger ones overflow."""
@@ -80,7 +83,7 @@ class ConstantCoefficients:
         growth, errors = exponents.growth * period, exponents.errors * period
         with np.errstate(invalid="ignore"):
             unstable = np.asarray((growth - errors > UNIT_CIRCLE).any(axis=1))
-            stable = np.asarray(~unstable & (growth + errors <= _CLOSE).all(axis=1))
+            stable = np.asarray(~unstable & (growth + errors <= KNOWN_ON_CIRCLE).all(axis=1))
         angles = exponents.angular_rates * (self.family.speeds(points) * self.unit)[:, None]
         multipliers = np.exp(np.minimum(growth, _LARGEST) + 1j * angles)
         samples = StabilitySamples.from_multipliers(points, stable, unstable, np.nan_to_num(multipliers))
@@ -97,7 +100,7 @@ class ConstantCoefficients:
         rates, n, period = self.exponents(points), self.family.example.n, self.family.example.period
         growth, errors = rates.growth * period, rates.errors.max(axis=1) * period
         results = PointResults.blank(len(points), 2 * n, Kept(warnings=False))
-        is_certain = np.flatnonzero(errors <= _CLOSE)
+        is_certain = np.flatnonzero(errors <= KNOWN_ON_CIRCLE)
         exponents = np.minimum(growth, _LARGEST) + 1j * rates.angular_rates * period
         results.multipliers[is_certain] = 0.0
         results.multipliers[is_certain, : growth.shape[1]] = np.exp(exponents[is_certain])

@@ -18,8 +18,8 @@ from solve.results.sweep import Sweep
 from solve.studies.boundaries import BoundarySearch
 from solve.studies.constant_coefficients import ConstantCoefficients
 from solve.studies.maxima import Brackets, Trials, narrow_to_height, narrow_to_tolerance, peaks
-from solve.studies.mean_frequencies import MeanFrequencies
-from solve.studies.resonances import CLOSE, Label, MultiplierMatcher
+from solve.studies.mean_frequencies import CLOSE, MeanFrequencies
+from solve.studies.resonances import Label, MultiplierMatcher
 from solve.studies.speed_grids import LIGHTLY_DAMPED, Rotation, by_speed, separate_crossings
 from solve.studies.stability_samples import (
     StabilitySamples,

@@ -23,7 +23,7 @@ from solve.results.sweep import Sweep
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.critical_search import CriticalSearch, radius, real_part
 from solve.studies.mean_frequencies import MeanFrequencies, combinations, resonance_speeds, resonances
-from solve.studies.resonances import CLOSE, assign
+from solve.studies.resonances import assign
 from solve.studies.speed_grids import ends_with_matrices, multiplier_rotation, no_rotation, without_result
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
@@ -164,7 +164,7 @@ def _critical_speeds(
         rows = assign(rows, search.label_real_part_maxima(of_real_part), frequencies, "multiplier")
         rows = assign(rows, search.label_radius_maxima(of_radius), frequencies, "radius")
         rows = [replace(row, ratios=(frequencies.at(row.speed) / row.speed).tolist()) for row in rows]
-    notes += [*results.notes, *frequencies.shift_notes(CLOSE)]
+    notes += [*results.notes, *frequencies.shift_notes()]
     return CriticalSpeeds(
         system,
         speeds=grid,

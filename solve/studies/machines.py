@@ -19,13 +19,9 @@ from solve.period.named import RADIUS, Named
 from solve.results.points import FAILED
 from solve.studies.design_points import Design
 from solve.studies.point_values import errors_of, values_of
-from solve.studies.probability import Gradient
+from solve.studies.probability import MAX_DISTANCE, Gradient
 from solve.studies.requirements import Bound
 from solve.studies.tracked import leading
-
-_REACH = 8.0
-"""Number of standard deviations of a normal distribution within which gradients are calculated. The
-probability outside is 1e-15."""
 
 
 class Quantity(NamedTuple):
@@ -146,7 +142,7 @@ class Machines:
         probability."""
         low, high = np.array(
             [
-                (each.first - _REACH * each.second, each.first + _REACH * each.second)
+                (each.first - MAX_DISTANCE * each.second, each.first + MAX_DISTANCE * each.second)
                 if each.normal
                 else (each.first, each.second)
                 for each in self.spreads.values()

@@ -26,6 +26,10 @@ _JUMP = 1e-2
 """Remaining relative difference between a mean frequency and a multiple of the speed above which the mean
 jumps over the multiple instead of crossing it. A choice."""
 
+CLOSE = 0.05
+"""Relative difference between a frequency and an integer multiple of the speed up to which they may belong to
+a resonance. A choice."""
+
 _SAMPLES = 24
 """Smallest number of speeds, if available, at which frequencies with and without C are compared. A choice."""
 
@@ -85,19 +89,19 @@ class MeanFrequencies:
         """Mean frequencies (n,) in rad/s at one speed."""
         return replace(self, speeds=np.array([speed])).values[0]
 
-    def shift_notes(self, limit: float) -> list[str]:
-        """Note on speeds at which C changes a mean frequency by more than a relative limit. Empty if there
-        are none, or if frequencies are imaginary."""
+    def shift_notes(self) -> list[str]:
+        """Note on speeds at which C changes a mean frequency by more than the fraction `CLOSE`. Empty if
+        there are none, or if frequencies are imaginary."""
         real = self.speeds[~self.imaginary & np.isfinite(self.values[:, 0])]
         speeds = real[:: max(1, len(real) // _SAMPLES)]
         shifts = np.array([shift_by_rates(self.system, speed) for speed in speeds.tolist()])
-        beyond, text = np.flatnonzero(shifts > limit), self.system.labels.speed_unit.text
+        beyond, text = np.flatnonzero(shifts > CLOSE), self.system.labels.speed_unit.text
         if not len(beyond):
             return []
         first, largest = float(speeds[beyond[0]]), int(shifts.argmax())
         return [
             "gyroscopic forces, or damping that couples modes, change frequencies by more than "
-            f"{limit:.0%} (first at {text(first, '.4g')}), and by up to {shifts[largest]:.0%} at "
+            f"{CLOSE:.0%} (first at {text(first, '.4g')}), and by up to {shifts[largest]:.0%} at "
             f"{text(float(speeds[largest]), '.4g')}: mean frequencies and their integer fractions, which "
             "are computed from M and K only, are unreliable there"
         ]

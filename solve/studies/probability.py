@@ -32,9 +32,16 @@ _PLAIN, _WIDE = 0.3, 0.2
 them, intervals for events that surround 0 in three dimensions contain the true value as often as other
 intervals."""
 
-_STEPS, _STEP_END, _FARTHEST = 12, 0.02, 8.0
-"""Largest number of Newton steps to the nearest point of an event, change of z below which they end, and
-largest modulus of z, with probability 6e-16. Choices."""
+_STEPS, _STEP_END = 12, 0.02
+"""Largest number of Newton steps to the nearest point of an event, and change of z below which they end.
+Choices."""
+
+MAX_DISTANCE = 8.0
+"""Largest distance from the mean, in standard deviations, at which events are sought and gradients are
+calculated. A choice: larger values of one variable have the probability 1e-15."""
+
+MAX_CENTRES = 8
+"""Largest number of centres of a mixture, of which the nearest to 0 are kept. A choice."""
 
 _COVERED = 1.0
 """Distance from the tangent plane through a centre, on the side of 0, up to which events belong to this
@@ -105,16 +112,16 @@ def normal_variables(cube: Array) -> Array:
     return ndtri(np.clip(cube, 1e-12, 1 - 1e-12))
 
 
-def centres_of(gradient: Gradient, found: Array, most: int) -> list[Array]:
-    """Points of an event nearest to z = 0, at most `most`: the one reached from 0, and one for each separate
-    group of the events `found` (k, r)."""
+def centres_of(gradient: Gradient, found: Array) -> list[Array]:
+    """Points of an event nearest to z = 0, at most `MAX_CENTRES`: the one reached from 0, and one for each
+    separate group of the events `found` (k, r)."""
     starts, centres = [np.zeros(found.shape[1])], []
     with suppress(SolveError):
         if gradient(starts[0])[0] > 0:
             # An event that includes 0 is frequent and needs no further centre.
             return []
     left = found[np.argsort((found**2).sum(axis=1))]
-    while starts and len(centres) < most:
+    while starts and len(centres) < MAX_CENTRES:
         centre = _nearest(gradient, start := starts.pop())
         if centre is None and start.any():
             centre = start
@@ -140,7 +147,7 @@ def _nearest(gradient: Gradient, z: Array) -> Array | None:
         if not 0 < size < math.inf:
             break
         moved = slopes * float(slopes @ z - margin) / size**2
-        if not np.linalg.norm(moved) < _FARTHEST:
+        if not np.linalg.norm(moved) < MAX_DISTANCE:
             break
         change, z = np.linalg.norm(moved - z), moved
         if change < _STEP_END:

@@ -127,10 +127,6 @@ def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:
         require_name(f"parameter of {model.labels.name}", name, model.parameters)
         unit, value = model.labels.parameter_labels[name][0], model.parameters[name]
         if name in vary:
-            if not isinstance(vary[name], str):
-                raise ValueOutOfBoundsError(
-                    f"spread of {name} is {vary[name]!r}; give a text, such as '±2 %'"
-                )
             found[name] = spread_of(name, vary[name], value, unit)
         else:
             found[name] = spread_of(name, case.spreads[name], value, unit, case.units.get(name))

@@ -13,13 +13,13 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import matched
 from solve.results.critical_speeds import Combination, Critical, Maximum
-from solve.studies.mean_frequencies import MeanFrequencies, is_excited
+from solve.studies.mean_frequencies import CLOSE, MeanFrequencies, is_excited
 from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem
 
-_NEAR, CLOSE = 0.2, 0.05
+_NEAR = 0.2
 """Largest difference between the ratio of frequency to speed and an integer at which a maximum may belong to
-this integer division: absolute, and relative to the integer; the smaller one applies. Choices."""
+this integer division. The relative difference is at most `CLOSE`. A choice."""
 
 _ANGLE_TOLERANCE = 0.02
 """Allowed difference between the angle of a multiplier and that of a division or combination, as a fraction

@@ -28,7 +28,7 @@ from solve.results.tolerances import (
 )
 from solve.studies.machines import STABILITY, Event, Machines, Outcome, Quantity
 from solve.studies.point_values import kept_for
-from solve.studies.probability import SEARCH_SPREAD, Mixture, centres_of, normal_variables
+from solve.studies.probability import MAX_CENTRES, SEARCH_SPREAD, Mixture, centres_of, normal_variables
 from solve.studies.requirements import bounds_of, real_quantity, spreads_of
 from solve.studies.sobol_indices import sobol_indices
 from solve.studies.tracked import leading
@@ -39,9 +39,8 @@ from solve.units import speeds_given
 _SEARCH = 8
 """Divisor of the number of samples: 1 / _SEARCH of the samples search for rare events. A choice."""
 
-_MOST_SPEEDS, _MOST_CENTRES = 4, 8
-"""Largest number of speeds at which points of an event are sought, and largest number of these points; those
-nearest to the nominal parameters are kept. Choices."""
+_MOST_SPEEDS = 4
+"""Largest number of speeds at which points of an event are sought. A choice."""
 
 _MOST_STEPS = 40
 """Largest number of evaluations in the search for a worst point. A choice."""
@@ -216,9 +215,9 @@ def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> M
     for limit, event in zip(machines.limits, (searched.unstable, *searched.beyond), strict=True):
         for place in _speeds_of(event):
             gradient = machines.gradient(limit, machines.speeds[place])
-            centres += centres_of(gradient, z[event.margins[:, place] > 0], _MOST_CENTRES)
+            centres += centres_of(gradient, z[event.margins[:, place] > 0])
     centres.sort(key=lambda centre: float(np.linalg.norm(centre)))
-    return Mixture.about(centres[:_MOST_CENTRES], z.shape[1], samples)
+    return Mixture.about(centres[:MAX_CENTRES], z.shape[1], samples)
 
 
 def _speeds_of(event: Event) -> list[int]:

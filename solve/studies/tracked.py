@@ -15,6 +15,7 @@ import numpy as np
 
 from solve.arguments import described
 from solve.arrays import Array
+from solve.derivatives.figures import EQUAL
 from solve.errors import ValueOutOfBoundsError
 from solve.period.named import Named
 from solve.results.orbit import Orbit
@@ -48,10 +49,6 @@ _OF_CONSTANT = 16
 _DIFFERENCE = 1e-4
 """Step in x, whose range is 0 to 1, of finite differences for a function without derivatives. The truncation
 error is of the order of the squared step; round-off on equal grids, divided by the step, is smaller."""
-
-
-_EQUAL = 1e-9
-"""Relative difference up to which extrema are equally large, as for derivatives of statistics."""
 
 
 class Tracked(Protocol):
@@ -221,7 +218,7 @@ def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> 
     extrema = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
     assert isinstance(extrema, Extrema)
     values = extrema.values(x)
-    largest = values >= values.max() - _EQUAL * np.abs(values).max()
+    largest = values >= values.max() - EQUAL * np.abs(values).max()
     return Extrema(design, at, name, extrema.sides[largest], extrema.phases[largest], extrema.widths[largest])
 
 

@@ -7,17 +7,18 @@ references."""
 
 import argparse
 import time
-from importlib import import_module
+from types import ModuleType
 
 from solve.certify import coefficients, comparison, point_solver, refinement, resolution
+from solve.period import frozen, multipliers
 from tests.solve.certificates import fresh, population
 from tests.solve.certificates.trials import TRIALS, outcomes, rates
 
-MODULES = coefficients, comparison, point_solver, refinement, resolution
+MODULES = coefficients, comparison, frozen, multipliers, point_solver, refinement, resolution
 CONSTANTS = {
-    "refinement": ("_MAX_GROWTH", "_UNKNOWN"),
-    "resolution": ("MIN_STEPS", "_MAX_FIRST_STEPS", "UNDERFLOW", "_UNRESOLVED", "AIM"),
-    "comparison": (
+    refinement: ("_MAX_GROWTH", "_UNKNOWN"),
+    resolution: ("MIN_STEPS", "_MAX_FIRST_STEPS", "_UNRESOLVED", "AIM"),
+    comparison: (
         "_COEFFICIENTS",
         "_AMPLIFICATION",
         "PHASES_PER_STEP",
@@ -25,15 +26,16 @@ CONSTANTS = {
         "NO_DIGIT",
         "ROUND_OFF",
     ),
-    "point_solver": ("_AMPLIFIED",),
-    "coefficients": ("PHASES", "ROUND_OFF"),
+    point_solver: ("_AMPLIFIED",),
+    coefficients: ("PHASES", "ROUND_OFF"),
+    multipliers: ("UNDERFLOW",),
 }
 CACHED = comparison._sampled_phases, resolution._collocation_angle, coefficients._fixed_phases
 
 
-def set_constant(owner: str, name: str, value: float) -> None:
+def set_constant(owner: ModuleType, name: str, value: float) -> None:
     """Set a constant in its module, and in those that import it."""
-    present = getattr(import_module(f"solve.certify.{owner}"), name)
+    present = getattr(owner, name)
     for module in MODULES:
         if vars(module).get(name) is present:
             setattr(module, name, value)
@@ -64,7 +66,7 @@ def main() -> None:
     measured("present values", every)
     for owner, names in CONSTANTS.items():
         for name in names:
-            present = getattr(import_module(f"solve.certify.{owner}"), name)
+            present = getattr(owner, name)
             for value in (type(present)(present / 2), type(present)(2 * present)):
                 set_constant(owner, name, value)
                 measured(f"{name} {value:.3g}", every)

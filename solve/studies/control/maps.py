@@ -17,6 +17,13 @@ from solve.methods.collocation import Collocation
 from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 
+FROZEN_PHASES = 48
+"""Phases at which frozen modes are computed. A choice."""
+
+FIRST_RTOL = 1e-8
+"""Tolerance for which phase advances per step of the first grid are stated. For another tolerance they change
+by the root of the order of the method."""
+
 _MOST_DOUBLINGS = 60
 """Maximum number of doublings of the period; if they do not converge, no solution exists. With closed-loop
 multipliers of up to 1 − 1e-17, the iteration converges earlier."""

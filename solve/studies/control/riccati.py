@@ -14,6 +14,8 @@ from solve.period.curve import Curve
 from solve.period.eigenvalues import balance_matrices, roundoff_growth
 from solve.period.grid import Grid
 from solve.studies.control.maps import (
+    FIRST_RTOL,
+    FROZEN_PHASES,
     Maps,
     Stages,
     periodic_solution,
@@ -26,9 +28,9 @@ from solve.studies.control.maps import (
 _ORDER = 16
 """Order of the Gauss method, the highest available: solutions are as smooth as the coefficients."""
 
-_ADVANCE, _AT = 7.0, 1e-8
-"""Phase advance per step of the fastest frozen mode on the first grid for a tolerance of 1e-8: the error
-constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
+_ADVANCE = 7.0
+"""Phase advance per step of the fastest frozen mode on the first grid for the tolerance `FIRST_RTOL`: the
+error constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
 _ROUNDOFF = 1e-5
 """Relative residual of the difference equation, as a fraction of rtol, up to which it is not corrected. A
@@ -43,9 +45,6 @@ _RESOLVED = 1e-7
 """Error below which a solution counts as resolved. An error of a resolved solution that no longer decreases
 is round-off. Measured: with inputs of the harmonics 60 to 192 of small effect on X, errors of 4e-5 to 1e-6
 stagnate on grids that are too coarse for these harmonics."""
-
-_PHASES = 48
-"""Phases at which frozen modes are computed. A choice."""
 
 _LEAST, _MOST = 24, 6000
 """Smallest and largest number of steps: choices. With 12 states, 6000 steps take several seconds."""
@@ -105,7 +104,7 @@ class Riccati:
         )
         fastest = np.abs(np.linalg.eigvals(hamiltonian)).max()
         self._require_resolvable(fastest, np.abs(np.linalg.eigvals(A)).max())
-        advance = _ADVANCE * (self.rtol / _AT) ** (1 / _ORDER)
+        advance = _ADVANCE * (self.rtol / FIRST_RTOL) ** (1 / _ORDER)
         return int(np.clip(np.ceil(fastest * self.period / self.speed / advance), _LEAST, _MOST))
 
     def _require_resolvable(self, fastest: float, without: float) -> None:
@@ -161,7 +160,7 @@ class Riccati:
     @cached_property
     def _sampled(self) -> tuple[Array, Array, Array]:
         """Samples of A, G and Q over the period."""
-        return self._squared((np.arange(_PHASES) + 0.5) * (self.period / _PHASES))
+        return self._squared((np.arange(FROZEN_PHASES) + 0.5) * (self.period / FROZEN_PHASES))
 
     def _squared(self, phase: Array) -> tuple[Array, Array, Array]:
         """A, G and Q (k, N, N) at phases (k,)."""

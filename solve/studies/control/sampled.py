@@ -14,21 +14,21 @@ from solve.period.multipliers import UNIT_CIRCLE
 from solve.results.controller import SampledLoop
 from solve.studies.control.closed_loop import ClosedLoop, Observer
 from solve.studies.control.feedback import FeedbackLoop
-from solve.studies.control.maps import step_maps
+from solve.studies.control.maps import FIRST_RTOL, FROZEN_PHASES, step_maps
 from solve.studies.control.output_feedback import OutputFeedback
 from solve.studies.control.plant import Plant
 from solve.system import PeriodicSystem, check, of_system
 from solve.units import speed_in_si
 
-_ORDER, _ADVANCE, _AT = 8, 1.0, 1e-8
-"""Order of the Gauss method, and phase advance of the fastest frozen mode per step of the first grid for a
-tolerance of 1e-8. Choices: intervals between samples are short."""
+_ORDER, _ADVANCE = 8, 1.0
+"""Order of the Gauss method, and phase advance of the fastest frozen mode per step of the first grid for the
+tolerance `FIRST_RTOL`. Choices: intervals between samples are short."""
 
 _SAME = 1e-12
 """Distance of a node from a sample, relative to the period, up to which both count as equal: round-off."""
 
-_PHASES, _MOST = 48, 20000
-"""Phases at which frozen modes are computed, and largest number of steps. Choices."""
+_MOST = 20000
+"""Largest number of steps. A choice."""
 
 
 @of_system
@@ -164,9 +164,9 @@ class _Drive:
     def certified(self, rtol: float) -> SampledLoop:
         """Result on grids that are refined until the spectral radii agree."""
         system = self.loop.open_loop
-        phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
+        phase = (np.arange(FROZEN_PHASES) + 0.5) * (system.period / FROZEN_PHASES)
         fastest = np.abs(np.linalg.eigvals(self.rates(phase))).max() * system.period
-        steps = int(np.ceil(max(fastest / (_ADVANCE * (rtol / _AT) ** (1 / _ORDER)), self.samples)))
+        steps = int(np.ceil(max(fastest / (_ADVANCE * (rtol / FIRST_RTOL) ** (1 / _ORDER)), self.samples)))
         # With a multiple of the samples, doubling the steps refines every interval between samples.
         steps = self.samples * -(-min(steps, _MOST) // self.samples)
         radius = self.solved(steps).spectral_radius

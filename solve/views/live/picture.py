@@ -18,12 +18,10 @@ from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
 from solve.results.transient import Transient
 from solve.single import periodic
+from solve.views.animation import FREE_TURNS
 
 PHASES = 361
 """Number of points of a curve: one per degree of a revolution, more than the pixels of a narrow panel."""
-
-FREE_PERIODS = 8
-"""Number of periods of the free vibration that is shown if there is no load. A choice."""
 
 _FREE_RTOL = 1e-6
 """Tolerance of the free vibration: far below a pixel."""
@@ -47,7 +45,7 @@ class Solution:
     def span(self) -> float:
         """Last phase of the curves in rad; the first phase is 0."""
         period = self.orbit.system.period
-        return period if self.free is None else FREE_PERIODS * period
+        return period if self.free is None else FREE_TURNS * period
 
     def vibration(self, phase: Array) -> Array:
         """Coordinates (n, k) at phases (k,)."""
@@ -83,7 +81,7 @@ def solved(model: Model, speed: float, rtol: float, is_nonlinear: bool) -> Solut
         require_load(model, speed)
     except NoLoadError:
         start = np.ones(model.n), np.zeros(model.n)
-        return Solution(orbit, transient(model, speed, FREE_PERIODS, start, rtol=_FREE_RTOL))
+        return Solution(orbit, transient(model, speed, FREE_TURNS, start, rtol=_FREE_RTOL))
     return Solution(orbit)
 
 

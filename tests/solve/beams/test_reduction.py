@@ -70,9 +70,9 @@ def test_with_all_modes_a_welded_frame_keeps_its_frequencies():
         np.testing.assert_allclose(T.T @ M @ T, M_r, atol=1e-12)
 
 
-def true_errors(full, reduced, speed):
+def true_errors(full, reduced, speed, rtol=1e-5):
     """Errors of coordinates, multipliers and some outputs relative to the full system."""
-    truth, own = (solve.periodic(each, speed, rtol=1e-7) for each in (full, reduced))
+    truth, own = (solve.periodic(each, speed, rtol=rtol) for each in (full, reduced))
     q, ours = truth.at(PHASE), reduced.expanded(PHASE, speed, own.at(PHASE)).q
     rho, other = (
         truth.certified.solutions.multipliers.values[0],
@@ -98,7 +98,7 @@ def true_errors(full, reduced, speed):
     ],
 )
 def test_the_estimate_holds_within_a_factor_of_two(speed, options):
-    own, orbit, multipliers, outputs = true_errors(four_bar(4, **options), four_bar(4, 2, **options), speed)
+    own, orbit, multipliers, outputs = true_errors(four_bar(3, **options), four_bar(3, 2, **options), speed)
     computed = own.reduction_error
     assert 1e-3 < orbit < 0.1
     assert orbit < 2 * computed.orbit < 6 * orbit
@@ -113,7 +113,7 @@ def test_the_estimate_holds_within_a_factor_of_two(speed, options):
 def test_the_estimate_holds_over_the_speeds(elements, modes):
     full, reduced = four_bar(elements), four_bar(elements, modes)
     for speed in (10, 17, 25, 33.3, 41.2, 55.6, 70, 78, 90):
-        own, orbit, multipliers, _ = true_errors(full, reduced, float(speed))
+        own, orbit, multipliers, _ = true_errors(full, reduced, float(speed), 1e-7)
         computed = own.reduction_error
         assert orbit < 1.5 * computed.orbit < 3 * orbit, speed
         assert multipliers < 1.5 * computed.multipliers < 8 * multipliers, speed

@@ -98,6 +98,6 @@ def test_usage_example_of_the_page_runs():
     assert names["orbit"].method == "bathe"
     assert names["orbit"].error_estimate.orbit <= 1e-3
     sweep = names["sweep"]
-    truth = solve.sweep(solve.load("cam"), "300:900:4 rpm", rtol=1e-6)
+    truth = solve.sweep(solve.load("manipulator"), "30:60:4 rpm", rtol=1e-6)
     assert {point.method for point in sweep.points} == {"bathe"}
     np.testing.assert_allclose(sweep.spectral_radius, truth.spectral_radius, rtol=2e-2)

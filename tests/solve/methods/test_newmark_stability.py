@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solve import Newmark
-from solve.methods.newmark import oscillation_limit, spectral_radius, stability_limit
+from solve.methods.newmark import spectral_radius, stability_limit
 from solve.period.grid import Grid
 from solve.views.comparison import newmark_region_figure
 from tests.solve.systems import chain_of, constant
@@ -24,6 +24,12 @@ def printed_matrix(gamma, beta, angle):
             [-angle * (1 - gamma / 2 * mu2), 1 - gamma * mu2],
         ]
     )
+
+
+def oscillation_limit(gamma, beta):
+    """(6.11), largest ω Δt for which the eigenvalues are complex."""
+    rest = (gamma + 0.5) ** 2 - 4 * beta
+    return np.inf if rest <= 0 else 2 / np.sqrt(rest)
 
 
 def radius_of_a_step(gamma, beta, angle):

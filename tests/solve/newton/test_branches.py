@@ -180,3 +180,15 @@ def test_a_coordinate_at_rest_stays_at_rest():
 def test_branch_of_a_linear_model_is_refused():
     with pytest.raises(LinearModelError, match="linear by construction"):
         solve.branch(solve.load("four_bar"), "10:20 rad/s")
+
+
+def test_switching_is_refused_for_linear_equations():
+    mathieu = solve.load("mathieu")
+    with pytest.raises(ValueOutOfBoundsError, match=r"^mathieu is linear .* the same delta .*; omit switch$"):
+        solve.branch(mathieu, 1.0, over="delta=0.8:1.2", switch=True)
+
+
+def test_the_summary_names_the_parameter():
+    model = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.4)
+    found = solve.branch(model, 0.5, over="f=0.1:0.105", points=5)
+    assert found.summary.startswith("The branch goes from f = 0.1 to 0.10")

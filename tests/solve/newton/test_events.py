@@ -11,17 +11,17 @@ NUMBERS = {"zeta": 0.1, "k": 1.0, "kappa": 10.0, "gap": 0.5, "f": 1.0}
 SPEED = 1.3
 
 
-def integrated(start, numbers=NUMBERS):
+def integrated(start, numbers=NUMBERS, speed=SPEED):
     """State after a period, its derivatives with respect to the first one, and the phases of contact and
     release, of a mass at a stop: two linear systems in turn."""
     zeta, k, kappa, gap, f = numbers.values()
-    time, last, x, Phi, events = 0.0, 2 * np.pi / SPEED, np.array(start), np.eye(2), []
+    time, last, x, Phi, events = 0.0, 2 * np.pi / speed, np.array(start), np.eye(2), []
     while True:
         touches = x[0] > gap or (x[0] == gap and x[1] > 0)
         A = np.array([[0, 1], [-k - kappa * touches, -2 * zeta]])
 
         def rate(t, y, A=A, touches=touches):
-            load = np.array([0, f * np.cos(SPEED * t) + kappa * gap * touches])
+            load = np.array([0, f * np.cos(speed * t) + kappa * gap * touches])
             return np.concatenate((A @ y[:2] + load, (A @ y[2:].reshape(2, 2)).ravel()))
 
         def passes(t, y):
@@ -29,13 +29,20 @@ def integrated(start, numbers=NUMBERS):
 
         passes.terminal, passes.direction = True, -1 if touches else 1
         run = solve_ivp(
-            rate, (time, last), np.append(x, Phi.ravel()), "DOP853", rtol=1e-13, atol=1e-14, events=passes
+            rate,
+            (time, last),
+            np.append(x, Phi.ravel()),
+            "DOP853",
+            rtol=1e-13,
+            atol=1e-14,
+            events=passes,
+            max_step=last / 512,
         )
         time, x, Phi = run.t[-1], run.y[:2, -1], run.y[2:, -1].reshape(2, 2)
         if run.status == 0:
             return x, Phi, events
         x[0] = gap
-        events.append(SPEED * float(time))
+        events.append(speed * float(time))
 
 
 def by_imaginary_part(values):

@@ -8,7 +8,7 @@ from derive import Max, Mechanism, cos, rate
 from solve.equations import events_of, nonlinear_of
 from solve.newton.arclength import first_point
 from solve.newton.branches import continuation
-from solve.newton.grazing import point_beyond
+from solve.newton.grazing import points_beyond
 from solve.newton.manifold import Manifold
 from solve.results.branch import GRAZING, KINDS
 from tests.solve.newton.mechanisms import model_of, stop
@@ -29,9 +29,9 @@ def grazing():
 
 def test_the_orbit_beyond_a_grazing_orbit_equals_integration(grazing):
     parameters, before = grazing
-    after = point_beyond(Manifold(parameters), before)
-    gap = 1.00001 * REACH - 0.01 * float(parameters.spans[0])
-    assert after.value == pytest.approx(gap, rel=1e-12)
+    *_, after = points_beyond(Manifold(parameters), before)
+    gap = after.value
+    assert gap < 1.00001 * REACH
     curve = after.unknowns.curve
     state = np.array([curve(np.zeros(1))[0, 0], SPEED * curve(np.zeros(1), 1)[0, 0]])
     end, Phi, events = integrated(state, NUMBERS | {"gap": gap})
@@ -48,20 +48,30 @@ def test_an_orbit_with_the_same_events_beyond_does_not_graze():
     model = model_of(stop(), **NUMBERS)
     parameters, _ = continuation(model, SPEED, "gap=0.5:0.4", 1, 1e-7, "auto")
     inside = first_point(parameters, solve.nonlinear(model, SPEED), NUMBERS["gap"])
-    with pytest.raises(solve.errors.NoOrbitError, match="no motion settles beyond a grazing orbit"):
-        point_beyond(Manifold(parameters), inside)
+    with pytest.raises(solve.errors.NoOrbitError, match="the orbit grazes no switch"):
+        points_beyond(Manifold(parameters), inside)
 
 
-def test_a_branch_does_not_continue_on_another_orbit_that_coexists():
-    """Beyond the grazing orbit, the motion jumps to an orbit that also exists before it."""
-    speed, stiff = 0.6, NUMBERS | {"kappa": 300.0}
-    reach = 1 / abs(1 - speed**2 + 2j * stiff["zeta"] * speed)
+@pytest.mark.parametrize(("speed", "kappa", "way"), [(0.6, 300.0, 1), (2.2, 100.0, -1)])
+def test_a_branch_continues_on_the_unstable_orbit_beyond_a_grazing_orbit(speed, kappa, way):
+    """At the lower speed it turns back to larger clearances; at the higher one it goes on to smaller ones. A
+    stable orbit that coexists at the lower speed is not taken."""
+    numbers = NUMBERS | {"kappa": kappa}
+    reach = 1 / abs(1 - speed**2 + 2j * numbers["zeta"] * speed)
     gap = 1.00001 * reach
-    model = model_of(stop(), **stiff | {"gap": gap})
-    parameters, _ = continuation(model, speed, f"gap={gap!r}:{0.9 * reach!r}", 1, 1e-4, "auto")
+    model = model_of(stop(), **numbers | {"gap": gap})
+    parameters, _ = continuation(model, speed, f"gap={gap!r}:{0.9 * reach!r}", 1, 1e-7, "auto")
     before = first_point(parameters, solve.nonlinear(model, speed), gap)
-    with pytest.raises(solve.errors.NoOrbitError, match="no motion settles beyond a grazing orbit"):
-        point_beyond(Manifold(parameters), before)
+    *_, after = points_beyond(Manifold(parameters), before)
+    assert way * (after.value - gap) > 0
+    curve = after.unknowns.curve
+    state = np.array([curve(np.zeros(1))[0, 0], speed * curve(np.zeros(1), 1)[0, 0]])
+    end, Phi, events = integrated(state, numbers | {"gap": after.value}, speed)
+    assert end == pytest.approx(state, abs=1e-6)
+    assert len(events) == 2
+    rho = np.sort(np.abs(after.orbit.multipliers))
+    assert rho[-1] > 1.2
+    assert rho == pytest.approx(np.sort(np.abs(np.linalg.eigvals(Phi))), rel=1e-6)
 
 
 def test_grazing_orbits_of_a_branch_have_the_verdict_of_single_orbits():
@@ -107,3 +117,16 @@ def test_more_than_32_events_per_period_give_a_warning(order, chatters):
     said = [text for text in orbit.warnings if "chatter" in text]
     assert len(said) == chatters
     assert all(f"{2 * order} times" in text and "\n" not in text for text in said)
+
+
+def test_an_orbit_with_more_than_128_events_per_period_is_refused():
+    model = solve.load(lambda: rattling(70), c=2.0, k=7656.25, gap=0.02)
+    with pytest.raises(solve.errors.ChatterError) as refused:
+        solve.nonlinear(model, 1.0, rtol=1e-6, engine="numpy")
+    text = str(refused.value)
+    assert "140 times per period" in text
+    assert "allowed: 128 times" in text
+    assert "\n" not in text
+    phase = float(text.split("near phase ")[1].split(" rad")[0])
+    assert 0 <= phase < 2 * np.pi
+    assert text.endswith("give the contact more damping or less stiffness")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solve.period.eigenvalues import balance_matrices
-from solve.period.multipliers import Multipliers, matched
+from solve.period.multipliers import UNDERFLOW, Multipliers, matched
 
 
 def _of(*values: complex) -> Multipliers:
@@ -16,7 +16,7 @@ def _of(*values: complex) -> Multipliers:
 
 
 def test_multipliers_below_the_error_are_omitted():
-    kept = _of(0.5, 1e-3).with_digits(np.array(0.01), 1.0)
+    kept = _of(0.5, 1e-3).with_digits(np.array(0.01))
     assert kept.resolved == 1
     assert list(kept.values) == [0.5, 0.0]
     assert kept.bound == 0.005
@@ -25,9 +25,9 @@ def test_multipliers_below_the_error_are_omitted():
 def test_infinite_error_leaves_no_multiplier_resolved():
     """The same holds if all multipliers are 0; only their bound remains."""
     for values in ((0.5, 1e-3), (0.0, 0.0)):
-        kept = _of(*values).with_digits(np.array(np.inf), 0.75)
+        kept = _of(*values).with_digits(np.array(np.inf))
         assert kept.resolved == 0
-        assert kept.bound == 0.75
+        assert kept.bound == UNDERFLOW
         assert not kept.values.any()
 
 

@@ -25,7 +25,7 @@ def holed(delta, epsilon):
 
 @pytest.fixture(scope="module")
 def gapped_chart():
-    x, y = {"delta": np.linspace(0.2, 4.7, 31)}, {"epsilon": np.linspace(0.5, 2.5, 9)}
+    x, y = {"delta": np.linspace(0.2, 4.7, 31)}, {"epsilon": np.linspace(0.5, 2.5, 5)}
     return solve.chart(holed, x, y, 1.0)
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 import solve
 from derive import Mechanism, cos, rate, sin
@@ -13,40 +12,18 @@ from models.manipulator.mechanism import mechanism as manipulator
 from solve.commands.app import run
 from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoundsError
 from solve.methods.choice import chosen
-from solve.model.spread import spread_of
 from solve.period.named import Named
 from solve.studies.design_points import Design
 from solve.studies.optimum_search import Search
 from solve.studies.over_speed import Peak
-from solve.studies.robust import Robust, Statistic, deviating
-from solve.studies.tracked import Function, tracked
-
-MASS, DAMPING, STIFFNESS = 2.0, 0.3, 9.0
-
-
-def oscillator():
-    """m q̈ + c q̇ + k q = p1 cos φ + p2 cos 3φ, with the load as an output."""
-    made = Mechanism("oscillator", "Oscillator with two harmonics of load")
-    (q,) = made.coordinates(q=("m", "displacement"))
-    m, c, k = made.parameters(
-        m=("kg", "mass", "> 0"), c=("N s/m", "damping", ">= 0"), k=("N/m", "spring", "> 0")
-    )
-    p1, p2 = made.parameters(p1=("N", "first harmonic"), p2=("N", "third harmonic"))
-    load = p1 * cos(made.phase) + p2 * cos(3 * made.phase)
-    made.kinetic, made.potential, made.dissipation = m * rate(q) ** 2 / 2, k * q**2 / 2, c * rate(q) ** 2 / 2
-    made.force(load, along=q)
-    made.output("load", load, "N", "load")
-    return made
+from solve.studies.tracked import tracked
+from tests.solve.studies.driven_oscillator import DAMPING, MASS, STIFFNESS, loaded, response
+from tests.solve.studies.test_tracked import differences
 
 
 @pytest.fixture(scope="module")
 def model():
-    return solve.load(oscillator(), m=MASS, c=DAMPING, k=STIFFNESS, p1=1.0, p2=0.0)
-
-
-def response(speed, m=MASS, c=DAMPING, k=STIFFNESS):
-    """Complex amplitude of q for a unit load."""
-    return 1 / (k - m * speed**2 + 1j * c * speed)
+    return loaded()
 
 
 def test_two_speeds_share_the_largest_amplitude(model):
@@ -196,79 +173,6 @@ def test_random_starts_find_the_better_of_two_minima(model):
     assert several.objective < one.objective
 
 
-def test_derivatives_of_extrema_equal_the_closed_form(model):
-    low, high, speed = np.array([5.0, -0.5]), np.array([17.0, 0.5]), 1.1
-    design = Design(model, ["k", "p2"], low, high, [speed], "auto", 1e-10, True)
-    x = np.array([0.4, 0.7])
-    extrema = tracked(design, x, 0, Named.parse(model, "q.max_abs"))
-    k, p2 = low + x * (high - low)
-    first, third = response(speed, k=k), response(3 * speed, k=k)
-    phase = np.linspace(0, 2 * np.pi, 200_001)
-    curve = np.real(first * np.exp(1j * phase) + p2 * third * np.exp(3j * phase))
-    top = phase[curve.argmax()]
-    waves = first * np.exp(1j * top), p2 * third * np.exp(3j * top)
-    top += np.imag(waves[0] + 3 * waves[1]) / -np.real(waves[0] + 9 * waves[1])
-    top = top + np.array([0.0, np.pi])
-    by_k = -np.real(first**2 * np.exp(1j * top) + p2 * third**2 * np.exp(3j * top))
-    by_p2 = np.real(third * np.exp(3j * top))
-    closed = np.array([1.0, -1.0])[:, None] * np.stack((by_k, by_p2), axis=1) * (high - low)
-    np.testing.assert_allclose(extrema.slopes(x), closed, rtol=1e-6, atol=1e-6 * np.abs(closed).max())
-    np.testing.assert_allclose(extrema.values(x), curve.max(), rtol=1e-9)
-
-
-def differences(function, x, size=1e-3):
-    """Derivatives (k, r) of values (k,) by differences of fourth order."""
-    columns = []
-    for step in size * np.eye(len(x)):
-        near, far = (function(x + each * step) - function(x - each * step) for each in (1, 2))
-        columns.append((8 * near - far) / (12 * size))
-    return np.stack(columns, axis=1)
-
-
-FIGURES = ("max", "min", "max_abs", "rms", "harmonic1", "harmonic3", "phase3")
-
-
-@pytest.mark.parametrize(
-    ("name", "free", "speed", "quantities"),
-    [
-        (
-            "cam",
-            {"k1": (7e4, 9e4), "a3": (0.05, 0.06)},
-            62.8,
-            [f"{each}.{figure}" for each in ("q3", "shaft_torque") for figure in FIGURES]
-            + ["lift.max_abs", "shaft_torque.mean", "rho1.re", "exponent1.im"],
-        ),
-        (
-            "mathieu",
-            {"delta": (0.9, 1.1), "zeta": (0.005, 0.02)},
-            1.0,
-            ["spectral_radius", "rho1.abs", "exponent1.re"],
-        ),
-    ],
-)
-def test_gradient_of_every_objective_equals_differences(name, free, speed, quantities):
-    system = solve.load(name) if name == "cam" else solve.load(name, delta=1.0, epsilon=0.5, zeta=0.01)
-    low, high = np.array(list(free.values())).T
-    design = Design(system, list(free), low, high, [speed], "auto", 1e-12, name == "cam")
-    x = np.array([0.45, 0.55])
-    every = {text: tracked(design, x, 0, Named.parse(system, text)) for text in quantities}
-    sizes = [len(each.values(x)) for each in every.values()]
-
-    numeric = differences(lambda at: np.concatenate([each.values(at) for each in every.values()]), x)
-    for each, expected in zip(every.values(), np.split(numeric, np.cumsum(sizes)[:-1]), strict=True):
-        found = each.slopes(x)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("at", [0.0, 0.4, 1.0])
-def test_gradient_of_a_function_equals_that_of_the_quantity(model, at):
-    design = Design(model, ["k"], np.array([5.0]), np.array([17.0]), [1.5, 2.0], "auto", 1e-8, True)
-    x, rms = np.array([at]), Named.parse(model, "q.rms")
-    given = Function(design, lambda orbits: sum(orbit.statistics("q").rms for orbit in orbits))
-    exact = sum(design.slopes(point.slopes(rms)) for point in design.points(x))
-    np.testing.assert_allclose(given.slopes(x)[0], exact, rtol=1e-6)
-
-
 def dwell_law(cosines):
     """Symmetric lift at phases from 0 to 180°."""
     phase, order = np.linspace(0.0, np.pi, 50_001), np.arange(1, 13)
@@ -390,9 +294,9 @@ def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
         ({"minimise": 3}, ValueOutOfBoundsError, "minimise is 3; allowed"),
         ({"minimise": lambda orbits: float("nan")}, ValueOutOfBoundsError, "returns nan; allowed: finite"),
         ({"minimise": lambda orbits: "x"}, ValueOutOfBoundsError, "returns 'x'"),
-        ({"free": {"k": 3}}, ValueOutOfBoundsError, "bounds of k are 3; give two numbers"),
-        ({"free": {"k": "5:20"}}, ValueOutOfBoundsError, "give two numbers"),
-        ({"vary": {"k": 3}, "robust": 3}, ValueOutOfBoundsError, "spread of k is 3; give a text"),
+        ({"free": {"k": 3}}, ValueOutOfBoundsError, r"free is {'k': 3}; allowed: mapping of str to"),
+        ({"free": {"k": "5:20"}}, ValueOutOfBoundsError, "free is {'k': '5:20'}"),
+        ({"vary": {"k": 3}, "robust": 3}, ValueOutOfBoundsError, "vary is {'k': 3}; allowed: mapping of str"),
         ({"minimise": "q"}, ValueOutOfBoundsError, "names no statistic"),
         ({"minimise": "rho1"}, ValueOutOfBoundsError, "is complex"),
         ({"free": {}}, ValueOutOfBoundsError, "'free' is empty"),
@@ -455,103 +359,6 @@ def test_command_names_the_flag_that_is_missing(capsys, missing):
     line = [part for flag, value in flags.items() if flag != missing for part in (flag, value)]
     assert run(["optimise", "mathieu", *line]) == 2
     assert missing in capsys.readouterr().err
-
-
-def integrals(k, speed, half):
-    """Mean and standard deviation of the amplitude for a stiffness within k ± half."""
-    first, second = (
-        quad(lambda x, power=power: abs(response(speed, k=x)) ** power, k - half, k + half)[0] / (2 * half)
-        for power in (1, 2)
-    )
-    return first, np.sqrt(second - first**2)
-
-
-def test_robust_optimum_equals_a_scan_of_mean_and_deviation(model):
-    speeds, half = [1.5, 3.0], 1.5
-    found = solve.optimise(
-        model, "q.max_abs", {"k": (6.5, 16.0)}, speeds, robust=2.0, vary={"k": f"±{half}"}, rtol=1e-8
-    )
-
-    def worst(k):
-        return max(mean + 2 * deviation for mean, deviation in (integrals(k, w, half) for w in speeds))
-
-    scan = np.linspace(10.0, 13.0, 301)
-    values = [worst(k) for k in scan]
-    assert found.free["k"] == pytest.approx(scan[np.argmin(values)], abs=0.05)
-    assert found.objective == pytest.approx(min(values), rel=0.02)
-    assert "mean + 2 σ" in found.minimised
-
-
-def test_quantile_optimum_equals_a_scan_of_quantiles(model):
-    speeds, half = [1.5, 3.0], 1.5
-    found = solve.optimise(
-        model, "q.max_abs", {"k": (6.5, 16.0)}, speeds, robust="80 %", vary={"k": f"±{half}"}, rtol=1e-6
-    )
-
-    def worst(k):
-        stiffness = np.linspace(k - half, k + half, 4001)
-        return max(np.quantile(abs(response(w, k=stiffness)), 0.8) for w in speeds)
-
-    scan = np.linspace(9.0, 14.0, 501)
-    values = [worst(k) for k in scan]
-    assert found.free["k"] == pytest.approx(scan[np.argmin(values)], abs=0.1)
-    assert found.objective == pytest.approx(min(values), rel=0.02)
-    assert found.minimised == "q.max_abs, 80 % quantile"
-
-
-@pytest.mark.parametrize("percent", [1, 30, 50, 95, 99])
-def test_quantile_of_machines_is_that_of_hazen(percent):
-    statistic = Statistic.parse(f"{percent} %")
-    values = np.random.default_rng(percent).standard_normal(statistic.machines)
-    expected = np.quantile(values, percent / 100, method="hazen")
-    assert statistic.weights(values) @ values == pytest.approx(expected, rel=1e-12)
-    assert np.count_nonzero(values > expected) >= 2 or percent < 50
-
-
-@pytest.mark.parametrize("objective", [3.0, "80 %"])
-def test_robust_gradient_equals_differences(model, objective):
-    design = Design(model, ["k"], np.array([6.5]), np.array([16.0]), [1.5], "auto", 1e-10, True)
-    spreads = {"k": spread_of("k", "±1", STIFFNESS, "N/m"), "c": spread_of("c", "±10 %", DAMPING, "N s/m")}
-    machines = deviating(design, spreads, 16)
-    robust = Robust(machines, 0, Named.parse(model, "q.max_abs"), Statistic.parse(objective))
-    x = np.array([0.4])
-    np.testing.assert_allclose(robust.slopes(x), differences(robust.values, x), rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"robust": 3.0}, "no parameter has a tolerance"),
-        ({"vary": {"k": "±1 %"}}, "'vary' requires 'robust'"),
-        ({"robust": -1.0, "vary": {"k": "±1 %"}}, "robust is -1"),
-        ({"robust": "100 %", "vary": {"k": "±1 %"}}, "from 1 % to 99 %"),
-        ({"robust": "three", "vary": {"k": "±1 %"}}, "robust is three"),
-        ({"robust": 1.0, "vary": {"k": "±1 %"}, "speeds": "1:2:3 rad/s"}, "list of speeds"),
-        ({"robust": 1.0, "vary": {"k": "±1 %"}, "minimise": lambda orbits: 0.0}, "quantity by name"),
-    ],
-)
-def test_bad_robust_requests_are_refused(model, change, text):
-    request = {"minimise": "q.max_abs", "free": {"k": (5.0, 20.0)}, "speeds": 1.0, **change}
-    with pytest.raises(SolveError, match=text):
-        solve.optimise(model, **request)
-
-
-@pytest.mark.slow
-def test_robust_gear_deviates_less_than_the_nominal_optimum():
-    gear, free = solve.load("gear_pair", J1=0.05), {"J1": (0.03, 0.08)}
-    vary, speed = {"k0": "±5 %", "zeta": "normal(0.024, 0.002)"}, "3800 rpm"
-    spread = []
-    for robust in (None, 3.0):
-        options = {} if robust is None else {"robust": robust, "vary": vary}
-        found = solve.optimise(gear, "mesh_force.max", free, speed, rtol=1e-5, **options)
-        batch = solve.tolerances(
-            found.system, speed, vary, of=["mesh_force.max"], samples=512, index_samples=0, rtol=1e-5
-        )
-        forces = batch.values[:, 1]
-        spread.append((forces.mean() + 3 * forces.std(), forces.std()))
-    (nominal, wide), (robust, narrow) = spread
-    assert robust < 0.96 * nominal
-    assert narrow < 0.3 * wide
 
 
 def test_every_search_for_a_feasible_design_begins_elsewhere(monkeypatch):

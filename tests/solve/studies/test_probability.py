@@ -32,7 +32,7 @@ def gradient_of(margin):
 def estimated(margin, samples, seed):
     rng = np.random.default_rng(seed)
     wide = SEARCH_SPREAD * rng.standard_normal((samples // 8, 3))
-    centres = centres_of(gradient_of(margin), wide[margin(wide) > 0], 8)
+    centres = centres_of(gradient_of(margin), wide[margin(wide) > 0])
     mixture = Mixture.about(centres, 3, samples - len(wide))
     z, none = mixture.samples(rng), np.zeros(samples - len(wide), dtype=bool)
     return mixture.probability(mixture.weights(z), margin(z) > 0, none, none)
@@ -82,9 +82,9 @@ def test_undetermined_samples_widen_the_interval_upwards_only():
 
 
 def test_nearest_points_of_an_event_are_found():
-    (one,) = centres_of(gradient_of(half_space(4.0)), np.zeros((0, 3)), 8)
+    (one,) = centres_of(gradient_of(half_space(4.0)), np.zeros((0, 3)))
     np.testing.assert_allclose(one, 4.0 * DIRECTION, atol=1e-6)
-    both = centres_of(gradient_of(both_sides(3.0)), np.array([3.2 * DIRECTION, -3.5 * DIRECTION]), 8)
+    both = centres_of(gradient_of(both_sides(3.0)), np.array([3.2 * DIRECTION, -3.5 * DIRECTION]))
     np.testing.assert_allclose(np.abs([centre @ DIRECTION for centre in both]), 3.0)
     assert np.prod([centre @ DIRECTION for centre in both]) < 0
 
