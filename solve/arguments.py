@@ -121,7 +121,10 @@ def _documented(function: Callable[..., Any], name: str) -> str:
         return "whole numbers" if found[1] == "int" else found[1]
     annotation = _annotations(function)[name]
     kinds = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
-    return " or ".join((get_origin(each) or each).__name__ for each in kinds if each is not NoneType)
+    words = {int: "whole numbers", float: "numbers"}
+    return " or ".join(
+        words.get(each) or (get_origin(each) or each).__name__ for each in kinds if each is not NoneType
+    )
 
 
 def conforms(value: Any, annotation: Any) -> bool:

@@ -73,7 +73,7 @@ def load(
 # cast.
 @overload
 def load(
-    model: str,
+    model: str | Path,
     case: str | int | None = None,
     options: Mapping[str, Any] | None = None,
     reduce: int | None = None,
@@ -83,7 +83,7 @@ def load(
 
 @matches_annotations
 def load(
-    model: str | Derivable | Callable[[], Derivable],
+    model: str | Path | Derivable | Callable[[], Derivable],
     case: str | int | None = None,
     options: Mapping[str, Any] | None = None,
     reduce: int | None = None,
@@ -93,7 +93,7 @@ def load(
 
     Parameters
     ----------
-    model : str, Mechanism or callable
+    model : str, Path, Mechanism or callable
         Name of a model or path of a mechanism file; or a `derive.Mechanism`, or a function that returns one,
         which is derived once. Also the path or pattern of files of matrices, of an FMU, or of a Python file
         that defines a system with the name `system`. The code of FMUs and of Python files is executed.
@@ -126,6 +126,7 @@ def load(
     >>> load("mathieu", delta=1.5).parameters["delta"]
     1.5
     """
+    model = str(model) if isinstance(model, Path) else model
     if isinstance(model, str) and is_system_file(model):
         from solve.readers.paths import read
 

@@ -163,9 +163,11 @@ def parameter_values(
     name: str, values: str | Sequence[float | str] | Array, system: PeriodicSystem | None
 ) -> list[float]:
     """Values of a parameter in its own unit, or plain numbers without a system. Empty if they are invalid."""
+    texts: Any = ()
     numbers: list[float] = []
-    with suppress(TypeError, ValueError, ValueOutOfBoundsError):
+    with suppress(ValueError):
         texts = evenly(values, name) if isinstance(values, str) else values
+    with suppress(TypeError, ValueError, ValueOutOfBoundsError):
         numbers = [float(value) if system is None else in_own_unit(system, name, value) for value in texts]
     return numbers
 

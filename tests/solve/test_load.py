@@ -324,6 +324,13 @@ def test_a_byte_order_mark_is_no_change(ready):
     assert ready.load().labels.case == "soft"
 
 
+def test_path_objects_name_mechanism_files_and_matrix_files(ready, tmp_path):
+    assert solve.load(ready.mechanism).parameters == ready.load().parameters
+    one, file = np.ones((4, 1, 1)), tmp_path / "system.npz"
+    np.savez(file, M=one, C=0 * one, K=4 * one, d=one[:, 0])
+    assert solve.load(file).n == 1
+
+
 def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path, monkeypatch):
     folder = tmp_path / "models" / "mine"
     folder.mkdir(parents=True)

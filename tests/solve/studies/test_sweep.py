@@ -120,7 +120,7 @@ def test_ranges_of_unstable_speeds_have_edges_and_kind():
         ([100.0], {"rtol": 0.0}, ValueOutOfBoundsError, "rtol"),
         ([100.0], {"steps": 0}, StepsError, "steps is 0"),
         ([100.0], {"steps": 9.5}, StepsError, "steps is 9.5"),
-        ([100.0], {"steps": True}, StepsError, "steps is True"),
+        ([100.0], {"steps": True}, ValueOutOfBoundsError, "steps is True; allowed: whole number"),
         ([100.0], {"method": "gaus"}, UnknownNameError, "did you mean 'gauss'"),
     ],
 )
@@ -199,7 +199,7 @@ def test_a_point_over_parameters_fails_alone():
         ),
         (50.0, {"k1": [np.nan]}, ValueOutOfBoundsError, "give finite numbers in the model's own units"),
         (50.0, {"k1": ["stiff"]}, ValueOutOfBoundsError, "give finite numbers in the model's own units"),
-        (50.0, {"k1": 3.0}, ValueOutOfBoundsError, "give finite numbers in the model's own units"),
+        (50.0, {"k1": 3.0}, ValueOutOfBoundsError, "'k1': 3.0}; allowed: str, sequence of str or mapping"),
         (50.0, "k1", ValueOutOfBoundsError, "over is 'k1'; write NAME=A:B:N"),
         (50.0, ["k1=1:2:2", "k1=1:2:3"], ValueOutOfBoundsError, "'over' gives k1 twice; give it once"),
         (50.0, "k1=1:2:99999999", ValueOutOfBoundsError, "values in one range; allowed"),
