@@ -38,9 +38,9 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
     """First points beyond a grazing orbit near `before`, whose orbits pass other switches, with the special
     points between them.
 
-    Raises NoOrbitError if `before` grazes no switch, and if no such orbit is found."""
-    if not grazes(manifold, before):
-        raise NoOrbitError("the orbit grazes no switch")
+    Raises NoOrbitError if the equations have no switches, and if no such orbit is found."""
+    if not _events(manifold, before).sides:
+        raise NoOrbitError("the equations have no switches")
     # The last orbit itself may pass the switch already, within its errors.
     back, _ = manifold.along(before, -_BACK)
     here = _events(manifold, back)
