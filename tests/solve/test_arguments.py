@@ -4,6 +4,7 @@ import inspect
 import pickle
 import typing
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import UnionType
 from typing import Any
 
@@ -190,3 +191,10 @@ def test_messages_on_tables_have_one_line(given):
     with pytest.raises(ValueOutOfBoundsError) as caught:
         solve.periodic(plane(), given)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_cases_are_numbers_and_files_are_paths():
+    file = Path(solve.__file__).parents[1] / "models" / "cam" / "cases.toml"
+    assert solve.case_numbers("cam", 1, file) == solve.case_numbers("cam", "1", str(file))
+    chart = solve.chart("cam", "k1=6e4:9e4:2", "k2=6e4:9e4:2", "100 rpm", 1, rtol=1e-3, boundaries=False)
+    assert chart.system.labels.case == "1"
