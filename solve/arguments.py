@@ -138,7 +138,7 @@ def conforms(value: Any, annotation: Any) -> bool:
     if kind is Any:
         return True
     if kind in (float, int):
-        is_number = isinstance(value, Real) or _dimensions(value) == 0
+        is_number = isinstance(value, Real) or (kind is float and _dimensions(value) == 0)
         return is_number and not isinstance(value, bool) and _is_real(value)
     if kind is bool:
         return isinstance(value, bool | np.bool_)

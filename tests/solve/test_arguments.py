@@ -179,9 +179,12 @@ def test_arrays_of_other_libraries_are_accepted(kind):
 def test_arrays_without_dimension_are_numbers_and_two_rows_are_a_state():
     speed: Any = xr.DataArray(2.0)
     rtol: Any = np.array(1e-6)
+    count: Any = np.array(1)
     state: Any = np.array([[0.1, 0.0], [0.0, 0.2]])
     assert solve.periodic(plane(), speed, rtol=rtol).speed == 2.0
     assert solve.transient(plane(), 2.0, 2, state).q[0, 0] == 0.1
+    with pytest.raises(ValueOutOfBoundsError, match=r"^count is array\(1\); allowed"):
+        solve.frequencies(plane(), 0.0, count)
     with pytest.raises(ValueOutOfBoundsError, match=r"^values is array\(1\.e-06\)"):
         solve.variants(solve.load("cam"), "k1", rtol)
 
