@@ -26,6 +26,9 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'solve' has no attribute '{name}'; it has {', '.join(__all__)}")
+    if name == "open":  # Files may contain any result; classes are registered by their modules.
+        for file in sorted(Path(__file__).with_name("results").glob("[!_]*.py")):
+            importlib.import_module(f"solve.results.{file.stem}")
     # Later accesses return this attribute of the module.
     value = globals()[name] = getattr(importlib.import_module(_HOME[name]), name)
     return value

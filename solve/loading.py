@@ -192,8 +192,8 @@ def _options_of(module: ModuleType) -> set[str]:
 @matches_annotations
 def case_numbers(
     model: str,
-    case: str | None = None,
-    cases: str | None = None,
+    case: str | int | None = None,
+    cases: str | Path | None = None,
     parameters: Mapping[str, float | str] | None = None,
 ) -> Case:
     """Read the parameter values of a model's case.
@@ -202,9 +202,9 @@ def case_numbers(
     ----------
     model : str
         Name, or path of a mechanism file.
-    case : str, optional
+    case : str or int, optional
         Case of the case file; the first by default.
-    cases : str, optional
+    cases : str or Path, optional
         Path of another case file.
     parameters : mapping of str to float or str, optional
         Values that replace those of the case.
@@ -220,7 +220,8 @@ def case_numbers(
     SolveError
         As `solve.load`.
     """
-    module, chosen = _module_and_case(model, case, cases, parameters or {})
+    name = None if case is None else str(case)
+    module, chosen = _module_and_case(model, name, cases, parameters or {})
     return replace(chosen, parameters=checked_parameters(module, chosen.parameters))
 
 
@@ -243,7 +244,7 @@ def parameter_units(model: str) -> dict[str, str]:
 def _module_and_case(
     model: str,
     case: str | None,
-    cases: str | None,
+    cases: str | Path | None,
     parameters: Mapping[str, float | str],
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> tuple[ModuleType, Case]:

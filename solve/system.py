@@ -1,13 +1,13 @@
 """Linear system with periodic coefficients, M(Ωt)q″ + C(Ωt)q′ + K(Ωt)q = d(Ωt) (chapter Eq. (2))."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self, TypeVar
 
-from solve.arguments import first_is
+from solve.arguments import conforms, described, first_is
 from solve.arrays import Array
 from solve.capabilities import Capabilities
 from solve.contracts import Matrices
@@ -91,13 +91,16 @@ class PeriodicSystem:
         inputs: Sequence[str] = (),
     ):
         self.period = checked_period(period)
+        coordinates = [*coordinates] if isinstance(coordinates, Iterable) else [coordinates]
         texts = all(isinstance(name, str) for name in coordinates)
         if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) < self._FEWEST:
             raise ValueOutOfBoundsError(
                 f"coordinates are {list(coordinates)}; give each of the n coordinates a different name"
             )
-        if not all(math.isfinite(b) for b in breaks):
-            raise ValueOutOfBoundsError(f"breaks are {list(breaks)}; allowed: finite phases")
+        if not isinstance(breaks, str) and conforms(breaks, Sequence[float]):
+            breaks = [*breaks]  # An iterator can be read only once.
+        if not isinstance(breaks, list) or not all(conforms(b, float) and math.isfinite(b) for b in breaks):
+            raise ValueOutOfBoundsError(f"breaks are {described(breaks)}; allowed: finite phases")
         self._matrices = matrices
         self.coordinates = tuple(coordinates)
         self.breaks = tuple(float(b) for b in breaks)

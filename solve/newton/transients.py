@@ -136,9 +136,9 @@ def transient(
     rtol = checked_rtol(rtol)
     require_integer("turns", turns)
     require_size("turns", turns, 3 * system.n * _COUNT)
-    given = start
-    if isinstance(start, str | Path) and start not in (REST, ORBIT):
-        given = _read(Path(start), system)
+    given = start if isinstance(start, str | Path) else (start[0], start[1])
+    if isinstance(given, str | Path) and given not in (REST, ORBIT):
+        given = _read(Path(given), system)
     if speeds is not None:
         ramp = ramp_in_si(speeds)
         return _run_up(shown_in(system, max(ramp)), ramp, int(turns), given, nonlinear, rtol, engine)

@@ -213,7 +213,7 @@ class Branch(BranchPoints):
     def jumps(self) -> list[dict[str, Any]]:
         """Jumps of the response during a slow change of the parameter along the first branch: direction,
         value of the parameter, coordinate that changes most, relative to its size, and its largest modulus
-        before and after the jump; None on a side without a stable orbit."""
+        before the jump ("from") and after it ("to"), or None without a stable orbit after it."""
         first_branch, records = np.flatnonzero(self.numbers == 0), []
         values, peaks = self.values[first_branch], self.peaks[first_branch]
         verdicts = np.array(self.verdicts)[first_branch]

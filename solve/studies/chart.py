@@ -52,7 +52,7 @@ def chart(
     x: str | Mapping[str, str | Sequence[float | str] | Array],
     y: str | Mapping[str, str | Sequence[float | str] | Array],
     speed: float | str | None = None,
-    case: str | None = None,
+    case: str | int | None = None,
     method: str | Rule = "auto",
     rtol: float = 1e-8,
     tolerance: float = 1e-9,
@@ -75,7 +75,7 @@ def chart(
         "delta=0:10:60", "k1=10:90:50 kN m/rad", "speed=100:400:40 rpm".
     speed : float or str, optional
         Speed, if neither x nor y is the speed; by default the speed of the case.
-    case : str, optional
+    case : str or int, optional
         Case of a model given by name.
     method, rtol : optional
         As in `periodic`.
@@ -281,7 +281,7 @@ def _family(
     names: tuple[str, str],
     points: Array,
     speed: float | str | None,
-    case: str | None,
+    case: str | int | None,
 ) -> Family:
     """Family of systems at the points (P, 2): variations of one model, or systems that a function builds."""
     if case is not None:

@@ -270,6 +270,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     require_name(
         f"parameter or option of {model.labels.name}", name, [*model.parameters, *model.labels.options]
     )
+    values = [values] if isinstance(values, str) else list(values)
     if name in model.labels.options:
         models = {str(value): model.varied(options={name: value}) for value in values}
     else:

@@ -81,7 +81,8 @@ def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
         low, high = np.interp([_OUTSIDE, 1 - _OUTSIDE], mass, values[order])
         axes.hist(values, _BINS, range=(low, high), weights=weights, density=True, color=BLUE, alpha=0.6)
     axes.axvline(factor * result.worst[name].nominal, color=GREY, linewidth=1.0, label="nominal")
-    for number, limit in enumerate(result.bounds.get(name, ())):
+    # Files of earlier versions contain a number for each name.
+    for number, limit in enumerate(np.atleast_1d(result.bounds.get(name, ()))):
         label = "limit" if number == 0 else None
         axes.axvline(factor * limit, color=VERMILION, linewidth=1.2, label=label)
     axes.set_xlabel(f"{greek(name)} ({shown})" if shown else greek(name).replace("_", " "))

@@ -4,10 +4,14 @@ import inspect
 import pickle
 import typing
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import UnionType
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 
 import solve
 from solve.errors import SolveError, ValueOutOfBoundsError
@@ -160,3 +164,40 @@ def test_arguments_of_wrong_type_are_refused(words):
 def test_one_method_may_be_a_text_and_numbers_arrays():
     rows = solve.compare(plane(), 2.0, "gauss", np.array([20]), np.array([0.1])).rows
     assert {row.method for row in rows} == {"gauss"}
+
+
+@pytest.mark.parametrize("kind", [np.array, pd.Series, xr.DataArray, list, iter])
+def test_arrays_of_other_libraries_are_accepted(kind):
+    system, cam = plane(), solve.load("cam")
+    assert [*solve.sweep(system, kind([1.0, 2.0])).speeds] == [1.0, 2.0]
+    assert [*solve.variants(cam, "k1", kind([1e4, 2e4]))] == ["10000", "20000"]
+    if kind is not iter:
+        state = kind([0.1, 0.0]), kind([0.0, 0.2])
+        assert solve.transient(system, 2.0, 2, state).q[0, 0] == 0.1
+
+
+def test_arrays_without_dimension_are_numbers_and_two_rows_are_a_state():
+    speed: Any = xr.DataArray(2.0)
+    rtol: Any = np.array(1e-6)
+    count: Any = np.array(1)
+    state: Any = np.array([[0.1, 0.0], [0.0, 0.2]])
+    assert solve.periodic(plane(), speed, rtol=rtol).speed == 2.0
+    assert solve.transient(plane(), 2.0, 2, state).q[0, 0] == 0.1
+    with pytest.raises(ValueOutOfBoundsError, match=r"^count is array\(1\); allowed"):
+        solve.frequencies(plane(), 0.0, count)
+    with pytest.raises(ValueOutOfBoundsError, match=r"^values is array\(1\.e-06\)"):
+        solve.variants(solve.load("cam"), "k1", rtol)
+
+
+@pytest.mark.parametrize("given", [np.eye(2), pd.DataFrame({"a": [1, 2]}), xr.Dataset({"a": ("x", [1.0])})])
+def test_messages_on_tables_have_one_line(given):
+    with pytest.raises(ValueOutOfBoundsError) as caught:
+        solve.periodic(plane(), given)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_cases_are_numbers_and_files_are_paths():
+    file = Path(solve.__file__).parents[1] / "models" / "cam" / "cases.toml"
+    assert solve.case_numbers("cam", 1, file) == solve.case_numbers("cam", "1", str(file))
+    chart = solve.chart("cam", "k1=6e4:9e4:2", "k2=6e4:9e4:2", "100 rpm", 1, rtol=1e-3, boundaries=False)
+    assert chart.system.labels.case == "1"

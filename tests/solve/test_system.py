@@ -202,6 +202,9 @@ def test_small_and_large_masses_are_not_singular(scale):
         ({"period": -1.0}, r"period is -1\.0"),
         ({"breaks": (1.0, np.nan)}, r"breaks are \[1\.0, nan\]; allowed: finite phases"),
         ({"breaks": (np.inf,)}, "breaks are"),
+        ({"breaks": 1.0}, "breaks are 1.0; allowed: finite phases"),
+        ({"breaks": "1"}, "breaks are '1'"),
+        ({"breaks": None}, "breaks are None"),
     ],
 )
 def test_settings_out_of_bounds(settings, message):
@@ -209,7 +212,12 @@ def test_settings_out_of_bounds(settings, message):
         PeriodicSystem(oscillator, ["q"], **settings)
 
 
-@pytest.mark.parametrize("coordinates", [[], ["a", "a"]])
+def test_breaks_and_coordinates_may_be_iterators():
+    found = PeriodicSystem(oscillator, iter(["q"]), breaks=iter([1.0, 2.0]))  # type: ignore[arg-type]
+    assert (found.coordinates, found.breaks) == (("q",), (1.0, 2.0))
+
+
+@pytest.mark.parametrize("coordinates", [[], ["a", "a"], 3, None])
 def test_coordinates_have_names_of_their_own(coordinates):
     with pytest.raises(ValueOutOfBoundsError, match="give each of the n coordinates a different name"):
         PeriodicSystem(oscillator, coordinates)

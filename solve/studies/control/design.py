@@ -4,7 +4,7 @@ coefficients."""
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from solve.arguments import checked_rtol, unique_names
+from solve.arguments import checked_rtol, described, unique_names
 from solve.equations import require_load
 from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
 from solve.labels import require_motion
@@ -346,7 +346,7 @@ def _pair(
     if not isinstance(given, Mapping):
         if not isinstance(given, tuple) or len(given) != 2:
             raise ValueOutOfBoundsError(
-                f"{name} is {given!r}; allowed: a mapping of names to numbers, or a pair of weights"
+                f"{name} is {described(given)}; allowed: a mapping of names to numbers, or a pair of weights"
             )
         return given
     inputs = {key: value for key, value in given.items() if key in system.inputs}

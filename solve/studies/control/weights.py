@@ -7,6 +7,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
+from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 Weight = Array | Sequence[Sequence[float]] | Mapping[str, float] | Callable[[Array], Array]
@@ -23,6 +24,10 @@ jump: a continuous function would need slopes of 1e6 of its size per radian. Cho
 _INSIDE = 1e-9
 """Least distance from the jumps of the system, relative to the period, of jumps that are found. A choice."""
 
+_BESIDE = 4 * EPS
+"""Distance from the ends of the period, relative to it, at which functions are evaluated instead of the ends:
+a few units of round-off, for jumps there."""
+
 _NEGATIVE = 1e-10
 """Negative eigenvalue, relative to the largest, that counts as round-off. A choice."""
 
@@ -35,9 +40,11 @@ def matrix_function(
     Raises ValueOutOfBoundsError unless they are symmetric and positive semidefinite; with `definite`, they
     must be positive definite. They may jump only at jumps of the system, which are nodes of every grid."""
     if callable(given):
+        # At the ends of the period, functions of the phase modulo the period have the value of either end.
+        inside = _BESIDE * system.period
 
         def function(phase: Array) -> Array:
-            return _real(given(phase))
+            return _real(given(np.clip(phase, inside, system.period - inside)))
 
     else:
         matrix = _real(given)
@@ -54,20 +61,27 @@ def matrix_function(
 
 def _require_continuous(name: str, function: Callable[[Array], Array], system: PeriodicSystem) -> None:
     """Raise ValueOutOfBoundsError if the interval of the largest change contains a jump away from the jumps
-    of the system."""
-    for low, high in pairwise(sorted({0.0, *system.breaks, system.period})):
-        inside = _INSIDE * system.period
+    of the system, or if the function jumps at the end of the period of a system without jumps."""
+    period, inside = system.period, _INSIDE * system.period
+
+    def refused(phase: float) -> ValueOutOfBoundsError:
+        return ValueOutOfBoundsError(
+            f"{name} jumps at the phase {phase:.6g} rad, where the system does not; give a continuous "
+            "function, or a system that declares this phase in `breaks`"
+        )
+
+    for low, high in pairwise(sorted({0.0, *system.breaks, period})):
         ends = np.linspace(low + inside, high - inside, _PHASES)
-        scale = np.abs(function(ends)).max()
+        values = function(ends)
+        scale = np.abs(values).max()
         for _ in range(_HALVINGS):
             changes = np.abs(np.diff(function(ends), axis=0)).max(axis=(1, 2))
             first = int(np.argmax(changes))
             ends = np.linspace(ends[first], ends[first + 1], 3)
         if np.abs(np.diff(function(ends), axis=0)).max() > _JUMP * scale:
-            raise ValueOutOfBoundsError(
-                f"{name} jumps at the phase {ends[1]:.6g} rad, where the system does not; give a continuous "
-                "function, or a system that declares this phase in `breaks`"
-            )
+            raise refused(ends[1])
+        if not system.breaks and np.abs(values[-1] - values[0]).max() > _JUMP * scale:
+            raise refused(0.0)
 
 
 def _real(values: object) -> Array:

@@ -3,6 +3,8 @@
 import json
 import math
 import pickle
+import subprocess
+import sys
 import zipfile
 
 import h5py
@@ -12,6 +14,7 @@ import pytest
 import solve
 from solve.errors import FileError, ReopenedError
 from solve.results import serialization
+from solve.results.serialization import CLASSES
 from tests.solve.results.problems import SPEED, orbit, oscillators, x_of
 
 PHASE = np.linspace(-7.0, 12.0, 1001)
@@ -27,6 +30,21 @@ def first():
 def again(request, first, tmp_path):
     first.save(tmp_path / f"orbit{request.param}")
     return solve.open(tmp_path / f"orbit{request.param}")
+
+
+def test_a_new_process_opens_results_of_every_class(first, tmp_path):
+    """Modules of results are otherwise imported at the first use of a function."""
+    first.save(tmp_path / "orbit.nc")
+    solve.compare(oscillators(), SPEED, "gauss", [20], [0.1]).save(tmp_path / "comparison.npz")
+    code = (
+        "import sys, solve; print(*(type(solve.open(path)).__name__ for path in sys.argv[1:]));"
+        "from solve.results.serialization import CLASSES; print(*CLASSES)"
+    )
+    command = [sys.executable, "-c", code, tmp_path / "orbit.nc", tmp_path / "comparison.npz"]
+    opened, classes = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert opened == "Orbit Comparison"
+    results = {name for name, kind in CLASSES.items() if kind.__module__.startswith("solve.results.")}
+    assert results <= set(classes.split())
 
 
 def test_the_curve_is_the_same_function(first, again):

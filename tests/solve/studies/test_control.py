@@ -163,8 +163,8 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
         (ValueOutOfBoundsError, (-np.eye(2), {"u": 1.0}), "eigenvalue"),
         (ValueOutOfBoundsError, ("q", {"u": 1.0}), r"Q is 'q'; allowed: \(N, N\) array, mapping or callable"),
         (MissingValueError, ({"q": 1.0}, {}), "u"),
-        (ValueOutOfBoundsError, (1j * np.eye(2), {"u": 1.0}), "not real"),
-        (ValueOutOfBoundsError, ({"q": 1.0}, 2.0), r"R has shape \(\);"),
+        (ValueOutOfBoundsError, (1j * np.eye(2), {"u": 1.0}), "Q is array"),
+        (ValueOutOfBoundsError, ({"q": 1.0}, 2.0), r"R is 2\.0; allowed: \(r, r\) array"),
     ):
         with pytest.raises(error, match=words):
             solve.lqr(system, 1.0, *arguments)
@@ -258,14 +258,23 @@ def test_weights_are_functions_of_the_phase():
     assert np.abs(left).max() < 1e-7
 
 
+def test_weights_that_differ_at_the_ends_of_the_period_jump_there():
+    def Q(phase):
+        return (1 + phase % (2 * np.pi))[:, None, None] * np.eye(2)
+
+    with pytest.raises(ValueOutOfBoundsError, match="Q jumps at the phase 0 rad, where the system does not"):
+        solve.lqr(oscillator(), 1.0, Q, [[1.0]])
+
+
+@pytest.mark.parametrize("modulo", [np.inf, 2 * np.pi])
 @pytest.mark.parametrize("at", [0.01, 2.5, 6.2])
-def test_weights_may_jump_only_where_the_system_does(at):
+def test_weights_may_jump_only_where_the_system_does(at, modulo):
     def integrator(phase, speed):
         zero = np.zeros((len(phase), 1, 1))
         return zero, zero[:, 0]
 
     def noise(phase):
-        return np.where(phase < at, 4.0, 9.0)[:, None, None]
+        return np.where(phase % modulo < at, 4.0, 9.0)[:, None, None]
 
     smooth = solve.FirstOrderSystem(integrator, ["x"])
     with pytest.raises(

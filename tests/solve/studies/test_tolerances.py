@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -189,6 +190,9 @@ def test_result_is_reopened_and_drawn(model, tmp_path):
     found.save(tmp_path / "batch.nc")
     assert solve.open(tmp_path / "batch.nc").record() == found.record()
     assert len(found.plot().axes) == 4
+    # Files of earlier versions contain a single number for each limited quantity.
+    earlier = replace(found, bounds={name: value for name, (value,) in found.bounds.items()})
+    assert len(earlier.plot().axes) == 4
     assert list(found.to_pandas()) == ["k", "c", "spectral_radius", "q.max_abs", "weight"]
     assert "Probability of instability: 0" in repr(found)
 
