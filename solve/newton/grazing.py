@@ -56,7 +56,7 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
         first = _first_beyond(manifold, before, after)
         if first is not None:
             return [after] if first is after else [first, *special_points(manifold, first, after), after]
-    raise NoOrbitError("no orbit was found beyond a grazing orbit")
+    raise NoOrbitError("no orbit with other events was found nearby")
 
 
 def grazes(manifold: Manifold, point: Point) -> bool:

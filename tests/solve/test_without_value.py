@@ -32,7 +32,7 @@ def model(request):
 def test_orbit_warns_of_a_non_finite_output(model):
     orbit = solve.periodic(model, 4.0)
     assert SAID in orbit.warnings
-    assert "out" in str(orbit)
+    assert "oscillator" in str(orbit)
     orbit.plot("out")
     orbit.plot("out", scale="dB")
 

@@ -7,7 +7,7 @@ import pytest
 
 from solve import Newmark, Radau, floquet, periodic
 from solve.certify.comparison import differences
-from solve.errors import StepsError
+from solve.errors import StepsError, ValueOutOfBoundsError
 from solve.methods.choice import chosen
 from solve.methods.gauss import Gauss
 from solve.period.frozen import frozen
@@ -148,9 +148,15 @@ def test_unresolved_stiff_modes_of_methods_that_keep_them_are_flagged(method):
     assert not any("unresolved" in text for text in floquet(cam(), "100 rpm", "radau", rtol=1e-6).warnings)
 
 
-@pytest.mark.parametrize("steps", [0, -3, 1.5, "8", True, np.nan])
+@pytest.mark.parametrize("steps", [0, -3, 1.5, np.nan])
 def test_invalid_step_counts_are_refused(steps):
     with pytest.raises(StepsError, match=rf"steps is {steps!r}; allowed: whole numbers of at least 1; leave"):
+        periodic(random_system(1, 2), 1.0, steps=steps)
+
+
+@pytest.mark.parametrize("steps", ["8", True])
+def test_step_counts_that_are_no_numbers_are_refused(steps):
+    with pytest.raises(ValueOutOfBoundsError, match=rf"steps is {steps!r}; allowed: whole numbers"):
         periodic(random_system(1, 2), 1.0, steps=steps)
 
 

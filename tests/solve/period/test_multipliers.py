@@ -23,8 +23,8 @@ def test_multipliers_below_the_error_are_omitted():
 
 
 def test_infinite_error_leaves_no_multiplier_resolved():
-    """The same holds if all multipliers are 0; only their bound remains."""
-    for values in ((0.5, 1e-3), (0.0, 0.0)):
+    """Errors are infinite if all multipliers are below the bound, or 0; only the bound remains."""
+    for values in ((UNDERFLOW / 2, 1e-40), (0.0, 0.0)):
         kept = _of(*values).with_digits(np.array(np.inf))
         assert kept.resolved == 0
         assert kept.bound == UNDERFLOW

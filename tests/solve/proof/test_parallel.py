@@ -1,6 +1,7 @@
 """Steps of a proof that other processes compute."""
 
 import pickle
+from concurrent.futures import Executor
 
 import mpmath
 import pytest
@@ -11,13 +12,13 @@ import solve
 from solve.proof.balls import arb, arb_mat, precision
 
 
-class Pickling:
+class Pickling(Executor):
     """An executor whose work and results travel as between processes."""
 
     def __init__(self):
         self.parts = 0
 
-    def map(self, work, parts):
+    def map(self, work, parts, **_):
         for part in parts:
             self.parts += 1
             made = pickle.loads(pickle.dumps(work))(pickle.loads(pickle.dumps(part)))

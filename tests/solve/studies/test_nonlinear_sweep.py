@@ -1,5 +1,7 @@
 """Sweeps of nonlinear orbits against single orbits, and their failures."""
 
+from concurrent.futures import Executor
+
 import numpy as np
 import pytest
 
@@ -39,4 +41,4 @@ def test_a_point_without_an_orbit_has_its_reason():
 
 def test_several_processes_are_refused():
     with pytest.raises(ValueOutOfBoundsError, match="in one process; omit the executor"):
-        solve.sweep(model_of(duffing(), **NUMBERS), [1.0], executor=object(), nonlinear=True)
+        solve.sweep(model_of(duffing(), **NUMBERS), [1.0], executor=Executor(), nonlinear=True)
