@@ -38,6 +38,10 @@ _PHASES, _ROUNDOFF = 32, 1e-12
 """Number of phases at which coefficients are compared, and relative difference up to which they are equal.
 Choices."""
 
+_SIZES = 3.0 ** np.arange(2, -13, -1)
+"""Sizes of the motions along which coefficients are compared, in the units of the coordinates. Choices: each
+motion grows from one size to the next, so that forces that act over a small range are passed."""
+
 
 @of_system
 def branch(
@@ -146,14 +150,18 @@ def branch(
 
 
 def _is_linear(task: Task) -> bool:
-    """Whether the equations have no switches, and the same M, C and K along rest and another motion."""
+    """Whether the equations have no switches, and the same M, C and K along rest and along other motions."""
     system, speed = task.system, task.speed
     if warnings_of(system, speed) != warnings_of(system, speed, linear=False):
         return False
     rest, phase = task.rest(Grid.uniform(1, task.period)), np.linspace(0.0, task.period, _PHASES + 1)[:-1]
-    motion = Curve(rest.nodes, np.ones((system.n, 1, 3)))
-    pairs = zip(*(in_phase(task.along(curve), phase, speed)[:3] for curve in (motion, rest)), strict=True)
-    return all(np.abs(one - other).max() <= _ROUNDOFF * np.abs(other).max() for one, other in pairs)
+    at_rest = in_phase(task.along(rest), phase, speed)[:3]
+    for size in np.outer([1.0, -1.0], _SIZES).ravel():
+        motion = Curve(rest.nodes, np.full((system.n, 1, 3), size))
+        pairs = zip(in_phase(task.along(motion), phase, speed)[:3], at_rest, strict=True)
+        if not all(np.abs(one - other).max() <= _ROUNDOFF * np.abs(other).max() for one, other in pairs):
+            return False
+    return True
 
 
 def continuation(

@@ -30,6 +30,10 @@ _MAX_GROWTH = 3.0
 """Largest predicted ratio of the numbers of steps. A choice: the first grid may be too coarse for the order
 to hold, or a coordinate may be zero except for round-off."""
 
+_SHARED = 1e-12
+"""Norm of a correction below which it changes multipliers by little more than round-off. A choice: near a
+fold, multipliers changed by 16 times the correction."""
+
 _COARSE = 256
 """Number of steps above which no finer grid is tried if the iteration diverges. A choice."""
 
@@ -152,9 +156,9 @@ class Newton(Method):
             task = replace(task, factors=point.factors)
         try:
             found = iterate(task, self._start_on(grid), grid)
-            if found.iterations == 1 and self.lower is not None and self._start_on(grid) is self.lower.start:
-                # Multipliers computed about the curve with fewer stages would hide the effect of
-                # the error of that curve.
+            if found.iterations == 1 and self.lower is not None and found.last > _SHARED:
+                # Both solutions would have multipliers about curves with the same error: that of the
+                # curve with fewer stages, or of the correction from which both curves follow.
                 found = iterate(task, found.curve, grid)
         except NoOrbitError as reason:
             if grid.steps < _COARSE:

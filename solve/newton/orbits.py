@@ -37,6 +37,10 @@ _STEPS = 64, 128
 """Numbers of steps per period of the grids on which orbits are sought; continuation uses the last grid.
 Choices."""
 
+_GIVEN_STEPS = 512
+"""Smallest number of steps per period of the last grid on which an orbit is sought from a given motion. A
+choice: the orbit of a mass at a stop 30000 times as stiff as its spring is found again from itself."""
+
 _TRANSIENT = "transient"
 _STRATEGIES = ("linear orbit", "load", "speed", _TRANSIENT)
 """Strategies in the order in which they are tried. For several periods the transient is first, because the
@@ -196,13 +200,22 @@ class _Search:
         converges."""
         motion = None if start is None else motion_of(start, self.task)
         self._check_period(motion)
-        for grid in self.grids[:-1]:
+        *coarser, finest = self.grids if motion is None else self._grids_from(motion)
+        for grid in coarser:
             try:
                 return iterate(self.task, motion or self.task.rest(grid), grid, last=QUADRATIC)
             except (NoOrbitError, ResonanceError):
                 continue
-        grid = self.grids[-1]
-        return iterate(self.task, motion or self.task.rest(grid), grid, last=QUADRATIC)
+        return iterate(self.task, motion or self.task.rest(finest), finest, last=QUADRATIC)
+
+    def _grids_from(self, motion: Motion) -> list[Grid]:
+        """Grids of the search from a given motion. Coarse grids may lose its short contacts; the last grid
+        has at least as many steps as the motion."""
+        if self.steps is not None:
+            return self.grids
+        steps = round(self.task.period / motion.nodes[-1]) * (len(motion.nodes) - 1)
+        steps = max(steps, _GIVEN_STEPS * self.task.periods)
+        return [*self.grids, self.task.grid(min(steps, self.task.method.most_steps(self.task.system.n)))]
 
     def _check_period(self, motion: Motion | None) -> None:
         ratio = 1.0 if motion is None else self.task.period / motion.nodes[-1]

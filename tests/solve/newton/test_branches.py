@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import fsolve
 
 import solve
+from derive import Mechanism, cos, exp, rate
 from solve.errors import LinearModelError, UnitError, ValueOutOfBoundsError
 from tests.solve.newton.mechanisms import cubic_rotor, duffing, model_of
 
@@ -192,3 +193,30 @@ def test_the_summary_names_the_parameter():
     model = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.4)
     found = solve.branch(model, 0.5, over="f=0.1:0.105", points=5)
     assert found.summary.startswith("The branch goes from f = 0.1 to 0.10")
+
+
+def detent():
+    """Mass on a spring, with a detent of a given width at a place."""
+    made = Mechanism("detent", "Mass with a detent", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    c, k, A = made.parameters(
+        c=("1/s", "damping"), k=("1/s^2", "stiffness"), A=("1/s^2", "energy of the detent")
+    )
+    place, width = made.parameters(place=("1", "place of the detent"), width=("1", "width of the detent"))
+    made.kinetic, made.dissipation = rate(q) ** 2 / 2, c * rate(q) ** 2 / 2
+    made.potential = k * q**2 / 2 - A * exp(-(((q - place) / width) ** 2))
+    made.force(k * cos(made.phase), along=q)
+    made.decline_drive_torque("an equation without units")
+    return made
+
+
+@pytest.mark.parametrize("place", [0.05, -2e-4, 1.3])
+def test_models_with_a_force_over_a_small_range_are_not_refused_as_linear(place):
+    """The force vanishes at rest and along large motions."""
+    numbers = {"c": 0.1, "k": 1.0, "place": place, "width": abs(place) / 20}
+    found = solve.branch(
+        solve.load(detent, A=1e-4 * place**2, **numbers), (2.0, 2.01), switch=True, points=2, rtol=1e-4
+    )
+    assert len(found.values) == 2
+    with pytest.raises(ValueOutOfBoundsError, match=r"^detent is linear in its coordinates"):
+        solve.branch(solve.load(detent, A=0.0, **numbers), (2.0, 2.01), switch=True)

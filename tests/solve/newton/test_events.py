@@ -192,3 +192,18 @@ def test_newtons_iteration_is_quadratic_through_forces_that_jump():
     model = model_of(dashpot(), **DAMPED | {"c": 3.0})
     orbit = solve.nonlinear(model, SPEED)
     assert solve.nonlinear(model, 1.02 * SPEED, orbit).iterations <= 6
+
+
+@pytest.mark.parametrize("kappa", [5000.0, 30000.0])
+def test_an_orbit_with_short_contacts_is_found_again_from_itself(kappa):
+    """Coarse grids have no orbit near it, because the contacts last less than their steps."""
+    numbers, speed = NUMBERS | {"kappa": kappa}, 0.6
+    model = model_of(stop(), **numbers)
+    orbit = solve.nonlinear(model, speed)
+    again = solve.nonlinear(model, speed, start=orbit)
+    assert len(again.events) == 4
+    state = np.array([again.q[0, 0], again.qd[0, 0]])
+    assert state == pytest.approx([orbit.q[0, 0], orbit.qd[0, 0]], abs=1e-9)
+    end, Phi, _ = integrated(state, numbers, speed)
+    assert end == pytest.approx(state, abs=1e-9)
+    assert again.spectral_radius == pytest.approx(np.abs(np.linalg.eigvals(Phi)).max(), rel=1e-7)
