@@ -156,10 +156,10 @@ class Newton(Method):
             task = replace(task, factors=point.factors)
         try:
             found = iterate(task, self._start_on(grid), grid)
-            if found.iterations == 1 and self.lower is not None and found.last > _SHARED:
-                # Both solutions would have multipliers about curves with the same error: that of the
-                # curve with fewer stages, or of the correction from which both curves follow.
-                found = iterate(task, found.curve, grid)
+            if self.lower is not None and found.last > _SHARED:
+                # Multipliers are those about the curve before the last correction, with kinks at the events
+                # of an earlier curve. Both solutions would have them about curves with the same error.
+                found = replace(found, solutions=correct(task, found.curve, grid, True))
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
                 raise StepsError(str(reason)) from None
