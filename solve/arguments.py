@@ -195,8 +195,8 @@ def described(value: object) -> str:
     """Short text of a wrong argument in one line; the type for objects whose text would contain a memory
     address.
 
-    >>> described(np.eye(2)), described(object()), described(abs)
-    ('array([[1., ... [0., 1.]])', 'of type object', 'of type builtin_function_or_method')
+    >>> described([1, 2]), described(object()), described(abs)
+    ('[1, 2]', 'of type object', 'of type builtin_function_or_method')
     """
     if type(value).__repr__ is object.__repr__ or callable(value):
         return f"of type {type(value).__name__}"
