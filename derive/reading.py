@@ -121,8 +121,7 @@ def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Eq
 
 
 def _shorter(expression: Any) -> Any:
-    """The expression or its expansion, whichever is shorter. Named subexpressions may cancel in the
-    expansion."""
+    """The shorter of an expression and its expansion. Named subexpressions may cancel in the expansion."""
     if sympy.count_ops(expression) > _LONG:
         return expression
     return min(expression, sympy.expand(expression), key=sympy.count_ops)

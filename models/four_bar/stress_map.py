@@ -40,8 +40,8 @@ class Peaks:
     """Largest |stress| (Pa) over a revolution (P, lengths, links), at P speeds.
 
     place and phase: position of the largest stress as a fraction of the link's length, and crank angle (rad).
-    error (P,): relative change of the largest stress with half the steps, or with two Chebyshev points fewer,
-    whichever is larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
+    error (P,): relative change of the largest stress, the larger of the changes with half the steps and with
+    two Chebyshev points fewer. radius_bound (P, solved lengths): upper bound of the spectral radius.
     """
 
     stress: Array

@@ -7,11 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.exports.state_space import (
-    Coefficients,
-    coefficients,
-    labels,
-)
+from solve.exports.state_space import Coefficients, coefficients, labels
 from solve.methods.hill import toeplitz, together
 from solve.period.grid import Grid
 from solve.system import PeriodicSystem

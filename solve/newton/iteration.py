@@ -123,9 +123,13 @@ class Converged:
     @property
     def curve(self) -> Curve:
         """Curve of the orbit."""
-        curve = self.solutions.curve
-        assert isinstance(curve, Curve)
-        return curve[0]
+        return curve_of(self.solutions)
+
+
+def curve_of(solutions: Solutions) -> Curve:
+    """Curve of the solution of a single point."""
+    assert isinstance(solutions.curve, Curve)
+    return solutions.curve[0]
 
 
 def zero_motion(n: int, grid: Grid) -> Curve:
@@ -168,7 +172,7 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> C
         smallest = min(smallest, size)
         if size <= last:
             return norm.converged(curve, corrected, count)
-        trial = interpolate(curve, Converged(corrected, count, size).curve, damping)
+        trial = interpolate(curve, curve_of(corrected), damping)
         try:
             after = correct(task, trial, grid, near)
         except LinearModelError:
@@ -226,7 +230,7 @@ class _CorrectionNorm:
 
     def converged(self, curve: Curve, solutions: Solutions, count: int) -> Converged:
         """Return the converged result. Coordinates that are zero within round-off are set to zero."""
-        size, reached = self._relative(*correction(curve, solutions)), Converged(solutions, count, 0.0).curve
+        size, reached = self._relative(*correction(curve, solutions)), curve_of(solutions)
         zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
         if zero.any():
             moving = np.where(zero[:, None, None], 0.0, reached.coefficients)[None]

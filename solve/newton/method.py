@@ -15,7 +15,7 @@ from solve.errors import NoOrbitError, SolveError, StepsError
 from solve.methods.collocated import Collocated
 from solve.methods.collocation import Collocation
 from solve.methods.method import Method, Solutions, one_by_one
-from solve.newton.iteration import Converged, Task, correct, iterate, without_zeros
+from solve.newton.iteration import Task, correct, curve_of, iterate, without_zeros
 from solve.period.curve import Curve
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
@@ -103,8 +103,7 @@ class Newton(Method):
 
     def linearised(self, points: Points, solutions: Solutions) -> Points:
         """Equations linearised along the solution of the single point."""
-        assert isinstance(solutions.curve, Curve)
-        curve, speed = solutions.curve[0], self.task.speed
+        curve, speed = curve_of(solutions), self.task.speed
         return SinglePoint(_without_roundoff(self.task.along(curve), curve), speed)
 
     @property
@@ -133,12 +132,12 @@ class Newton(Method):
         error = SAFETY * float((change / without_zeros(largest)).max())
         self.start, self.finest = curve, steps
         if error <= task.rtol:
-            self.better = Converged(better, 1, error).curve
+            self.better = curve_of(better)
             return steps
         growth = (error / (AIM * task.rtol)) ** (1 / self.curve_order)
         if growth > _MAX_GROWTH:
             return steps
-        self.start = Converged(better, 1, error).curve
+        self.start = curve_of(better)
         return min(int(growth * steps), task.method.most_steps(len(largest)))
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
