@@ -38,9 +38,26 @@ def after_a_turn(state, speed):
             (on_bearing[0] - F) / m / speed**2,
         ]
 
-    return solve_ivp(
-        rate, (0, 2 * np.pi), state, "DOP853", rtol=1e-10, atol=1e-14, max_step=2 * np.pi / 400
-    ).y[:, -1]
+    def gap(phase, y):
+        (A, _, _), along = crank(phase), np.array([np.cos(y[0]), np.sin(y[0])])
+        return np.hypot(*(A + L * along - [y[1], 0.0])) - g
+
+    # The steps end at each beginning and end of contact, so that the integration keeps its order.
+    gap.terminal, phase = True, 0.0
+    gap.direction = -np.sign(gap(phase, state))
+    while phase < 2 * np.pi:
+        piece = solve_ivp(
+            rate,
+            (phase, 2 * np.pi),
+            state,
+            "DOP853",
+            rtol=1e-10,
+            atol=1e-14,
+            max_step=2 * np.pi / 400,
+            events=gap,
+        )
+        phase, state, gap.direction = piece.t[-1], piece.y[:, -1], -gap.direction
+    return state
 
 
 def state_of(orbit):
