@@ -11,7 +11,7 @@ from solve.arrays import EPS, Array
 
 _FIRST_SAMPLES, _MAX_SAMPLES = 64, 1024
 """Number of samples per period of the first interpolant, and number above which interpolation is abandoned.
-Choices."""
+Chosen by judgement."""
 
 _MIDPOINT_ERROR = 1e-8
 """Relative error at the midpoints below which an interpolant of twice as many samples is exact up to
@@ -29,7 +29,7 @@ _RELATIVE_STEP = 1e-2
 of the order of the eighth power of this step, 1e-16."""
 
 _LEVELS = 4
-"""Number of step sizes, each half of the previous one. A choice."""
+"""Number of step sizes, each half of the previous one. Chosen by judgement."""
 
 
 class Trigonometric:

@@ -18,7 +18,8 @@ import numpy as np
 from solve.errors import SolveError, StepsError, ValueOutOfBoundsError
 
 MOST = 2**26
-"""Default limit on the number of values in memory at once: half a gigabyte of float64. A choice."""
+"""Default limit on the number of values in memory at once: half a gigabyte of float64. Chosen by
+judgement."""
 
 SMALL = 40
 """Largest number of coordinates of a small system. For small systems compiled code is faster than BLAS,
@@ -26,7 +27,7 @@ points are solved in batches, and BLAS uses one thread. Tables for batches of la
 memory."""
 
 NUMBERS_A_POINT = 64
-"""Estimated number of values stored per point: statistics, multipliers and warnings. A choice."""
+"""Estimated number of values stored per point: statistics, multipliers and warnings. Chosen by judgement."""
 
 _numbers_limit: ContextVar[float] = ContextVar("numbers_limit", default=MOST)
 

@@ -13,7 +13,8 @@ from solve.errors import FileError
 from solve.op4 import op4_matrices
 
 _LARGEST = 5000
-"""Maximum number of rows of a Matrix Market file, because matrices are stored as dense arrays. A choice."""
+"""Maximum number of rows of a Matrix Market file, because matrices are stored as dense arrays. Chosen by
+judgement."""
 
 
 def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:

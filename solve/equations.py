@@ -32,7 +32,8 @@ from solve.errors import (
 from solve.system import PeriodicSystem
 
 _LOAD_PHASES = 128
-"""Number of phases per period at which a load is sampled to determine whether it is zero. A choice."""
+"""Number of phases per period at which a load is sampled to determine whether it is zero. Chosen by
+judgement."""
 
 
 def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable
 from typing import Self
 
 _MOST_NAMES = 12
-"""Maximum number of known names listed in a message. A choice."""
+"""Maximum number of known names listed in a message. Chosen by judgement."""
 
 
 class SolveError(Exception):

@@ -11,14 +11,14 @@ from solve.errors import MatricesError
 
 PERIODIC = 1e-9
 """Relative difference between the matrices at the two ends of the period, below which they count as periodic.
-A choice."""
+Chosen by judgement."""
 
 SAME_PHASE = 1e-12
 """Distance between phases, relative to the period, within which the phases coincide up to round-off. A
 choice."""
 
 _ROUNDOFF = 64 * EPS
-"""Round-off of an entry relative to the largest term of the equations. A choice."""
+"""Round-off of an entry relative to the largest term of the equations. Chosen by judgement."""
 
 _SINGULAR = 0.1 / EPS
 """Condition number of the scaled M above which M counts as singular, because only one digit remains

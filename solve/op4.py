@@ -19,7 +19,7 @@ from solve.arrays import Array
 from solve.errors import FileError
 
 _MOST_ROWS = 5000
-"""Maximum number of rows or columns, because matrices are stored as dense arrays. A choice."""
+"""Maximum number of rows or columns, because matrices are stored as dense arrays. Chosen by judgement."""
 
 _FULL = 1, 2, 6
 """Matrix forms for which the file contains all entries: square, rectangular and symmetric."""

@@ -14,29 +14,30 @@ from solve.errors import MatricesError, ValueOutOfBoundsError, counted
 from solve.matrices import real_arrays
 
 _SAME_AZIMUTH = 1e-9
-"""Distance between azimuths, as a fraction of the period, below which the azimuths coincide. A choice."""
+"""Distance between azimuths, as a fraction of the period, below which the azimuths coincide. Chosen by
+judgement."""
 
 _MOST_PERIODS = 20
 """Range of azimuths, in periods, above which azimuths are assumed to be in degrees: a revolution in degrees
-spans 57 periods of 2π. A choice."""
+spans 57 periods of 2π. Chosen by judgement."""
 
 _MAX_CONDITION = 30.0
 """Condition number of the fit of a series to non-uniform azimuths above which fewer harmonics are fitted. The
-condition number amplifies the errors of the samples and the unresolved harmonics. A choice: for uniform
-azimuths the condition number is √2."""
+condition number amplifies the errors of the samples and the unresolved harmonics. Chosen by judgement: for
+uniform azimuths the condition number is √2."""
 
 _FLATTENING = 0.7
 """Logarithmic decay in the last quarter of the harmonics, relative to that in the previous quarter, below
-which the decay counts as flattening. A choice: the ratio is 1 for geometric decay and below 0.6 for
-powers."""
+which the decay counts as flattening. Chosen by judgement: the ratio is 1 for geometric decay and below 0.6
+for powers."""
 
 _FEWEST_FOR_POWER = 8
-"""Smallest number of harmonics for which flattening is tested. A choice: each quarter then has two
+"""Smallest number of harmonics for which flattening is tested. Chosen by judgement: each quarter then has two
 harmonics."""
 
 _SIGNIFICANT = 64 * EPS
-"""Amplitude of a harmonic, relative to the largest entry of its matrix, below which it is round-off. A choice
-that allows for about ten operations."""
+"""Amplitude of a harmonic, relative to the largest entry of its matrix, below which it is round-off. Chosen
+by judgement that allows for about ten operations."""
 
 
 @dataclass(frozen=True)

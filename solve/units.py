@@ -32,10 +32,10 @@ _DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _LONGEST_UNIT = 80
-"""Maximum number of characters of a unit. A choice."""
+"""Maximum number of characters of a unit. Chosen by judgement."""
 
 _MOST_RANGES = 4
-"""Maximum number of ranges of speeds listed in a sentence. A choice."""
+"""Maximum number of ranges of speeds listed in a sentence. Chosen by judgement."""
 
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
@@ -98,7 +98,7 @@ RPM, RAD_PER_S, _ = USUAL
 
 
 _SAME_SPEED = 1e-9
-"""Relative difference below which two speeds count as equal and form no range. A choice."""
+"""Relative difference below which two speeds count as equal and form no range. Chosen by judgement."""
 
 
 class GivenSpeed(float):

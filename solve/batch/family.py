@@ -20,7 +20,7 @@ from solve.period.points import SpeedPoints
 from solve.system import PeriodicSystem
 
 _CACHED_SYSTEMS = 8
-"""Number of cached systems, for the latest values of the parameters. A choice."""
+"""Number of cached systems, for the latest values of the parameters. Chosen by judgement."""
 
 
 class Family:

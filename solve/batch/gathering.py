@@ -22,10 +22,10 @@ from solve.terminal import progress
 from solve.threads import one_thread
 
 _MIN_POINTS = 8
-"""Minimum number of points per chunk, even for large systems. A choice."""
+"""Minimum number of points per chunk, even for large systems. Chosen by judgement."""
 
 _CHUNK_BYTES = 2**25
-"""Memory limit, in bytes, for the frozen coefficients of a chunk of points. A choice."""
+"""Memory limit, in bytes, for the frozen coefficients of a chunk of points. Chosen by judgement."""
 
 
 def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:

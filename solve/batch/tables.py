@@ -21,23 +21,23 @@ _MAX_TERMS = 10
 choice."""
 
 _TRAINING_POINTS, _TRAINING_PHASES = 16, 64
-"""Numbers of points and phases from which the terms are computed. A choice."""
+"""Numbers of points and phases from which the terms are computed. Chosen by judgement."""
 
 _NEGLIGIBLE = 4e-15
 """Pivot, relative to the largest value of the entry, below which terms are omitted as round-off."""
 
 _REPRESENTED = 1e-12
-"""Relative error at the check phases up to which a point counts as represented. A choice."""
+"""Relative error at the check phases up to which a point counts as represented. Chosen by judgement."""
 
 _CACHE_BYTES = 2**26
-"""Memory limit of cached tables in bytes. A choice."""
+"""Memory limit of cached tables in bytes. Chosen by judgement."""
 
 _CHECKS = np.array([0.1357, 0.7311])
 """Phases at which the representation of points is checked, as fractions of each piece between two breaks. A
 choice."""
 
 _MIN_PHASES = 8
-"""Minimum number of training phases per piece. A choice."""
+"""Minimum number of training phases per piece. Chosen by judgement."""
 
 
 class Separation:

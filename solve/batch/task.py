@@ -35,11 +35,11 @@ from solve.system import multiplier_count
 from solve.terminal import progress
 
 _CHUNKS, _MIN_CHUNK, _MAX_CHUNK = 32, 8, 2**14
-"""Number of chunks of points, and minimum and maximum number of points per chunk. A choice."""
+"""Number of chunks of points, and minimum and maximum number of points per chunk. Chosen by judgement."""
 
 _PROBES = 256
 """Number of phases at which matrices of some points are sampled to identify the calculation in a store, in
-addition to one phase between neighbouring breaks. A choice."""
+addition to one phase between neighbouring breaks. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
@@ -193,10 +193,10 @@ def _missing(
 
 
 _MAX_WORKERS = 1024
-"""Maximum number of processes. A choice."""
+"""Maximum number of processes. Chosen by judgement."""
 
 _TIMEOUT = 10.0
-"""Timeout in seconds for a scheduler. A choice."""
+"""Timeout in seconds for a scheduler. Chosen by judgement."""
 
 _INTERRUPTED = 130
 """Exit status of an interrupted process: 128 + SIGINT."""

@@ -205,7 +205,7 @@ choice."""
 
 ROUNDING = 1e-9
 """Relative size below which distances, differences between frequencies, and singular values count as
-round-off. A choice."""
+round-off. Chosen by judgement."""
 
 
 class Positions:

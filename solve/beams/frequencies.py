@@ -31,7 +31,8 @@ PARTS = (2, 3, 5)
 a frequency."""
 
 _NEAR = 1e-4
-"""Relative distance between a frequency and a pole of D below which elements are divided. A choice."""
+"""Relative distance between a frequency and a pole of D below which elements are divided. Chosen by
+judgement."""
 
 
 def exact_frequencies(positions: Positions, count: int) -> Array:
@@ -125,7 +126,7 @@ def _upper_bound(positions: Positions, count: int) -> Array:
 
 
 _POINTS = 48
-"""Minimum number of intervals between plotted points along a link. A choice."""
+"""Minimum number of intervals between plotted points along a link. Chosen by judgement."""
 
 
 def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:

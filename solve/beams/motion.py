@@ -97,7 +97,7 @@ chunks, allocation of arrays for a whole grid would take a third of the time (me
 3840 phases). Half and twice this size take the same time."""
 
 _BUCKLING_POSITIONS = 180
-"""Number of positions per revolution at which axial forces are checked for buckling. A choice."""
+"""Number of positions per revolution at which axial forces are checked for buckling. Chosen by judgement."""
 
 _HALF_WAVES = {0: 1.0, 1: 0.5, 2: 2.0}
 """Number of half waves of the buckled link, by the number of clamped ends. None: both ends are pinned; one:

@@ -27,10 +27,11 @@ from solve.model.modes import beyond_critical
 from solve.model.setup import Setup, samples_of, stated_lines
 
 MOST = 200
-"""Maximum number of frequencies with exact elements, for which there are infinitely many. A choice."""
+"""Maximum number of frequencies with exact elements, for which there are infinitely many. Chosen by
+judgement."""
 
 _CHUNK_ENTRIES = 2**22
-"""Number of matrix entries at the positions that are processed together. A choice."""
+"""Number of matrix entries at the positions that are processed together. Chosen by judgement."""
 
 _CACHE_BYTES = 2**26
 """Memory limit, in bytes, of tables that are cached for solutions at other speeds. It suffices for about ten

@@ -21,7 +21,7 @@ from solve.period.quantities import enough_samples
 EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
 """Relative difference up to which two extrema count as equally large; and difference of their derivatives,
 relative to the largest derivative over the period, up to which the derivative of either may be returned.
-Choices."""
+Chosen by judgement."""
 
 _OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
 """Additional phases at which the size of the derivative is sampled, as fractions of a period after an
@@ -29,14 +29,15 @@ extremum. They are multiples of the golden section, to avoid zeros of low harmon
 
 _CANDIDATE_RANGE = 1e-3
 """Distance below the largest sample, relative to the range of the quantity, within which other local maxima
-of samples may be the global maximum. A choice."""
+of samples may be the global maximum. Chosen by judgement."""
 
 _NEWTON_STEPS, _MAX_EXTREMA = 3, 64
-"""Number of Newton steps that refine the phase of an extremum, and maximum number of candidates. Choices."""
+"""Number of Newton steps that refine the phase of an extremum, and maximum number of candidates. Chosen by
+judgement."""
 
 _SPACING = 0.03
-"""Spacing of the values about an extremum, relative to the spacing of the samples. A choice: truncation and
-round-off of the second difference are both small."""
+"""Spacing of the values about an extremum, relative to the spacing of the samples. Chosen by judgement:
+truncation and round-off of the second difference are both small."""
 
 _FIRST_DERIVATIVE, _SECOND_DERIVATIVE = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 """Weights of five values in the first and second difference of fourth order."""
@@ -47,7 +48,7 @@ and derivative to the point."""
 
 _SIDE = 2e-12
 """Distance from a jump of the matrices, relative to the period, at which quantities on both sides of the jump
-are evaluated. A choice: far above round-off of the phase."""
+are evaluated. Chosen by judgement: far above round-off of the phase."""
 
 _SIGNS = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}
 """Signs with which an extremum becomes a maximum, by statistic."""

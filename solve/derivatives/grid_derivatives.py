@@ -28,7 +28,7 @@ from solve.period.quantities import samples_a_step
 from solve.results.stability import Stability
 
 _JUMP = 1e-9
-"""Jump of an output, relative to its largest value, above which it is discontinuous. A choice."""
+"""Jump of an output, relative to its largest value, above which it is discontinuous. Chosen by judgement."""
 
 _STEP = 1e-5
 """Relative step of a parameter for central differences of the inertia weights. The error of the differences

@@ -21,12 +21,12 @@ from solve.period.logarithms import matched_logarithms
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
 
 COALESCENCE = 1e-6
-"""Relative distance between two multipliers up to which their derivatives are not computed. A choice:
-multipliers that coincide lose half their digits."""
+"""Relative distance between two multipliers up to which their derivatives are not computed. Chosen by
+judgement: multipliers that coincide lose half their digits."""
 
 _LEADING = 0.1
 """Modulus of a multiplier, relative to the spectral radius, above which its eigenvectors are computed from Φ.
-A choice: at this modulus the eigenvectors lose one digit."""
+Chosen by judgement: at this modulus the eigenvectors lose one digit."""
 
 _PERIODIC, _NEARLY_PERIODIC = 1e-11, 1e-6
 """Relative difference up to which a vector counts as unchanged after a period. The second value applies if

@@ -15,7 +15,7 @@ from solve.results.periodic_motion import PeriodicMotion
 from solve.system import PeriodicSystem
 
 _DRAWS = 2
-"""Number of sums with random signs from which the size of the terms is estimated. A choice."""
+"""Number of sums with random signs from which the size of the terms is estimated. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

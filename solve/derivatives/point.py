@@ -26,15 +26,15 @@ from solve.threads import one_thread
 
 _COARSENING = 4
 """Divisor of the number of steps for the coarser grid on which the sizes of the terms of derivatives are
-estimated. A choice."""
+estimated. Chosen by judgement."""
 
 _PARAMETERS_PER_ADJOINT = 2
 """Number of parameters for which the forward problems take as long as the adjoint problem of one
 statistic."""
 
 _ROUNDOFF = 1e-13
-"""Round-off error of a derivative relative to the sum of the moduli of its terms. A choice, a few hundred
-eps."""
+"""Round-off error of a derivative relative to the sum of the moduli of its terms. Chosen by judgement, a few
+hundred eps."""
 
 
 @of_system

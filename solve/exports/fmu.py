@@ -34,7 +34,7 @@ _TIME = 1980, 1, 1, 0, 0, 0
 _WHAT = "an FMU"
 
 _SAMPLES = 512
-"""Number of phases per period at which the magnitudes of the states are sampled. A choice."""
+"""Number of phases per period at which the magnitudes of the states are sampled. Chosen by judgement."""
 
 _NOMINALS = "nominals[i] = 1;"
 """Placeholder of CasADi 3.8 for the nominal sizes of the states, which tools use to scale errors."""

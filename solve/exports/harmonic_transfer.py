@@ -32,7 +32,7 @@ _PROBE = 0.07 + 0.31j
 choice."""
 
 _PHASES = 64
-"""Number of phases at which the highest natural frequency is sampled. A choice."""
+"""Number of phases at which the highest natural frequency is sampled. Chosen by judgement."""
 
 
 class TransferValues(NamedTuple):

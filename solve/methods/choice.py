@@ -40,7 +40,7 @@ RADAU, _RADAU_OF_FEW, _GAUSS = Radau(), Radau(13), Gauss()
 orders."""
 
 _PHASES = 32
-"""Number of phases at which coefficients are frozen for the selection: a choice."""
+"""Number of phases at which coefficients are frozen for the selection. Chosen by judgement."""
 
 
 def auto(points: Points) -> Iterator[tuple[Method, Array]]:

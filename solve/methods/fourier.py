@@ -19,19 +19,20 @@ from solve.period.points import Points, matrices, state_rate, state_size
 from solve.threads import interruptible
 
 MOST_UNKNOWNS = 2000
-"""Largest permitted size of a dense eigenvalue problem: a choice."""
+"""Largest permitted size of a dense eigenvalue problem. Chosen by judgement."""
 
 _QUICK = 500
 """Size up to which a dense eigenvalue problem takes less than a second."""
 
 _SINGULAR = 1e14
-"""Condition number of the harmonic balance above which it counts as singular. A choice."""
+"""Condition number of the harmonic balance above which it counts as singular. Chosen by judgement."""
 
 _DEFECTIVE = 1e4
-"""Condition number of the matrix of eigenvectors above which it is not inverted. A choice."""
+"""Condition number of the matrix of eigenvectors above which it is not inverted. Chosen by judgement."""
 
 _CLUSTER = 1e-3
-"""Largest distance, relative to the rotation, to which round-off may split a multiple exponent: a choice."""
+"""Largest distance, relative to the rotation, to which round-off may split a multiple exponent. Chosen by
+judgement."""
 
 _SHIFT, _MOST_ITERATIONS = 0.125, 40
 """Distance of the shift from a cluster of exponents, as a fraction of the distance to the nearest other

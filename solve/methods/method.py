@@ -29,7 +29,7 @@ MOST_STEPS = 2**40
 
 _LARGE_SYSTEMS, _ENOUGH_STEPS = 4, 2**13
 """Factor by which large systems may exceed the memory limit, and number of steps up to which this is
-permitted, because fewer steps would not suffice. Choices."""
+permitted, because fewer steps would not suffice. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from solve.units import conversion
 
 _ASYMMETRY = 1e-6
 """Difference between a matrix and its transpose, relative to its largest entry, that counts as round-off of
-the digits in a file. A choice."""
+the digits in a file. Chosen by judgement."""
 
 EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
 

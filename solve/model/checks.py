@@ -14,7 +14,7 @@ from solve.model.sampling import MatrixSampler
 from solve.system import PeriodicSystem, in_phase
 
 _CHECK_PHASES = 128
-"""Number of phases per period at which the matrices are checked. A choice."""
+"""Number of phases per period at which the matrices are checked. Chosen by judgement."""
 
 _STEEP = 0.25
 """Change between neighbouring phases, relative to the total variation, above which a jump is sought. A

@@ -20,8 +20,8 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _CHUNK = 1024
-"""Number of phases for which derivatives are summed at a time. A choice: the derivatives fit into the
-processor's cache."""
+"""Number of phases for which derivatives are summed at a time. Chosen by judgement: the derivatives fit into
+the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,11 +25,11 @@ from solve.model.setup import Setup
 from solve.system import PeriodicSystem
 
 _BREAK_STEP = 1e-2
-"""Largest relative change of a parameter in finite differences of the breaks. A choice."""
+"""Largest relative change of a parameter in finite differences of the breaks. Chosen by judgement."""
 
 _FEW = 2
-"""Number of parameters up to which derivatives of nonlinear equations have separate compiled code. A choice:
-branches vary one or two parameters."""
+"""Number of parameters up to which derivatives of nonlinear equations have separate compiled code. Chosen by
+judgement: branches vary one or two parameters."""
 
 SlopesCache = dict[tuple[tuple[str, ...], bool], GeneratedSlopes]
 

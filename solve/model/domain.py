@@ -36,7 +36,7 @@ _JUMP_SIZE = 1e-6
 choice."""
 
 _BATCH_PHASES = 2**16
-"""Number of phases of all points that are evaluated at once. A choice."""
+"""Number of phases of all points that are evaluated at once. Chosen by judgement."""
 
 _CACHE_SIZE = 8
 """Number of cached results; a solution requires matrices of the same points on several grids."""

@@ -21,18 +21,19 @@ if TYPE_CHECKING:
     import casadi
 
 MAX_CACHED = 64
-"""Number of cached generated functions, which are reused when only parameter values change. A choice: few
-models are used at a time."""
+"""Number of cached generated functions, which are reused when only parameter values change. Chosen by
+judgement: few models are used at a time."""
 
 _STATES = "q", "qd", "qdd"
 
 _SAMPLES, _MIN_SAMPLES = 8, 512
 """Number of phases per step, and smallest total number, at which the switches are evaluated. Two events of a
-switch between neighbouring phases are not found, but reported as grazing. Choices."""
+switch between neighbouring phases are not found, but reported as grazing. Chosen by judgement."""
 
 _GRAZING = 1e-3
 """Modulus of a switching function, relative to its range over the period, below which the motion grazes the
-switch. It is compared with the largest modulus between two events, or with that at an extremum. A choice."""
+switch. It is compared with the largest modulus between two events, or with that at an extremum. Chosen by
+judgement."""
 
 _REST = 1e-13
 """Range of a switching function, relative to its largest modulus, that counts as round-off: the function is

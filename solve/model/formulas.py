@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _MAX_INSTRUCTIONS = 5000
 """Number of instructions above which formulas are not compiled, because compilation takes more time than it
-saves. A choice."""
+saves. Chosen by judgement."""
 
 _UNARY = (
     *("sin", "cos", "tan", "asin", "acos", "atan"),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _MAX_STEPS, _MIN_STEPS = 2**22, 2**12
 """Maximum number of integrator steps per period, and smallest permitted maximum between two states.
-Choices."""
+Chosen by judgement."""
 
 _NO_WARNINGS = {"show_eval_warnings": False, "disable_internal_warnings": True}
 

@@ -18,7 +18,7 @@ from solve.model.sampling import Sampler
 from solve.model.setup import Setup
 
 _CHUNK = 4096
-"""Number of parameter sets for which conditions are evaluated together. A choice."""
+"""Number of parameter sets for which conditions are evaluated together. Chosen by judgement."""
 
 
 class ModelPoints:

@@ -13,18 +13,19 @@ if TYPE_CHECKING:
     import casadi
 
 _SHIFT = 1e-6
-"""Shift of ω² that is used if K is singular, relative to the mean ω². A choice."""
+"""Shift of ω² that is used if K is singular, relative to the mean ω². Chosen by judgement."""
 
 _PIVOT = 1e-11
-"""Pivot of the factorisation of K, relative to its diagonal, below which it counts as round-off. A choice."""
+"""Pivot of the factorisation of K, relative to its diagonal, below which it counts as round-off. Chosen by
+judgement."""
 
 _RIGID = 1e-13
 """Size of ω², relative to the largest K_ii/M_ii, below which ω² counts as the round-off of a rigid-body mode.
-A choice."""
+Chosen by judgement."""
 
 _ASYMMETRY = 1e-10
 """Asymmetry, or modulus of a negative eigenvalue, of the scaled K that counts as round-off, relative to its
-largest entry. A choice."""
+largest entry. Chosen by judgement."""
 
 
 class Modes(NamedTuple):

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     import casadi
 
 _CHUNK = 64
-"""Number of phases per evaluation. A choice: large enough to make the cost of a call negligible, small enough
-for few phases, which take as long as a whole chunk."""
+"""Number of phases per evaluation. Chosen by judgement: large enough to make the cost of a call negligible,
+small enough for few phases, which take as long as a whole chunk."""
 
 _MAX_DEGREE = 4
-"""Maximum degree of polynomials in the speed. A choice."""
+"""Maximum degree of polynomials in the speed. Chosen by judgement."""
 
 _CACHE_BYTES = 2**24
-"""Memory limit of cached tables in bytes. A choice."""
+"""Memory limit of cached tables in bytes. Chosen by judgement."""
 
 
 class Sampler:

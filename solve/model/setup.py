@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import casadi
 
 _CONDITION_PHASES = 720
-"""Number of phases per period at which conditions on the parameters are checked. A choice."""
+"""Number of phases per period at which conditions on the parameters are checked. Chosen by judgement."""
 
 _SAMPLES = {"points": 1, "curve": 361, "beam": 33}
 """Number of points drawn per declared element of a sketched line, for each kind of line."""

@@ -21,7 +21,7 @@ _NUMBERS_A_BYTE = 8
 limit."""
 _REVOLUTION = 2 * math.pi
 _SAME_ANGLE = 1e-9
-"""Distance between two angles, in revolutions, below which the angles coincide. A choice."""
+"""Distance between two angles, in revolutions, below which the angles coincide. Chosen by judgement."""
 
 
 class Series(NamedTuple):

@@ -17,11 +17,12 @@ from solve.period.points import Points, Tables, state_size
 from solve.period.rigid_body import RigidBodyModes
 
 _RATES = 1.0, 3.0
-"""α T and β T. Choices: exp(-α T) is far from 1, and the rates are far below 2π, the rate of the first
-harmonic."""
+"""α T and β T. Chosen by judgement: exp(-α T) is far from 1, and the rates are far below 2π, the rate of the
+first harmonic."""
 
 _STEP = 0.37
-"""Increment of α T and β T from one mode to the next, so that no two exponents coincide. A choice."""
+"""Increment of α T and β T from one mode to the next, so that no two exponents coincide. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from solve.period.eigenvalues import EPS, balance_matrices
 
 LOSS = 1e-12
 """Largest round-off of a product of neighbouring maps, relative to its smallest singular value, with which
-the product is formed. A choice."""
+the product is formed. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

@@ -305,7 +305,7 @@ class FourierCurve:
 
 
 _FEWEST = 256
-"""Smallest number of states per revolution for interpolation: a choice."""
+"""Smallest number of states per revolution for interpolation. Chosen by judgement."""
 
 
 def curves_through(nodes: Array, motions: Array) -> Curve:

@@ -15,14 +15,15 @@ from solve.kernel.multipliers import Conditioned
 EPS = float(np.finfo(float).eps)
 
 NEGLIGIBLE = 1e-100
-"""Modulus below which multipliers are unresolved: a choice; its square is far above underflow."""
+"""Modulus below which multipliers are unresolved. Chosen by judgement; its square is far above underflow."""
 
 LOST = 8 * EPS
 """Fraction of the norm below which a multiplier is not accurate to even one digit because of round-off: a
 choice, a few operations above eps."""
 
 _ILL_CONDITIONED = 0.1
-"""Fraction of the error of a defective pair above which an eigenvalue is ill-conditioned: a choice."""
+"""Fraction of the error of a defective pair above which an eigenvalue is ill-conditioned. Chosen by
+judgement."""
 
 
 def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | None:
@@ -104,7 +105,7 @@ def balance_matrices(matrices: Array) -> tuple[Array, Array]:
 
     Scaled entries are A_ij unit_j / unit_i (E. E. Osborne, J. ACM 7 (1960) 338-345, all rows at once). Rows
     and columns of zeros are unchanged. At most 50 sweeps are made, until the squared norms of each row and
-    its column differ by less than a factor of 4: choices."""
+    its column differ by less than a factor of 4. Chosen by judgement."""
     scaled, powers = matrices, np.zeros(matrices.shape[:-1])
     with np.errstate(all="ignore"):
         for _ in range(50):

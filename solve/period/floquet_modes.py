@@ -17,10 +17,10 @@ from solve.period.product_eigenvalues import ProductEigenvalues
 ALIASED = 0.1
 """Upper limit, for a mode with resolved harmonics, of two measures: the relative difference between the mean
 square of its rates and the value from its harmonics, and the fraction of the mode in the upper third of the
-harmonics. A choice."""
+harmonics. Chosen by judgement."""
 
 _SAME = 1e-6
-"""Relative difference below which the participations of two harmonics count as equal: a choice."""
+"""Relative difference below which the participations of two harmonics count as equal. Chosen by judgement."""
 
 
 class FloquetMode(NamedTuple):

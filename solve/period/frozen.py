@@ -28,17 +28,17 @@ from solve.period.points import Points, ScaledEquations, Tables, rate_of
 from solve.period.rigid_body import ROUNDING, RigidBodyModes, may_be_singular, rigid_body_modes
 
 PHASES = 128
-"""Number of phases at which coefficients are frozen by default: a choice."""
+"""Number of phases at which coefficients are frozen by default. Chosen by judgement."""
 
 _ENTRY_PHASES = 16
-"""Approximate number of phases at which the sizes of entries are determined: a choice."""
+"""Approximate number of phases at which the sizes of entries are determined. Chosen by judgement."""
 
 _BALANCED = 64.0
 """Largest ratio between rows, or between entries of a column, up to which elimination loses few digits: a
 choice."""
 
 _STEADY = 0.02
-"""Fraction of the median of det M below which a phase with singular M is searched. A choice."""
+"""Fraction of the median of det M below which a phase with singular M is searched. Chosen by judgement."""
 
 _FEW = np.s_[::16]
 """Selection of phases from which rates are estimated if no bound is required."""

@@ -9,7 +9,7 @@ from solve.arguments import require_size
 from solve.arrays import Array
 
 _MAX_CACHED = 4096
-"""Number of steps up to which a grid and its phases are cached. A choice."""
+"""Number of steps up to which a grid and its phases are cached. Chosen by judgement."""
 
 _INSIDE = 1e-13
 """Distance from a jump, as a fraction of the period, by which a stage at the jump is moved into its step."""

@@ -12,7 +12,8 @@ UNKNOWN = complex(math.nan, math.nan)
 """Logarithm of a multiplier that is not accurate to even one digit: both parts are unknown."""
 
 _EXACT_ZERO = -1e6
-"""Substitute for the logarithm of an exact zero, below the logarithm of any other multiplier: a choice."""
+"""Substitute for the logarithm of an exact zero, below the logarithm of any other multiplier. Chosen by
+judgement."""
 
 
 def exponential(logarithms: Array) -> Array:

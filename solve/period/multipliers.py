@@ -13,14 +13,14 @@ from solve.kernel.multipliers import Conditioned
 from solve.period.eigenvalues import EPS, LOST, NEGLIGIBLE, balanced, pair_distance, sorted_eigenvalues
 
 UNIT_CIRCLE = 1e-9
-"""Distance from 1 within which a modulus counts as 1, in addition to its error: a choice."""
+"""Distance from 1 within which a modulus counts as 1, in addition to its error. Chosen by judgement."""
 
 KNOWN_ON_CIRCLE = 1e-6
 """Distance of a modulus from 1, including its error, up to which a multiplier is on the unit circle: a
 choice."""
 
 SURE = 2.0
-"""Factor on the error estimate for the decision that a modulus is larger than 1. A choice."""
+"""Factor on the error estimate for the decision that a modulus is larger than 1. Chosen by judgement."""
 
 UNDERFLOW = 1e-30
 """Spectral radius below which multipliers are round-off of the entries of Φ. docs/certificate.md states the
@@ -28,7 +28,7 @@ measured range."""
 
 _TIMES_ESTIMATE = 10.0
 """Factor on the error estimate of multipliers that may coincide, because the error that splits a double
-multiplier moves it off the unit circle. A choice."""
+multiplier moves it off the unit circle. Chosen by judgement."""
 
 VERDICTS: tuple[str, ...] = ("asymptotically stable", "stable", "unstable", "undetermined")
 ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
@@ -185,7 +185,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
         inner, outer = (np.where(is_simple, factor, _TIMES_ESTIMATE) * error for factor in (1.0, SURE))
         result[rows] = _by_moduli(moduli[rows], error, inner, outer)
     is_open = np.flatnonzero((result == STABLE) | (result == UNDETERMINED))
-    # A drift is tested for only if two multipliers are within 1e-3 of +1: a choice.
+    # A drift is tested for only if two multipliers are within 1e-3 of +1. Chosen by judgement.
     is_near_one = (np.abs(values[is_open] - 1) <= 1e-3).astype(int)
     is_open = is_open[across(np.add, is_near_one) > 1]
     if len(is_open):
@@ -231,8 +231,8 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
     these pairs.
 
     A perturbation splits the double multiplier of a defective block by its square root, which the errors (P,)
-    may not include. Multipliers at a distance above a thousand times the error are distinct: a choice. e (P,
-    N): error of each multiplier."""
+    may not include. Multipliers at a distance above a thousand times the error are distinct. Chosen by
+    judgement. e (P, N): error of each multiplier."""
     is_near = np.abs(multipliers.moduli - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     rows, N = np.flatnonzero(across(np.add, is_near.astype(int)) > 1), is_near.shape[1]
     if not len(rows):

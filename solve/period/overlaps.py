@@ -12,8 +12,8 @@ import numpy as np
 from solve.arrays import Array
 
 _MAX_SHIFT = 64
-"""Largest shift of the harmonics between two neighbouring points: a choice. At speeds 1 % apart it suffices
-for frequencies up to the 6400th harmonic."""
+"""Largest shift of the harmonics between two neighbouring points. Chosen by judgement. At speeds 1 % apart it
+suffices for frequencies up to the 6400th harmonic."""
 
 
 class Modes(Protocol):

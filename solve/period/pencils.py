@@ -13,8 +13,8 @@ fast as LAPACK. Measured for one point, elimination takes 1.6 times as long with
 with 72. With a hundred coordinates, determinants also underflow."""
 
 _ITERATIONS = 6
-"""Number of power iterations for the vector of a bound. A choice: the bound is valid for any positive
-vector."""
+"""Number of power iterations for the vector of a bound. Chosen by judgement: the bound is valid for any
+positive vector."""
 
 
 def pencil_eigenvalues(pencils: Array, first_order: int = 0) -> Array:
@@ -105,8 +105,8 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
     maps (v, 0) to itself.
 
     Equations and unknowns are scaled by their largest coefficients. error: error of the states, relative to
-    `units` (2n,). Residuals of 12 eps, and relative differences of 1e-6 after a period, count as zero:
-    choices.
+    `units` (2n,). Residuals of 12 eps, and relative differences of 1e-6 after a period, count as zero.
+    Chosen by judgement.
     """
     for axis in (1, 0):
         largest = np.abs(rows).max(axis=axis, keepdims=True)

@@ -14,7 +14,8 @@ from solve.arrays import Array, solved
 from solve.period.eigenvalues import EPS, balance_matrices, roundoff_growth
 
 BLOCKS = 32
-"""Number of blocks at which multiplication stops and the orthogonal factorisation begins: a choice."""
+"""Number of blocks at which multiplication stops and the orthogonal factorisation begins. Chosen by
+judgement."""
 
 _LARGE, _BLOCKS_OF_LARGE = 2 * SMALL, 8
 """Number of states above which fewer blocks are used, and number of blocks in this case: with 216 states an
@@ -23,32 +24,35 @@ log10|ρ|/8 digits. Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with
 with one."""
 
 SINGULAR = 1e-14
-"""Reciprocal condition number of the cyclic system below which it counts as singular: a choice, 45 times the
-unit round-off."""
+"""Reciprocal condition number of the cyclic system below which it counts as singular. Chosen by judgement, 45
+times the unit round-off."""
 
 APART = 1e-3
 """Ratio of the largest terms of two states below which the smaller state requires its own unit, so that
-elimination does not lose its digits: a choice."""
+elimination does not lose its digits. Chosen by judgement."""
 
 _ROUNDING = 8.0
-"""Multiple of the round-off up to which a state counts as zero: a choice."""
+"""Multiple of the round-off up to which a state counts as zero. Chosen by judgement."""
 
 _RESTS = 1e-11
-"""Largest ratio, for any round-off, between a state that counts as zero and its terms: a choice."""
+"""Largest ratio, for any round-off, between a state that counts as zero and its terms. Chosen by
+judgement."""
 
 REGULAR = 1e13
-"""Upper limit of the condition number of systems that are regular in some units: a choice."""
+"""Upper limit of the condition number of systems that are regular in some units. Chosen by judgement."""
 
 _LEFT = 1e-12
 """Residual of the cyclic system, relative to its terms, above which the system is solved again in other
 units. Elimination first uses the same units at all nodes, so that a solution that grows by many powers of ten
-loses digits where it is small. A choice."""
+loses digits where it is small. Chosen by judgement."""
 
 _AGAIN = 3
-"""Largest number of repeated solutions, in units that make the states at all nodes comparable: a choice."""
+"""Largest number of repeated solutions, in units that make the states at all nodes comparable. Chosen by
+judgement."""
 
 _SMALLEST = 2.0**-100
-"""Smallest ratio between the units of two nodes that a repeated solution may introduce. A choice."""
+"""Smallest ratio between the units of two nodes that a repeated solution may introduce. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ LEAST_SAMPLES = 2048
 _SAMPLES_PER_STEP = 4
 _ZOOMS, _ROUGH = 6, 3
 """Number of refinements of an extremum, each to a sixteenth of the interval; and number of refinements of
-other candidates: choices."""
+other candidates. Chosen by judgement."""
 
 _ZOOM = np.linspace(-1.0, 1.0, 33)
 
@@ -38,10 +38,11 @@ _SIGNS = np.array([1.0, -1.0])
 """Signs for maxima and minima; a minimum is computed as the maximum of the negative."""
 
 _TOGETHER = 16
-"""Number of extrema of a quantity that are refined at a time: a choice."""
+"""Number of extrema of a quantity that are refined at a time. Chosen by judgement."""
 
 _TIE = 1e-10
-"""Difference between two extrema, relative to the largest value, above which they are distinct: a choice."""
+"""Difference between two extrema, relative to the largest value, above which they are distinct. Chosen by
+judgement."""
 
 
 def samples_a_step(steps: int) -> int:
@@ -331,7 +332,7 @@ class Quantities:
 
 _REPEATS, _SAMPLES = 1e-6, 512
 """Relative tolerance, and number of phases, for comparing the periods of an orbit of several periods. If all
-periods agree, the orbit has a single period. Choices."""
+periods agree, the orbit has a single period. Chosen by judgement."""
 
 _A_STEP = 4
 """Number of phases per step at which outputs of two curves are compared."""

@@ -38,11 +38,11 @@ _ENDS = 2.0**-45
 each of up to 128 halvings."""
 
 _OPEN = 0.001
-"""Undecided fraction of the area at which the bisection ends. A choice."""
+"""Undecided fraction of the area at which the bisection ends. Chosen by judgement."""
 
 _MOST_BOXES = 200_000, 20_000
-"""Largest numbers of boxes that are examined with one coordinate and with several coordinates. Choices:
-several coordinates take a hundred times as long per box."""
+"""Largest numbers of boxes that are examined with one coordinate and with several coordinates. Chosen by
+judgement: several coordinates take a hundred times as long per box."""
 
 _SMALLEST = 2.0**-8
 """Width of a box, as a fraction of the range, below which a box without polynomials is not bisected. A

@@ -20,10 +20,10 @@ from solve.proof.turn import Turn
 
 _CELLS = 4
 """Number of intervals of a step on which M⁻¹ is bounded. An interval is halved as long as its bound is
-infinite. A choice."""
+infinite. Chosen by judgement."""
 
 _SHORTEST = 2.0**-12
-"""Fraction of an interval below which halving ends. A choice."""
+"""Fraction of an interval below which halving ends. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

@@ -40,14 +40,14 @@ ROUNDED = 34, 4.0
 2^-51, grows by e^{2h‖A‖} in a step."""
 
 _DOUBLINGS = 2
-"""Largest number of doublings of the precision if the verdict is undecided. A choice."""
+"""Largest number of doublings of the precision if the verdict is undecided. Chosen by judgement."""
 
 _SAMPLES = 64
-"""Number of phases from which scales are computed. A choice; it affects the widths of the enclosures, not
-their validity."""
+"""Number of phases from which scales are computed. Chosen by judgement; it affects the widths of the
+enclosures, not their validity."""
 
 _SHOWN = 4
-"""Number of decimal digits of two bounds that are shown after their common digits. A choice."""
+"""Number of decimal digits of two bounds that are shown after their common digits. Chosen by judgement."""
 
 EXACT = "parameters, speed and constants are exactly their double-precision numbers"
 _ALL_WITHIN = (

@@ -42,12 +42,12 @@ from solve.proof.transitions import Transitions
 from solve.proof.turn import Turn
 
 _WIDTH = 0.5
-"""Relative width of the bounds on the defect. A choice."""
+"""Relative width of the bounds on the defect. Chosen by judgement."""
 
 _TUBES, _WIDEST = 40, 24
 """Largest number of halvings of the tube in which uniqueness of the orbit is proved, and binary exponent of
-the largest radius. Choices: radii from 2^-16 to 2^24 are tried; motions have a size near 1 in scaled
-coordinates."""
+the largest radius. Chosen by judgement: radii from 2^-16 to 2^24 are tried; motions have a size near 1 in
+scaled coordinates."""
 
 
 @dataclass(frozen=True)

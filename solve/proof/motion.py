@@ -40,10 +40,11 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _FIRST_SAMPLES = 49
-"""Initial number of samples per period; it is doubled until the highest harmonics are round-off. A choice."""
+"""Initial number of samples per period; it is doubled until the highest harmonics are round-off. Chosen by
+judgement."""
 
 _MOST_UNKNOWNS = 5000
-"""Largest size of the dense equations of a Newton correction: a choice, some 20 s."""
+"""Largest size of the dense equations of a Newton correction. Chosen by judgement, some 20 s."""
 
 _CORRECTIONS = 2
 """Number of Newton corrections on a grid. They start from an orbit with seven digits, and each correction
@@ -51,7 +52,7 @@ squares the error."""
 
 _TAIL, _ROUNDOFF = 1 / 8, 64 * EPS
 """Fraction of the harmonics that must be below round-off, and round-off relative to the largest harmonic.
-Choices."""
+Chosen by judgement."""
 
 _ORDERS = 3
 """Number of functions of a motion: q and its first two time derivatives."""
@@ -61,7 +62,7 @@ _PARTS, _TERMS = 2, 32
 interval. The remainder is below π^32/32! = 3e-20 times the sum of the harmonics."""
 
 _DROPPED = 1e-3 * EPS
-"""Size, relative to the largest harmonic, below which harmonics are omitted. A choice."""
+"""Size, relative to the largest harmonic, below which harmonics are omitted. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

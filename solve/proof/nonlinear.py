@@ -39,11 +39,11 @@ MOST_DIGITS = 12
 polynomial are doubles."""
 
 _MOST_ADVANCE = 12.0
-"""Largest h‖A‖ of a step. A choice: the cells of a step are compared in pairs."""
+"""Largest h‖A‖ of a step. Chosen by judgement: the cells of a step are compared in pairs."""
 
 _SAMPLES = 32
-"""Number of phases from which scales are computed. A choice; it affects the widths of the enclosures, not
-their validity."""
+"""Number of phases from which scales are computed. Chosen by judgement; it affects the widths of the
+enclosures, not their validity."""
 
 
 def enclosed_orbit(

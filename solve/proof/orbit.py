@@ -8,14 +8,14 @@ from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, largest
 from solve.proof.turn import Turn
 
 _WIDTH = 1e-12
-"""Relative width of the bounds at which the search for a maximum ends. A choice."""
+"""Relative width of the bounds at which the search for a maximum ends. Chosen by judgement."""
 
 _SHORTEST = 2.0**-30
 """Fraction of a step at which halving ends, because the enclosure of the solution is then wider than the
 interval."""
 
 _CELLS = 20_000
-"""Largest number of intervals that are examined for one maximum. A choice."""
+"""Largest number of intervals that are examined for one maximum. Chosen by judgement."""
 
 
 def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:

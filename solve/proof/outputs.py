@@ -21,11 +21,11 @@ from solve.proof.turn import Turn
 from solve.system import PeriodicSystem
 
 _WIDTH = 1e-3
-"""Relative width of the bounds at which the search for a maximum ends. A choice, because the radii of the
-outputs decrease only linearly with the length of the interval."""
+"""Relative width of the bounds at which the search for a maximum ends. Chosen by judgement, because the radii
+of the outputs decrease only linearly with the length of the interval."""
 
 _CELLS = 600
-"""Largest number of intervals that are examined for one output. A choice."""
+"""Largest number of intervals that are examined for one output. Chosen by judgement."""
 
 Polynomial = tuple[list[Ball], Ball]
 """Type of polynomials: coefficients of the powers of τ, and a bound on the error."""

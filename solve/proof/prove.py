@@ -15,10 +15,11 @@ from solve.single import floquet, periodic
 from solve.system import PeriodicSystem
 
 DIGITS = 20
-"""Default number of decimal digits of enclosures, relative to the spectral radius. A choice."""
+"""Default number of decimal digits of enclosures, relative to the spectral radius. Chosen by judgement."""
 
 _MOST_DIGITS = 1000
-"""Largest number of digits. A choice: the computing time grows with its square and reaches minutes."""
+"""Largest number of digits. Chosen by judgement: the computing time grows with its square and reaches
+minutes."""
 
 
 @first_is(PeriodicSystem, Stability, such_as="solve.load('cam')")

@@ -38,14 +38,14 @@ _RATIOS = 2.0, 3.0, 5.0, 8.0, 12.0, 20.0
 """Candidates for ρ. With a larger ρ a lower degree suffices for the same S, but S grows with the ellipse."""
 
 _PANELS = 48
-"""Number of intervals of the period on which μ₂ is bounded: a choice."""
+"""Number of intervals of the period on which μ₂ is bounded. Chosen by judgement."""
 
 _SHORTEST = 2.0**-14
 """Fraction of the period below which an interval on which M may be singular is not bisected."""
 
 _ACCURACY = 2.0**-20
-"""Allowed interpolation error. A choice: far below the variation of Φ over the smallest boxes that are
-decided."""
+"""Allowed interpolation error. Chosen by judgement: far below the variation of Φ over the smallest boxes that
+are decided."""
 
 _BITS, _ADVANCE, _ALLOWED = 34, 4.0, 2.0**-30
 """Precision in bits, largest h‖A‖ of a step, and allowed error of a step, for the enclosures at the nodes.
@@ -55,11 +55,11 @@ _LARGEST = 1024
 """Binary exponent of a bound S above which no permitted number of nodes suffices."""
 
 _MOST_NODES = 1200
-"""Number of nodes above which a box is bisected instead: a choice, for which Mathieu's equation takes a
-minute."""
+"""Number of nodes above which a box is bisected instead. Chosen by judgement, for which Mathieu's equation
+takes a minute."""
 
 _TOGETHER = 16
-"""Number of nodes that a worker computes at a time: a choice, about a second."""
+"""Number of nodes that a worker computes at a time. Chosen by judgement, about a second."""
 
 
 class Box(NamedTuple):

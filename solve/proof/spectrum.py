@@ -149,7 +149,7 @@ def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int)
 
 
 _POWERS = 20
-"""Number of squarings of Φ for bounds on the spectral radius from norms and traces. A choice."""
+"""Number of squarings of Φ for bounds on the spectral radius from norms and traces. Chosen by judgement."""
 
 
 def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:

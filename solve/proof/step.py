@@ -27,14 +27,14 @@ larger discs increase."""
 
 _PARTS, _SHORTEST_PART = 4, 2.0**-6
 """Number of intervals of a step on which ‖A‖ and ‖m⁻¹‖ are bounded, and fraction of the step below which
-intervals are not halved. Choices."""
+intervals are not halved. Chosen by judgement."""
 
 _MOST_TERMS = 8
-"""Largest number of terms of the solution per term of the coefficients. A choice: convergent Taylor series of
-solutions require up to three terms per term of the coefficients."""
+"""Largest number of terms of the solution per term of the coefficients. Chosen by judgement: convergent
+Taylor series of solutions require up to three terms per term of the coefficients."""
 
 BOUNDS = 64
-"""Precision in bits with which bounds are computed. A choice."""
+"""Precision in bits with which bounds are computed. Chosen by judgement."""
 
 
 class StepTooLongError(Exception):

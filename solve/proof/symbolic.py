@@ -29,7 +29,7 @@ _PLACES = 2
 another phase."""
 
 _MOST_FACTORS = 16
-"""Largest integer power that is written as a product. A choice."""
+"""Largest integer power that is written as a product. Chosen by judgement."""
 
 
 class Symbol:

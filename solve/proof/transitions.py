@@ -18,7 +18,8 @@ from solve.proof.step import BOUNDS, Step
 from solve.proof.turn import Turn
 
 _CELL = 0.5
-"""Largest ∫‖A‖ of a cell. A choice: each end of Ψ increases the bounds by at most a factor e^0.5."""
+"""Largest ∫‖A‖ of a cell. Chosen by judgement: each end of Ψ increases the bounds by at most a factor
+e^0.5."""
 
 
 @dataclass(frozen=True)

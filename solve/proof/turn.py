@@ -24,18 +24,18 @@ _SHORTEST = 2.0**-36
 undeclared jump or a singular M."""
 
 _MOST_ADVANCE = 1e7
-"""Largest phase advance of a mode in a period, in rad. A choice: a step covers about 12 rad and takes about
-10 ms."""
+"""Largest phase advance of a mode in a period, in rad. Chosen by judgement: a step covers about 12 rad and
+takes about 10 ms."""
 
 _WINDOW = 4
 """Half width of the window around a break, in units in the last place of the period."""
 
 _PARTS = 24
-"""Number of parts of the period that are distributed to processes. A choice: enough parts to share evenly
-among several processes, each with many steps."""
+"""Number of parts of the period that are distributed to processes. Chosen by judgement: enough parts to share
+evenly among several processes, each with many steps."""
 
 _GROWTH = 1.5
-"""Ratio of the trial length of a step to the length of the previous successful step. A choice."""
+"""Ratio of the trial length of a step to the length of the previous successful step. Chosen by judgement."""
 
 
 _Part = tuple[Ball, Ball, bool]

@@ -13,7 +13,7 @@ ENDINGS = ".lin", ".mat", ".npz", ".nc", ".mtx", ".op4", ".fmu"
 """Endings of files of matrices, and of functional mock-up units."""
 
 _MOST_FILES = 10_000
-"""Maximum number of files of a pattern. A choice."""
+"""Maximum number of files of a pattern. Chosen by judgement."""
 
 
 def matching_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:

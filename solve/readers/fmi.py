@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.errors import FileError, MissingLibraryError, SolveError, require_name
 
 _MOST_UPDATES = 100
-"""Maximum number of updates of the discrete states during initialisation. A choice."""
+"""Maximum number of updates of the discrete states during initialisation. Chosen by judgement."""
 
 
 class Unit:

@@ -21,15 +21,15 @@ from solve.samples import checked_period
 from solve.units import speed_in_si
 
 _FEWEST_AZIMUTHS, _MOST_AZIMUTHS = 64, 4096
-"""Number of azimuths of the first and of the last sampling. Choices."""
+"""Number of azimuths of the first and of the last sampling. Chosen by judgement."""
 
 _TAIL = 1e-9
 """Amplitude of the upper quarter of the harmonics, relative to the largest entry of their matrix, above which
-the number of azimuths is doubled. A choice: several times the error of the motion."""
+the number of azimuths is doubled. Chosen by judgement: several times the error of the motion."""
 
 _COUPLED = 1e-9
 """Derivative of an excluded state with respect to a remaining state, relative to the largest derivative of
-the FMU, up to which it counts as round-off. A choice."""
+the FMU, up to which it counts as round-off. Chosen by judgement."""
 
 
 @matches_annotations

@@ -18,7 +18,7 @@ from solve.readers.sampled import SampledStates, Source
 
 _SAME_SPEED = 0.01
 """Relative difference up to which rotor speeds of a set of files count as one operating point: in a periodic
-steady state the rotor speed varies within a revolution. A choice."""
+steady state the rotor speed varies within a revolution. Chosen by judgement."""
 
 _PRINTED = 6e-4
 """Allowed difference in rad between a printed azimuth, which has three or four decimals, and the azimuth

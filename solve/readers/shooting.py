@@ -10,17 +10,17 @@ from solve.readers.fmi import Unit
 
 _CLOSED = 1e-10
 """Difference of a state over a period, relative to its largest modulus, up to which a motion counts as
-periodic. A choice: several times the error of the integration."""
+periodic. Chosen by judgement: several times the error of the integration."""
 
 _INTEGRATION, _MONODROMY = 1e-12, 1e-8
 """Relative tolerances of LSODA for the motion and for the monodromy matrix. The latter is used in Newton
-corrections only, so that it may be less accurate. Choices."""
+corrections only, so that it may be less accurate. Chosen by judgement."""
 
 _MOST_CORRECTIONS = 20
-"""Maximum number of Newton corrections. A choice: quadratic convergence takes five."""
+"""Maximum number of Newton corrections. Chosen by judgement: quadratic convergence takes five."""
 
 _SLOW = 0.1
-"""Ratio of successive residuals above which the monodromy matrix is computed again. A choice."""
+"""Ratio of successive residuals above which the monodromy matrix is computed again. Chosen by judgement."""
 
 _SINGULAR = 1e-10
 """Singular value of I - Φ, relative to the largest, below which the motion counts as not isolated. A

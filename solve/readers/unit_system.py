@@ -8,7 +8,8 @@ from solve.first_order import FirstOrderSystem
 from solve.readers.sampled import OfSource, SampledStates, Source
 
 _MOST_SPEEDS = 256
-"""Maximum number of speeds whose matrices are cached. A choice: a few hundred MB for ten states."""
+"""Maximum number of speeds whose matrices are cached. Chosen by judgement: a few hundred MB for ten
+states."""
 
 
 class UnitSystem(OfSource, FirstOrderSystem, Validity):

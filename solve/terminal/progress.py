@@ -14,11 +14,12 @@ from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 TERMINAL_DELAY, TERMINAL_INTERVAL = 1.0, 0.25
-"""Seconds until the progress line appears on a terminal, and between two updates of this line. Choices."""
+"""Seconds until the progress line appears on a terminal, and between two updates of this line. Chosen by
+judgement."""
 
 LOG_DELAY, MAX_LOG_INTERVAL = 10.0, 60.0
 """Seconds until the first line in a file or pipe. Each interval equals the elapsed time, up to the maximum.
-Choices."""
+Chosen by judgement."""
 
 
 class Task:
