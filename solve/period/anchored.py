@@ -1,11 +1,11 @@
-"""Conversion of free machines, whose rigid-body modes are anchored, to systems with a unique periodic
-solution.
+"""Systems with a unique periodic solution, made from free machines by anchoring their rigid-body modes.
 
 Let s = l q be the amplitude of a rigid-body mode e (K e = 0) in the motion. The coordinate σ with s′ = σ′ + α
-σ replaces s, and q̃ = q - e (s - σ) satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d. The
-multiplier +1 of the mode becomes exp(-α T), for any T-periodic M, C and K, and all others are unchanged. If C
-e = 0, the new system again has a multiplier +1 in the direction e; the same shift with β in place of α
-removes it too."""
+σ replaces s. Then q̃ = q - e (s - σ) satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d. The
+multiplier +1 of the mode becomes exp(-α T), for any T-periodic M, C and K; all other multipliers are
+unchanged. If C e = 0, the new system again has a multiplier +1 in the direction e, which the same shift with
+β in place of α removes.
+"""
 
 from dataclasses import dataclass
 
@@ -17,8 +17,8 @@ from solve.period.points import Points, Tables, state_size
 from solve.period.rigid_body import RigidBodyModes
 
 _RATES = 1.0, 3.0
-"""α T and β T. Chosen by judgement: exp(-α T) is far from 1, and the rates are far below 2π, the rate of the
-first harmonic."""
+"""α T and β T. Chosen by judgement: exp(-α T) is far from 1, and both values are far below 2π, the phase
+advance of the first harmonic per period."""
 
 _STEP = 0.37
 """Increment of α T and β T from one mode to the next, so that no two exponents coincide. Chosen by
@@ -27,10 +27,11 @@ judgement."""
 
 @dataclass(frozen=True)
 class Anchored:
-    """Points with anchored rigid-body modes `modes`, as described in the docstring of this module.
+    """Points whose rigid-body modes `modes` are anchored, as described in the docstring of this module.
 
-    drift (P, n): given steady velocity w along e, with respect to the phase; its drag C w is subtracted from
-    the load. weights (P, r, n): rows l that replace those of the reference coordinates."""
+    drift (P, n): prescribed steady velocity w along e, as a derivative with respect to the phase. The drag C
+    w is subtracted from the load. weights (P, r, n): rows l to be used instead of `modes.measures`.
+    """
 
     points: Points
     modes: RigidBodyModes
@@ -70,12 +71,12 @@ class Anchored:
 
     @property
     def measures(self) -> Array:
-        """Rows l (P, r, n) that measure the amplitudes of the modes."""
+        """Rows l (P, r, n). The product l q is the amplitude of a mode."""
         return self.modes.measures if self.weights is None else self.weights
 
     def tables(self, phase: Array) -> Tables:
-        """Tables of the anchored equations. C has additional terms with M, and K has additional terms with C
-        and M."""
+        """Tables of the anchored equations: C with added multiples of M, and K with added multiples of C and
+        M."""
         n, tables, modes = self.n, self.points.tables(phase), self.modes
         (alpha, beta), along = self._rates, modes.vectors
         twice = beta * ~modes.damped
@@ -102,24 +103,33 @@ class Anchored:
         return first, second
 
     def quotient(self, Phi: Array) -> Array:
-        """Monodromy matrices (P, N, N) of the motion relative to the modes, from the monodromy matrices of
-        the anchored points. For modes with C e ≠ 0, the velocity along the mode is stored in the rate of the
-        reference coordinate; all other entries of reference coordinates are zero."""
+        """Return the monodromy matrices (P, N, N) of the motion relative to the modes.
+
+        `Phi` (P, N, N): monodromy matrices of the anchored points. For a mode with C e ≠ 0, the velocity
+        along the mode is stored as the rate of the reference coordinate. All other entries of reference
+        coordinates are zero.
+        """
         left, right = self._projection(whole=True)
         return left @ Phi @ right
 
     def steps(self, A: Array) -> Array:
-        """One-step maps (P, m, N, N) in the coordinates of `quotient`, with 1 on the diagonal where
-        `quotient` has zeros. The multipliers of rigid-body modes are then exactly 1."""
+        """Return the one-step maps (P, m, N, N) in the coordinates of `quotient`.
+
+        `A`: one-step maps of the anchored points. The diagonal is 1 where that of `quotient` is zero; the
+        multipliers of rigid-body modes are then exactly 1.
+        """
         left, right = self._projection(whole=False)
         maps = left[:, None] @ A @ right[:, None]
         ones = 1.0 - (right != 0).any(axis=-2)
         return maps + ones[:, None, :, None] * np.eye(A.shape[-1])
 
     def _projection(self, whole: bool) -> tuple[Array, Array]:
-        """Projection of states (P, N, N) onto the motion relative to the modes, and the embedding back.
-        whole: whether the velocity of a mode with conserved momentum is also excluded, as for the map of the
-        period."""
+        """Return two matrices (P, N, N): the projection of states onto the motion relative to the modes, and
+        the embedding of this motion in the states.
+
+        whole: for the map of the whole period, where the velocity of a mode with conserved momentum is also
+        excluded.
+        """
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
         N, p = state_size(self), n - self.first_order
@@ -143,8 +153,11 @@ class Anchored:
         return left, right
 
     def momentum(self) -> tuple[Array, Array]:
-        """Conserved momenta, for points that have one: rows (P, 2n) that map states of the anchored points at
-        phase 0 to the momentum, and the states (P, 2n) of rigid-body velocities with momentum 1."""
+        """Return rows and states of the conserved momenta; every point must have one.
+
+        The rows (P, 2n) map a state of the anchored points at phase 0 to the momentum. The states (P, 2n) are
+        rigid-body velocities with momentum 1.
+        """
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         assert modes.momentum is not None
         rates = modes.momentum[:, None, n:] @ modes.vectors
@@ -155,12 +168,13 @@ class Anchored:
         return rows, units
 
     def motion(self, curve: PeriodicCurve, mass: Array) -> tuple[PeriodicCurve, Array]:
-        """Motion q of the points from curves q̃ of the anchored points, and the secular motion (P, r) of each
-        mode with respect to the phase.
+        """Return the motion q of the points and the secular motion (P, r) of each mode, as a derivative with
+        respect to the phase.
 
-        The mean along the modes is zero in the norm of a mass matrix (P, n, n). The secular motion is a
-        steady velocity, included in the `drift` of the curve, if C e ≠ 0. Otherwise it is an acceleration,
-        which the curve excludes."""
+        `curve`: q̃ of the anchored points. The mean of q along the modes is zero in the norm of the mass
+        matrix `mass` (P, n, n). If C e ≠ 0, the secular motion is a steady velocity, which the returned curve
+        contains as `drift`. Otherwise it is an acceleration, which the curve does not contain.
+        """
         modes, (alpha, beta) = self.modes, self._rates
         shares = _Shares.from_curve(curve, self.measures)
         first = shares.integrated()
@@ -178,8 +192,11 @@ class Anchored:
 
 
 def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> tuple[Array, Array, Array]:
-    """Terms (t,), entries (t,) and coefficients (P, t) that multiply the entries of one matrix (from index
-    `source`) by factors (P, n, c) and add them to another (from index `target`)."""
+    """Return terms (t,), entries (t,) and coefficients (P, t) for a product of a matrix and factors.
+
+    The matrix with entries from index `source` is multiplied by `factors` (P, n, c). The product is to be
+    added to the matrix with entries from index `target`.
+    """
     of_matrix = np.flatnonzero((tables.entry >= source) & (tables.entry < source + n**2))
     row, column = np.divmod(tables.entry[of_matrix] - source, n)
     terms, entry, coefficients = [], [], []
@@ -195,15 +212,14 @@ def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> 
 
 @dataclass(frozen=True)
 class _Shares:
-    """Amplitudes along the modes (P, r) as functions of the phase, represented as a curve, and their means
-    (P, r)."""
+    """Amplitudes (P, r) of rigid-body modes as functions of the phase."""
 
     nodes: Array
     coefficients: Array
 
     @classmethod
     def from_curve(cls, curve: PeriodicCurve, rows: Array) -> "_Shares":
-        """Amplitudes from rows (P, r, n) applied to curves (P, n, …)."""
+        """Products of the rows (P, r, n) and the coordinates (P, n) of a curve."""
         assert isinstance(curve, Curve | FourierCurve)
         parts = curve.coefficients
         amplitudes = rows @ parts.reshape(*parts.shape[:2], -1)
@@ -215,11 +231,12 @@ class _Shares:
         raise NotImplementedError
 
     def integrated(self) -> "_Shares":
-        """Integral, with zero mean, of the functions after subtraction of their means."""
+        """Integral of the functions minus their means. The integral has zero mean."""
         raise NotImplementedError
 
     def sum(self, curve: PeriodicCurve, vectors: Array, *parts: "tuple[_Shares, Array]") -> PeriodicCurve:
-        """Curve plus vectors (P, n, r) multiplied by these functions and by factors (P, r)."""
+        """Return the curve plus, for each of `parts`, vectors (P, n, r) times the functions times factors (P,
+        r)."""
         assert isinstance(curve, Curve | FourierCurve)
         degrees = max(curve.coefficients.shape[-1], *(each.coefficients.shape[-1] for each, _ in parts))
         total = np.zeros((*curve.coefficients.shape[:-1], degrees), dtype=curve.coefficients.dtype)
@@ -231,7 +248,7 @@ class _Shares:
 
 
 class _Pieces(_Shares):
-    """Piecewise polynomials on the steps (P, r, m, D)."""
+    """Piecewise polynomials with coefficients (P, r, m, D): D per step, m steps."""
 
     @property
     def means(self) -> Array:
@@ -239,7 +256,7 @@ class _Pieces(_Shares):
 
     @property
     def _of_steps(self) -> Array:
-        """Integrals over the steps (P, r, m)."""
+        """Integrals (P, r, m) over each step."""
         count = self.coefficients.shape[-1]
         return (self.coefficients @ (1 / np.arange(1, count + 1))) * np.diff(self.nodes)
 
@@ -257,7 +274,7 @@ class _Pieces(_Shares):
 
 
 class _Series(_Shares):
-    """Fourier series (P, r, N+1)."""
+    """Fourier series with coefficients (P, r, N+1)."""
 
     @property
     def means(self) -> Array:
@@ -270,7 +287,8 @@ class _Series(_Shares):
 
 
 def _lowered(curve: PeriodicCurve, level: Array, drift: Array) -> PeriodicCurve:
-    """Curves minus constants (P, n), with a drift (P, n) unless it is zero."""
+    """Subtract the constants `level` (P, n) from curves. The result has `drift` (P, n) as its drift, or none
+    if `drift` is zero."""
     assert isinstance(curve, Curve | FourierCurve)
     coefficients = curve.coefficients
     if isinstance(curve, Curve):

@@ -1,4 +1,5 @@
-"""Products of the maps of neighbouring steps of a period, formed as long as they remain accurate (blocks)."""
+"""Blocks: products of the maps of neighbouring steps. Maps are multiplied only as long as the product is
+accurate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,17 +10,18 @@ from solve.arrays import Array, solved
 from solve.period.eigenvalues import EPS, balance_matrices
 
 LOSS = 1e-12
-"""Largest round-off of a product of neighbouring maps, relative to its smallest singular value, with which
-the product is formed. Chosen by judgement."""
+"""Largest accepted round-off error of a product of neighbouring maps, relative to the smallest singular value
+of the product. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """Factors (P, m, N, N), in scaled states, whose product is the map of the period.
+    """Factors (P, m, N, N) whose product is the map of the period, in scaled states.
 
-    units (P, N): powers of 2; a state x and a left vector y of the factors correspond to units · x and y /
-    units for the steps. variance (P, m, N, N): squared errors of the entries of the factors. starts (m,):
-    index of the first step of each block."""
+    units (P, N): powers of 2. For a right vector x and a left vector y of the factors, the vectors of the
+    steps are units · x and y / units. variance (P, m, N, N): squared errors of the entries of the factors.
+    starts (m,): index of the first step of each block.
+    """
 
     factors: Array
     variance: Array
@@ -27,7 +29,7 @@ class Blocks:
     starts: Array
 
     def in_units(self, units: Array) -> "Blocks":
-        """The same blocks for other units (P, N) of the state."""
+        """Convert the blocks to other units (P, N) of the state."""
         ratio = self.units / units
         change = (ratio[:, :, None] / ratio[:, None, :])[:, None]
         return Blocks(self.factors * change, self.variance * change**2, units, self.starts)
@@ -39,18 +41,18 @@ class Blocks:
 
 
 def balanced_blocks(steps: Array, first: int = 0, loss: float = LOSS) -> Blocks:
-    """Blocks of the one-step maps (P, m, N, N), in order of application, balanced by common units.
-    Neighbouring maps are multiplied as long as the product is accurate in every direction at every point.
+    """Multiply neighbouring one-step maps (P, m, N, N) into blocks, in units that balance them.
 
-    The relative error of the entries of the maps is assumed to be round-off. first: index, in the period, of
-    the first map; loss: as `LOSS`.
+    Maps are in order of application. Neighbours are multiplied as long as the product is accurate in every
+    direction at every point; the entries of the maps are assumed to have round-off errors. first: index of
+    the first map in the period. loss: see `LOSS`.
     """
     starts = first + np.arange(steps.shape[1])
     return _multiplied(Blocks(steps, (EPS / 2 * steps) ** 2, np.ones(steps.shape[::2]), starts), loss)
 
 
 def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
-    """Blocks of the whole period, from the blocks of its consecutive parts."""
+    """Blocks of the whole period, from the blocks of consecutive parts of the period."""
     alike = [part.in_units(parts[0].units) for part in parts]
     factors, variance, starts = (
         np.concatenate([getattr(part, name) for part in alike], axis=axis)
@@ -60,7 +62,7 @@ def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
 
 
 def _multiplied(blocks: Blocks, loss: float) -> Blocks:
-    """Rebalance the blocks and multiply neighbours as long as the product remains accurate."""
+    """Balance the blocks and multiply neighbours as long as the product remains accurate."""
     blocks, offset, stalled = _balanced(blocks), 0, 0
     while len(blocks.starts) > 1 and stalled < 2:
         A, variance = blocks.factors, blocks.variance
@@ -78,15 +80,17 @@ def _multiplied(blocks: Blocks, loss: float) -> Blocks:
         A[:, kept], variance[:, kept] = product[:, joined], error[:, joined]
         rest = np.delete(A, gone, 1), np.delete(variance, gone, 1), np.delete(blocks.starts, gone)
         offset, stalled = 1 - offset, 0 if joined.any() else stalled + 1
-        # Rebalance, because states that are weakly coupled in one step may be strongly coupled over many
-        # steps.
+        # Balance again: states that are weakly coupled in one step may be strongly coupled over many.
         blocks = _balanced(Blocks(rest[0], rest[1], blocks.units, rest[2]))
     return blocks
 
 
 def carried(steps: Array, starts: Array, vectors: Array) -> tuple[Array, Array]:
-    """Propagate vectors (b, N, …), given at the starts (b,) of blocks, through the maps (m, N, N) of their
-    steps. Returns them at the start of every step (m, N, …) and at the end of every block (b, N, …)."""
+    """Propagate vectors through the steps of each block.
+
+    `vectors` (b, N, …) apply at the starts (b,) of the blocks, `steps` (m, N, N) are the one-step maps.
+    Return the vectors at the start of every step (m, N, …) and at the end of every block (b, N, …).
+    """
     lengths, reached = np.diff(np.append(starts, len(steps))), vectors.copy()
     every = np.empty((len(steps), *vectors.shape[1:]), dtype=vectors.dtype)
     for inner in range(int(lengths.max())):
@@ -97,7 +101,7 @@ def carried(steps: Array, starts: Array, vectors: Array) -> tuple[Array, Array]:
 
 
 def _balanced(blocks: Blocks) -> Blocks:
-    """The same blocks in units that balance the mean of |A|."""
+    """Convert the blocks to units in which the mean of |A| is balanced."""
     A = blocks.factors
     size = np.abs(A) / np.maximum(np.abs(A).max(axis=(2, 3), keepdims=True), np.finfo(float).tiny)
     return blocks.in_units(blocks.units * balance_matrices(size.mean(axis=1))[1])

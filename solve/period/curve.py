@@ -36,12 +36,12 @@ _CUBIC[:4] = np.linalg.inv(
 )
 
 _ALIKE = 4e-13
-"""Difference between fractions of a step that counts as zero, to be multiplied by the number of steps. It
-exceeds round-off and the small displacement of phases at jumps."""
+"""Tolerance for equal fractions of a step, divided by the number of steps. It exceeds round-off and the small
+displacement of phases at jumps."""
 
 
 class PeriodicCurve(Protocol):
-    """Periodic curves with nodes: phases (m+1,) from 0 to the period."""
+    """Periodic curves. `nodes` (m+1,) are phases from 0 to the period."""
 
     @property
     def nodes(self) -> Array: ...
@@ -56,7 +56,7 @@ class PeriodicCurve(Protocol):
 
     @property
     def finite(self) -> Array:
-        """Whether the curves (…) are finite."""
+        """Whether each curve (…) is finite."""
         ...
 
     def __getitem__(self, points: Any) -> Self:
@@ -64,26 +64,28 @@ class PeriodicCurve(Protocol):
         ...
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        """q or a derivative (…, n, k) with respect to the phase, at phases (k,) in any period."""
+        """Return q, or a derivative of q with respect to the phase, as (…, n, k) at phases (k,) in any
+        period."""
         ...
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
-        """q or a derivative (…, n, m · a_step) at `a_step` evenly spaced phases per step, from the start of
-        each step."""
+        """Return q, or a derivative of q, as (…, n, m · a_step). The phases divide each step into `a_step`
+        equal intervals and include its start."""
         ...
 
     def each(self, phase: Array, derivative: int = 0) -> Array:
-        """q or a derivative (…, n, k) at phases (…, n, k), one row of phases per coordinate."""
+        """Return q, or a derivative of q, as (…, n, k) at phases (…, n, k) that differ between
+        coordinates."""
         ...
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Piecewise polynomial q(phase) in powers of θ = (phase - node)/h on each step.
+    """Piecewise polynomial q(phase), in powers of θ = (phase - node)/h on each step.
 
     nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether the
     coefficients are finite; None if not yet determined. drift (…, n): steady velocity of a free machine with
-    respect to the phase, contained in the first derivative and not in q.
+    respect to the phase. It is contained in the first derivative but not in q.
     """
 
     nodes: Array
@@ -102,20 +104,20 @@ class Curve:
 
     @classmethod
     def cubic(cls, nodes: Array, q: Array, v_start: Array, v_end: Array) -> "Curve":
-        """Cubic Hermite interpolant with error O(h^4), from q at the nodes (…, m+1, n) and rates at both ends
-        of each step (…, m, n). It has the same number of coefficients as `quintic`."""
+        """Cubic Hermite interpolant with error O(h^4), from q at the nodes (…, m+1, n) and first derivatives
+        at both ends of each step (…, m, n). It is stored with six coefficients per step, as `quintic`."""
         h = np.diff(nodes)[:, None]
         data = (q[..., :-1, :], h * v_start, q[..., 1:, :], h * v_end)
         return cls.from_steps(nodes, np.stack(data, axis=-1), _CUBIC)
 
     @classmethod
     def from_steps(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
-        """Curve from r data per step (…, m, n, r), and the matrix (D, r) that converts the data to
-        coefficients of powers of θ."""
+        """Curve from r numbers per step and coordinate, `data` (…, m, n, r). The matrix `powers` (D, r)
+        converts them to coefficients of powers of θ."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
     def joined(self, other: "Curve") -> "Curve":
-        """Curve of these coordinates, followed by the coordinates of another curve on the same nodes."""
+        """Curve of the coordinates of this curve, followed by those of another curve with the same nodes."""
         return Curve(self.nodes, np.concatenate((self.coefficients, other.coefficients), axis=-3))
 
     @property
@@ -152,8 +154,11 @@ class Curve:
     def states(
         self, phase: Array, derivatives: Sequence[int] = (0, 1, 2), beside_nodes: bool = False
     ) -> list[Array]:
-        """q and its derivatives (…, n, k) with respect to the phase, at phases (k,) in any period.
-        beside_nodes: whether to distinguish phases that differ from a node only by round-off."""
+        """Return q and its derivatives with respect to the phase, each (…, n, k), at phases (k,) in any
+        period.
+
+        beside_nodes: whether phases that differ from a node only by round-off are distinguished from it.
+        """
         phase, h = np.asarray(phase, dtype=float), self.h
         theta = None if beside_nodes else self._fractions(phase, h)
         if theta is not None:
@@ -166,8 +171,8 @@ class Curve:
         return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
-        """Fractions (s,) of a step at which the phases lie, if every step has the same ones, as for the
-        stages of a method; otherwise None."""
+        """Return the fractions (s,) of a step at which the phases lie if they are the same for all steps, as
+        for the stages of a method; otherwise None."""
         m = len(h)
         if phase.ndim != 1 or not phase.size or phase.size % m:
             return None
@@ -177,8 +182,8 @@ class Curve:
         return same if alike else None
 
     def basis(self, phase: Array, derivative: int = 0) -> tuple[Array, Array]:
-        """Indices (k,) of the steps that contain the phases, and the derivatives (k, degree+1) of the powers
-        of θ at the phases."""
+        """Return the index (k,) of the step that contains each phase, and the derivatives (k, degree+1) of
+        the powers of θ at each phase."""
         step, theta = self._places(np.asarray(phase, dtype=float))
         D, h = self.coefficients.shape[-1], self.h[step]
         powers = theta[:, None] ** np.maximum(np.arange(D) - derivative, 0)
@@ -190,11 +195,13 @@ class Curve:
         return with_drift(values, self.drift, derivative)
 
     def within(self, theta: Array, derivative: int = 0) -> Array:
-        """Derivatives (…, n, m, s) of the curve, without drift, at fractions (s,) of each step."""
+        """Return a derivative of the curve, without drift, as (…, n, m, s) at the fractions `theta` (s,) of
+        each step."""
         return self._within(theta, self.h, derivative)
 
     def _within(self, theta: Array, h: Array, derivative: int) -> Array:
-        """Values (…, n, m, s) at the fractions (s,) of each step, with step lengths h (m,)."""
+        """Return a derivative as (…, n, m, s) at the fractions `theta` (s,) of each step, for step lengths h
+        (m,)."""
         D = self.coefficients.shape[-1]
         powers = theta ** np.arange(max(D - derivative, 0))[:, None]
         values = self.coefficients[..., derivative:] @ (_falling(D, derivative)[derivative:, None] * powers)
@@ -211,8 +218,8 @@ class Curve:
         return with_drift(value / self.h[step] ** derivative, self.drift, derivative) if derivative else value
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
-        """Index of the step that contains each phase, and fraction of the step at the phase. Phases may lie
-        in any period."""
+        """Return the index of the step that contains each phase, and the fraction of that step. Phases may
+        lie in any period."""
         nodes, last = self.nodes, len(self.nodes) - 2
         wrapped = np.mod(phase, nodes[-1])
         if self._uniform:
@@ -229,18 +236,18 @@ class Curve:
 
 
 def with_drift(values: Array, drift: Array | None, derivative: int) -> Array:
-    """Derivatives (…, n, k) of q of the given order, plus the contribution of a steady velocity `drift` (…,
-    n), if given."""
+    """Add the contribution of a steady velocity `drift` (…, n) to a derivative of q, `values` (…, n, k).
+    `derivative` is its order."""
     return values if drift is None or derivative != 1 else values + drift[..., None]
 
 
 def without_drift(curve: PeriodicCurve) -> PeriodicCurve:
-    """Curve without its steady velocity."""
+    """Return the curve without its steady velocity."""
     return replace(curve, drift=None) if isinstance(curve, Curve | FourierCurve) else curve
 
 
 def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
-    """The derivative with respect to θ of polynomials (…, D) at θ (…)."""
+    """Derivative with respect to θ of polynomials (…, D) at θ (…)."""
     factors = _falling(pieces.shape[-1], derivative)
     value = factors[-1] * pieces[..., -1]
     for power in range(pieces.shape[-1] - 2, derivative - 1, -1):
@@ -251,13 +258,13 @@ def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
 
 @cache
 def _falling(powers: int, count: int) -> Array:
-    """Falling factorials power (power - 1) … with `count` factors, for powers from 0."""
+    """Falling factorials p (p - 1) … with `count` factors, for the powers p = 0, 1, … below `powers`."""
     return np.array([math.perm(power, count) for power in range(powers)], dtype=float)
 
 
 @dataclass(frozen=True)
 class FourierCurve:
-    """Fourier series q(phase) = Re Σ_k coefficients[…, k] exp(ik 2π phase/period) with complex coefficients
+    """Fourier series q(phase) = Re Σ_k coefficients[…, k] exp(ik 2π phase/period), with complex coefficients
     (…, n, N+1). drift: see `Curve`."""
 
     nodes: Array
@@ -266,8 +273,8 @@ class FourierCurve:
 
     @classmethod
     def through(cls, nodes: Array, q: Array) -> "FourierCurve":
-        """Trigonometric interpolant of q (m, n) at m uniform nodes without the end of the period; m is
-        odd."""
+        """Trigonometric interpolant of q (m, n) at m uniform nodes, m odd. `nodes` also contains the end of
+        the period."""
         coefficients = 2.0 * np.fft.rfft(q, axis=0).T / len(q)
         coefficients[:, 0] /= 2.0
         return cls(nodes, coefficients)
@@ -305,30 +312,31 @@ class FourierCurve:
 
 
 _FEWEST = 256
-"""Smallest number of states per revolution for interpolation. Chosen by judgement."""
+"""Minimum number of states per revolution for interpolation. Chosen by judgement."""
 
 
 def curves_through(nodes: Array, motions: Array) -> Curve:
-    """Curves, one per revolution, through motions (turns, 3, n, k) at nodes (k,): q and its first and second
-    derivatives."""
+    """Return one interpolating curve per revolution. `motions` (turns, 3, n, k) contains q and its first and
+    second derivatives at the nodes (k,)."""
     q, v, a = np.moveaxis(motions, 1, 0).swapaxes(-1, -2)
     return Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
 
 
 def interpolation_tolerance(rtol: float) -> float:
-    """Allowed error of the interpolation between given states: rtol/10, limited to the range 1e-9 … 1e-3."""
+    """Allowed error of the interpolation between given states: rtol/10, but at least 1e-9 and at most
+    1e-3."""
     return min(max(rtol / 10, 1e-9), 1e-3)
 
 
 def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
-    """Interpolation error (turns,) of the curves through motions (turns, 3, n, k), relative to the maximum of
-    each coordinate and of its rates.
+    """Estimate the interpolation error (turns,) of the curves through `motions` (turns, 3, n, k). It is
+    relative to the maximum of each coordinate and of each derivative.
 
-    Curves through every other state are compared with the states between, and the differences are
-    extrapolated to the full number of states. The errors of q and its first and second derivatives are
-    proportional to the sixth, fifth and fourth power of the step length; a tenth of the error of the second
-    derivative is used. If the equations jump, errors are proportional to the second power, and second
-    derivatives are omitted.
+    Curves through every second state are compared with the states between. The differences are extrapolated
+    to curves through all states: the errors of q and its first and second derivatives are proportional to the
+    sixth, fifth and fourth power of the step length. Only a tenth of the error of the second derivative is
+    counted. If the equations have jumps (`jumps`), all errors are assumed proportional to the second power,
+    and second derivatives are not compared.
     """
     coarse, off = curves_through(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
     for order in range(2 if jumps else 3):
@@ -340,8 +348,8 @@ def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
 
 
 def sufficient_strides(nodes: Array, motions: Array, jumps: bool, allowed: float) -> Array:
-    """Largest strides (turns,), powers of 2, for which curves through every stride-th state are within the
-    allowed error."""
+    """Return the largest sufficient stride of each revolution (turns,), a power of 2. With a sufficient
+    stride s, the interpolation error of the curve through every s-th state is at most `allowed`."""
     strides, stride = np.ones(len(motions), dtype=int), 2
     while stride * _FEWEST <= len(nodes) - 1:
         error = interpolation_error(nodes[::stride], motions[..., ::stride], jumps)

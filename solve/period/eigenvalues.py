@@ -1,7 +1,8 @@
 """Eigenvalues of monodromy matrices (…, N, N), with balancing and round-off errors.
 
-Eigenvalues of 2×2 matrices are computed in closed form from the entries a, b, c, d by rows: arrays (…), or
-fields (4, …). Other matrices are solved by LAPACK, or by compiled code."""
+Eigenvalues of 2×2 matrices are computed in closed form. Their entries a, b, c, d in row order are arrays (…),
+or one array (4, …). Other matrices are solved by LAPACK or by compiled code.
+"""
 
 import math
 
@@ -18,19 +19,20 @@ NEGLIGIBLE = 1e-100
 """Modulus below which multipliers are unresolved. Chosen by judgement; its square is far above underflow."""
 
 LOST = 8 * EPS
-"""Fraction of the norm below which a multiplier is not accurate to even one digit because of round-off: a
-choice, a few operations above eps."""
+"""Modulus of a multiplier, relative to the norm of the matrix, below which round-off leaves no accurate
+digit. Chosen by judgement: the round-off of a few operations."""
 
 _ILL_CONDITIONED = 0.1
-"""Fraction of the error of a defective pair above which an eigenvalue is ill-conditioned. Chosen by
-judgement."""
+"""Threshold for an ill-conditioned eigenvalue: condition number times the square root of the relative
+perturbation. Chosen by judgement."""
 
 
 def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | None:
-    """Eigenvalues of matrices (P, N, N) and their condition numbers in compiled code.
+    """Compute the eigenvalues of matrices (P, N, N) and their condition numbers with compiled code.
 
-    None for another engine, without compiled code, and for large N. units (P, N): as in `balance_matrices`,
-    if known."""
+    Return None for another engine, without compiled code, and for large N. units (P, N): units of the states
+    as returned by `balance_matrices`, if known.
+    """
     found = kernel.conditioned(Phi, units) if engine == COMPILED else None
     if found is not None and (is_missing := np.isnan(found.values[:, 0])).any():
         matrices, known_units = Phi[is_missing], None if units is None else units[is_missing]
@@ -44,11 +46,13 @@ def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | N
 
 
 def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, Array]:
-    """Eigenvalues (…, N) in order of decreasing modulus, + imaginary part first, and Frobenius norms (…).
+    """Return the eigenvalues (…, N), in order of decreasing modulus, and Frobenius norms (…).
 
-    Norms are those of the balanced matrices. For 2×2 matrices they are the smallest over all units. For other
-    matrices they may be larger, without loss of accuracy. units (…, N): as in `balance_matrices`, if
-    known."""
+    Of a conjugate pair, the positive imaginary part is first. The norm of a 2×2 matrix is the smallest over
+    all units of the states. The norm of a larger matrix is that of the balanced matrix if the smallest
+    eigenvalue may be round-off, and otherwise that of the matrix itself, which may be larger. units (…, N):
+    units of the states as returned by `balance_matrices`, if known.
+    """
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         norm = np.asarray(unit * _least_pair_norm(*scaled))
@@ -67,11 +71,13 @@ def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, A
 def multiplier_roundoff(
     Phi: Array, units: Array | None = None, steps: int = 1, known: Conditioned | None = None
 ) -> Array:
-    """Round-off errors (…) of the multipliers relative to the spectral radius, due to the round-off of Φ.
+    """Estimate the errors (…) of the multipliers, relative to the spectral radius, that are due to the
+    round-off of Φ.
 
-    The round-off accumulated in `steps` steps is multiplied by the condition number of the eigenvalue; for a
-    defective block of k eigenvalues, the k-th root of the round-off is used. units (…, N): as in
-    `balance_matrices`, if known. known: the eigenvalues, if already computed.
+    The round-off accumulated in `steps` steps is multiplied by the condition number of the eigenvalue. For a
+    defective block of k eigenvalues, the k-th root of the round-off is used instead if it is smaller. units
+    (…, N): units of the states as returned by `balance_matrices`, if known. known: eigenvalues, if already
+    computed.
     """
     if known is None:
         values, unit, norm, conditions = _conditioned(Phi, units)
@@ -86,26 +92,27 @@ def multiplier_roundoff(
 
 
 def roundoff_growth(steps: int) -> float:
-    """Round-off error of the product of `steps` matrices, as a multiple of the unit round-off: 1/16 per step
-    (measured), at least 8."""
+    """Round-off error of a product of `steps` matrices, in units of the unit round-off: 1/16 per matrix
+    (measured), but at least 8."""
     return max(8.0, steps / 16)
 
 
 def balanced(Phi: Array, units: Array | None = None) -> Array:
-    """Balanced matrices (…, N, N), scaled by the units of the state if these are given. Matrices with N = 2
-    are always scaled by their entries."""
+    """Scale matrices (…, N, N) by the units of the states, if given; otherwise balance them. Matrices with N
+    = 2 are always balanced."""
     if Phi.shape[-1] == 2:
         return _matrices(_balanced_pair(*_by_entry(Phi)))
     return balance_matrices(Phi)[0] if units is None else _in_units(Phi, units)
 
 
 def balance_matrices(matrices: Array) -> tuple[Array, Array]:
-    """Matrices (…, N, N) scaled by powers of two so that the norms of rows and columns are similar, and the
-    units (…, N).
+    """Balance matrices (…, N, N): scale them so that each row and its column have similar norms. Return the
+    scaled matrices and the units (…, N), powers of two.
 
-    Scaled entries are A_ij unit_j / unit_i (E. E. Osborne, J. ACM 7 (1960) 338-345, all rows at once). Rows
-    and columns of zeros are unchanged. At most 50 sweeps are made, until the squared norms of each row and
-    its column differ by less than a factor of 4. Chosen by judgement."""
+    Scaled entries are A_ij unit_j / unit_i (E. E. Osborne, J. ACM 7 (1960) 338-345, but with all rows scaled
+    at once). Rows and columns of zeros are unchanged. Iteration stops if the squared norms of each row and
+    its column differ by less than a factor of 4, or after 50 sweeps. Both limits are chosen by judgement.
+    """
     scaled, powers = matrices, np.zeros(matrices.shape[:-1])
     with np.errstate(all="ignore"):
         for _ in range(50):
@@ -122,8 +129,8 @@ def balance_matrices(matrices: Array) -> tuple[Array, Array]:
 
 
 def pair_distance(some: Array, others: Array) -> Array:
-    """Larger of the two distances (…) between matched numbers of two pairs (…, 2), for the better of the two
-    matchings."""
+    """Distance (…) between two pairs of numbers (…, 2): the larger distance of the matched numbers, for the
+    better of the two matchings."""
     straight, crossed = (across(np.maximum, np.abs(some - pair)) for pair in (others, others[..., ::-1]))
     return np.minimum(straight, crossed)
 
@@ -133,7 +140,7 @@ def _in_units(matrices: Array, units: Array) -> Array:
 
 
 def _by_modulus(values: Array) -> Array:
-    """Eigenvalues (…, N) in order of decreasing modulus."""
+    """Sort eigenvalues (…, N) by decreasing modulus."""
     modulus = np.abs(values)
     if (modulus[..., 1:] > modulus[..., :-1]).any():
         return np.take_along_axis(values, np.argsort(-modulus, axis=-1, kind="stable"), axis=-1)
@@ -141,7 +148,7 @@ def _by_modulus(values: Array) -> Array:
 
 
 def _put_positive_first(values: Array) -> None:
-    """Swap in place the members of conjugate pairs that have the negative imaginary part first."""
+    """Order each conjugate pair in place, so that the positive imaginary part is first."""
     wrong = (values[..., 1:] == values[..., :-1].conj()) & (np.imag(values[..., :-1]) < 0)
     for k in range(values.shape[-1] - 1) if wrong.any() else ():
         swap = (values[..., k + 1] == values[..., k].conj()) & (np.imag(values[..., k]) < 0)
@@ -149,8 +156,11 @@ def _put_positive_first(values: Array) -> None:
 
 
 def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, Array]:
-    """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these powers, spectral norms (…)
-    and condition numbers (…, N)."""
+    """Return the eigenvalues (…, N) of balanced, scaled matrices, the scales (…), spectral norms (…) and
+    condition numbers (…, N).
+
+    The scales are powers of two, by which the matrices were divided.
+    """
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         entries = _balanced_pair(*scaled)
@@ -159,7 +169,7 @@ def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, 
         return values, unit, norm, np.stack((condition, condition), axis=-1)
     matrices = balanced(_matrices(scaled), units)
     values, right = np.linalg.eig(matrices)
-    # Complex for every point, so that the result of a point does not depend on the others.
+    # All points use complex arithmetic, so that the result of a point does not depend on the others.
     right = right.astype(complex)
     with np.errstate(over="ignore"):
         left = np.linalg.norm(solved(right, np.eye(Phi.shape[-1])), axis=-1)
@@ -169,8 +179,8 @@ def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, 
 
 
 def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
-    """Largest number (…) of ill-conditioned eigenvalues (…, N) that may be a single multiple eigenvalue split
-    by a perturbation; at least 2."""
+    """Return the largest number (…), at least 2, of ill-conditioned eigenvalues (…, N) that may be one
+    multiple eigenvalue, split by a perturbation."""
     size = np.full(perturbation.shape, 2)
     is_ill = conditions * np.sqrt(perturbation)[..., None] > _ILL_CONDITIONED
     if values.shape[-1] == 2 or not (is_ill.sum(axis=-1) > 2).any():
@@ -183,21 +193,21 @@ def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
 
 
 def _by_entry(matrices: Array) -> Array:
-    """Matrices (…, N, N) rearranged into entries (N², …), each entry contiguous."""
+    """Rearrange matrices (…, N, N) as entries (N², …); the values of each entry are contiguous in memory."""
     *points, rows, columns = matrices.shape
     fields = matrices.reshape(-1, rows * columns).T
     return np.ascontiguousarray(fields).reshape(-1, *points)
 
 
 def _matrices(entries: Array) -> Array:
-    """Entries (N², …) rearranged into matrices (…, N, N)."""
+    """Rearrange entries (N², …) as matrices (…, N, N)."""
     size = math.isqrt(len(entries))
     return np.moveaxis(entries, 0, -1).reshape(*entries.shape[1:], size, size)
 
 
 def _scaled_entries(Phi: Array) -> tuple[Array, Array]:
-    """Entries (N², …) divided by powers of two (…) so that their squares neither overflow nor underflow, and
-    these powers."""
+    """Return entries (N², …) of scaled matrices and the scales (…), powers of two by which the matrices were
+    divided. Squares of the scaled entries neither overflow nor underflow."""
     entries = _by_entry(Phi)
     unit = np.exp2(np.frexp(np.abs(entries).max(axis=0))[1] - 1)
     return entries / unit, unit
@@ -208,8 +218,8 @@ def _frobenius(entries: Array) -> Array:
 
 
 def _pair_eigenvalues(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Eigenvalues (…, 2) of 2×2 matrices, positive imaginary part first, without the cancellation of the
-    textbook formula. Squares of the entries must not overflow."""
+    """Eigenvalues (…, 2) of 2×2 matrices, positive imaginary part first. The formula avoids the cancellation
+    of the textbook formula. Squares of the entries must not overflow."""
     half, discriminant = (a + d) / 2, np.square((a - d) / 2) + b * c
     is_real, root = discriminant >= 0, np.sqrt(np.abs(discriminant))
     larger = half + np.copysign(root, half)
@@ -222,10 +232,11 @@ def _pair_eigenvalues(a: Array, b: Array, c: Array, d: Array) -> Array:
 
 
 def _balanced_pair(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Entries (4, …) of 2×2 matrices in units of the state that balance rows and columns.
+    """Entries (4, …) of balanced 2×2 matrices.
 
-    At most 8 sweeps are made, and no further ones if norms decrease by less than 5 %. Further scaling could
-    round off a small entry without which the matrix would be defective."""
+    At most 8 sweeps are made; they end if norms decrease by less than 5 %. Further scaling could reduce to
+    round-off a small entry without which the matrix would be defective.
+    """
     for _ in range(8):
         column, row = np.sqrt(np.square(a) + np.square(c)), np.sqrt(np.square(a) + np.square(b))
         is_positive = (row > 0) & (column > 0)
@@ -244,8 +255,8 @@ def _least_pair_norm(a: Array, b: Array, c: Array, d: Array) -> Array:
 
 
 def _pair_conditions(entries: Array, values: Array) -> tuple[Array, Array]:
-    """Spectral norms (…) of 2×2 matrices with entries (4, …), and the condition number (…, 2) of both
-    eigenvalues."""
+    """Return the spectral norms (…) of 2×2 matrices with entries (4, …), and the condition number (…), which
+    is common to both eigenvalues."""
     # The Schur form [[ρ1, t], [0, ρ2]] gives both eigenvalues the condition number sqrt(1 + t²/|ρ1 - ρ2|²).
     square = np.square(entries).sum(axis=0)
     excess = square - across(np.add, np.square(np.abs(values)))

@@ -1,7 +1,8 @@
 """Floquet modes over the period, and their dominant harmonics.
 
 A multiplier determines the frequency of its mode only modulo 2π/T. The mode is p(φ) exp(λt) with a periodic
-p. The harmonic k with the largest participation in p gives the frequency that is measured, |Im λ + 2πk/T|."""
+p. If k is the harmonic of p with the largest participation, a measurement shows the frequency |Im λ + 2πk/T|.
+"""
 
 import math
 from collections.abc import Sequence
@@ -15,17 +16,18 @@ from solve.period.grid import Grid
 from solve.period.product_eigenvalues import ProductEigenvalues
 
 ALIASED = 0.1
-"""Upper limit, for a mode with resolved harmonics, of two measures: the relative difference between the mean
-square of its rates and the value from its harmonics, and the fraction of the mode in the upper third of the
-harmonics. Chosen by judgement."""
+"""Upper limit of two measures for modes whose harmonics are resolved by the steps. With a mass matrix, the
+measure is the relative difference between the mean square of the rates and its value from the harmonics.
+Otherwise, it is the fraction of the mode in the upper third of the harmonics. Chosen by judgement."""
 
 _SAME = 1e-6
 """Relative difference below which the participations of two harmonics count as equal. Chosen by judgement."""
 
 
 class FloquetMode(NamedTuple):
-    """Frequency and dominant harmonic of a Floquet mode. Values are None if the method computes no step maps,
-    or too few steps.
+    """Frequency and dominant harmonic of a Floquet mode.
+
+    Only `folded` is known if the method computes no maps of the steps, or if the steps are too few.
 
     Attributes
     ----------
@@ -36,7 +38,7 @@ class FloquetMode(NamedTuple):
     order : int or None
         Dominant harmonic.
     participation : float or None
-        Fraction of the mode with this harmonic, in the norm of the mean mass matrix.
+        Fraction of the mode in this harmonic, in the norm of the mean mass matrix.
     mirror : int or None
         For a real multiplier, the other harmonic with the same participation and frequency.
     """
@@ -56,19 +58,20 @@ def floquet_modes(
     eigenvalues: ProductEigenvalues,
     rotation: float,
 ) -> Sequence[FloquetMode]:
-    """Modes (N,) of a point in the order of `eigenvalues`, which must include right eigenvectors.
+    """Compute the N Floquet modes of a point, in the order of `eigenvalues`.
 
     Parameters
     ----------
     steps : (m, N, N)
-        Maps of the state, which contains the coordinates first.
+        One-step maps of the states; the coordinates are the first states.
     grid : Grid
     mass : (n, n), optional
-        Mean of M in any unit. Omitted for systems with first-order states: their participations include all
+        Mean of M in any unit. None for systems with first-order states; participations then include all
         states, in units that balance the maps.
     blocks : Blocks
         Products of these maps.
     eigenvalues : ProductEigenvalues
+        Eigenvalues of the product of the blocks, with right eigenvectors.
     rotation : float
         2π/T in rad/s.
     """
@@ -81,14 +84,14 @@ def floquet_modes(
     exponents = eigenvalues.logarithms[0] / grid.period + 1j * fundamental * orders[:, None]
     if mass is None:
         sizes = (np.abs(spectrum / blocks.units[0][:, None]) ** 2).sum(axis=1)
-        # Strong harmonics near the highest one indicate that the phase advance of the mode per step is too
+        # Strong harmonics near the highest one indicate a phase advance of the mode per step that is too
         # large.
         is_resolved = sizes[3 * np.abs(orders) > len(p)].sum(axis=0) <= ALIASED * sizes.sum(axis=0)
     else:
         sizes, of_rates = (
             (half.conj() * (mass @ half)).sum(axis=1).real for half in np.split(spectrum, 2, axis=1)
         )
-        # A difference between the rates and those of the resolved harmonics indicates the same.
+        # A difference between the rates and those computed from the harmonics indicates the same.
         rates = (np.abs(exponents) ** 2 * sizes).sum(axis=0)
         is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= ALIASED * of_rates.sum(axis=0)
     shares = sizes / sizes.sum(axis=0)
@@ -100,8 +103,8 @@ def floquet_modes(
 
 
 def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> FloquetMode:
-    """Mode from its folded frequency and the participations `shares` of its harmonics. Among harmonics with
-    equal participation, the one with the highest frequency is dominant."""
+    """Mode with the folded frequency `folded` and the participations `shares` of the harmonics `orders`.
+    Among harmonics of equal participation, the one with the highest frequency is dominant."""
     frequencies = folded + orders * rotation
     largest = np.flatnonzero(shares >= (1 - _SAME) * shares.max())
     at = largest[np.argmax(frequencies[largest])]
@@ -113,13 +116,14 @@ def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> Floqu
 
 
 def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: ProductEigenvalues) -> Array:
-    """Periodic part p (m, N, N) of each mode at the start of every step, one column per mode, in any norm."""
+    """Return the periodic part p (m, N, N) of each mode at the start of every step, in arbitrary norm. Each
+    mode is a column."""
     assert eigenvalues.right is not None
     units, starts, logarithms = blocks.units[0][:, None], blocks.starts, eigenvalues.logarithms[0]
     lengths = np.diff(np.append(starts, len(steps)))
     vectors, reached = carried(steps, starts, units * eigenvalues.right[0])
-    # Each block starts with vectors of length 1, which are multiples of those at the end of the previous
-    # block.
+    # The vectors at the start of a block have length 1. They are multiples of the vectors at the end of the
+    # previous block.
     following = np.roll(eigenvalues.right[0], -1, axis=0)
     with np.errstate(divide="ignore"):
         gained = np.log((following.conj() * (reached / units)).sum(axis=1))
@@ -130,8 +134,8 @@ def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: Produc
 
 
 def _evenly(grid: Grid, p: Array) -> Array:
-    """Values at uniform phases, two per step on average, interpolated from values (m, …) at the nodes of a
-    nonuniform grid."""
+    """Interpolate values (m, …) at the nodes of a nonuniform grid. Return values at uniform phases, twice as
+    many as steps."""
     from scipy.interpolate import CubicSpline
 
     even = np.arange(2 * grid.steps) * (grid.period / (2 * grid.steps))

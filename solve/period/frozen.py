@@ -34,14 +34,15 @@ _ENTRY_PHASES = 16
 """Approximate number of phases at which the sizes of entries are determined. Chosen by judgement."""
 
 _BALANCED = 64.0
-"""Largest ratio between rows, or between entries of a column, up to which elimination loses few digits: a
-choice."""
+"""Largest ratio between rows, or between the entries of a column, for which elimination loses few digits.
+Chosen by judgement."""
 
 _STEADY = 0.02
-"""Fraction of the median of det M below which a phase with singular M is searched. Chosen by judgement."""
+"""Modulus of det M, relative to the modulus of its median, below which M may be singular at a nearby phase.
+Chosen by judgement."""
 
 _FEW = np.s_[::16]
-"""Selection of phases from which rates are estimated if no bound is required."""
+"""Phases from which rates are estimated if no bound is required: every 16th phase."""
 
 
 class FrozenModes:
@@ -116,9 +117,9 @@ class FrozenModes:
         return self._tables.ranges()
 
     def _matrices_at(self, phases: Array | slice) -> Array:
-        """M, C and K (3, n, n, P, k') at a selection of the phases."""
+        """M, C and K (3, n, n, P, k') at the selected phases."""
         if self._parent is not None and "_fields" not in self.__dict__ and isinstance(phases, slice):
-            # Phases are selected before points, which copies less data.
+            # To select phases before points copies less data.
             fields, positions = self._parent
             fields = fields[..., phases][:, positions]
         else:
@@ -126,7 +127,7 @@ class FrozenModes:
         return fields[: 3 * self.n**2].reshape(3, self.n, self.n, *fields.shape[1:])
 
     def _rates_at(self, phases: Array | slice) -> Array:
-        """`_matrices_at` with the rates of first-order coordinates as unknowns."""
+        """M, C and K as from `_matrices_at`, with the rates of first-order coordinates as unknowns."""
         return fields_by_rates(self._matrices_at(phases), self._first_order)
 
     @property
@@ -134,8 +135,8 @@ class FrozenModes:
         return self.n == 1 and not self._first_order
 
     def has_steady_inertia(self) -> Array:
-        """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `_STEADY` of its
-        median."""
+        """Whether (P,) det M has the same sign at every phase, and its modulus always exceeds the fraction
+        `_STEADY` of its median."""
         if self._is_oscillator and not self._tables.per_point:
             low, high = self._ranges
             steady = (low[0] > _STEADY * high[0]) | (high[0] < _STEADY * low[0])
@@ -144,7 +145,7 @@ class FrozenModes:
         return has_steady_determinant(self._rates_at(slice(None))[0], _STEADY)
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
-        """Eigenvalues (P, k, N) with respect to the phase, at all phases or a selection of them."""
+        """Eigenvalues λ (P, k, N) with respect to the phase, at the selected phases."""
         if self._is_oscillator:
             return quadratic_roots(*self._matrices_at(phases)[:, 0, 0])
         pencils, first_order = self._matrices_at(phases), self._first_order
@@ -158,27 +159,28 @@ class FrozenModes:
 
     @cached_property
     def few_eigenvalues(self) -> Array:
-        """Eigenvalues (P, k', N) at every 16th phase."""
+        """Eigenvalues λ (P, k', N) with respect to the phase, at every 16th phase."""
         return self.eigenvalues(_FEW)
 
     @property
     def phase_advance_estimate(self) -> Array:
-        """Estimate of `phase_advance` (P,) from every 16th phase."""
+        """Estimate (P,) of `phase_advance` from the modes at every 16th phase."""
         return np.abs(self.few_eigenvalues).max(axis=(1, 2)) * self.period
 
     @cached_property
     def phase_advance(self) -> Array:
-        """Phase advance ω_max T (P,) of the fastest mode per period, in rad."""
+        """Phase advance ω_max T (P,) of the fastest mode in a period, in rad."""
         return np.abs(self.eigenvalues()).max(axis=(1, 2)) * self.period
 
     def cancellation(self, rates: Array) -> Array:
-        """Factor (P,) of cancellation between the terms of det A, with A = λ²M + λC + K at rates λ (P,): the
-        maximum of Π |A_ii|/|det A| over every 16th phase.
+        """Measure (P,) of the cancellation between the terms of det A, where A = λ²M + λC + K at the rates λ
+        (P,): the maximum of Π |A_ii|/|det A| over every 16th phase.
 
         For a positive definite A scaled to the diagonal 1, relative changes of the entries are amplified by
         the inverse of its smallest eigenvalue (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992)
-        1204). This inverse is at most e times the factor returned, because the product of the other
-        eigenvalues is below e."""
+        1204). This inverse is at most e times the returned measure, because the product of the other
+        eigenvalues is below e.
+        """
         M, C, K = self._matrices_at(_FEW).transpose(0, 3, 4, 1, 2)
         rate = rates[:, None, None, None]
         A = rate**2 * M + rate * C + K
@@ -188,8 +190,12 @@ class FrozenModes:
         return np.where(np.isfinite(factors), factors, np.inf).max(axis=1)
 
     def rates_and_decay(self) -> tuple[Array, Array]:
-        """Moduli (P, N) of the eigenvalues, maximal over the phases, in ascending order. Also the mean decay
-        factor (P, N) of these modes over a period, relative to the least damped mode or to `UNDERFLOW`."""
+        """Return moduli (P, N) and decay factors (P, N).
+
+        The moduli of the eigenvalues, maximal over the phases, are in ascending order. The mean decay factor
+        of a mode over a period is relative to that of the least damped mode, or to `UNDERFLOW` if that is
+        larger.
+        """
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -205,10 +211,11 @@ class FrozenModes:
         return moduli.max(axis=1), decay
 
     def equation_factors(self) -> Array | None:
-        """Factors (P, n) of the equations, powers of 2, that balance their inertias in balanced units of the
-        coordinates.
+        """Return factors (P, n) of the equations, powers of 2, that make the inertia terms of the equations
+        comparable in balanced units of the coordinates.
 
-        Factors are 1 for points with rows of similar size. None is returned if all factors are 1.
+        The factors of a point are 1 if its rows have similar sizes. Return None if this is true of all
+        points.
         """
         if self.n == 1:
             return None
@@ -234,8 +241,8 @@ class FrozenModes:
 
     @property
     def _coupling(self) -> tuple[Array, Array]:
-        """Mean accelerations of the coordinates due to other coordinates and their rates (P, n, n), and those
-        due to loads (P, n)."""
+        """Return mean accelerations of the coordinates: those due to the coordinates and their rates (P, n,
+        n), and those due to the load (P, n)."""
         n = self.n
         M, C, K, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
         M, C, K = by_rates(M, C, K, self._first_order)
@@ -243,10 +250,12 @@ class FrozenModes:
         return rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
 
     def load_scale(self, sizes: Array) -> Array:
-        """Displacements (P, n) that all forces on a coordinate cause against its own stiffness.
+        """Estimate the displacements (P, n) that the forces on each coordinate cause against its own
+        stiffness.
 
-        The forces are the largest load and those of the other coordinates with amplitudes `sizes` (P, n), in
-        units in which the equations are balanced."""
+        The forces are those of the other coordinates, which have amplitudes `sizes` (P, n), and the largest
+        load, in balanced units of the equations.
+        """
         coupling, load = self._coupling
         units = balance_matrices(coupling)[1]
         largest = units * (load / units).max(axis=1, keepdims=True)
@@ -254,17 +263,18 @@ class FrozenModes:
         return (np.einsum("pij,pj->pi", coupling, sizes) + largest) / stiffness
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array:
-        """Whether (k,) points at positions (k,) can drift freely in some direction v.
+        """Whether (k,) the points at positions `points` (k,) can drift freely in some direction v.
 
-        C v = K v = 0 at every phase within round-off, and the monodromy matrix Φ (k, 2n, 2n), which depends
-        on all phases, maps the state (v, 0) onto itself. Then q = v t is a solution, and the multiplier +1 is
-        defective. errors (k,): errors of the multipliers."""
+        The conditions are C v = K v = 0 at every phase, within round-off, and Φ (v, 0) = (v, 0); the
+        monodromy matrix Φ (k, 2n, 2n) depends on all phases. Then q = v t is a solution, and the multiplier
+        +1 is defective. errors (k,): errors of the multipliers.
+        """
         drifts = zip(self._damping_and_stiffness(points), Phi, self.units(points), errors, strict=True)
         return np.array([is_periodic_drift(*arguments) for arguments in drifts], dtype=bool)
 
     def _damping_and_stiffness(self, points: Array) -> Array:
-        """C and K as rows (k, r, n) for points at positions (k,), in coordinates relative to the rigid-body
-        modes. The equations of these coordinates contain no acceleration along the modes."""
+        """Rows (k, r, n) of C and K of the points at positions `points` (k,), relative to the rigid-body
+        modes. The equations of these rows contain no acceleration along the modes."""
         M, C, K = np.moveaxis(self._matrices_at(slice(None))[..., points, :], (3, 4), (1, 2))
         modes = None if self.rigid_body_modes is None else self.rigid_body_modes[points]
         if modes is not None and modes.any.any():
@@ -277,9 +287,11 @@ class FrozenModes:
         return np.concatenate((C, K), axis=2).reshape(len(points), -1, self.n)
 
     def units(self, points: Array) -> Array:
-        """Units that make the entries of states (k, N) of points at positions (k,) comparable: square roots
-        of the mean stiffness (or of the inertia if larger) for coordinates, of the inertia for rates, and
-        1 for first-order coordinates."""
+        """Units (k, N) that make the states of the points at positions `points` (k,) comparable.
+
+        They are the square root of the mean inertia for rates, the square root of the mean stiffness for
+        coordinates (of the inertia if that is larger), and 1 for first-order coordinates.
+        """
         matrices = self._matrices_at(slice(None))[::2][..., points, :]
         diagonals = np.abs(np.einsum("aiipk->apik", matrices)).mean(axis=-1)
         inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
@@ -290,7 +302,7 @@ class FrozenModes:
         return units
 
     def exceeds_rate(self, rate: float) -> Array:
-        """Whether (P,) sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any phase, where ρ is the spectral
+        """Whether (P,) sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds `rate` at any phase, where ρ is the spectral
         radius."""
         if self._is_oscillator:
             exceeds = ~self._bounded_by_ranges(rate)
@@ -317,7 +329,7 @@ class FrozenModes:
         return exceeds
 
     def is_within(self, rate: Array | float) -> Array:
-        """Whether (P,) bounds prove that all eigenvalues have moduli of at most the rate (P,) at all phases.
+        """Whether (P,) bounds prove that, at all phases, no eigenvalue has a modulus above `rate` (P,).
 
         λ²M + λC + K is regular for all |λ| > r if (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v.
         """
@@ -339,7 +351,7 @@ class FrozenModes:
         return is_within
 
     def _is_within_at(self, phases: slice, rate: Array) -> Array:
-        """`is_within` at a selection of the phases, for several coordinates."""
+        """Evaluate `is_within` at the selected phases, for several coordinates."""
         C, K = self._ratios(phases)
         # The sum of squares of the 2n eigenvalues is at most 2n times that of the largest.
         squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * K.trace()
@@ -351,8 +363,8 @@ class FrozenModes:
         return is_within
 
     def _bounded_by_ranges(self, rate: Array | float) -> Array:
-        """Whether (P,) the ranges of the shared terms imply |C/M| + |K/M|/rate ≤ rate, for a single
-        coordinate."""
+        """Whether (P,) the ranges of the entries prove |C/M| + |K/M|/rate ≤ rate; False for several
+        coordinates and for terms that differ between points."""
         if not self._is_oscillator or self._tables.per_point:
             return np.zeros(len(self), dtype=bool)
         low, high = self._ranges
@@ -366,7 +378,7 @@ class FrozenModes:
         return FrozenModes(tables, self.period, self._engine)
 
     def _largest_rates(self) -> Array:
-        """Maximum (P, k) of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C)."""
+        """Return sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C), whichever is larger, at each phase (P, k)."""
         M, C, K = np.moveaxis(self._rates_at(slice(None)), (3, 4), (1, 2))
         if self.n == 1:
             stiffness, damping = (np.abs(matrix[..., 0, 0] / M[..., 0, 0]) for matrix in (K, C))
@@ -381,7 +393,7 @@ class FrozenModes:
 
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:
-    """Modes of points with coefficients frozen at `phases` phases."""
+    """Modes of `points` with coefficients frozen at `phases` phases."""
     return FrozenModes(points.tables(_midpoints(phases, points.period)), points.period, engine)
 
 
@@ -391,12 +403,12 @@ def _midpoints(count: int, period: float) -> Array:
 
 
 def entry_phases(count: int) -> slice:
-    """Indices of the phases at which the sizes of entries are evaluated."""
+    """Selection of about `_ENTRY_PHASES` of `count` phases, at which the sizes of entries are evaluated."""
     return slice(None, None, max(1, count // _ENTRY_PHASES))
 
 
 def balanced(points: Points, modes: FrozenModes) -> Points:
-    """Points with balanced equations. Without balancing, elimination would choose pivots by the units of the
-    equations."""
+    """Points with balanced equations. Without balancing, the pivots in elimination would depend on the units
+    of the equations."""
     factors = modes.equation_factors()
     return points if factors is None else ScaledEquations(points, factors)

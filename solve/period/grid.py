@@ -12,7 +12,7 @@ _MAX_CACHED = 4096
 """Number of steps up to which a grid and its phases are cached. Chosen by judgement."""
 
 _INSIDE = 1e-13
-"""Distance from a jump, as a fraction of the period, by which a stage at the jump is moved into its step."""
+"""Distance from a jump, as a fraction of the period, to which a stage at the jump is moved into its step."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,12 @@ class Grid:
 
     @classmethod
     def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
-        """Grid of about `steps` steps; between neighbouring breaks they have equal length.
+        """Grid of about `steps` steps, with equal step lengths between neighbouring breaks.
 
-        If `steps` is doubled, or increased by a third from at least 6 steps per piece, even the shortest
-        piece between breaks has more steps. Two grids with equal steps in a piece would agree on features
-        that neither resolves. Raises ValueOutOfBoundsError above the memory limit."""
+        If `steps` is doubled, every piece between breaks has more steps. The same is true of an increase by a
+        third, if every piece has at least 6 steps. Two grids with equal steps in a piece would agree even if
+        neither resolves it. Raises ValueOutOfBoundsError above the memory limit.
+        """
         require_size("steps", steps)
         return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
 
@@ -69,7 +70,7 @@ class Grid:
 
     @cached_property
     def lengths(self) -> Array:
-        """Step lengths in phase (m,), exactly equal if the matrices have no jumps."""
+        """Step lengths in phase (m,). Without jumps of the matrices, they are exactly equal."""
         return np.full(self.steps, self.period / self.steps) if self.smooth else self.h
 
     @cached_property
@@ -86,8 +87,8 @@ class Grid:
         return Grid(nodes, at_break)
 
     def parts(self, steps: int) -> "list[Grid]":
-        """Consecutive parts of this grid with at most `steps` steps each; the whole grid if the matrices
-        jump."""
+        """Divide the grid into consecutive parts with at most `steps` steps each. If the matrices jump,
+        return the whole grid as one part."""
         if not self.smooth:
             return [self]
         return [
@@ -98,7 +99,8 @@ class Grid:
     def stages(self, c: Array) -> Array:
         """Phases (m, s) of the stages at the fractions c (s,) of each step.
 
-        If a step ends at a jump, its end stages are moved just inside the step, where its own matrices apply.
+        A stage at a jump is moved slightly into its step, so that the matrices of that side of the jump
+        apply.
         """
         if self.steps > _MAX_CACHED:
             return self._stages(c)
@@ -110,7 +112,7 @@ class Grid:
 
     @cached_property
     def _phases(self) -> dict[bytes, Array]:
-        """Cache of the phases of stages."""
+        """Cached phases of the stages. The keys are the bytes of the fractions c."""
         return {}
 
     def _stages(self, c: Array) -> Array:
@@ -125,14 +127,16 @@ class Grid:
 
 @lru_cache(maxsize=64)
 def _cached(steps: int, period: float, breaks: tuple[float, ...]) -> Grid:
-    """Grid from a cache, since many solutions use the same grid."""
+    """Grid from a cache; many solutions use the same grid."""
     return Grid._new(steps, period, breaks)
 
 
 def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
-    """Ends of the pieces between jumps, including 0 and the period, and whether the matrices jump at 0.
+    """Return the ends of the pieces between jumps, including 0 and the period, and whether the matrices jump
+    at phase 0.
 
-    Breaks that differ by round-off count as one."""
+    Breaks that differ by round-off count as one.
+    """
     same = 0.5 * _INSIDE * period
     ends, jump_at_zero = [0.0], False
     for phase in sorted(b % period for b in breaks):
@@ -144,9 +148,11 @@ def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
 
 
 def steps_of(steps: int, lengths: Array) -> Array:
-    """Numbers of steps of the pieces in proportion to their lengths (k,), which are fractions of the period.
+    """Distribute `steps` steps over pieces in proportion to their lengths (k,), given as fractions of the
+    period.
 
-    No piece has fewer than half of the steps that pieces of equal length would have."""
+    Every piece has at least half as many steps as it would have if all pieces had equal length.
+    """
     k = len(lengths)
     least = steps // (2 * k) + 1
     short = steps * lengths < least

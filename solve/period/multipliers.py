@@ -16,26 +16,28 @@ UNIT_CIRCLE = 1e-9
 """Distance from 1 within which a modulus counts as 1, in addition to its error. Chosen by judgement."""
 
 KNOWN_ON_CIRCLE = 1e-6
-"""Distance of a modulus from 1, including its error, up to which a multiplier is on the unit circle: a
-choice."""
+"""Largest distance of a modulus from 1, plus its error, for which a multiplier counts as on the unit circle.
+Chosen by judgement."""
 
 SURE = 2.0
-"""Factor on the error estimate for the decision that a modulus is larger than 1. Chosen by judgement."""
+"""Factor on the error estimate. A multiplier is outside the unit circle if its modulus exceeds 1 by more than
+this multiple of the estimate. Chosen by judgement."""
 
 UNDERFLOW = 1e-30
 """Spectral radius below which multipliers are round-off of the entries of Φ. docs/certificate.md states the
 measured range."""
 
 _TIMES_ESTIMATE = 10.0
-"""Factor on the error estimate of multipliers that may coincide, because the error that splits a double
-multiplier moves it off the unit circle. Chosen by judgement."""
+"""Factor on the error estimate of multipliers that may coincide: the error that splits a double multiplier
+also moves it off the unit circle. Chosen by judgement."""
 
 VERDICTS: tuple[str, ...] = ("asymptotically stable", "stable", "unstable", "undetermined")
 ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 
 class StateScales(Protocol):
-    """Protocol of the functions of points at positions (k,) that the verdict requires; see `FrozenModes`."""
+    """Protocol for what the verdict requires of points: drift and units of states at positions (k,). See
+    `FrozenModes`."""
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array: ...
 
@@ -49,7 +51,7 @@ class Multipliers:
     Attributes
     ----------
     values : (…, N)
-        Complex; zero if unresolved, that is, below `bound`.
+        Complex multipliers. Unresolved ones, with moduli up to `bound`, are replaced by zero.
     resolved : (…)
         Number of resolved multipliers.
     bound : (…)
@@ -64,10 +66,11 @@ class Multipliers:
     def from_matrices(
         cls, Phi: Array, units: Array | None = None, known: Conditioned | None = None
     ) -> "Multipliers":
-        """Eigenvalues of finite monodromy matrices (…, N, N).
+        """Eigenvalues of finite monodromy matrices `Phi` (…, N, N).
 
-        The bound is 8 eps‖Φ‖ of the balanced matrix, which does not depend on the units of Φ, but at least
-        1e-100. units: as in `balance_matrices`, if known. known: the eigenvalues, if these are known."""
+        The bound is 8 eps‖Φ‖, where Φ is balanced and thus independent of units, but at least 1e-100. units:
+        as returned by `balance_matrices`, if known. known: the eigenvalues, if already computed.
+        """
         values, norm = sorted_eigenvalues(Phi, units) if known is None else (known.values, known.sizes)
         bound = np.maximum(LOST * norm, NEGLIGIBLE)
         is_resolved = np.abs(values) > bound[..., None]
@@ -97,13 +100,14 @@ class Multipliers:
 
     @property
     def distance_from_one(self) -> Array:
-        """Smallest |ρ - 1| of the resolved multipliers (…); 0 at resonance and on a stability boundary with a
-        multiplier +1."""
+        """Smallest |ρ - 1| of the resolved multipliers (…). It is 0 at resonance and on a stability boundary
+        with a multiplier +1."""
         is_resolved = np.arange(self.values.shape[-1]) < self.resolved[..., None]
         return np.where(is_resolved, np.abs(self.values - 1.0), np.inf).min(axis=-1)
 
     def distance(self, other: "Multipliers") -> Array:
-        """Largest distance (…) between these multipliers and those of `other`, matched one to one."""
+        """Largest distance (…) between a multiplier and the matching one of `other`, in a one-to-one
+        matching."""
         if self.values.shape[-1] == 2:
             return pair_distance(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
@@ -111,8 +115,8 @@ class Multipliers:
         largest, indices = np.asarray(smallest.max(axis=-1)), np.arange(nearest.shape[-1])
         if (nearest == indices).all():
             return largest
-        # The largest distance to a nearest neighbour is a lower bound for every matching. If two multipliers
-        # share their nearest neighbour, matching by index may still attain it.
+        # The largest distance to a nearest neighbour is a lower bound for every matching. Matching by index
+        # may attain this bound even if two multipliers share their nearest neighbour.
         is_shared = (np.sort(nearest, axis=-1) != indices).any(axis=-1)
         is_shared &= np.abs(self.values - other.values).max(axis=-1) > largest
         for index in zip(*np.nonzero(np.atleast_1d(is_shared)), strict=True) if is_shared.any() else ():
@@ -121,17 +125,17 @@ class Multipliers:
         return largest
 
     def difference(self, other: "Multipliers") -> Array:
-        """`distance` (…) relative to the spectral radius of `other`, the more accurate multipliers. Infinite
-        if the spectral radius is 0 but the distance is not."""
+        """`distance` (…) relative to the spectral radius of `other`, which contains the more accurate
+        multipliers. Infinite if only the spectral radius is 0."""
         distance, scale = self.distance(other), other.spectral_radius
         without_scale = np.where(distance == 0, 0.0, np.inf)
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), without_scale)
 
     def with_digits(self, error: Array) -> "Multipliers":
-        """Multipliers, with zero for those that are not accurate to one digit.
+        """Replace multipliers that are not accurate to one digit by zero.
 
-        error (…): error of the multipliers relative to the spectral radius, infinite where all multipliers
-        are below `UNDERFLOW`.
+        error (…): error of the multipliers relative to the spectral radius; infinite if all multipliers are
+        below `UNDERFLOW`.
         """
         has_no_digit = np.isinf(error)
         absolute = np.where(has_no_digit, 0.0, error) * self.spectral_radius
@@ -141,8 +145,8 @@ class Multipliers:
 
 
 def matched(distance: Array) -> tuple[Array, Array]:
-    """Indices of rows and columns of a distance matrix (k, N), k ≤ N, matched so that the sum of distances is
-    smallest."""
+    """Match each row of a distance matrix (k, N), k ≤ N, with a different column so that the sum of distances
+    is smallest. Return the indices of the rows and of the columns."""
     nearest, indices = distance.argmin(axis=1), np.arange(len(distance))
     if len(set(nearest.tolist())) == len(nearest):
         return indices, nearest
@@ -155,8 +159,8 @@ def matched(distance: Array) -> tuple[Array, Array]:
 
 
 def _is_matched_by_places(distance: Array) -> bool:
-    """Whether the diagonal of a distance matrix (N, N) has the smallest sum within round-off, so that no
-    cycle of exchanges reduces it (R. W. Floyd's shortest paths, Commun. ACM 5 (1962) 345)."""
+    """Whether the diagonal of a distance matrix (N, N) is an optimal matching, within round-off: no cyclic
+    exchange reduces the sum (R. W. Floyd's shortest paths, Commun. ACM 5 (1962) 345)."""
     paths = distance - np.diagonal(distance)[:, None]
     for k in range(len(paths)):
         paths = np.minimum(paths, paths[:, k, None] + paths[k])
@@ -166,13 +170,15 @@ def _is_matched_by_places(distance: Array) -> bool:
 def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateScales) -> Array:
     """Verdicts (P,) as indices in VERDICTS, from monodromy matrices (P, N, N).
 
-    Let e be the absolute error (P,) of the multipliers, or the bound of unresolved ones if that is larger.
+    Let e be the absolute error of a multiplier, from `errors` (P,). For an unresolved multiplier, it is
+    `bound` if that is larger.
 
     - Asymptotically stable: all |ρ| + e < 1 - 1e-9.
-    - Unstable: some |ρ| - 2 e > 1 + 1e-9, or a coordinate drifts freely. The factor 2 accounts for e being an
-      estimate.
-    - Stable: all multipliers not inside the circle have |ρ| - e ≤ 1 + 1e-9 and ||ρ| - 1| + e ≤ 1e-6, and none
-      can be defective (chapter Section 2).
+    - Unstable: some |ρ| - 2 e > 1 + 1e-9, or a coordinate drifts freely. The factor 2 is used because e is
+      only
+      an estimate.
+    - Stable: all multipliers that are not inside the circle have |ρ| - e ≤ 1 + 1e-9 and ||ρ| - 1| + e ≤ 1e-6,
+      and none of them can be defective (chapter Section 2).
     - Undetermined otherwise.
 
     If two multipliers may coincide, 10 e replaces e in the first condition and 2 e in the second.
@@ -185,7 +191,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
         inner, outer = (np.where(is_simple, factor, _TIMES_ESTIMATE) * error for factor in (1.0, SURE))
         result[rows] = _by_moduli(moduli[rows], error, inner, outer)
     is_open = np.flatnonzero((result == STABLE) | (result == UNDETERMINED))
-    # A drift is tested for only if two multipliers are within 1e-3 of +1. Chosen by judgement.
+    # A drift requires two multipliers near +1. The distance 1e-3 is chosen by judgement.
     is_near_one = (np.abs(values[is_open] - 1) <= 1e-3).astype(int)
     is_open = is_open[across(np.add, is_near_one) > 1]
     if len(is_open):
@@ -201,7 +207,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
 
 
 def verdicts_by_moduli(multipliers: Multipliers, errors: Array) -> Array:
-    """Verdicts (P,) as from `verdicts`, without the test for multiple multipliers and drift."""
+    """Verdicts (P,) as from `verdicts`, but without the tests for multiple multipliers and for drift."""
     e = _absolute_errors(multipliers, errors)
     return _by_moduli(multipliers.moduli, e, e, e)
 
@@ -216,8 +222,8 @@ def _absolute_errors(multipliers: Multipliers, errors: Array) -> Array:
 
 
 def _by_moduli(moduli: Array, e: Array, inner: Array, outer: Array) -> Array:
-    """Verdicts (P,) from moduli (P, N), with margins `inner` and `outer` (P, N) inside and outside the unit
-    circle."""
+    """Verdicts (P,) from moduli (P, N) with errors e (P, N). `inner` and `outer` (P, N) are the margins by
+    which a modulus must be below or above 1 to count as inside or outside the unit circle."""
     is_inside, is_outside = moduli + inner < 1 - UNIT_CIRCLE, moduli - outer > 1 + UNIT_CIRCLE
     may_be_on_circle = ~is_inside & ~is_outside
     result = np.where(across(np.logical_or, may_be_on_circle), STABLE, ASYMPTOTICALLY_STABLE)
@@ -227,12 +233,13 @@ def _by_moduli(moduli: Array, e: Array, inner: Array, outer: Array) -> Array:
 
 
 def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Array, Array]:
-    """Indices (k,) of points with multipliers near the unit circle that may coincide, and masks (k, N, N) of
-    these pairs.
+    """Find points with multipliers near the unit circle that may coincide. Return their indices (k,) and
+    masks (k, N, N) of the pairs.
 
-    A perturbation splits the double multiplier of a defective block by its square root, which the errors (P,)
-    may not include. Multipliers at a distance above a thousand times the error are distinct. Chosen by
-    judgement. e (P, N): error of each multiplier."""
+    A perturbation splits the double multiplier of a defective block by its square root, which `errors` (P,)
+    may not include. Multipliers count as distinct if their distance is more than a thousand times the error,
+    a factor chosen by judgement. e (P, N): error of each multiplier.
+    """
     is_near = np.abs(multipliers.moduli - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     rows, N = np.flatnonzero(across(np.add, is_near.astype(int)) > 1), is_near.shape[1]
     if not len(rows):
@@ -249,10 +256,11 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
 
 
 def _may_be_defective(Phi: Array, values: Array, pairs: Array, error: float) -> bool:
-    """Whether multipliers (N,) that may coincide (`pairs` (N, N)) may be defective.
+    """Whether multipliers (N,), of which `pairs` (N, N) may coincide, may be defective.
 
-    They are not defective if Φ - ρ has one zero singular value per coinciding multiplier, within the errors
-    and the distances between multipliers."""
+    They are not defective if Φ - ρ has as many zero singular values as there are multipliers that coincide
+    with ρ. Singular values count as zero within the errors of the multipliers and the distances between them.
+    """
     for row in np.flatnonzero(pairs.any(axis=-1)):
         singular = np.linalg.svd(Phi - values[row] * np.eye(len(Phi)), compute_uv=False)
         distance = float(np.abs(values[pairs[row]] - values[row]).max())

@@ -1,7 +1,8 @@
-"""Quantities selected by name, with the same grammar in all commands.
+"""Quantities selected by name. All commands use the same syntax.
 
-NAME.FIGURE of a coordinate or output, such as q3.max_abs or contact_force.harmonic5; spectral_radius; rho1,
-exponent1 and their parts, such as rho1.re."""
+The name is NAME.FIGURE for a coordinate or output, such as q3.max_abs or contact_force.harmonic5. Other names
+are spectral_radius, rho1, exponent1, and their real and imaginary parts, such as rho1.re.
+"""
 
 import re
 from dataclasses import dataclass
@@ -16,8 +17,8 @@ from solve.period.quantities import FIGURES
 from solve.system import PeriodicSystem, multiplier_count
 
 HARMONIC, PHASE = "harmonic", "phase"
-"""Names for the amplitude and the phase angle of a harmonic. The number of the harmonic follows, as in
-harmonic3."""
+"""Prefixes of the figures for the amplitude and for the phase angle of a harmonic. The number of the harmonic
+follows, as in harmonic3."""
 
 RHO, EXPONENT, RADIUS = "rho", "exponent", "spectral_radius"
 _PARTS = {RHO: ("re", "im", "abs"), EXPONENT: ("re", "im")}
@@ -26,7 +27,7 @@ _NUMBERED = re.compile(r"([a-z_]+?)([0-9]+)")
 
 
 class OneByOne(Protocol):
-    """Protocol of Floquet multipliers that are computed one at a time."""
+    """Protocol of a source of Floquet multipliers and their logarithms, computed one at a time."""
 
     def multiplier(self, at: int) -> complex: ...
 
@@ -34,8 +35,8 @@ class OneByOne(Protocol):
 
 
 class Solved(Protocol):
-    """Solution from which quantities are computed: an orbit, or a stability result for quantities of
-    multipliers."""
+    """Protocol of a solution from which quantities are computed. It is an orbit or, for quantities of
+    multipliers, a stability result."""
 
     @property
     def spectrum(self) -> OneByOne: ...
@@ -55,9 +56,10 @@ class Solved(Protocol):
 class Named:
     """Quantity selected by its name.
 
-    subject: a coordinate or output, RHO, EXPONENT or RADIUS. figure: a field of `Statistics`, HARMONIC or
-    PHASE; for multipliers and exponents "re", "im" or "abs", or "" for the complex number. number: number of
-    the harmonic, or position of the multiplier, counted from 1."""
+    subject: name of a coordinate or output, or RHO, EXPONENT or RADIUS. figure, for coordinates and outputs:
+    a field of `Statistics`, HARMONIC or PHASE. figure, for multipliers and exponents: "re", "im" or "abs", or
+    "" for the complex number. number: number of the harmonic, or index of the multiplier, counted from 1.
+    """
 
     text: str
     unit: str
@@ -67,7 +69,7 @@ class Named:
 
     @classmethod
     def parse(cls, system: PeriodicSystem, text: str) -> "Named":
-        """Quantity of a system from its name. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """Parse the name `text` of a quantity of a system. Raises UnknownNameError, ValueOutOfBoundsError."""
         subject, dot, figure = text.partition(".")
         known = (*system.coordinates, *system.outputs)
         if subject in known:
@@ -83,8 +85,7 @@ class Named:
         if not 1 <= number <= multiplier_count(system):
             raise ValueOutOfBoundsError(
                 f"'{text}': {system.labels.name} has the multipliers 1 to {multiplier_count(system)}, in "
-                "order "
-                "of decreasing modulus"
+                "order of decreasing modulus"
             )
         return cls(text, _WORDS[kind], kind, figure, number)
 
@@ -119,7 +120,7 @@ class Named:
         )
 
     def part(self, number: Any) -> Any:
-        """Requested part (such as the real part) of a complex number or of each element of an array."""
+        """Selected part, such as the real part, of a complex number or of each element of an array."""
         return {"": np.asarray, "re": np.real, "im": np.imag, "abs": np.abs}[self.figure](number)[()]
 
 

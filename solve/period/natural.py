@@ -1,4 +1,4 @@
-"""Natural frequencies of M q̈ + K q = 0 at many positions. Frequencies of rigid-body modes are exactly 0; a
+"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes have frequency exactly 0. A
 stiffness matrix that is not positive semidefinite results in growth rates."""
 
 from typing import NamedTuple
@@ -11,12 +11,12 @@ from solve.period.eigenvalues import EPS
 from solve.period.rigid_body import rigid_body_modes
 
 _SYMMETRIC = 64 * EPS
-"""Asymmetry of a matrix that counts as round-off of its assembly, relative to its largest entry in
+"""Largest asymmetry that counts as round-off of the assembly of a matrix, relative to the largest entry in
 coordinates of unit inertia."""
 
 PERTURBATION = 16.0
-"""Upper estimate of the error of an eigenvalue by the QR algorithm, divided by n eps and its condition
-number. Measured: below 2 for random matrices of 2 to 20 coordinates."""
+"""Factor in the error bound of an eigenvalue λ computed by the QR algorithm: factor × n × eps × norm ×
+condition number. Measured: below 2 for random matrices of 2 to 20 coordinates."""
 
 _EQUAL = 1e-7
 """Difference of two λ, relative to the largest λ, below which they count as equal: round-off splits a
@@ -24,11 +24,12 @@ defective pair by the square root of eps, 1.5e-8."""
 
 
 class NaturalFrequencies(NamedTuple):
-    """Modes of M and K at m positions. They are in ascending order of the real part of λ in K v = λ M v:
-    growing modes, rigid-body modes, then vibrating modes.
+    """Natural frequencies and growth rates at m positions.
 
-    frequencies (m, k): imaginary part of √−λ in rad/s; NaN where λ < 0. growth_rates (m, k): real part of √−λ
-    in 1/s; NaN where λ ≥ 0. A mode with complex λ, possible for nonsymmetric K, has both.
+    Modes are in ascending order of the real part of λ in K v = λ M v: growing modes, rigid-body modes, then
+    vibrating modes. frequencies (m, k): imaginary part of √−λ in rad/s; NaN where λ < 0. growth_rates (m, k):
+    real part of √−λ in 1/s; NaN where λ ≥ 0. A mode with complex λ, which is possible if K is not symmetric,
+    has both.
     """
 
     frequencies: Array
@@ -36,12 +37,12 @@ class NaturalFrequencies(NamedTuple):
 
     @property
     def signed(self) -> Array:
-        """Frequencies in ascending order of λ; for λ < 0, growth rates with negative sign."""
+        """Values in ascending order of λ: frequencies, or for λ < 0 growth rates with negative sign."""
         return np.where(np.isnan(self.frequencies), -self.growth_rates, self.frequencies)
 
     @classmethod
     def from_eigenvalues(cls, eigenvalues: Array) -> "NaturalFrequencies":
-        """Natural frequencies from complex λ (m, k)."""
+        """Frequencies and growth rates from complex λ (m, k)."""
         roots = np.sqrt(-eigenvalues.astype(complex))
         real = np.imag(eigenvalues) == 0
         grows = ~real | (np.real(eigenvalues) < 0)
@@ -52,12 +53,13 @@ class NaturalFrequencies(NamedTuple):
 
 
 def natural_frequencies(M: Array, K: Array, count: int) -> NaturalFrequencies:
-    """First `count` modes of M and K (m, n, n); M must be invertible."""
+    """Frequencies and growth rates of the first `count` modes of M and K (m, n, n); M must be invertible."""
     return NaturalFrequencies.from_eigenvalues(eigenvalues(M, K)[:, :count])
 
 
 def eigenvalues(M: Array, K: Array) -> Array:
-    """Complex λ (m, n) of K v = λ M v in ascending order of the real part; exactly 0 for rigid-body modes.
+    """Complex λ (m, n) of K v = λ M v in ascending order of the real part. λ is exactly 0 for rigid-body
+    modes.
 
     >>> chain = np.array([[[2.0, -2.0], [-2.0, 2.0]]])
     >>> eigenvalues(np.eye(2)[None], chain).real.round(12).tolist()
@@ -79,7 +81,7 @@ def eigenvalues(M: Array, K: Array) -> Array:
 
 
 def lowest_elastic(frequencies: Array) -> Array:
-    """Lowest nonzero natural frequency among (…, n), without rigid-body modes; 0 if all are zero.
+    """Lowest nonzero frequency (…) of the natural frequencies (…, n); 0 if all are zero.
 
     >>> lowest_elastic(np.array([[0.0, 3.0, 2.0], [0.0, 0.0, 0.0]])).tolist()
     [2.0, 0.0]
@@ -89,8 +91,10 @@ def lowest_elastic(frequencies: Array) -> Array:
 
 
 def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
-    """Derivatives (r, n) of λ with respect to r quantities, from M and K (n, n) at one position and their
-    derivatives (r, n, n): yᵀ(∂K − λ ∂M)v with yᵀMv = 1. For equal λ the mean is returned.
+    """Derivatives (r, n) of λ with respect to r quantities: yᵀ(∂K − λ ∂M)v with yᵀMv = 1.
+
+    M and K (n, n) are the matrices at one position, by_M and by_K (r, n, n) their derivatives with respect to
+    the quantities. For equal λ, the mean of their derivatives is returned.
 
     >>> slopes(np.eye(1), np.eye(1) * 4, np.ones((1, 1, 1)), np.zeros((1, 1, 1)))
     array([[-4.]])
@@ -107,10 +111,11 @@ def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
 
 
 def _elastic(M: Array, K: Array, vectors: Array, references: list[int], rest: list[int]) -> Array:
-    """Eigenvalues λ (m, n - r) of the modes other than rigid-body modes. The rigid-body vectors (m, n, r)
-    equal the identity in r rows, `references`.
+    """Eigenvalues λ (m, n - r) of the modes that are not rigid-body modes.
 
-    With q = E a + x and x zero at the references, K acts on x alone; M is reduced to a Schur complement.
+    `vectors` (m, n, r) are the rigid-body modes; their rows `references` are the identity. With q = E a + x,
+    where E contains the modes and x is zero at the references, K acts on x alone, and M is reduced to a Schur
+    complement.
     """
     stiffness, moved = K[:, rest][:, :, rest], M @ vectors
     if _symmetric(M, M).all() and _symmetric(K, M).all() and _is_positive(M):
@@ -141,9 +146,9 @@ def _is_positive(A: Array) -> bool:
 def _of_symmetric(M: Array, K: Array) -> Array:
     """Eigenvalues λ (m, n) in ascending order, for positive definite M.
 
-    Small λ are inaccurate beside large ones; if 1/λ are computed instead, large λ are inaccurate. If K is
-    positive definite, each λ is taken from the computation with the smaller relative error, eps λmax/λ or eps
-    λ/λmin.
+    If λ is computed, small λ are inaccurate beside large ones; if 1/λ is computed, large λ are. If K is
+    positive definite, each λ is taken from the computation with the smaller relative error: eps λmax/λ for λ,
+    or eps λ/λmin for 1/λ.
     """
     found = _reduced(M, K)
     if not _is_positive(K):
@@ -154,15 +159,14 @@ def _of_symmetric(M: Array, K: Array) -> Array:
 
 
 def _reduced(A: Array, B: Array) -> Array:
-    """Eigenvalues (m, n) of L⁻¹ B L⁻ᵀ, A = L Lᵀ."""
+    """Eigenvalues (m, n) of L⁻¹ B L⁻ᵀ, where A = L Lᵀ."""
     L = np.linalg.cholesky(A)
     congruent = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, B), 1, 2))
     return np.linalg.eigvalsh((congruent + np.swapaxes(congruent, 1, 2)) / 2)
 
 
 def _of_general(rate: Array) -> Array:
-    """Complex eigenvalues (n,) of a matrix; eigenvalues that are real within round-off are returned as
-    real."""
+    """Complex eigenvalues (n,) of a matrix. Imaginary parts within round-off are set to zero."""
     from scipy.linalg import matrix_balance
 
     balanced = np.asarray(matrix_balance(rate)[0])

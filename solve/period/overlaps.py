@@ -12,12 +12,12 @@ import numpy as np
 from solve.arrays import Array
 
 _MAX_SHIFT = 64
-"""Largest shift of the harmonics between two neighbouring points. Chosen by judgement. At speeds 1 % apart it
-suffices for frequencies up to the 6400th harmonic."""
+"""Largest difference between the harmonic numbers of a mode at two neighbouring points. Chosen by judgement.
+If speeds are 1 % apart, it suffices for frequencies up to the 6400th harmonic."""
 
 
 class Modes(Protocol):
-    """Protocol of the modes of a point; see `solve.studies.mode_vectors.ModeVectors`."""
+    """Protocol of the Floquet modes of a point; see `solve.studies.mode_vectors.ModeVectors`."""
 
     @property
     def rotation(self) -> float: ...
@@ -43,10 +43,11 @@ class Modes(Protocol):
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Overlaps of j modes of one point with k modes of a second point.
+    """Overlaps of j modes of a first point with k modes of a second point.
 
-    forward (j, k, S), backward (k, j, S): p_b of the second point is Σ_a Σ_s forward[a, b, s] p_a exp(isφ) of
-    the first, and conversely, for the shifts s from -S//2 to S//2.
+    forward (j, k, S), backward (k, j, S): mode p_b of the second point is the sum of forward[a, b, s] p_a
+    exp(isφ) over the modes p_a of the first point and the shifts s from -S//2 to S//2. `backward` is the same
+    with the points exchanged.
     """
 
     forward: Array
@@ -54,7 +55,8 @@ class Overlaps:
 
     @classmethod
     def between(cls, first: Modes, second: Modes) -> "Overlaps":
-        """Overlaps between two points on the same grid, by left inverses of their mode vectors."""
+        """Overlaps between two points on the same grid, computed with left inverses of the matrices of mode
+        vectors."""
         largest = min(_MAX_SHIFT, (len(first.nodes) - 1) // 2)
         shifts = np.arange(-largest, largest + 1)
         waves = first.weights[:, None] * np.exp(-1j * np.outer(first.nodes, shifts))
@@ -63,20 +65,22 @@ class Overlaps:
 
     @property
     def largest(self) -> int:
-        """Largest shift of the harmonic number."""
+        """Largest shift."""
         return self.forward.shape[-1] // 2
 
     @cached_property
     def products(self) -> Array:
         """Moduli (j, k, S) of forward[a, b, s] backward[b, a, -s].
 
-        The products do not depend on the lengths of the vectors; before the modulus is taken, their sum over
-        b and s is 1. As the points approach each other, the products tend to 1 for the same mode and to 0 for
-        different modes, even if the modes are not orthogonal."""
+        The products do not depend on the lengths of the vectors. Before moduli are taken, their sum over b
+        and s is 1. As the points approach each other, a product tends to 1 for the same mode and to 0 for
+        different modes, even if the modes are not orthogonal.
+        """
         return np.abs(self.forward * np.swapaxes(self.backward, 0, 1)[..., ::-1])
 
     def coefficient(self, row: Array, column: Array, shift: Array) -> Array:
-        """Entry of `forward` for a pair and a shift; zero beyond the largest shift."""
+        """Entry of `forward` for modes `row` and `column` and a shift; zero for shifts beyond the largest
+        one."""
         is_inside = np.abs(shift) <= self.largest
         values = self.forward[row, column, np.where(is_inside, shift + self.largest, 0)]
         return np.where(is_inside, values, 0.0)
@@ -84,22 +88,23 @@ class Overlaps:
 
 @dataclass(frozen=True)
 class CoupledPairs:
-    """Pairs of modes between two points in the linear model of `exceptional_points`. Arrays (r, S) are over
-    the pairs and the shifts of their second mode.
+    """Coupling of r pairs of modes between two points, in the linear model of `exceptional_points`.
+
+    Arrays (r, S) have one entry per pair and shift of the second mode of the pair.
 
     Attributes
     ----------
     first, second : (r,)
-        Positions of the modes of each pair.
+        Indices of the two modes of each pair.
     roots : (2, r, S)
-        Exceptional points t±, complex: 0 at the first point, 1 at the second one.
+        Exceptional points t±, complex; t is 0 at the first point and 1 at the second.
     coupling : (r, S)
         2√|C|, the smallest distance in rad/s between the exponents of two modes with this coupling.
     noise : (r,)
         Size below which the coupling may be a numerical error.
     gap : (r, S)
-        Distance between the exponents halfway between the exceptional points, or at the nearer end of the
-        segment.
+        Distance between the exponents halfway between the two exceptional points or, if this is outside 0 ≤ t
+        ≤ 1, at the nearer end.
     """
 
     first: Array
@@ -111,12 +116,12 @@ class CoupledPairs:
 
     @property
     def coupled(self) -> Array:
-        """Whether the coupling (r, S) exceeds the noise."""
+        """Whether (r, S) the coupling exceeds the noise."""
         return self.coupling > self.noise[:, None]
 
     @property
     def distance(self) -> Array:
-        """Distance (r, S) of the nearest exceptional point from the segment 0 ≤ t ≤ 1."""
+        """Distance (r, S) from the segment 0 ≤ t ≤ 1 to the nearest exceptional point."""
         nearest = np.clip(np.real(self.roots), 0.0, 1.0)
         return np.abs(self.roots - nearest).min(axis=0)
 
@@ -128,14 +133,16 @@ def exceptional_points(
     shifts: Array,
     noise: Array,
 ) -> CoupledPairs:
-    """Exceptional points between two points, for every pair of modes.
+    """Compute the exceptional points between two neighbouring points, for every pair of modes.
 
-    pairs (2, T): indices of each mode at the first and at the second point; shifts (T,): harmonic shifts of
-    the modes of the second point; noise (T,): bound on the errors of the exponents. In the basis of the first
-    point, the equations of two modes are a matrix H(t) of order 2 with H(0) = diag(α, β) and H(1) = W
-    diag(α', β') W⁻¹; H is assumed to be linear in t. Its eigenvalues coincide where (h₁₁ - h₂₂)² + 4 h₁₂ h₂₁
-    = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear Operators, II.1.1). If the two
-    points are conjugate and close, the modes veer; if they coincide, the modes cross.
+    pairs (2, T): indices of each mode at the first and at the second point. shifts (T,): harmonic shifts of
+    the modes of the second point. noise (T,): bound on the errors of the exponents.
+
+    In the basis of the first point, the equations of two modes are a matrix H(t) of order 2 with H(0) =
+    diag(α, β) and H(1) = W diag(α', β') W⁻¹; H is assumed to be linear in t. Its eigenvalues coincide where
+    (h₁₁ - h₂₂)² + 4 h₁₂ h₂₁ = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear
+    Operators, II.1.1). If these are complex conjugates with a small imaginary part, the modes veer; if they
+    coincide, the modes cross.
     """
     (now, then), (a, b) = points, pairs
     first, second = np.triu_indices(len(a), 1)
@@ -148,7 +155,7 @@ def exceptional_points(
     ]
     diagonal = overlaps.coefficient(a, b, shifts)
     i, j = first[:, None], second[:, None]
-    # The diagonal vanishes for a shift beyond the largest one.
+    # The diagonal is zero for a shift beyond the largest one.
     with np.errstate(all="ignore"):
         w = overlaps.coefficient(a[i], b[j], shifts[j] + q) / diagonal[j]
         v = overlaps.coefficient(a[j], b[i], shifts[i] - q) / diagonal[i]

@@ -8,23 +8,24 @@ from solve.period.eigenvalues import EPS
 from solve.period.points import rate_of
 
 LOOPED = 9
-"""Number of coordinates up to which elimination by loops over rows, for all points and phases at once, is as
-fast as LAPACK. Measured for one point, elimination takes 1.6 times as long with 27 coordinates and 3.4 times
-with 72. With a hundred coordinates, determinants also underflow."""
+"""Number of coordinates up to which elimination by loops over rows is as fast as LAPACK. The loops treat all
+points and phases at once. Measured for one point, elimination takes 1.6 times as long as LAPACK with 27
+coordinates and 3.4 times as long with 72. With a hundred coordinates, determinants also underflow."""
 
 _ITERATIONS = 6
-"""Number of power iterations for the vector of a bound. Chosen by judgement: the bound is valid for any
-positive vector."""
+"""Number of power iterations for the vector v of a bound. Chosen by judgement: the bound is valid for any
+positive v."""
 
 
 def pencil_eigenvalues(pencils: Array, first_order: int = 0) -> Array:
-    """Finite eigenvalues (…, 2n - first_order) of λ²M + λC + K, given as fields (3, n, n, …)."""
+    """Finite eigenvalues (…, 2n - first_order) of λ²M + λC + K. `pencils` (3, n, n, …) contains M, C and
+    K."""
     M, C, K = np.moveaxis(pencils, (1, 2), (-2, -1))
     return eigenvalues(rate_of(M, C, K, np.zeros(M.shape[:-1]), first_order)[..., :-1])
 
 
 def eigenvalues(matrices: Array) -> Array:
-    """Eigenvalues (…, N); infinite for matrices with entries that are not finite."""
+    """Eigenvalues (…, N) of matrices; infinite if any entry of the matrix is not finite."""
     if np.isfinite(matrices).all():
         return np.linalg.eigvals(matrices)
     is_finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
@@ -33,18 +34,18 @@ def eigenvalues(matrices: Array) -> Array:
 
 
 def quadratic_roots(M: Array, C: Array, K: Array) -> Array:
-    """Roots (…, 2) of λ²M + λC + K, the larger one first."""
+    """Roots (…, 2) of λ²M + λC + K; the root of larger modulus is first."""
     half, product = C / (2 * M), K / M
     root = np.sqrt((half**2 - product).astype(complex))
     larger = -half - np.where(half < 0, -1.0, 1.0) * root
-    with np.errstate(invalid="ignore"):  # Entries that are not finite result in NaN.
+    with np.errstate(invalid="ignore"):  # Infinite entries result in NaN.
         smaller = np.where(larger != 0, product / np.where(larger != 0, larger, 1.0), 0.0)
     return np.stack((larger, smaller), axis=-1)
 
 
 def quadratic_moduli(M: Array, C: Array, K: Array) -> tuple[Array, Array]:
-    """Moduli and real parts (…, 2) of the roots of λ²M + λC + K, the smaller root first, in real
-    arithmetic."""
+    """Moduli (…, 2) and real parts (…, 2) of the roots of λ²M + λC + K, computed in real arithmetic. The root
+    of smaller modulus is first."""
     with np.errstate(all="ignore"):
         half, product = C / (2 * M), K / M
         is_real = half**2 > product
@@ -70,7 +71,7 @@ def spectral_radius_within_one(B: Array) -> Array:
 
 
 def fields_by_rates(pencils: Array, first_order: int) -> Array:
-    """Fields (3, n, n, …) of M, C and K with the rates of first-order coordinates as unknowns, see
+    """Arrange M, C and K (3, n, n, …) for the rates of first-order coordinates as unknowns; see
     `by_rates`."""
     if not first_order:
         return pencils
@@ -81,8 +82,11 @@ def fields_by_rates(pencils: Array, first_order: int) -> Array:
 
 
 def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple[Array, Array]:
-    """M⁻¹C and M⁻¹K as fields (n, n, P, k), with the rates of the last `first_order` coordinates as unknowns.
-    For few coordinates they are computed by elimination without pivoting, which inertia matrices permit."""
+    """Return M⁻¹C and M⁻¹K (n, n, P, k), with the rates of the last `first_order` coordinates as unknowns.
+
+    For few coordinates they are computed by elimination without pivoting, which is accurate for inertia
+    matrices.
+    """
     if first_order == len(M):
         ratio, _ = mass_normalised(M, C, K[:, :0])
         return ratio, np.zeros_like(ratio)
@@ -101,12 +105,12 @@ def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple
 
 
 def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bool:
-    """Whether the equations `rows` (k, n) have a nonzero solution v such that the monodromy matrix (2n, 2n)
+    """Whether the equations `rows` (k, n) have a nonzero solution v for which the monodromy matrix Φ (2n, 2n)
     maps (v, 0) to itself.
 
     Equations and unknowns are scaled by their largest coefficients. error: error of the states, relative to
-    `units` (2n,). Residuals of 12 eps, and relative differences of 1e-6 after a period, count as zero.
-    Chosen by judgement.
+    `units` (2n,). Residuals of 12 eps and relative differences of 1e-6 after a period count as zero. Both
+    limits are chosen by judgement.
     """
     for axis in (1, 0):
         largest = np.abs(rows).max(axis=axis, keepdims=True)
@@ -122,10 +126,10 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
 
 
 def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) -> Array:
-    """Amplitude (…) after one period, at most 1, of the least damped mode among those with a phase advance
-    above the limit (…).
+    """Amplitude (…) after one period, relative to the start and at most 1, of the least damped fast mode.
+    Fast modes have a phase advance above `limit` (…).
 
-    eigenvalues (…, k, 2n): frozen at k phases.
+    eigenvalues (…, k, 2n): eigenvalues of the system frozen at k phases.
     """
     moduli = np.abs(eigenvalues)
     is_fast = (moduli * period > limit) | (moduli == moduli.max(axis=-1, keepdims=True))
@@ -134,15 +138,15 @@ def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) 
 
 
 def has_steady_determinant(M: Array, fraction: float) -> Array:
-    """Whether (P,) the determinants of fields (n, n, P, k) have the same sign at every phase, and moduli
-    above a fraction of that of their median."""
+    """Whether (P,) the determinants of matrices (n, n, P, k) have the same sign at all k phases, and moduli
+    above `fraction` times the modulus of their median."""
     n = len(M)
     if n > LOOPED:
         sign, logarithm = np.linalg.slogdet(np.moveaxis(M, (0, 1), (2, 3)))
         middle = np.argsort(logarithm, axis=1)[:, [logarithm.shape[1] // 2]]
         median = np.take_along_axis(logarithm, middle, 1)
         same_sign = sign == np.take_along_axis(sign, middle, 1)
-        # Two singular matrices have the difference NaN, which does not count as steady.
+        # The difference is NaN for two singular matrices; NaN does not count as steady.
         with np.errstate(invalid="ignore"):
             return np.asarray((same_sign & (logarithm - median > np.log(fraction))).all(axis=1))
     M = M.copy()

@@ -1,9 +1,10 @@
 """Map of one period as a chain of affine maps, x_{k+1} = A_k x_k + b_k (chapter Eqs. (17), (38)).
 
-The maps of neighbouring steps are multiplied pairwise in a tree, with one array operation per level, until
-`BLOCKS` blocks remain. The cyclic system of the blocks is solved by structured orthogonal factorisation (S.
-J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742-764). Single shooting, chapter Eqs. (21), (40), would lose
-accuracy if a solution of the homogeneous system grows over the period."""
+Neighbouring maps are multiplied pairwise until `BLOCKS` blocks remain, with one array operation per level of
+pairs. The cyclic system of the blocks is solved by structured orthogonal factorisation (S. J. Wright, SIAM J.
+Sci. Stat. Comput. 13 (1992) 742-764). Single shooting, chapter Eqs. (21), (40), would lose accuracy if a
+solution of the homogeneous system grows over the period.
+"""
 
 from dataclasses import dataclass
 
@@ -14,58 +15,61 @@ from solve.arrays import Array, solved
 from solve.period.eigenvalues import EPS, balance_matrices, roundoff_growth
 
 BLOCKS = 32
-"""Number of blocks at which multiplication stops and the orthogonal factorisation begins. Chosen by
-judgement."""
+"""Number of blocks at which multiplication ends and orthogonal factorisation begins. Chosen by judgement."""
 
 _LARGE, _BLOCKS_OF_LARGE = 2 * SMALL, 8
-"""Number of states above which fewer blocks are used, and number of blocks in this case: with 216 states an
-elimination takes 15 times as long as a product. If a solution grows by |ρ| over the period, 8 blocks lose
-log10|ρ|/8 digits. Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with 8 blocks, 1.1e-13 with 32, 3e-4
-with one."""
+"""Number of states above which fewer blocks are used, and their number. With 216 states, an elimination takes
+15 times as long as a product. If a solution grows by |ρ| over the period, 8 blocks lose log10|ρ|/8 digits.
+Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with 8 blocks, 1.1e-13 with 32 blocks, 3e-4 with one
+block."""
 
 SINGULAR = 1e-14
-"""Reciprocal condition number of the cyclic system below which it counts as singular. Chosen by judgement, 45
-times the unit round-off."""
+"""Reciprocal condition number below which the cyclic system counts as singular. Chosen by judgement: 45 times
+the unit round-off."""
 
 APART = 1e-3
-"""Ratio of the largest terms of two states below which the smaller state requires its own unit, so that
-elimination does not lose its digits. Chosen by judgement."""
-
-_ROUNDING = 8.0
-"""Multiple of the round-off up to which a state counts as zero. Chosen by judgement."""
-
-_RESTS = 1e-11
-"""Largest ratio, for any round-off, between a state that counts as zero and its terms. Chosen by
+"""Ratio between the smallest and the largest state, each measured by the sum of its terms, below which every
+state has its own unit. With common units, elimination would lose digits of the small states. Chosen by
 judgement."""
 
+_ROUNDING = 8.0
+"""Multiple of the relative round-off below which the ratio of a state to the sum of the moduli of its terms
+counts as zero. Chosen by judgement."""
+
+_RESTS = 1e-11
+"""Upper limit, for any round-off, of the ratio of a state to the sum of the moduli of its terms that counts
+as zero. Chosen by judgement."""
+
 REGULAR = 1e13
-"""Upper limit of the condition number of systems that are regular in some units. Chosen by judgement."""
+"""Upper limit of the condition number of a system that is regular in some units of the states. Chosen by
+judgement."""
 
 _LEFT = 1e-12
 """Residual of the cyclic system, relative to its terms, above which the system is solved again in other
-units. Elimination first uses the same units at all nodes, so that a solution that grows by many powers of ten
+units. Elimination first uses the same units at all nodes; a solution that varies by many powers of ten then
 loses digits where it is small. Chosen by judgement."""
 
 _AGAIN = 3
-"""Largest number of repeated solutions, in units that make the states at all nodes comparable. Chosen by
+"""Largest number of repeated solutions, each in units that make the states at all nodes comparable. Chosen by
 judgement."""
 
 _SMALLEST = 2.0**-100
-"""Smallest ratio between the units of two nodes that a repeated solution may introduce. Chosen by
-judgement."""
+"""Smallest ratio between the units at two nodes that a repeated solution introduces. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Steps:
     """Affine maps of the steps of one period, A (..., m, N, N) and b (..., m, N).
 
-    Leading axes are points. For `periodic_states`, b may be (..., m, N, r): r problems with the same A."""
+    Leading axes are points. For `periodic_states`, b may also be (..., m, N, r), for r problems with the same
+    A.
+    """
 
     A: Array
     b: Array
 
     def where(self, points: Array) -> "Steps":
-        """Steps with A and b set to zero except for the selected points (P,)."""
+        """Set A and b to zero except at the selected points. `points` is a mask (P,)."""
         if points.all():
             return self
         A, b = (np.where(points.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (self.A, self.b))
@@ -81,7 +85,7 @@ def monodromy(steps: Steps) -> Array:
 
 
 def affine_period(steps: Steps) -> Steps:
-    """Map of the whole period as a single step."""
+    """Combine all steps into a single step, the map of the whole period."""
     whole = _levels(Steps(steps.A, steps.b[..., None]), 1)[-1]
     return Steps(whole.A, whole.b[..., 0])
 
@@ -97,19 +101,20 @@ def states_from(steps: Steps, start: Array) -> Array:
 
 
 def periodic_states(steps: Steps) -> tuple[Array, Array]:
-    """States x (..., m+1, N), or (..., m+1, N, r), of the periodic solution at the nodes, and the condition
-    number (...) of the cyclic system.
+    """Return the states of the periodic solution at the nodes, (..., m+1, N) or (..., m+1, N, r), and the
+    condition number (...) of the cyclic system.
 
     If the system is singular because a multiplier is +1, the condition number is infinite and the states are
-    NaN."""
+    NaN.
+    """
     columns = steps.b.ndim == steps.A.ndim
     with_columns = steps if columns else Steps(steps.A, steps.b[..., None])
     return _closed_levels(_levels(with_columns, _most_blocks(steps)), columns)
 
 
 def period(steps: Steps) -> tuple[Array, Array, Array]:
-    """Φ(T), and the result of `periodic_states` for points (P,) with finite Φ. Both are computed from the
-    same products of steps."""
+    """Return Φ(T) and the two results of `periodic_states`, all from the same products of steps. The results
+    of `periodic_states` are meaningful only for points with finite Φ."""
     levels = _levels(Steps(steps.A, steps.b[..., None]), _most_blocks(steps))
     Phi = monodromy(levels[-1])
     finite = np.asarray(np.isfinite(Phi).all(axis=(1, 2)))
@@ -118,12 +123,13 @@ def period(steps: Steps) -> tuple[Array, Array, Array]:
 
 
 def _most_blocks(steps: Steps) -> int:
-    """Number of blocks at which the multiplication stops, for this number of states."""
+    """Number of blocks at which multiplication ends, for the number of states of `steps`."""
     return BLOCKS if steps.A.shape[-1] <= _LARGE else _BLOCKS_OF_LARGE
 
 
 def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
-    """States and condition number as in `periodic_states`, from the levels of products of the steps."""
+    """Return states and condition number as `periodic_states` does, from the levels of products of the
+    steps."""
     steps, A, b = levels[0], levels[-1].A, levels[-1].b
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)
@@ -148,19 +154,21 @@ def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
 def _units(A: Array) -> Array:
     """Units (..., N) of the states, powers of 2, in which the maps are balanced.
 
-    Orthogonal elimination weights all states equally: a state in milliradians would lose digits if another is
-    in metres."""
+    Orthogonal elimination weights all states equally: beside a state in metres, a state in milliradians would
+    lose digits.
+    """
     size = np.abs(A).sum(axis=-3)
     size = size / np.maximum(size.sum(axis=(-2, -1), keepdims=True), np.finfo(float).tiny)
     return balance_matrices(size)[1]
 
 
 def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
-    """States at the starts of the blocks, the condition number of the cyclic system, and its relative
-    residual.
+    """Return the states at the starts of the blocks, the condition number of the cyclic system, and its
+    relative residual.
 
-    The system is solved in units (..., N) of the states and, if digits are lost, again in units that differ
-    between the nodes. It counts as singular if it is singular in both."""
+    The system is solved in units (..., N) of the states. If digits are lost, it is solved again in units that
+    differ between the nodes. It counts as singular only if it is singular in all these units.
+    """
     unit = np.broadcast_to(unit[..., None, :], A.shape[:-1])
     x, condition, left = _in_units(A, b, unit, level=False)
     regular = condition < 1 / SINGULAR
@@ -185,7 +193,8 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
 
 
 def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Array, Array]:
-    """Results of `_at_nodes` in units (..., B, N), without a test for singularity. level: see `_cyclic`."""
+    """Return the results of `_at_nodes` in units (..., B, N), without a test for singularity. level: see
+    `_cyclic`."""
     ahead = np.roll(unit, -1, axis=-2)
     scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
     x, condition = _cyclic(scaled, level)
@@ -193,8 +202,8 @@ def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Arra
 
 
 def _largest_residual(blocks: Steps, x: Array) -> Array:
-    """Maximum residual (...) of the states at the ends of blocks, relative to the terms. It measures
-    round-off and digits lost in elimination."""
+    """Largest residual (...) at the ends of the blocks, relative to the largest sum of the moduli of the
+    terms. It is due to round-off and to digits lost in elimination."""
     ahead = np.roll(x, -1, axis=-3)
     left = np.abs(blocks.A @ x + blocks.b - ahead).max(axis=(-2, -1))
     acting = (np.abs(blocks.A) @ np.abs(x) + np.abs(blocks.b)).max(axis=(-2, -1))
@@ -202,28 +211,30 @@ def _largest_residual(blocks: Steps, x: Array) -> Array:
 
 
 def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
-    """Maximum (..., N) over the blocks of the sum of moduli of the terms of each state x (..., B, N, 1)."""
+    """Sum (..., N) of the moduli of the terms A x + b of each state, maximal over the blocks. The states x
+    are (..., B, N, 1)."""
     acting = (np.abs(A) @ np.abs(x) + np.abs(b))[..., 0].max(axis=-2)
     least = np.where(acting > 0, acting, np.inf).min(axis=-1, keepdims=True)
     return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0))
 
 
 def rest_threshold(rounding: Array) -> Array:
-    """Threshold (...) of the sum of terms, relative to the terms, below which the sum counts as round-off.
-    rounding: relative round-off (...)."""
+    """Ratio (...) of a sum to its terms below which the sum counts as round-off. `rounding` (...) is the
+    relative round-off."""
     return np.minimum(_ROUNDING * rounding, _RESTS)
 
 
 def _cancellation(acting: Array, size: Array, rounding: Array) -> Array:
-    """Largest ratio (...) of the sum of the terms of a state, `acting`, to its value, `size`; both are (...,
-    N) in the units of the chain. States that are round-off of their terms are excluded."""
+    """Largest ratio (...) of `acting`, the sum of the moduli of the terms of a state, to `size`, the state.
+    Both are (..., N), in the units of the chain. States that are round-off of their terms are excluded."""
     moving = size > rest_threshold(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
     return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
 
 
 def _levels(steps: Steps, most: int) -> list[Steps]:
-    """Levels of products, with b as columns: the steps, the products of pairs of steps, the products of pairs
-    of these products, and so on until at most `most` factors remain."""
+    """Products of the steps, level by level, with b as columns. The first level contains the steps. Each
+    further level contains the products of pairs of the previous level. The last level has at most `most`
+    factors."""
     levels = [steps]
     while levels[-1].b.shape[-3] > most:
         levels.append(_halved(levels[-1]))
@@ -237,7 +248,7 @@ def _halved_products(A: Array) -> Array:
 
 
 def _halved(steps: Steps) -> Steps:
-    """Products of pairs of steps; the last of an odd number of steps is kept."""
+    """Multiply pairs of steps. If the number of steps is odd, the last step is unchanged."""
     A, b = steps.A, steps.b
     pairs = b.shape[-3] // 2 * 2
     joined = A[..., 1:pairs:2, :, :] @ b[..., 0:pairs:2, :, :] + b[..., 1:pairs:2, :, :]
@@ -245,7 +256,8 @@ def _halved(steps: Steps) -> Steps:
 
 
 def _refined(level: Steps, starts: Array) -> Array:
-    """States at the starts of all steps of a level, from the states at the starts of pairs."""
+    """States at the starts of all steps of a level, from `starts`, the states at the starts of pairs of
+    steps."""
     x = np.empty_like(level.b)
     x[..., 0::2, :, :] = starts
     inner = level.b.shape[-3] // 2
@@ -255,12 +267,13 @@ def _refined(level: Steps, starts: Array) -> Array:
 
 
 def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
-    """States x (..., B, N, r) at the starts of the blocks of a cyclic chain x_{k+1} = A_k x_k + b_k, x_B =
-    x_0.
+    """Solve a cyclic chain of blocks, x_{k+1} = A_k x_k + b_k with x_B = x_0. Return the states x (..., B, N,
+    r) at the starts of the blocks and the condition number (...).
 
     Each row G x_k + H x_{k+1} = r is combined with the next one by orthogonal elimination of the state
-    between them, until one row G x_0 + H x_B = r remains. level: whether rows are scaled to at most about 1,
-    as required if units differ between the nodes."""
+    between them, until one row G x_0 + H x_B = r remains. level: whether rows are scaled to entries of at
+    most about 1, which is necessary if units differ between the nodes.
+    """
     N, r = blocks.b.shape[-2:]
     unit = np.broadcast_to(-np.eye(N), blocks.A.shape)
     rows, eliminated = np.concatenate((blocks.A, unit, -blocks.b), axis=-1), []
@@ -269,7 +282,7 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
     while rows.shape[-3] > 1:
         pairs = rows.shape[-3] // 2 * 2
         even, odd = rows[..., 0:pairs:2, :, :], rows[..., 1:pairs:2, :, :]
-        # Columns: the state between, the state before, the state after, r.
+        # Columns: the state between the two rows, the state before them, the state after them, and r.
         joined = np.zeros((*even.shape[:-2], 2 * N, 3 * N + r))
         joined[..., :N, :N], joined[..., N:, :N] = even[..., N : 2 * N], odd[..., :N]
         joined[..., :N, N : 2 * N], joined[..., N:, 2 * N :] = even[..., :N], odd[..., N:]
@@ -292,17 +305,17 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
 
 
 def _powers(sizes: Array) -> Array:
-    """Largest powers of 2 not above sizes. Division by powers of 2 is exact."""
+    """Largest powers of 2 that do not exceed `sizes`. Division by powers of 2 is exact."""
     return np.ldexp(1.0, np.frexp(sizes)[1] - 1)
 
 
 def _solve_sum(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
-    """Solution x (..., N, columns) of (G + H) x = r, and `closed_condition(G, H)`."""
+    """Return the solution x (..., N, columns) of (G + H) x = r, and `closed_condition(G, H)`."""
     return solved(G + H, r), closed_condition(G, H)
 
 
 def closed_condition(G: Array, H: Array) -> Array:
-    """Condition number (...): largest singular value of G stacked on H, divided by the smallest singular
+    """Condition number (...) of G + H: the largest singular value of [G; H], divided by the smallest singular
     value of G + H."""
     least = np.linalg.svd(G + H, compute_uv=False)[..., -1]
     scale = np.linalg.svd(np.concatenate((G, H), axis=-2), compute_uv=False)[..., 0]

@@ -1,7 +1,8 @@
-"""Batches of points (systems at a speed), represented by samples of their coefficients over the phase.
+"""Batches of points, represented by samples of their coefficients over the phase. A point is a system at a
+speed.
 
-The 3n² + n entries of a point are those of Ω²M, ΩC and K by rows, and of d. Derivatives are with respect to
-the phase."""
+A point has 3n² + n entries: Ω²M, ΩC and K in row order, then d. Derivatives are with respect to the phase.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -23,7 +24,7 @@ class Tables:
     Attributes
     ----------
     table : (k, R) or (P, k, R)
-        Values of the terms at the phases, shared by all points or per point.
+        Values of the terms at the phases. They are shared by all points, or differ between points.
     coefficients : (P, R)
         Coefficients of the terms at each point.
     entry : (R,)
@@ -42,7 +43,7 @@ class Tables:
 
     @classmethod
     def from_entries(cls, entries: Array, n: int, first_order: int = 0) -> "Tables":
-        """Tables from entries (P, k, 3n² + n) that are sampled separately for each point."""
+        """Tables of entries (P, k, 3n² + n) that are sampled for each point separately."""
         count = entries.shape[-1]
         return cls(entries, np.ones((len(entries), count)), np.arange(count), n, first_order)
 
@@ -52,12 +53,13 @@ class Tables:
         return Tables(table, self.coefficients[points], self.entry, self.n, self.first_order)
 
     def multiplied(self, factors: Array) -> "Tables":
-        """Tables with the equations multiplied by factors (P, n)."""
+        """Multiply the equations by factors (P, n)."""
         equation = np.concatenate((np.tile(np.repeat(np.arange(self.n), self.n), 3), np.arange(self.n)))
         return self.scaled(factors[:, equation])
 
     def scaled(self, factors: Array) -> "Tables":
-        """Tables with the entries multiplied by factors (P, 3n² + n), or by (1, 3n² + n) for all points."""
+        """Multiply the entries by factors (P, 3n² + n), or by the same factors (1, 3n² + n) for all
+        points."""
         factors = factors[:, self.entry]
         if self.per_point:
             return replace(self, table=self.table * factors[:, None])
@@ -65,11 +67,11 @@ class Tables:
 
     @property
     def per_point(self) -> bool:
-        """Whether each point has its own terms instead of shared ones."""
+        """Whether the terms differ between points."""
         return self.table.ndim == 3
 
     def fields(self) -> Array:
-        """All entries (3n² + n, P, k), with points and phases last."""
+        """All entries, as an array (3n² + n, P, k)."""
         if self._is_entries:
             return np.ascontiguousarray(np.moveaxis(self.table, -1, 0))
         if len(self.coefficients) == 1 and not self.per_point:
@@ -89,8 +91,8 @@ class Tables:
         return fields
 
     def ranges(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (3n² + n, P) of the entries over the phases, from the ranges of the shared
-        terms."""
+        """Lower and upper bounds (3n² + n, P) of the entries over the phases. They follow from the ranges of
+        the shared terms."""
         low, high = self.table.min(axis=0), self.table.max(axis=0)
         bounds = np.zeros((2, 3 * self.n**2 + self.n, len(self.coefficients)))
         for term, entry in enumerate(self.entry.tolist()):
@@ -100,7 +102,7 @@ class Tables:
         return bounds[0], bounds[1]
 
     def entries(self) -> Array:
-        """All entries (P, k, 3n² + n)."""
+        """All entries, as an array (P, k, 3n² + n)."""
         if self._is_entries:
             return self.table
         if len(self.coefficients) == 1 and not self.per_point:
@@ -109,7 +111,7 @@ class Tables:
 
     @property
     def _weights(self) -> Array:
-        """Coefficients (3n² + n, R) of the terms in the entries of the first point."""
+        """Matrix (3n² + n, R) that combines the terms into the entries of the first point."""
         every = np.arange(3 * self.n**2 + self.n)
         return np.where(every[:, None] == self.entry, self.coefficients[0], 0.0)
 
@@ -120,12 +122,13 @@ class Tables:
 
 
 class Points(Protocol):
-    """Base class of batches of P points with n coordinates, a period in phase, and breaks (phases of jumps of
-    the matrices).
+    """Protocol of batches of P points with n coordinates, a period in phase, and breaks, the phases of jumps
+    of the matrices.
 
     first_order: number of coordinates without second derivatives, which are the last ones. The state x = (q,
-    q′) contains the n coordinates and the rates of the second-order coordinates. bytes_a_phase: memory, per
-    point and phase, of unshared tables. alone: whether this is a single point that is not part of a batch.
+    q′) contains all n coordinates, and the rates of those with second derivatives. bytes_a_phase: bytes per
+    point and phase of tables that are not shared. alone: whether this is a single point that is not part of a
+    batch.
     """
 
     @property
@@ -149,7 +152,7 @@ class Points(Protocol):
     def __len__(self) -> int: ...
 
     def __getitem__(self, positions: Array) -> "Points":
-        """Points at positions (k,)."""
+        """Points at the positions `positions` (k,)."""
         ...
 
     def tables(self, phase: Array) -> Tables:
@@ -200,8 +203,8 @@ class SinglePoint(_OfSystem):
 
 @dataclass(frozen=True)
 class SpeedPoints(_OfSystem):
-    """One system at speeds (P,) in rad/s; its entries must be sums of speed-independent terms with
-    coefficients."""
+    """One system at speeds (P,) in rad/s. Its entries must be sums of terms that do not depend on the speed,
+    with coefficients that do."""
 
     speeds: Array
     alone: bool = field(default=False, init=False)
@@ -220,7 +223,7 @@ class SpeedPoints(_OfSystem):
 
 
 class DerivedPoints:
-    """Base class of points with tables computed from the tables of other points."""
+    """Base class of points whose tables are computed from the tables of other points."""
 
     def __init__(self, points: Points):
         self.points, self.n, self.first_order = points, points.n, points.first_order
@@ -236,7 +239,7 @@ class DerivedPoints:
 
 
 class ScaledEquations(DerivedPoints):
-    """Points whose equations are multiplied by factors (P, n), which do not change the solutions."""
+    """Points whose equations are multiplied by factors (P, n). The factors do not change the solutions."""
 
     def __init__(self, points: Points, factors: Array):
         super().__init__(points)
@@ -250,7 +253,7 @@ class ScaledEquations(DerivedPoints):
 
 
 class ScaledEntries(DerivedPoints):
-    """Points whose entries are multiplied by factors (1, 3n² + n)."""
+    """Points whose entries are multiplied by factors (1, 3n² + n), the same for all points."""
 
     def __init__(self, points: Points, factors: Array):
         super().__init__(points)
@@ -269,13 +272,13 @@ def matrices(points: Points, phase: Array) -> Matrices:
 
 
 def state_rate(points: Points, phase: Array) -> Array:
-    """Matrix (A | f) (P, k, N, N+1) of x′ = A x + f for x = (q, dq/dphase), chapter Eq. (5); NaN if M is
-    singular."""
+    """Matrices (A | f) (P, k, N, N+1) of x′ = A x + f for x = (q, dq/dphase), chapter Eq. (5). They contain
+    NaN if M is singular."""
     return rate_of(*matrices(points, phase), points.first_order)
 
 
 def rate_of(M: Array, C: Array, K: Array, d: Array, first_order: int = 0) -> Array:
-    """Matrix (A | f) (…, N, N+1) as in `state_rate`, from matrices (…, n, n) and loads (…, n), with N = 2n -
+    """Matrices (A | f) (…, N, N+1) as in `state_rate`, from M, C, K (…, n, n) and d (…, n), with N = 2n -
     first_order."""
     n = d.shape[-1]
     p = n - first_order
@@ -287,10 +290,10 @@ def rate_of(M: Array, C: Array, K: Array, d: Array, first_order: int = 0) -> Arr
 
 
 def state_size(points: Points) -> int:
-    """Number N of states: the coordinates, and the rates of coordinates with second derivatives."""
+    """Number N of states: all coordinates, and the rates of the coordinates with second derivatives."""
     return 2 * points.n - points.first_order
 
 
 def affine(maps: Array, x: Array) -> Array:
-    """Values A x + b (…, k) of maps (A | b) (…, k, N+1) for states x (…, N)."""
+    """Apply maps (A | b) (…, k, N+1) to states x (…, N): A x + b (…, k)."""
     return np.squeeze(maps[..., :-1] @ x[..., None], -1) + maps[..., -1]

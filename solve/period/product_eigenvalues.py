@@ -1,11 +1,12 @@
-"""Logarithms of the eigenvalues of a product A_{m-1} … A_0, computed from its factors without forming the
-product.
+"""Logarithms of the eigenvalues of a product A_{m-1} … A_0, computed from the factors without multiplying
+them.
 
 SLICOT's periodic QZ algorithm (A. Bojanczyk, G. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31-42; D.
 Kressner, BIT 46 (2006) 421-440) finds unitary matrices Q_k for which every Q_{k+1}ᴴ A_k Q_k is upper
-triangular; an eigenvalue is a product of diagonal entries. The backward error of a factor is a few units of
-round-off, relative to its norm. Even an eigenvalue of 1e-400 is therefore as accurate as the factors
-permit."""
+triangular. An eigenvalue is a product of diagonal entries. The backward error of a factor, relative to its
+norm, is a few units of round-off. Even an eigenvalue of 1e-400 is therefore as accurate as the factors
+permit.
+"""
 
 import math
 from dataclasses import dataclass
@@ -19,17 +20,17 @@ from solve.period.eigenvalues import EPS
 
 ROUNDING = 4.0
 """Backward error of the periodic Schur form, relative to the Frobenius norm of a factor, in units of
-round-off. The largest value measured for random factors of order 2 to 54, in products of 1 to 768."""
+round-off. It is the largest value measured for products of 1 to 768 random factors of order 2 to 54."""
 
 
 @dataclass(frozen=True)
 class ProductEigenvalues:
-    """Eigenvalues ρ of each product in order of decreasing modulus, positive imaginary part first.
+    """Eigenvalues ρ of P products, in order of decreasing modulus, positive imaginary part first.
 
-    logarithms (P, N): log ρ, the imaginary part in (-π, π]; real part -inf for an exact 0.
-    errors (P, N): estimated relative error of ρ; infinite if ρ is not accurate to one digit.
-    right, left (P, m, N, N) or None: columns x_k, y_k at the start of each factor, with ‖x_k‖ = 1,
-    y_kᴴ x_k = 1, A_k x_k ∝ x_{k+1} and y_{k+1}ᴴ A_k ∝ y_kᴴ.
+    logarithms (P, N): log ρ with imaginary part in (-π, π]; the real part is -inf for an exact 0. errors (P,
+    N): estimated relative error of ρ; infinite if ρ is not accurate to one digit. right, left (P, m, N, N) or
+    None: eigenvectors x_k and y_k at the start of each factor, as columns, with ‖x_k‖ = 1, y_kᴴ x_k = 1, A_k
+    x_k ∝ x_{k+1} and y_{k+1}ᴴ A_k ∝ y_kᴴ.
     """
 
     logarithms: Array
@@ -43,8 +44,9 @@ def product_eigenvalues(
 ) -> ProductEigenvalues:
     """Eigenvalues of A_{m-1} … A_0 for real factors (P, m, N, N) in order of application.
 
-    rounding (P, m): Frobenius norm of the error of each factor, by default half a unit of round-off of its
-    norm. Raises LinAlgError if the iteration does not converge, ImportError without SLICOT.
+    rounding (P, m): Frobenius norm of the error of each factor; by default, half a unit of round-off times
+    the norm of the factor. vectors: whether eigenvectors are also computed. Raises LinAlgError if the
+    iteration does not converge, ImportError without SLICOT.
     """
     factors, power = _scaled(factors)
     if rounding is None:
@@ -61,28 +63,29 @@ def product_eigenvalues(
 
 
 def eigenvalue_logarithms(factors: Array) -> Array:
-    """Logarithms (N,) of the eigenvalues of one product of real factors (m, N, N), in any order and without
-    error estimates. Raises the exceptions of `product_eigenvalues`."""
+    """Logarithms (N,) of the eigenvalues of one product of real factors (m, N, N), in arbitrary order and
+    without error estimates. Raises the exceptions of `product_eigenvalues`."""
     scaled, power = _scaled(factors)
     return _principal(product_logarithms(scaled)) + math.log(2) * power.sum()
 
 
 def _scaled(factors: Array) -> tuple[Array, Array]:
-    """Factors (…, N, N) scaled to entries of at most 1, and the powers of 2 (…) by which they were
-    divided."""
+    """Divide factors (…, N, N) by powers of 2 so that their entries are at most 1. Return the scaled factors
+    and the exponents (…)."""
     power = np.frexp(np.abs(factors).max(axis=(-2, -1)))[1]
     return np.ldexp(factors, -power[..., None, None]), power
 
 
 def _principal(logarithms: Array) -> Array:
-    """Logarithms with imaginary parts on the principal branch; -inf for an exact zero."""
+    """Logarithms with imaginary parts in [-π, π]. The logarithm of an exact zero is -inf."""
     logarithms = logarithms - 2j * math.pi * np.round(np.imag(logarithms) / (2 * math.pi))
     logarithms[np.isneginf(np.real(logarithms))] = -np.inf
     return logarithms
 
 
 def _point(A: Array, rounding: Array, vectors: bool) -> tuple[Array, Array, Array | None, Array | None]:
-    """Logarithms, errors, and right and left eigenvectors of the product of A (m, N, N)."""
+    """Return the logarithms, the errors, and the right and left eigenvectors of the product of the factors A
+    (m, N, N)."""
     F, Q = periodic_schur(A)
     diagonal = np.ascontiguousarray(np.einsum("kii->ik", F))
     with np.errstate(divide="ignore"):
@@ -103,11 +106,11 @@ def _point(A: Array, rounding: Array, vectors: bool) -> tuple[Array, Array, Arra
 
 
 def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Array:
-    """Right eigenvectors of a chain of triangular factors F (m, N, N), as columns of X (m, N, N), unit upper
-    triangular: F_k X_k = X_{k+1} diag F_k. diagonal (N, m): diagonals of F.
+    """Right eigenvectors of a chain of triangular factors F (m, N, N), as columns of unit upper triangular
+    matrices X (m, N, N): F_k X_k = X_{k+1} diag F_k.
 
-    An entry along the chain solves a cyclic bidiagonal system. Equal eigenvalues are treated as different by
-    one unit of round-off.
+    diagonal (N, m): diagonals of F. The values of one entry of X along the chain solve a cyclic bidiagonal
+    system. Equal eigenvalues are treated as if they differed by one unit of round-off.
     """
     m, N, _ = F.shape
     X = np.zeros((m, N, N), dtype=complex)
@@ -127,8 +130,9 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
 def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) -> Array:
     """Relative error of each eigenvalue due to errors of norm `size` (m,) of the triangular factors.
 
-    The first-order term contains the left and right eigenvector, the second-order term all other
-    eigenvectors. Only the second-order term includes errors that grow along a part of the chain.
+    The first-order term contains the left and right eigenvectors of the eigenvalue; the second-order term
+    also contains those of all other eigenvalues. Only the second-order term includes errors that grow along a
+    part of the chain.
     """
     errors = np.empty(len(theta))
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -143,15 +147,15 @@ def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) ->
             gap[i] = np.inf
             error = np.linalg.norm(np.exp(out[i])) + np.exp(second - np.maximum(gap, second / 2)).sum()
             nearest = max(math.exp(min(gap.min(), 0.0)), EPS)
-            # An error above the distance of the nearest eigenvalue acts as on a double eigenvalue, by its
-            # square root.
+            # If the error exceeds the distance to the nearest eigenvalue, the two act as a double eigenvalue,
+            # which changes by the square root of a perturbation.
             errors[i] = math.sqrt(error * nearest) if error > nearest else error
     return np.where((errors < 1) & np.isfinite(logarithms), errors, np.inf)
 
 
 def _longest_way(out: Array, back: Array, growth: Array) -> Array:
-    """Maximum of out_k + growth_{k+1} + … + growth_{l-1} + back_l over k < l ≤ k + m, cyclic in the index;
-    all arrays are (N, m)."""
+    """Maximum (N,) of out_k + growth_{k+1} + … + growth_{l-1} + back_l over k < l ≤ k + m. Indices are
+    cyclic; all arguments are (N, m)."""
     until = np.cumsum(growth, axis=1)
     start, end, turn = out - until, back + until - growth, until[:, -1:]
     longest = np.maximum.accumulate(start[:, ::-1], axis=1)[:, ::-1] + turn
@@ -167,8 +171,8 @@ def _log_distance(apart: Array) -> Array:
 
 
 def _conjugate_pairs(logarithms: Array, errors: Array) -> Array:
-    """Make logarithms exactly conjugate in pairs, and real if the imaginary part is within the error. Returns
-    logarithms and errors."""
+    """Make pairs of logarithms exactly conjugate, and logarithms real whose imaginary part is within the
+    error."""
     paired = np.real(logarithms) + np.where(np.cos(np.imag(logarithms)) < 0, math.pi, 0.0) * 1j
     left = list(np.flatnonzero(np.isfinite(logarithms)))
     while left:

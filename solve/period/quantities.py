@@ -19,18 +19,19 @@ from solve.period.curve import Curve, PeriodicCurve
 from solve.system import PeriodicSystem
 
 Signal = Callable[[Array], Array]
-"""Values (k,) at phases (k,)."""
+"""Function that returns values (k,) at phases (k,)."""
 
 Outputs = Callable[[Array, Array, Array, Array], Array]
-"""Outputs (P, o, k) at phases (P, k) and states q, q̇, q̈ (P, n, k), derivatives with respect to time."""
+"""Function that returns outputs (P, o, k) at phases (P, k), for states q, q̇, q̈ (P, n, k). Derivatives are
+with respect to time."""
 
 FIGURES = Statistics._fields
 
 LEAST_SAMPLES = 2048
 _SAMPLES_PER_STEP = 4
 _ZOOMS, _ROUGH = 6, 3
-"""Number of refinements of an extremum, each to a sixteenth of the interval; and number of refinements of
-other candidates. Chosen by judgement."""
+"""Numbers of refinements of an extremum and of another candidate. Each refinement reduces the interval to a
+sixteenth. Chosen by judgement."""
 
 _ZOOM = np.linspace(-1.0, 1.0, 33)
 
@@ -38,11 +39,11 @@ _SIGNS = np.array([1.0, -1.0])
 """Signs for maxima and minima; a minimum is computed as the maximum of the negative."""
 
 _TOGETHER = 16
-"""Number of extrema of a quantity that are refined at a time. Chosen by judgement."""
+"""Number of candidates for an extremum that are refined at a time. Chosen by judgement."""
 
 _TIE = 1e-10
-"""Difference between two extrema, relative to the largest value, above which they are distinct. Chosen by
-judgement."""
+"""Difference between two candidates, relative to the largest value, up to which they count as the same
+extremum. Chosen by judgement."""
 
 
 def samples_a_step(steps: int) -> int:
@@ -52,10 +53,11 @@ def samples_a_step(steps: int) -> int:
 
 
 def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
-    """Fields of `Statistics` (…, 7) of quantities, from values (…, k) at k uniform phases from 0.
+    """Fields of `Statistics` (…, 7) of quantities, from their values (…, k) at k uniform phases from 0.
 
-    at: function that returns values (…, j) of each quantity at its phases (…, j). With this function, extrema
-    of the continuous curve are found between the samples. NaN if a value is not finite."""
+    at: function that returns the values (…, j) of each quantity at phases (…, j) of its own. It is used to
+    find the extrema of the continuous curve between the samples. All fields are NaN if a value is not finite.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         return _figures(_known(values), at, period)
 
@@ -78,17 +80,20 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
 
 
 def _known(values: Array) -> Array:
-    """Values (…, k), all NaN if one of the k values is not finite."""
+    """Values (…, k); all k values are NaN if one of them is not finite."""
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
 def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list[tuple[Array, Array]]:
-    """Phases (…) and values, multiplied by the sign (1 or -1), of the maximum and of the minimum. The
-    extremum is sought next to the largest sample (the first of several), and next to lower samples that may
-    have a higher one."""
+    """Return the phase (…) and the value of the maximum, then those of the minimum. The value of the minimum
+    has the opposite sign.
+
+    Each extremum is sought near the largest sample (the first of several equal ones), and near lower samples
+    if the curve may be higher there.
+    """
     reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
     firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]
-    # One call evaluates both, because twice the phases cost little more.
+    # One call for maximum and minimum, because twice the phases cost little more.
     centres, highest = _zoomed(np.stack(firsts, axis=-1) * width, at, width, _SIGNS, _ZOOMS)
     found = []
     for side, (sign, reach, first) in enumerate(zip(_SIGNS, reaches, firsts, strict=True)):
@@ -99,7 +104,7 @@ def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list
 
 
 def _first(values: Array, reach: Array) -> Array:
-    """Index (…) of the largest of the samples (…, k) that are not below their neighbours."""
+    """Index (…) of the first local maximum of the samples (…, k) that is as high as the highest sample."""
     largest = values.max(axis=-1, keepdims=True)
     return (np.isfinite(reach) & (values >= largest - _TIE * np.abs(largest))).argmax(axis=-1)
 
@@ -112,9 +117,12 @@ def _above(
     width: float,
     side: tuple[float, Array],
 ) -> tuple[Array, Array]:
-    """Phases and values (…) of maxima. A maximum is replaced if the curve is higher near other samples; these
-    are searched if their upper bound `reach` (…, k) exceeds the maximum. side: the sign, and the largest
-    moduli (…)."""
+    """Return the phase (…) and the value of the highest maximum.
+
+    `centre` and `highest` are the maximum found so far. It is replaced if the curve is higher near other
+    samples; these are searched if their upper bound `reach` (…, k) exceeds it. side: the sign, and the
+    largest moduli (…).
+    """
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
@@ -130,10 +138,11 @@ def _above(
 
 
 def _reach(values: Array) -> Array:
-    """Upper bounds on the curve near samples (…, k) that are not below their neighbours; -inf elsewhere.
+    """Upper bounds on the curve near samples (…, k) that are local maxima; -inf for other samples.
 
-    The bound exceeds the sample by twice as much as the maximum of the parabola through the sample and its
-    neighbours."""
+    The parabola through the sample and its neighbours has a maximum above the sample; the bound exceeds the
+    sample by twice as much.
+    """
     before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
     peak, bend = (values >= before) & (values >= after), 2 * values - before - after
     above = np.square(before - after) / (4 * np.where(bend > 0, bend, np.inf))
@@ -143,8 +152,8 @@ def _reach(values: Array) -> Array:
 def _highest(
     centres: Array, at: Callable[[Array], Array], width: float, sign: float, zooms: int
 ) -> tuple[Array, Array]:
-    """Phases (…), and values multiplied by the sign, of the largest maxima of sign · value within a width of
-    one of the centres (…, r)."""
+    """Return the phase (…) and the value of the highest maximum of sign · curve within `width` of one of the
+    centres (…, r)."""
     centres, highest = _zoomed(centres, at, width, np.array(sign), zooms)
     best = highest.argmax(axis=-1)[..., None]
     centres, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (centres, highest))
@@ -154,8 +163,8 @@ def _highest(
 def _zoomed(
     centres: Array, at: Callable[[Array], Array], width: float, signs: Array, zooms: int
 ) -> tuple[Array, Array]:
-    """Phases (…, r), and values multiplied by the signs (r,) or by a single sign, of the maxima of sign ·
-    value within a width of each centre (…, r)."""
+    """Return the phases (…, r) and the values of the maxima of sign · curve within `width` of each centre (…,
+    r). `signs` is (r,), or a single sign."""
     highest = np.full(centres.shape, -np.inf)
     for _ in range(zooms):
         phase = centres[..., None] + width * _ZOOM
@@ -169,7 +178,7 @@ def _zoomed(
 
 @matches_annotations
 def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
-    """Compute the statistics of one quantity that is given as a function of the phase.
+    """Compute the statistics of a function of the phase.
 
     Parameters
     ----------
@@ -188,7 +197,7 @@ def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLE
     Raises
     ------
     ValueOutOfBoundsError
-        For bad input.
+        If `period` or `samples` is out of range, or `signal` does not return one real value per phase.
 
     Examples
     --------
@@ -209,9 +218,12 @@ def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLE
 
 
 def spectrum(values: Array, count: int) -> tuple[Array, Array]:
-    """Amplitudes [A0, A1, …] and phase angles [0, ψ1, …], both (…, count + 1), in A0 + Σ A_k cos(kφ + ψ_k),
-    from values (…, m) at m uniform phases from 0. A0 is the signed mean; the others are single-sided peak
-    amplitudes."""
+    """Return amplitudes [A0, A1, …] and phase angles [0, ψ1, …], both (…, count + 1), of the series A0 + Σ
+    A_k cos(kφ + ψ_k).
+
+    `values` (…, m) are samples at m uniform phases from 0. A0 is the signed mean; the others are single-sided
+    peak amplitudes.
+    """
     series = np.fft.rfft(_known(values), axis=-1)[..., : count + 1] / values.shape[-1]
     amplitudes, angles = 2 * np.abs(series), np.angle(series)
     amplitudes[..., 0], angles[..., 0] = series[..., 0].real, 0.0
@@ -219,7 +231,7 @@ def spectrum(values: Array, count: int) -> tuple[Array, Array]:
 
 
 def enough_samples(samples: int, count: int) -> int:
-    """Number of samples per period, at least `samples`, that resolves `count` harmonics. Raises
+    """Number of samples per period, at least `samples`, that suffices for `count` harmonics. Raises
     ValueOutOfBoundsError for an invalid count."""
     if not (isinstance(count, int | np.integer) and count >= 0):
         raise ValueOutOfBoundsError(
@@ -229,19 +241,20 @@ def enough_samples(samples: int, count: int) -> int:
 
 
 def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SAMPLES) -> tuple[Array, Array]:
-    """Amplitudes and phase angles of `count` harmonics of one quantity; harmonic k has k cycles per period.
-    Raises ValueOutOfBoundsError for an invalid count."""
+    """Return the amplitudes and phase angles of `count` harmonics of one quantity, as from `spectrum`.
+    Harmonic k has k cycles per period. Raises ValueOutOfBoundsError for an invalid count."""
     enough = enough_samples(samples, count)
     return spectrum(signal(np.arange(enough) * (period / enough)), count)
 
 
 @dataclass(frozen=True)
 class Quantities:
-    """The q quantities of P points: their coordinates, followed by their outputs, if any.
+    """The q quantities of P points: the coordinates, followed by the outputs, if any.
 
-    curve (P, n, …): curves of the points. speeds (P,): in rad/s. formulas: formulas of the outputs, with
-    parameters (P, p). positions: indices of the outputs among the formulas. outputs: function that computes
-    the same outputs in NumPy."""
+    curve (P, n, …): curves of the points. speeds (P,): speeds in rad/s. formulas: formulas of the outputs,
+    with parameters (P, p). positions: indices of the outputs among the formulas. outputs: function that
+    computes the same outputs in NumPy.
+    """
 
     curve: PeriodicCurve
     speeds: Array
@@ -260,7 +273,8 @@ class Quantities:
         return self.sampled(samples_a_step(len(self.curve.nodes) - 1))
 
     def sampled(self, a_step: int) -> Array:
-        """Samples (P, q, k) with `a_step` per step, uniform over the period even on nonuniform grids."""
+        """Samples (P, q, k) at `a_step` phases per step. They are uniform over the period even on nonuniform
+        grids."""
         count = a_step * (len(self.curve.nodes) - 1)
         phase, even = np.arange(count) * (self.period / count), self._uniform
         states = (
@@ -274,7 +288,7 @@ class Quantities:
         return np.concatenate((q, self.outputs(every, q, *rates)), axis=1)
 
     def at(self, phase: Array) -> Array:
-        """Values (P, q, k) of each quantity at phases (P, q, k) that differ between quantities."""
+        """Values (P, q, k) at phases (P, q, k), which may differ between quantities."""
         n = self.curve.n
         values = self.curve.each(phase[:, :n])
         if self.outputs is None:
@@ -292,8 +306,8 @@ class Quantities:
         return figures(self.values, self.at, self.period) if found is None else found
 
     def compiled_figures(self) -> Array | None:
-        """As `figures`, by compiled code; None if compiled code is not available, or a quantity is not
-        finite."""
+        """Result of `figures` from compiled code; None if compiled code is not available, or a quantity is
+        not finite."""
         curve, known = self.curve, self.outputs is None or self.formulas is not None
         if not (self.engine == COMPILED and known and isinstance(curve, Curve) and self._uniform):
             return None
@@ -315,8 +329,8 @@ class Quantities:
         return bool(np.ptp(np.diff(self.curve.nodes)) <= 1e-12 * self.period)
 
     def amplitudes(self, quantities: list[int], count: int) -> Array:
-        """Signed mean and single-sided amplitudes (P, k, count + 1) of `count` harmonics of the selected
-        quantities."""
+        """Return the signed mean and the single-sided amplitudes of `count` harmonics, (P, k, count + 1), of
+        k selected quantities."""
         steps, enough = len(self.curve.nodes) - 1, enough_samples(self.values.shape[-1], count)
         values = self.values if enough == self.values.shape[-1] else self.sampled(-(-enough // steps))
         return spectrum(values[:, quantities], count)[0]
@@ -331,23 +345,23 @@ class Quantities:
 
 
 _REPEATS, _SAMPLES = 1e-6, 512
-"""Relative tolerance, and number of phases, for comparing the periods of an orbit of several periods. If all
-periods agree, the orbit has a single period. Chosen by judgement."""
+"""Relative tolerance, and number of phases, for comparing the periods of an orbit over several periods. If
+all periods agree, the orbit has the period of the system. Chosen by judgement."""
 
 _A_STEP = 4
 """Number of phases per step at which outputs of two curves are compared."""
 
 
 def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
-    """Fields of `Statistics` (n, 7) of each coordinate of the continuous curve."""
+    """Fields of `Statistics` (n, 7) of the coordinates of one curve."""
     return Quantities(curve[None], np.ones(1), engine=engine).figures()[0]
 
 
 def compiled_output_figures(
     system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str
 ) -> Array | None:
-    """Fields of `Statistics` (o, 7) of each output at a speed in rad/s, by compiled code; None if it is not
-    available."""
+    """Fields of `Statistics` (o, 7) of the outputs, from compiled code; None if it is not available. `speed`
+    is in rad/s."""
     formulas = output_formulas(system) if engine == COMPILED else None
     if formulas is None:
         return None
@@ -359,7 +373,7 @@ def compiled_output_figures(
 
 
 def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Fields of `Statistics` (o, 7) of each output, by compiled code if it is available."""
+    """Fields of `Statistics` (o, 7) of the outputs, from compiled code if it is available."""
     compiled = compiled_output_figures(system, curve, speed, engine)
     if compiled is not None:
         return compiled
@@ -374,7 +388,7 @@ def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, e
 
 
 def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Fields of `Statistics` (n + o, 7) of the coordinates, then of the outputs."""
+    """Fields of `Statistics` (n + o, 7) of the coordinates and outputs, in this order."""
     of_coordinates = coordinate_figures(curve, engine)
     if not system.outputs:
         return of_coordinates
@@ -382,8 +396,8 @@ def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, en
 
 
 def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curve, engine: str) -> Array:
-    """Maximum difference (o,) of each output between two curves on the same nodes, relative to its largest
-    modulus on `other`."""
+    """Largest difference (o,) of each output between the curves `one` and `other` with the same nodes,
+    relative to the largest modulus of the output for `other`."""
     if not system.outputs:
         return np.zeros(0)
     phase = (other.nodes[:-1, None] + other.h[:, None] * (np.arange(_A_STEP) / _A_STEP)).ravel()
@@ -393,7 +407,7 @@ def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curv
 
 
 def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve, engine: str) -> Array:
-    """Outputs (o, k) at phases (k,)."""
+    """Outputs (o, k) of a curve at phases (k,)."""
     q, v, a = (curve.sampled(_A_STEP, order) for order in range(3))
     state = q, speed * v, speed**2 * a
     formulas = output_formulas(system) if engine == COMPILED else None
@@ -406,7 +420,7 @@ def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve
 
 
 def repeats_early(curve: PeriodicCurve, periods: int) -> bool:
-    """Whether a curve over several periods repeats after a single period."""
+    """Whether a curve over several periods already repeats after the first one."""
     last = float(curve.nodes[-1])
     phase = np.arange(_SAMPLES) * (last / _SAMPLES)
     q, later = curve(phase), curve(phase + last / periods)

@@ -15,37 +15,37 @@ BOUND = 4e-12
 relative error of the tables from which many points are solved (`solve.batch.tables`)."""
 
 ROUNDING = 64 * EPS
-"""Largest residual relative to Σ(|M_ij| + |C_ij|)|e_j| that counts as zero, for entries that cancel within
-round-off; as in `solve.system`."""
+"""Largest residual |K e| that counts as zero for entries that cancel within round-off, relative to Σ(|M_ij| +
+|C_ij|)|e_j|. `solve.system` uses the same value."""
 
 _FEW = 16
 """Minimum number of phases from which modes are computed. The modes are verified at all phases."""
 
 _CONSTANT = 1e-9
-"""Rate of change of a momentum, relative to its terms, below which the momentum is conserved: the
-interpolation error for smooth matrices."""
+"""Rate of change of a momentum, relative to its terms, below which the momentum counts as conserved. It is
+the interpolation error for smooth matrices."""
 
 _PASSES = 3
-"""Number of alternating scalings of columns and rows. For typical machines, further scalings change the
-factors by less than 2."""
+"""Number of scalings of the columns and rows in alternation. For typical machines, further scalings change
+the factors by less than a factor of 2."""
 
 _SMALL, _COMPARABLE = 1e-11, 0.03
-"""Thresholds for components of a unit vector: below the first, a component may be round-off; if all
+"""Thresholds for the components of a unit vector. Below the first, a component may be round-off. If all
 components exceed the second, all are accurate to 14 digits."""
 
 _INTEGER = 16 * EPS
-"""Distance from an integer within which a component is rounded to it."""
+"""Relative distance from an integer within which a component is rounded to that integer."""
 
 
 @dataclass(frozen=True)
 class RigidBodyModes:
     """Rigid-body modes of P points, at most r per point.
 
-    vectors (P, n, r): e, with component 1 at its reference coordinate; zero columns if a point has fewer than
-    r. references (P, r): the reference coordinates. damped (P, r): whether C e ≠ 0. errors (P, r): largest |K
-    e| over the period, relative to Σ|K_ij e_j|. Undamped modes come first. momentum (P, 2n): row ψ of a
-    momentum ψ(q, q′) at phase 0 that is conserved although C e ≠ 0, for example if C is the rate of a varying
-    M; zero without such a momentum.
+    vectors (P, n, r): modes e, with component 1 at the reference coordinate; columns are zero if a point has
+    fewer than r modes. references (P, r): indices of the reference coordinates. damped (P, r): whether C e ≠
+    0; undamped modes come first. errors (P, r): largest |K e| over the period, relative to Σ|K_ij e_j|.
+    momentum (P, 2n): row ψ of the momentum ψ(q, q′) at phase 0, if it is conserved although C e ≠ 0, for
+    example if C is the rate of a varying M; zero without such a momentum.
     """
 
     vectors: Array
@@ -56,7 +56,7 @@ class RigidBodyModes:
 
     @classmethod
     def none(cls, count: int, n: int, r: int = 0) -> "RigidBodyModes":
-        """Object without modes for `count` points."""
+        """Instance without modes for `count` points."""
         return cls(
             np.zeros((count, n, r)),
             np.zeros((count, r), dtype=int),
@@ -77,8 +77,8 @@ class RigidBodyModes:
         )
 
     def of_one_kind(self, first_order: int) -> "RigidBodyModes":
-        """Modes that move only first-order or only second-order coordinates. The first-order coordinates are
-        the last ones."""
+        """Only those modes that move either first-order or second-order coordinates, not both. The
+        first-order coordinates are the last ones."""
         if not first_order:
             return self
         moves = self.vectors != 0
@@ -87,25 +87,25 @@ class RigidBodyModes:
 
     @property
     def conserving(self) -> Array:
-        """Whether (P,) points have a conserved momentum."""
+        """Whether (P,) each point has a conserved momentum."""
         if self.momentum is None:
             return np.zeros(len(self), dtype=bool)
         return np.asarray(self.momentum.any(axis=1))
 
     @property
     def dragged(self) -> Array:
-        """Whether (P, r) modes are damped by drag."""
+        """Whether (P, r) each mode is damped by drag."""
         return self.present & self.damped & ~self.conserving[:, None]
 
     @property
     def present(self) -> Array:
-        """Whether (P, r) columns contain modes."""
+        """Whether (P, r) each column contains a mode."""
         return np.asarray(self.vectors.any(axis=1))
 
     @property
     def measures(self) -> Array:
-        """Rows l (P, r, n) that measure the amplitudes of the modes in the reference coordinates: l_i e_j =
-        δ_ij."""
+        """Rows l (P, r, n) with nonzero entries at the reference coordinates only and l_i e_j = δ_ij. The
+        product l q is the amplitude of a mode."""
         point, mode = np.arange(len(self))[:, None, None], np.arange(self.vectors.shape[2])
         both = self.present[:, :, None] & self.present[:, None]
         at_references = self.vectors[point, self.references[..., None], mode]
@@ -115,16 +115,18 @@ class RigidBodyModes:
         return rows
 
     def weighted(self, mass: Array) -> Array:
-        """Rows l (P, r, n) as in `measures`, chosen so that motions relative to the modes have zero momentum
-        with a mass matrix (P, n, n)."""
+        """Rows l (P, r, n) with l_i e_j = δ_ij for which the motion relative to the modes has zero momentum.
+        `mass` (P, n, n) is the mass matrix."""
         rows, count = np.swapaxes(self.vectors, 1, 2) @ mass, self.vectors.shape[2]
         both = self.present[:, :, None] & self.present[:, None]
         return np.linalg.solve(np.where(both, rows @ self.vectors, np.eye(count)), rows)
 
     @property
     def relative(self) -> tuple[Array, Array]:
-        """Projections I - Σ e l (P, n, n) onto coordinates relative to the modes, and a mask (P, n): 0 for
-        reference coordinates, which vanish relative to the modes, and 1 for the others."""
+        """Return projections I - Σ e l (P, n, n) onto coordinates relative to the modes, and a mask (P, n).
+
+        The mask is 0 for reference coordinates, which are zero relative to the modes, and 1 for the others.
+        """
         mask = np.ones(self.vectors.shape[:2])
         point, mode = np.nonzero(self.present)
         mask[point, self.references[point, mode]] = 0.0
@@ -132,18 +134,19 @@ class RigidBodyModes:
 
     @property
     def any(self) -> Array:
-        """Whether (P,) points have rigid-body modes."""
+        """Whether (P,) each point has rigid-body modes."""
         return np.asarray(self.present.any(axis=1))
 
     @property
     def multiplicity(self) -> Array:
-        """Number (P,) of Floquet multipliers +1 due to the modes: two per mode, or one if it has drag."""
+        """Number (P,) of Floquet multipliers +1 due to the modes: two for each mode, or one for each mode
+        with drag."""
         return np.asarray((self.present * (2 - self.dragged)).sum(axis=1))
 
 
 @dataclass(frozen=True)
 class Free:
-    """Rigid-body modes of points, and mean mass matrices (P, n, n) of the points in any unit."""
+    """Rigid-body modes of P points, and their mean mass matrices (P, n, n) in any unit."""
 
     modes: RigidBodyModes
     mass: Array
@@ -153,17 +156,18 @@ class Free:
 
 
 def before_rigid(multipliers: Array) -> int:
-    """Number of multipliers outside the unit circle, among (N,). They precede the multipliers +1 of
-    rigid-body modes."""
+    """Number of `multipliers` (N,) outside the unit circle. They precede the multipliers +1 of rigid-body
+    modes."""
     return int(np.sum(np.abs(multipliers) > 1 + UNIT_CIRCLE))
 
 
 def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyModes:
-    """Rigid-body modes from K, C and M (P, k, n, n) at k phases, all three for derivatives either with
-    respect to the phase or to time.
+    """Rigid-body modes from K, C and M (P, k, n, n) at k phases. Derivatives are with respect to the phase or
+    to time.
 
     If M is given, entries of K and C that are round-off of the inertia count as zero. The result does not
-    depend on the units of coordinates and equations. It has r = 0 columns if no point has a mode.
+    depend on the units of coordinates and equations. The vectors have no column (r = 0) if no point has a
+    mode.
 
     >>> chain = np.array([[[[2.0, -2.0], [-2.0, 2.0]]]])
     >>> rigid_body_modes(chain, 0 * chain).vectors[0].T
@@ -189,9 +193,11 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
 
 
 def with_unit_states(mass: Array, first_order: int) -> Array:
-    """Mass matrices (P, n, n) with entry 1 for first-order coordinates, which are the last ones. If the block
-    of the other coordinates is not positive definite, for example because the equations are in another order,
-    this block is replaced by the identity."""
+    """Mass matrices (P, n, n) in which the diagonal entry of first-order coordinates, the last ones, is 1.
+
+    If the block of the other coordinates is not positive definite, for example because the equations are in
+    another order, it is replaced by the identity.
+    """
     if not first_order:
         return mass
     n, p = mass.shape[-1], mass.shape[-1] - first_order
@@ -203,11 +209,11 @@ def with_unit_states(mass: Array, first_order: int) -> Array:
 
 
 def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, period: float) -> Array:
-    """Field `momentum` (P, 2n) of `RigidBodyModes`, from M, C, K (P, k, n, n) at the midpoints of k equal
-    intervals of the period, without jumps. Derivatives are with respect to the phase.
+    """Rows `momentum` (P, 2n) of `RigidBodyModes`, from M, C, K (P, k, n, n) without jumps at the midpoints
+    of k equal intervals of the period. Derivatives are with respect to the phase.
 
-    For g with gᵀK = 0, the product of gᵀ with the equations is a total derivative, (gᵀM q′ + bᵀq)′ = gᵀd, if
-    b = Cᵀg - (Mᵀg)′ is constant. If also bᵀe = 0, a rigid-body motion changes this momentum only through its
+    For g with gᵀK = 0, the product of gᵀ and the equations is a total derivative, (gᵀM q′ + bᵀq)′ = gᵀd, if b
+    = Cᵀg - (Mᵀg)′ is constant. If also bᵀe = 0, a rigid-body motion changes this momentum only through its
     velocity. Only points with a single mode are examined.
     """
     count, phases, n, _ = M.shape
@@ -234,16 +240,18 @@ def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, peri
 
 
 def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
-    """Whether (P,) K e = 0 also holds for all modes at further phases, with K, C, M (P, k, n, n) at these
-    phases."""
+    """Whether (P,) K e = 0 for all modes of a point, also at k further phases with the matrices K, C, M (P,
+    k, n, n)."""
     allowed = BOUND * np.abs(K).max(axis=1) + ROUNDING * (np.abs(M) + np.abs(C)).max(axis=1)
     residual = np.abs(K @ modes.vectors[:, None]).max(axis=1)
     return np.asarray((residual <= allowed @ np.abs(modes.vectors)).all(axis=(1, 2)))
 
 
 def may_be_singular(K: Array, noise: Array) -> Array:
-    """Whether (P,) matrices (P, n, n) may be singular within relative changes of their entries by `BOUND`.
-    Such changes alter the determinant by at most n BOUND times the product of the row sums."""
+    """Whether (P,) a relative change of the entries by `BOUND` may make the matrices (P, n, n) singular.
+
+    Such a change alters the determinant by at most n BOUND times the product of the row sums.
+    """
     with np.errstate(invalid="ignore", over="ignore"):
         sums, noises = np.add.reduce((np.abs(K), noise), axis=-1)
         scale = np.where(sums > 0, sums, 1.0)
@@ -254,8 +262,8 @@ def may_be_singular(K: Array, noise: Array) -> Array:
 
 
 def _of_point(K: Array, C: Array, noise: Array, damping_noise: Array) -> RigidBodyModes:
-    """Rigid-body modes of one point, from K and C (k, n, n) and their round-off `noise` and `damping_noise`
-    (n, n)."""
+    """Rigid-body modes of one point, from K and C (k, n, n). `noise` and `damping_noise` (n, n) are their
+    round-off errors."""
     n, few = K.shape[-1], max(1, len(K) // _FEW)
     size = np.abs(K).max(axis=0)
 
@@ -281,8 +289,8 @@ def _of_point(K: Array, C: Array, noise: Array, damping_noise: Array) -> RigidBo
 
 
 def _null_space(K: Array, size: Array, noise: Array) -> Array:
-    """Common null space (n, r) of matrices (k, n, n) with entries of sizes (n, n); the result is independent
-    of units."""
+    """Common null space (n, r) of k matrices K (k, n, n), computed independently of units. `size` and `noise`
+    (n, n) are the largest moduli of the entries and their round-off errors."""
     columns, rows = np.ones(len(size)), np.ones(len(size))
     for _ in range(_PASSES):
         columns /= _largest(size * rows[:, None] * columns, 0)
@@ -296,8 +304,7 @@ def _null_space(K: Array, size: Array, noise: Array) -> Array:
         components = np.linalg.norm(null_vectors, axis=0)
         if not len(null_vectors) or components[components > _SMALL].min() > _COMPARABLE:
             break
-        # Small components are inaccurate. Scaling the columns by the components makes all components
-        # comparable.
+        # Small components are inaccurate. They become comparable if columns are scaled by the components.
         columns = columns * np.where(components > _SMALL, components, 1.0)
         rows = rows / _largest(size * rows[:, None] * columns, 1)
     return columns[:, None] * null_vectors.T
@@ -309,7 +316,7 @@ def _largest(sizes: Array, axis: int) -> Array:
 
 
 def _undamped(vectors: Array, C: Array, noise: Array) -> Array:
-    """Linear combinations (n, u) of vectors (n, r) that also lie in the null space of C (k, n, n)."""
+    """Linear combinations (n, u) of `vectors` (n, r) that are also in the null space of C (k, n, n)."""
     drag = C @ vectors
     allowed = (BOUND * np.abs(C).max(axis=0) + noise) @ np.abs(vectors)
     if (np.abs(drag) <= allowed).all():
@@ -321,7 +328,7 @@ def _undamped(vectors: Array, C: Array, noise: Array) -> Array:
 
 
 def _independent(vectors: Array, count: int) -> Array:
-    """Linearly independent columns (n, count) that span the columns (n, r)."""
+    """Linearly independent columns (n, count) with the same span as `vectors` (n, r)."""
     if count == 0:
         return vectors[:, :0]
     units = _largest(np.abs(vectors), 1)
@@ -330,8 +337,8 @@ def _independent(vectors: Array, count: int) -> Array:
 
 
 def _reduced(vectors: Array) -> tuple[Array, Array]:
-    """Basis (n, r) of the column space with the identity in r rows, by complete pivoting, and the indices
-    (r,) of these rows."""
+    """Reduce `vectors` (n, r) by complete pivoting. Return a basis (n, r) of the column space that contains
+    the identity in r rows, and the indices (r,) of these rows."""
     basis, rows = vectors.copy(), np.zeros(vectors.shape[1], dtype=int)
     for column in range(basis.shape[1]):
         sizes = np.abs(basis[:, column:])
