@@ -14,8 +14,8 @@ from solve.model.craig_bampton import CraigBampton, craig_bampton
 from solve.units import conversion
 
 _ASYMMETRY = 1e-6
-"""Difference between a matrix and its transpose, relative to its largest entry, that counts as round-off of
-the digits in a file. Chosen by judgement."""
+"""Difference between a matrix and its transpose, relative to the largest entry of the matrix, up to which it
+counts as round-off in the digits of a file. Chosen by judgement."""
 
 EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
 
@@ -23,8 +23,8 @@ EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
 class Body(NamedTuple):
     """Elastic body declared by a generated module.
 
-    units: units of the interface displacements, "m" or "rad". entries: one per parameter, with name, matrix
-    ("M", "K" or "C"), row and column, counted from 1.
+    units: unit of each interface displacement, "m" or "rad". entries: one per parameter, with its name,
+    matrix ("M", "K" or "C"), row and column; rows and columns are counted from 1.
     """
 
     name: str
@@ -38,12 +38,12 @@ class Body(NamedTuple):
 
 
 def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[dict[str, float], str]:
-    """Parameters of a body from an entry of a case file, and the source of the parameters with the hash of
-    the matrix file.
+    """Return the parameters of a body from an entry of a case file, and their source, which includes the hash
+    of the matrix file.
 
-    The matrix file contains M, K and, if declared, C, either of all degrees of freedom of the finite-element
-    model, or already reduced. In the entry, `interface` lists the rows of the interface, counted from 1; by
-    default these are the first rows.
+    The matrix file contains M, K and, if declared, C. The matrices are those of the finite-element model or
+    already reduced. In the entry, `interface` lists the rows of the interface coordinates, counted from 1. By
+    default, these are the first rows.
     Raises CaseFileError.
     """
     file, where = path.parent / str(entry["file"]), f"{body.name} in {path.name}"
@@ -72,7 +72,7 @@ def _discarded(reduced: CraigBampton) -> str:
 
 
 def _arrays(file: Path, has_damping: bool) -> tuple[dict[str, Any], str]:
-    """Square matrices by name, and the SHA-256 of their files. Raises FileError."""
+    """Return a mapping from names to square matrices, and the SHA-256 of their files. Raises FileError."""
     symbols = "MKC" if has_damping else "MK"
     if file.suffix.lower() == ".mtx":
         files = [file.with_suffix(f".{symbol}.mtx") for symbol in symbols]
@@ -89,7 +89,7 @@ def _arrays(file: Path, has_damping: bool) -> tuple[dict[str, Any], str]:
 
 
 def _symmetric(values: Any, symbol: str, n: tuple[int, ...], file: Path) -> Array:
-    """Finite symmetric matrix (n, n). Raises FileError."""
+    """Return `values` as a finite symmetric matrix with real entries. Raises FileError."""
     matrix = values.toarray() if hasattr(values, "toarray") else np.asarray(values)
     if matrix.dtype.kind not in "fiu" or matrix.shape != n * 2 or not np.isfinite(matrix).all():
         raise FileError(
@@ -114,7 +114,7 @@ def _interface(entry: Mapping[str, Any], arrays: Mapping[str, Any], count: int) 
 
 
 def _sizes(unit: Any) -> tuple[float, float, float]:
-    """Units of length, mass and time of the matrices, in SI. Raises UnitError."""
+    """Return the units of length, mass and time of the matrices, in SI units. Raises UnitError."""
     words = unit.split() if isinstance(unit, str) else []
     if len(words) != 3:
         raise UnitError(f'unit is {unit!r}; give the units of length, mass and time, such as "mm t s"')
@@ -125,8 +125,8 @@ def _sizes(unit: Any) -> tuple[float, float, float]:
 def _in_si(
     arrays: Mapping[str, Any], rows: Array, body: Body, sizes: tuple[float, float, float]
 ) -> tuple[Array, Array, Array]:
-    """M, K and C (n, n) for interface displacements in SI and energies in joule. Interior coordinates keep
-    their units, which do not affect the reduction."""
+    """Return M, K and C (n, n) for interface displacements in SI units and energies in joules. Interior
+    coordinates keep their units, which do not affect the reduction."""
     length, mass, time = sizes
     scale = np.ones(len(arrays["K"]))
     scale[rows] = [1 / length if unit == "m" else 1.0 for unit in body.units]

@@ -14,7 +14,7 @@ from solve.units import in_unit, require_size_of_number
 
 
 def clauses(bound: str) -> list[str]:
-    """Conditions that make up a bound, such as "> 0". All must hold.
+    """Split a bound into its conditions, such as "> 0". All of them must hold.
 
     >>> clauses("integer, >= 1")
     ['integer', '>= 1']
@@ -23,7 +23,7 @@ def clauses(bound: str) -> list[str]:
 
 
 def holds(clause: str, value: Any) -> Any:
-    """Whether a condition holds for a number, or for each element of an array.
+    """Whether a condition holds for a number, or for every element of an array separately.
 
     >>> holds("> 0", 2.0)
     True
@@ -45,7 +45,8 @@ def measured(value: float, unit: str, digits: int = 6) -> str:
 
 
 def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[str, float]:
-    """Parameters of a generated module in the declared units, each finite and within its bound.
+    """Return the parameters of a generated module as finite numbers in the declared units, within their
+    bounds.
 
     values: numbers in the declared units, or texts with a unit such as "30 mm". Raises ValueOutOfBoundsError,
     UnitError.
@@ -72,8 +73,8 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
 def stated_limits(
     rows: Sequence[tuple[str, str, str]], validity: Mapping[str, float], units: Mapping[str, str]
 ) -> list[Limit]:
-    """Limits of validity, from the rows (quantity, bound, meaning) of a generated module and the bounds of
-    its coordinates."""
+    """Limits of validity stated by a generated module. `rows` contain quantity, bound and meaning; `validity`
+    contains the bounds of coordinates."""
     return [
         *(_validity_limit(name, bound, units[name]) for name, bound in validity.items()),
         *(
@@ -85,7 +86,7 @@ def stated_limits(
 
 
 def _validity_limit(name: str, bound: float, unit: str) -> Limit:
-    """Limit of validity of the linearisation."""
+    """Limit within which the linearisation is valid."""
 
     def message(values: Statistics) -> str:
         reached = f"max|{name}| = {values.max_abs:.3g} {unit}, beyond {bound:g}"
@@ -95,7 +96,7 @@ def _validity_limit(name: str, bound: float, unit: str) -> Limit:
 
 
 def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
-    """Limit derived from a condition of a bound in a generated module."""
+    """Limit for one condition, `clause`, of a bound in a generated module."""
 
     def extreme(values: Statistics) -> Any:
         return values.min if clause.startswith(">") else values.max
@@ -110,12 +111,12 @@ def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
 
 
 REDUCE = "reduce"
-"""Option of every beam structure: number of modes retained per link. It is included in the options only if
-given."""
+"""Name of an option of every beam structure: the number of modes retained per link. The options contain it
+only if it is given."""
 
 
 def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of all options, with defaults for options that `values` does not contain. Raises
+    """Values of all options. Options that `values` does not contain have their defaults. Raises
     UnknownNameError and ValueOutOfBoundsError."""
     link_options, motion_options = getattr(module, "LINK_OPTIONS", ()), getattr(module, "MOTION_OPTIONS", ())
     declared = (*module.OPTIONS, *link_options, *motion_options)
@@ -134,8 +135,8 @@ def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, 
 
 
 def _modes_a_link(module: ModuleType, value: Any) -> int:
-    """Number of modes per link, checked to be at least 1. Its upper bound depends on the elements and is
-    checked at their assembly."""
+    """Number of modes per link, checked to be at least 1. Its upper limit depends on the elements, which are
+    counted later, at their assembly."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
             f"'reduce' requires a beam structure, but {module.NAME} is not one; omit 'reduce'"
@@ -147,7 +148,8 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
 
 
 def _option_per_link(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
-    """Value of an option: one value for all links, or a comma-separated text with one value per link."""
+    """Value of an option of a link: one value for all links, or a text with one value per link, separated by
+    commas."""
     parts = (
         value.split(",") if isinstance(value, str) else value if isinstance(value, list | tuple) else [value]
     )
@@ -172,7 +174,7 @@ def _checked_option(module: ModuleType, name: str, value: Any, allowed: Sequence
 
 
 def _as_integer(value: Any) -> Any:
-    """Integer from a text or a NumPy integer; other values unchanged."""
+    """Convert a text or a NumPy integer to an integer; return other values unchanged."""
     if isinstance(value, np.integer):
         return int(value)
     return int(value) if isinstance(value, str) and re.fullmatch("-?[0-9]+", value.strip()) else value

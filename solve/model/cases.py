@@ -1,4 +1,4 @@
-"""Case files in TOML: parameter values of a model with their units and sources."""
+"""Case files in TOML format: parameter values of a model with their units and sources."""
 
 import json
 import math
@@ -29,13 +29,13 @@ _NUMBER_KEYS = {"value", "values", "count", "unit", "source"} | _SPREAD_KEYS
 _TABLE_KEYS = {"table", "columns", "harmonics", "source"}
 _BODY_KEYS = {"file", "interface", "unit", "sha256", "source"}
 _NUMBERS_A_BYTE = 64
-"""Memory for parsing a file, in numbers per byte of the file. This upper estimate is used for the memory
-limit."""
+"""Upper estimate of the memory for parsing a file, in numbers per byte of the file. It is compared with the
+memory limit."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """Case of a model: its parameter values, sources and units.
+    """Case of a model: parameter values with their sources and units.
 
     Parameters
     ----------
@@ -44,13 +44,13 @@ class Case:
     speed : str or None
         Speed with unit.
     parameters : mapping
-        Values by name, in the units of the model.
+        Mapping from names to values in the units of the model.
     fits : mapping
-        Fits of series to tables, by the name of the series.
+        Mapping from names of series to their fits to tables.
     sources, units : mapping
-        Source of each parameter, and its unit in the file, if stated.
+        Mappings from names of parameters to their sources, and to the units stated in the file.
     spreads : mapping
-        Tolerance or distribution of parameters, as text, such as "±2 %".
+        Mapping from names of parameters to tolerances or distributions in text form, such as "±2 %".
     """
 
     name: str
@@ -69,10 +69,10 @@ class Case:
         units: Mapping[str, str] = MappingProxyType({}),
         spreads: Mapping[str, str] = MappingProxyType({}),
     ) -> "Case":
-        """Case with replaced parameters, and further fits and sources.
+        """Case with some values replaced, and further fits and sources.
 
         A series with a replaced parameter no longer counts as fitted. A replaced parameter loses its source
-        and its distribution unless new ones are given. The parameter keeps its unit in the file and its
+        and its distribution, unless new ones are given. It keeps the unit stated in the file, and its
         tolerance, which then applies to the new value.
         """
         old_fits = {
@@ -100,12 +100,12 @@ def chosen_case(
     required: bool = True,
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Case:
-    """Case with a value for every declared parameter, from a file (default: its first case). Values in
-    `replaced` take precedence.
+    """Case with a value for every declared parameter, read from a file; without `case`, the first case of the
+    file. Values in `replaced` take precedence.
 
-    path: None for a model in memory. required: whether the file must exist; if not, a missing file results in
-    a case without name and values. otherwise: default values of parameters. Raises UnknownNameError,
-    CaseFileError and MissingValueError.
+    path: None for a model in memory. required: whether the file must exist; if it need not, a missing file
+    results in a case without name and values. otherwise: default values of parameters. Raises
+    UnknownNameError, CaseFileError and MissingValueError.
     """
     declared = {name: unit for name, unit, *_ in module.PARAMETERS}
     functions = functions_of(module)
@@ -137,7 +137,8 @@ def chosen_case(
 
 
 def functions_of(module: ModuleType) -> dict[str, Series | Body]:
-    """Declared series and elastic bodies by name. A case may take their parameters from files."""
+    """Mapping from names to declared series and elastic bodies. A case may take the parameters of these from
+    files."""
     bodies = [Body(*row) for row in getattr(module, "BODIES", ())]
     return {**series_of(getattr(module, "SERIES", ())), **{body.name: body for body in bodies}}
 
@@ -145,14 +146,18 @@ def functions_of(module: ModuleType) -> dict[str, Series | Body]:
 def read_cases(
     path: Path, units: Mapping[str, str], series: Mapping[str, Series | Body] = MappingProxyType({})
 ) -> dict[str, Case]:
-    """Cases in a file, in the order of the file. units: units of the declared parameters. series: declared
-    series and elastic bodies.
+    """Read the cases of a file, in the order of the file.
 
-    An entry is { value, unit, source }. { values = […] } defines NAME1, NAME2, …; { value, count } assigns
-    the same value to NAME1 … NAMEcount; `tolerance` or `distribution` states the spread of each number;
-    { table, columns, harmonics } fits a series to a CSV file in the same folder; { file, unit, source } gives
-    the matrices of an elastic body. Entries of [common.parameters] hold for every case. Raises CaseFileError,
-    UnknownNameError for a misspelt key or parameter, UnitError for a unit of another dimension.
+    units: units of the declared parameters. series: declared series and elastic bodies.
+
+    An entry has the form { value, unit, source }. Instead of one value, { values = […] } defines NAME1,
+    NAME2, …, and { value, count } assigns the same value to NAME1 … NAMEcount. `tolerance` or `distribution`
+    states the spread of the numbers. { table, columns, harmonics } fits a series to a CSV file in the same
+    folder. { file, unit, source } states the file with the matrices of an elastic body. Entries of
+    [common.parameters] hold for every case.
+
+    Raises CaseFileError, UnknownNameError for a misspelt key or parameter, UnitError for a unit of another
+    dimension.
     """
     table = _read(path)
     _require_no_parameters(table, {"parameters", *units}, "", path)
@@ -198,8 +203,8 @@ def _read(path: Path) -> dict[str, Any]:
 def _parameters(
     raw: Any, units: Mapping[str, str], series: Mapping[str, Series | Body], path: Path
 ) -> tuple[dict[str, float], dict[str, Fit], dict[str, str], dict[str, str], dict[str, str]]:
-    """Values in the units declared by the model, fitted series, sources, units used in the file, and
-    spreads."""
+    """Return values in the units declared by the model, fitted series, sources, units used in the file, and
+    spreads. All are mappings from names."""
     spreads: dict[str, str] = {}
     values: dict[str, float] = {}
     fits: dict[str, Fit] = {}
@@ -231,7 +236,7 @@ def _parameters(
 def _body(
     name: str, entry: dict[str, Any], declared: Mapping[str, Series | Body], path: Path
 ) -> tuple[dict[str, float], str]:
-    """Parameters of an elastic body, and their source."""
+    """Return the parameters of an elastic body, and their source."""
     _require_known_keys(entry, _BODY_KEYS, f"key of {name} in {path.name}")
     body = declared.get(name)
     if not isinstance(body, Body):
@@ -249,7 +254,7 @@ def _fit(
     series: Mapping[str, Series | Body],
     path: Path,
 ) -> Fit:
-    """Series fitted to a table."""
+    """Fit of a series to a table."""
     _require_known_keys(entry, _TABLE_KEYS, f"key of {name} in {path.name}")
     function, columns = name.removesuffix("'"), entry.get("columns")
     chosen = series.get(function)
@@ -267,7 +272,7 @@ def _fit(
 
 
 def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: Path) -> dict[str, float]:
-    """Parameter values of an entry that states numbers."""
+    """Mapping from names to values, for an entry that states numbers."""
     _require_known_keys(entry, _NUMBER_KEYS, f"key of {name} in {path.name}")
     for key in ("unit", "source"):
         if not isinstance(entry.get(key), str) or not entry[key].strip():
@@ -289,7 +294,8 @@ def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: P
 def _spreads(
     name: str, entry: dict[str, Any], numbers: Mapping[str, float], units: Mapping[str, str], path: Path
 ) -> dict[str, str]:
-    """Spread of each parameter of an entry, as text. Raises CaseFileError, UnitError."""
+    """Mapping from names of parameters to spreads in text form, for one entry. Raises CaseFileError,
+    UnitError."""
     texts = [entry[key] for key in sorted(_SPREAD_KEYS & entry.keys())]
     if len(texts) > 1 or not all(isinstance(text, str) for text in texts):
         raise CaseFileError(
@@ -304,8 +310,8 @@ def _spreads(
 
 
 def _members(name: str, entry: dict[str, Any], path: Path) -> Iterator[tuple[str, float]]:
-    """Name and value of each parameter of an entry with `value`, with `value` and `count`, or with
-    `values`."""
+    """Yield the name and the value of each parameter of an entry with `value`, with `value` and `count`, or
+    with `values`."""
     forms = entry.keys() & {"value", "values", "count"}
     if forms == {"value"}:
         pairs = iter([(name, entry["value"])])
@@ -336,13 +342,15 @@ def _finite(member: str, value: Any, path: Path) -> float:
 
 
 def _entry_form(name: str, unit: str | None) -> str:
-    """Example of a parameter's entry. unit: unit of the declared parameter, if there is one."""
+    """Example of an entry for a parameter. unit: unit of the declared parameter, or None if there is no such
+    parameter."""
     example = "N/m" if unit is None else unit
     return f'{name} = {{ value = NUMBER, unit = "{example}", source = "TEXT" }}'
 
 
 def _require_no_parameters(table: Mapping[str, Any], names: Collection[str], place: str, path: Path) -> None:
-    """Raise CaseFileError if parameters are stated outside [….parameters]. names: names of parameters."""
+    """Raise CaseFileError if a parameter is stated in a table other than [….parameters]. names: names of
+    parameters."""
     for key in table:
         if key in names:
             where = f"[{place}]" if place else "the top level"
@@ -363,8 +371,8 @@ def _require_known_keys(table: Mapping[str, Any], allowed: set[str], kind: str) 
 
 
 def case_text(name: str, title: str, labels: Labels, sources: Mapping[str, str]) -> str:
-    """Text of a case file with the parameters of labels, every number with its unit and source. sources:
-    sources of some parameters by name."""
+    """Text of a case file with the parameters in `labels`, each with its unit and source. sources: mapping
+    from names of some parameters to sources."""
     unchanged = f"as in case {labels.case}" if labels.case else "as given"
     lines = [f"[case.{name}]", f"title = {json.dumps(title)}", f"[case.{name}.parameters]"]
     for parameter, value in labels.parameters.items():

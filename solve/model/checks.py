@@ -1,5 +1,5 @@
-"""Checks of generated matrices: periodic, without jumps except at the breaks, and with positive definite
-M."""
+"""Checks of generated matrices: they must be periodic and must jump only at the breaks, and M must be
+positive definite."""
 
 from contextlib import suppress
 
@@ -17,17 +17,18 @@ _CHECK_PHASES = 128
 """Number of phases per period at which the matrices are checked. Chosen by judgement."""
 
 _STEEP = 0.25
-"""Change between neighbouring phases, relative to the total variation, above which a jump is sought. A
-choice: the change of harmonic 10."""
+"""Change between neighbouring phases, relative to the total variation, above which a jump is sought. Chosen
+by judgement: harmonic 10 changes by as much."""
 
 _STEEPER_THAN_NEIGHBOURS = 8.0
-"""Change between neighbouring phases, relative to the larger of the preceding and following change, above
-which a jump is sought. For a parabola this ratio is at most 1, since its changes form an arithmetic
-progression."""
+"""Ratio of a change between neighbouring phases to the larger of the changes before and after it, above which
+a jump is sought. For a parabola, the ratio is at most 1, because its changes form an arithmetic progression.
+"""
 
 _JUMP = 1e-2
-"""Change that remains after the bisections, relative to the total variation, above which it is a jump. A
-choice: a hundred times the remaining change of a continuous flank with a width of 1e-9 of the period."""
+"""Change remaining after the bisections, relative to the total variation, above which it counts as a jump.
+Chosen by judgement: a continuous flank with a width of 1e-9 of the period leaves a hundredth of this change.
+"""
 
 
 def require_valid(system: PeriodicSystem, speed: float) -> None:
@@ -50,9 +51,11 @@ def require_valid(system: PeriodicSystem, speed: float) -> None:
 
 
 def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
-    """Whether the matrices are known to pass `require_valid` at every speed. This holds if they are
-    polynomials in the speed with periodic coefficients, and M is positive definite and independent of the
-    speed."""
+    """Whether the matrices are certain to pass `require_valid` at every speed.
+
+    The conditions are polynomials in the speed with periodic coefficients, and a positive definite M that
+    does not depend on the speed.
+    """
     phase = _check_phases(system)
     terms = sampler.terms(with_neighbours(phase, phase + system.period, system.period))
     if terms is None:
@@ -61,7 +64,7 @@ def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
     now, later, beside = np.split(table, 3)
     negligible = PERIODIC * np.abs(now).max(axis=0)
     allowed = negligible + 2 * np.abs(beside - now)
-    # Comparisons with NaN are false.
+    # Comparisons with NaN are False.
     if (
         _steep_intervals(system, phase, np.vstack((now, later[:1])), PERIODIC * np.abs(now).max(axis=0))[
             0
@@ -78,8 +81,7 @@ def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
 
 
 def require_no_jump(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError if matrices at a speed (rad/s) jump within the period at a phase that is not a
-    break."""
+    """Raise MatricesError if the matrices at a speed (rad/s) jump at a phase that is not a break."""
     phase = _check_phases(system)
 
     def entries(matrices: Matrices) -> Array:
@@ -113,11 +115,11 @@ def require_no_jump(system: PeriodicSystem, speed: float) -> None:
 def _steep_intervals(
     system: PeriodicSystem, phase: Array, values: Array, roundoff: Array
 ) -> tuple[Array, Array]:
-    """Intervals between phases (k,) in which values (k+1, m) may jump, because they change steeply.
+    """Find intervals between phases (k,) in which values (k+1, m) change so steeply that they may jump.
 
-    values: values at the phases and one period after the first phase; intervals with a break are excluded.
-    roundoff (m,): largest negligible variation. Returns the indices (j,) of the intervals, and of the entry
-    with the largest relative change in each.
+    values: values at the phases, and one period after the first phase. Intervals that contain a break are
+    excluded. roundoff (m,): largest variation that counts as round-off. Return the indices (j,) of the
+    intervals and, for each interval, the index of the entry with the largest relative change.
     """
     change, variation = np.abs(np.diff(values, axis=0)), np.ptp(values, axis=0)
     neighbours = np.maximum(np.roll(change, 1, axis=0), np.roll(change, -1, axis=0))
@@ -130,7 +132,7 @@ def _steep_intervals(
 
 
 def _check_phases(system: PeriodicSystem) -> Array:
-    """Phases of the period at which matrices are checked; phases at a break are excluded."""
+    """Phases of one period at which matrices are checked. Phases at a break are excluded."""
     phase = (np.arange(_CHECK_PHASES) + 0.5) * (system.period / _CHECK_PHASES)
     breaks = np.array(system.breaks)
     return phase[np.abs(phase[:, None] - breaks).min(axis=1, initial=np.inf) > 1e-9 * system.period]

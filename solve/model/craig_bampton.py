@@ -2,12 +2,13 @@
 
 R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA J. 6 (1968) 1313-1319.
 
-Coordinates q of a body split into interface coordinates b, which are retained, and interior coordinates i:
+The coordinates q of a body consist of interface coordinates b, which are retained, and interior coordinates
+i:
 
     q = T p,   q_b = p_b,   q_i = Ψ p_b + Φ η,   Ψ = −K_ii⁻¹ K_ib
 
-Φ contains the lowest modes of K_ii and M_ii, that is, with the interface fixed. With all modes, T is
-invertible.
+Φ contains the lowest modes of K_ii and M_ii, that is, of the body with fixed interface. If all modes are
+retained, T is invertible.
 """
 
 from collections.abc import Sequence
@@ -19,9 +20,9 @@ from solve.arrays import Array
 from solve.errors import MatricesError, ValueOutOfBoundsError
 
 _DEPENDENT = 1e-10
-"""Relative singular value, in the energy norm, below which static responses are linearly dependent. Measured
-on links of 3 to 30 elements with 1 to 15 modes: up to 1e-13 for dependent responses, 3e-7 or more for
-independent ones."""
+"""Singular value, relative to the largest one in the energy norm, below which static responses are linearly
+dependent. Measured for links of 3 to 30 elements with 1 to 15 modes: up to 1e-13 for dependent responses,
+3e-7 or more for independent ones."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +32,14 @@ class CraigBampton:
     Parameters
     ----------
     basis : (n, r) array
-        T. Its columns belong to the interface coordinates in the order given, and then to the modes, with ΦᵀM
-        Φ = I.
+        T. The first columns belong to the interface coordinates in their given order, the others to the
+        modes, with ΦᵀM Φ = I.
     mass, stiffness : (r, r) arrays
         TᵀM T and TᵀK T.
     frequencies : (k,) array
         Frequencies of the retained modes in rad/s, ascending.
     discarded : float
-        Lowest frequency in rad/s of the discarded modes; infinite if none is discarded.
+        Lowest frequency of the discarded modes in rad/s; infinite if no mode is discarded.
     """
 
     basis: Array
@@ -63,7 +64,7 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int] | Array, modes: i
     Raises
     ------
     ValueOutOfBoundsError
-        For an invalid number of modes, or indices that are out of range or repeated.
+        If the number of modes is invalid, or an index is out of range or repeated.
     MatricesError
         If the body has a rigid-body mode with its interface fixed, or a retained mode has no mass.
 
@@ -98,22 +99,22 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int] | Array, modes: i
 
 
 def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, loads: Array) -> Array:
-    """Static response of a body to loads, without its component in the span of a basis.
+    """Compute static responses of a body to loads, without their components in the span of a basis.
 
     Parameters
     ----------
     K : (n, n) array
         Symmetric stiffness matrix.
     basis : (n, r) array
-        T of `craig_bampton` with this interface.
+        Matrix T of `craig_bampton` for the same interface.
     loads : (n, c) array
         Forces on the coordinates. Forces on the interface have no effect, because the interface is fixed.
 
     Returns
     -------
     (n, s) array
-        Independent shapes, s ≤ c, zero on the interface and orthogonal with respect to K to the basis and to
-        each other. They represent the contribution of all discarded modes at low frequency
+        Independent shapes, s ≤ c. They are zero on the interface, and K-orthogonal to the basis and to each
+        other. They represent the contribution of all discarded modes at low frequency
         (residual flexibility: R. H. MacNeal, Computers & Structures 1 (1971) 581).
     """
     inner = np.setdiff1d(np.arange(len(K)), interface)
@@ -122,7 +123,7 @@ def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, load
     responses = responses[:, responses.any(axis=0)]
     root = np.linalg.cholesky(stiffness).T
     responses = responses / np.linalg.norm(root @ responses, axis=0)
-    # ΦᵀK Φ is diagonal; the second pass removes the round-off of the first.
+    # ΦᵀK Φ is diagonal. The second pass removes the round-off of the first pass.
     squares = np.einsum("ij,ij->j", modes, stiffness @ modes)
     for _ in range(2):
         responses = responses - (modes / squares) @ (modes.T @ stiffness @ responses)
@@ -139,12 +140,14 @@ def _projected(A: Array, basis: Array) -> Array:
 
 
 _PIVOT = 1e-12
-"""Fraction of the diagonal of K below which a pivot of its factorisation counts as round-off. Measured: up to
-5e-15 for free chains of 8 to 500 masses, 7e-3 or more for links of up to 100 elements with fixed ends."""
+"""Pivot in the factorisation of K, relative to the diagonal entry, below which it counts as round-off.
+Measured: up to 5e-15 for free chains of 8 to 500 masses, 7e-3 or more for links of up to 100 elements with
+fixed ends."""
 
 
 def _flexible(K: Array, inner: Array, loads: Array) -> Array:
-    """Static response K_ii⁻¹ f to loads f (i, c). Raises MatricesError if K_ii is not positive definite."""
+    """Static responses K_ii⁻¹ f to c loads f (i, c). Raises MatricesError if K_ii is not positive
+    definite."""
     from scipy.linalg import cho_factor, cho_solve
 
     stiffness = K[np.ix_(inner, inner)]
@@ -162,11 +165,11 @@ def _flexible(K: Array, inner: Array, loads: Array) -> Array:
 
 
 def _lowest(M: Array, K: Array, modes: int) -> tuple[Array, Array]:
-    """Squared frequencies ω² of the lowest modes and of the next one, and the shapes of the lowest modes with
-    ΦᵀMΦ = I.
+    """Return the squared frequencies ω² of the lowest modes and of the next mode, and the shapes of the
+    lowest modes with ΦᵀMΦ = I.
 
-    1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies remain accurate for any stiffness
-    of the highest modes.
+    The computed eigenvalues are 1/ω², those of the pencil M − (1/ω²) K. Low frequencies then remain accurate
+    for any stiffness of the highest modes.
     """
     from scipy.linalg import eigh
 

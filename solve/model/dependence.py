@@ -26,9 +26,10 @@ the processor's cache."""
 
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """Structurally nonzero derivatives of a generated function, with their rows and columns, row by row.
+    """Derivatives of a generated function that are structurally nonzero, row by row, with their rows and
+    columns.
 
-    function: CasADi function of the inputs and the parameters (p,) that returns the derivatives in a column.
+    function: CasADi function of the inputs and the parameters (p,). It returns the derivatives as one column.
     """
 
     shape: tuple[int, int]
@@ -45,7 +46,7 @@ class _Slopes:
         return Sampler(self.function, shared=1)
 
     def values(self, compiled: Columns | None, p: Array, inputs: Sequence[Array]) -> Array:
-        """Derivatives (len(rows), k) for inputs (k, …) or (k,)."""
+        """Derivatives (len(rows), k) for inputs of shape (k, …) or (k,)."""
         if not len(self.rows):
             return np.zeros((0, len(inputs[0])))
         values = self._compiled(compiled, p, inputs)
@@ -67,7 +68,8 @@ class _Slopes:
         return dense.reshape(*self.shape, -1)
 
     def weighted(self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array) -> Array:
-        """Sums (columns, c) of the derivatives over k and the rows, with weights (k, rows, c)."""
+        """Sums (columns, c) of the derivatives over the k evaluations and over the rows, with weights (k,
+        rows, c)."""
         sums = np.zeros((self.shape[1], weights.shape[2]))
         compiled_sums = self._compiled(compiled, p, inputs, weights) if len(self.rows) else None
         if compiled_sums is not None:
@@ -83,11 +85,13 @@ class _Slopes:
 
 
 class GeneratedSlopes:
-    """Derivatives of the generated functions by automatic differentiation in CasADi (J. A. E. Andersson et
-    al., Math. Program. Comput. 11 (2019) 1-36), for any parameter values.
+    """Derivatives of the generated functions for any parameter values.
 
-    Functions are built at their first use. nonlinear: whether the nonlinear equations are differentiated, or
-    the equations linearised about the fundamental motion.
+    They are computed by automatic differentiation in CasADi (J. A. E. Andersson et al., Math. Program.
+    Comput. 11 (2019) 1-36).
+
+    Functions are built at their first use. nonlinear: whether the nonlinear equations are differentiated. If
+    not, the equations are those linearised about the fundamental motion.
     """
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):
@@ -119,7 +123,7 @@ class GeneratedSlopes:
     @symbolic
     def matrices(self) -> _Slopes:
         """Derivatives of a weighted sum of the matrix entries with respect to θ and to the states. The
-        weights are an input."""
+        weights are an input of the function."""
         import casadi
 
         n, states = self._n, self._symbols[2:5]
@@ -137,13 +141,14 @@ class GeneratedSlopes:
         return self._slopes(values[names.index(name)], [a, v, q])
 
     def _slopes(self, value: Any, states: Sequence[Any], *further: Any) -> _Slopes:
-        """Derivatives of a symbolic column with respect to θ, then with respect to the states."""
+        """Derivatives of a symbolic column with respect to θ and, in further columns, with respect to the
+        states."""
         import casadi
 
         *inputs, p = self._symbols
         order = list(self._setup.case.parameters)
         chosen = [inputs[1] if name == SPEED else p[order.index(name)] for name in self.names]
-        # CasADi stores by columns; the transpose yields rows.
+        # CasADi stores matrices by columns; the transpose yields the entries by rows.
         by_rows = casadi.jacobian(value, casadi.vertcat(*chosen, *states)).T
         columns, rows = (np.array(index, dtype=int) for index in by_rows.sparsity().get_triplet())
         nonzeros = casadi.cse(casadi.vertcat(*by_rows.nonzeros())) if len(rows) else by_rows
@@ -164,8 +169,11 @@ class GeneratedDependence:
         names: Sequence[str],
         compiled: Columns | None = None,
     ):
-        """names: names of the quantities θ; the slopes must contain all of them. compiled: evaluation by
-        compiled code, if available."""
+        """Store the derivatives for the quantities θ.
+
+        names: names of θ; `slopes` must contain all of them. compiled: evaluation by compiled code, if
+        available.
+        """
         self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
         self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
@@ -209,15 +217,15 @@ class GeneratedDependence:
         return [phase, np.full(len(phase), speed), *_by_order(states)]
 
     def _partial(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
-        """Derivatives of one quantity at phases (k,): with respect to θ (k, r), and with respect to the
-        states (k, 3, n)."""
+        """Return the derivatives of one quantity at phases (k,): with respect to θ as (k, r), and with
+        respect to the states as (k, 3, n)."""
         (dense,), count = slopes.dense(values), len(self._slopes.names)
         return dense[self._chosen].T, dense[count:].T.reshape(-1, 3, self._n)
 
 
 class DampedDependence(GeneratedDependence):
-    """Derivatives of generated equations with modal damping C(φ) q̇, by finite differences of C; see
-    `Dependence`."""
+    """Derivatives of generated equations with the modal damping forces C(φ) q̇; see `Dependence`. C is
+    differentiated by finite differences."""
 
     def __init__(
         self,
@@ -228,8 +236,11 @@ class DampedDependence(GeneratedDependence):
         compiled: Columns | None,
         damping: Callable[[Mapping[str, float], Array], Array],
     ):
-        """damping: function of changed parameters and of phases (k,). It returns C (k, n, n), for derivatives
-        with respect to time."""
+        """Store the derivatives and the damping.
+
+        damping: function of changed parameters and of phases (k,). It returns C (k, n, n) for derivatives of
+        q with respect to time.
+        """
         super().__init__(slopes, setup, n, names, compiled)
         self._damping, self._varied = cache(partial(_damping_slopes, damping, setup, tuple(names))), names
 
@@ -248,7 +259,7 @@ class DampedDependence(GeneratedDependence):
         return np.einsum("kijr,kj->kir", self._slopes_of_damping(phase, speed), states[:, 1])
 
     def _slopes_of_damping(self, phase: Array, speed: float) -> Array:
-        """Derivatives (k, n, n, r) of ΩC with respect to the varied quantities."""
+        """Derivatives (k, n, n, r) of ΩC with respect to the quantities θ."""
         by_time = np.array([1.0 if name == SPEED else speed for name in self._varied])
         return by_time * self._damping(phase.tobytes())
 
@@ -256,8 +267,8 @@ class DampedDependence(GeneratedDependence):
 def _damping_slopes(
     damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
 ) -> Array:
-    """Derivatives (k, n, n, r) of the damping matrix C with respect to parameters. The column of the speed
-    contains C itself."""
+    """Derivatives (k, n, n, r) of C with respect to parameters, by finite differences. In place of the
+    derivative with respect to the speed, the result contains C."""
     phase = np.frombuffer(phases)
     columns = [
         damping({}, phase)
@@ -269,13 +280,13 @@ def _damping_slopes(
 
 
 def _in_chunks(*arrays: Array) -> Iterator[tuple[Array, ...]]:
-    """Yield chunks of rows of arrays (k, …)."""
+    """Yield consecutive chunks of the rows of arrays (k, …)."""
     starts = range(_CHUNK, len(arrays[0]), _CHUNK)
     return zip(*(np.split(array, starts) for array in arrays), strict=True)
 
 
 def _by_order(states: Array) -> tuple[Array, Array, Array]:
-    """Split states into q″, q′ and q (k, n)."""
+    """Split states into q″, q′ and q, each (k, n)."""
     a, v, q = (states[:, order] for order in range(3))
     return a, v, q
 
@@ -295,7 +306,7 @@ class AssembledDependence:
 
     @property
     def less_accurate(self) -> "AssembledDependence":
-        """Derivatives computed without the smallest step of the finite differences."""
+        """The same derivatives, but without the smallest step of the finite differences."""
         coarser = AssembledDependence(self._system, self._names)
         coarser._less, coarser._interpolants = 1, self._interpolants
         return coarser
@@ -326,7 +337,7 @@ class AssembledDependence:
         return np.stack([column(at) for at in range(len(self._names))], axis=-1)
 
     def _entries(self, phase: Array, speed: float) -> Array:
-        """Derivatives (k, 3n² + n, r) of Ω²M, ΩC, K by rows and of d. The last result is cached."""
+        """Derivatives (k, 3n² + n, r) of Ω²M, ΩC and K in row order, and of d. The last result is cached."""
         key = phase.tobytes(), speed
         if key not in self._cache:
             columns = [
@@ -337,9 +348,11 @@ class AssembledDependence:
         return self._cache[key]
 
     def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
-        """Functions of phases (k,) that return the derivatives of Ω²M, ΩC, K by rows and of d, each with a
-        less accurate one for error estimates. All grids use these interpolants, because assembling a varied
-        system takes longer than sampling it."""
+        """Interpolants over the phase of the derivatives of Ω²M, ΩC and K in row order, and of d.
+
+        Each is paired with a less accurate one for error estimates. All grids use the interpolants, because a
+        varied system takes longer to assemble than to sample.
+        """
         if (name, speed) not in self._interpolants:
             n, moved = self._system.n, cache(self._moved(name, speed))
 
@@ -365,8 +378,8 @@ class AssembledDependence:
     def _slope(
         self, name: str, speed: float, value: Callable[[PeriodicSystem, float, float], Array]
     ) -> Array:
-        """Derivative of a value with respect to the quantity with this name. value: function of a system and
-        a speed."""
+        """Derivative of `value` with respect to the quantity named `name`. value: function of a system, a
+        speed and a step."""
         at, moved = self._value(name, speed), self._moved(name, speed)
         return slopes(lambda number: value(*moved(number), number - at), at)[self._less]
 
@@ -374,8 +387,8 @@ class AssembledDependence:
         return speed if name == SPEED else self._system.labels.parameters[name]
 
     def _moved(self, name: str, speed: float) -> Callable[[float], tuple[PeriodicSystem, float]]:
-        """Function of a value of the named parameter, or of the speed, that returns the system and speed with
-        this value."""
+        """Function that returns the system and the speed for a value of the named parameter or of the
+        speed."""
         if name == SPEED:
             return lambda number: (self._system, number)
         return lambda number: (self._system.varied({name: number}), speed)

@@ -1,5 +1,5 @@
-"""Derivatives of the breaks and equations of a model with respect to its parameters, and their
-availability."""
+"""Derivatives of the breaks and equations of a model with respect to its parameters, and the conditions for
+their existence."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -25,21 +25,21 @@ from solve.model.setup import Setup
 from solve.system import PeriodicSystem
 
 _BREAK_STEP = 1e-2
-"""Largest relative change of a parameter in finite differences of the breaks. Chosen by judgement."""
+"""Largest relative change of a parameter in the finite differences of the breaks. Chosen by judgement."""
 
 _FEW = 2
-"""Number of parameters up to which derivatives of nonlinear equations have separate compiled code. Chosen by
-judgement: branches vary one or two parameters."""
+"""Number of parameters up to which the derivatives of nonlinear equations have compiled code of their own.
+Chosen by judgement: branches vary one or two parameters."""
 
 SlopesCache = dict[tuple[tuple[str, ...], bool], GeneratedSlopes]
 
 
 class ModelDerivatives:
-    """Derivatives of a model's linearised or nonlinear equations; see `ParameterDerivatives`.
+    """Derivatives of the linearised or nonlinear equations of a model; see `ParameterDerivatives`.
 
-    assembled: whether the matrices are assembled numerically, and hence differentiated by finite differences.
-    slopes: cache of the derivatives of generated functions, by names of parameters and by whether the
-    nonlinear equations are differentiated.
+    assembled: whether the matrices are assembled numerically and therefore differentiated by finite
+    differences. slopes: cache of the derivatives of generated functions. Its keys are the names of the
+    parameters, and whether the nonlinear equations are differentiated.
     """
 
     def __init__(self, system: PeriodicSystem, setup: Setup, assembled: bool, slopes: SlopesCache):
@@ -48,7 +48,7 @@ class ModelDerivatives:
         self._of_breaks: dict[str, Array | None] = {}
 
     def about_motion(self, periods: int) -> "ModelDerivatives":
-        """Derivatives of the nonlinear equations, over a number of periods of the model."""
+        """Derivatives of the nonlinear equations. The period is `periods` periods of the model."""
         derivatives = copy(self)
         derivatives._nonlinear, derivatives._periods = True, periods
         return derivatives
@@ -68,22 +68,26 @@ class ModelDerivatives:
         )
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Derivatives (b, r) of the phases of the breaks with respect to parameters or, for the name "speed",
-        the speed."""
+        """Derivatives of the phases of the breaks (b,), with respect to the named parameters or, for the name
+        "speed", to the speed."""
         zero = np.zeros(len(self._setup.breaks))
         columns = [None if name == SPEED else self._of_break(name) for name in names]
         slopes = np.array([zero if column is None else column for column in columns])
         return np.tile(slopes.reshape(len(names), -1).T, (self._periods, 1))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives with respect to the named parameters or, for the name "speed", the speed. compiled:
-        compiled evaluation of formulas, if available. Raises UnknownNameError, NoDerivativeError."""
+        """Derivatives with respect to the named parameters or, for the name "speed", to the speed.
+
+        compiled: evaluation of formulas by compiled code, if available. Raises UnknownNameError,
+        NoDerivativeError.
+        """
         self._require(names)
         damped = self._setup.ratios is not None
         if self._assembled and not damped:
             return AssembledDependence(self._system, names)
-        # With compiled code all parameters are included, so that one function serves any selection. Branches
-        # evaluate the derivatives with respect to one or two parameters many times.
+        # Compiled code includes all parameters, so that one function serves any selection. Nonlinear
+        # equations with one or two parameters are an exception, because branches evaluate their derivatives
+        # many times.
         few = compiled is None or (self._nonlinear and len(names) <= _FEW)
         included = tuple(names) if few else (*self.names, SPEED)
         slopes = self._slopes_by(included)
@@ -110,7 +114,7 @@ class ModelDerivatives:
                 )
 
     def _obstacle(self, name: str) -> str:
-        """Reason why there are no derivatives with respect to a parameter."""
+        """Reason why the derivatives with respect to a parameter do not exist."""
         if name in self._integers:
             return "is an integer"
         if self._of_break(name) is None:
@@ -130,14 +134,14 @@ class ModelDerivatives:
         return DampedSampler(setup.function("linearised"), setup.p, setup.ratios).damping(phase)
 
     def _has_smooth_breaks(self, name: str) -> bool:
-        """Whether the breaks, and the equations at the breaks, are differentiable with respect to a
+        """Whether the phases of the breaks, and the equations there, are differentiable with respect to a
         parameter."""
         slopes = self._of_break(name)
         return slopes is not None and not (self._assembled and slopes.any())
 
     def _of_break(self, name: str) -> Array | None:
-        """Derivatives (b,) of the phases of the breaks with respect to a parameter; None if breaks merge or
-        split."""
+        """Derivatives (b,) of the phases of the breaks with respect to a parameter; None if the breaks merge
+        or split."""
         if name not in self._of_breaks:
             self._of_breaks[name] = self._difference(name)
         return self._of_breaks[name]
@@ -159,7 +163,7 @@ class ModelDerivatives:
 
 
 def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
-    """New phases (b,) of the breaks (b,), each matched to the nearest of the moved breaks (c,). Raises
+    """New phases (b,) of the breaks: for each of `breaks` (b,), the nearest of `moved` (c,). Raises
     ValueOutOfBoundsError if breaks have merged or split."""
     ends = _distinct(moved, period)
     distances = (ends - breaks[:, None] + period / 2) % period - period / 2
@@ -172,6 +176,6 @@ def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
 
 
 def _distinct(breaks: Array, period: float) -> Array:
-    """Breaks that differ by more than round-off, modulo the period."""
+    """Breaks without repetitions. Breaks that coincide within round-off, modulo the period, appear once."""
     phases = np.sort(breaks % period)
     return phases[np.diff(phases, append=phases[:1] + period) > SAME_PHASE * period]

@@ -1,5 +1,5 @@
-"""Domain of phases, speeds and parameters in which the fundamental motion of a generated module is real and
-finite."""
+"""Conditions for a real and finite fundamental motion: the permitted phases, speeds and parameters of a
+generated module."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,37 +15,37 @@ if TYPE_CHECKING:
     import casadi
 
 _SAMPLES = 131
-"""Number of phases per period at which margins are sampled. Three samples bracket the minimum of a smooth
-margin between the phases, and bisection locates a change of sign. A prime number, which has no common factor
-with the harmonics of margins: 128 phases would sample harmonic 64 at only two values."""
+"""Number of phases per period at which margins are sampled. The minimum of a smooth margin between the phases
+is bracketed by three samples, and a change of sign is located by bisection. The number is prime and has no
+common factor with the harmonics of margins; 128 phases would sample harmonic 64 at only two values."""
 
 _SHIFT = 0.31
 """Shift of the sampled phases, as a fraction of their spacing. It avoids fractions of the revolution with
-small denominators, at which symmetric motions have extrema."""
+small denominators, where symmetric motions have extrema."""
 
 _ROUNDING = 1e-12
-"""Round-off of a margin relative to its largest value over the period. Sums of a few terms have relative
-errors of about 1e-16; the error of a minimum is the square of the error of its phase."""
+"""Round-off of a margin, relative to its largest value over the period. Sums of a few terms have relative
+errors of about 1e-16. The error of a minimum is proportional to the square of the error of its phase."""
 
 BISECTIONS = 40
-"""Number of bisections of the distance between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections
-need 1.44 times as many for the same reduction."""
+"""Number of bisections of the interval between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. For the same
+reduction, golden-section search needs 1.44 times as many steps."""
 
 _JUMP_SIZE = 1e-6
-"""Fraction of the largest margin; a change of sign between margins larger than this is a jump, not a zero. A
-choice."""
+"""Threshold for jumps, relative to the largest margin. A change of sign between margins with larger moduli is
+a jump, not a zero. Chosen by judgement."""
 
 _BATCH_PHASES = 2**16
-"""Number of phases of all points that are evaluated at once. Chosen by judgement."""
+"""Number of phases, over all points, that are evaluated in one call. Chosen by judgement."""
 
 _CACHE_SIZE = 8
-"""Number of cached results; a solution requires matrices of the same points on several grids."""
+"""Number of cached results. A solution requires the matrices of the same points on several grids."""
 
 _GOLDEN = (5**0.5 - 1) / 2
 
 
 class _Violations(NamedTuple):
-    """Violations of conditions: indices of points and of conditions, phases, and margins (f,)."""
+    """Violations of conditions (f,): index of the point, index of the condition, phase, and margin."""
 
     point: Array
     row: Array
@@ -54,8 +54,8 @@ class _Violations(NamedTuple):
 
 
 class Domain:
-    """Domain conditions of a generated module on phase, speed and parameters. The free parameters may differ
-    between points."""
+    """Conditions of a generated module on phase, speed and parameters. The free parameters may differ between
+    points."""
 
     def __init__(
         self,
@@ -64,8 +64,11 @@ class Domain:
         rows: Sequence[tuple[str, str, str, str]],
         period: float,
     ):
-        """function: generated function that returns the margins; sampler: evaluates it for phases, speeds and
-        free parameters; rows: selected conditions of DOMAIN."""
+        """Store the conditions.
+
+        function: generated function that returns the margins. sampler: evaluation of the function for phases,
+        speeds and free parameters. rows: selected conditions of DOMAIN.
+        """
         self._rows, self._sampler, self._period = rows, sampler, float(period)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"
@@ -75,11 +78,11 @@ class Domain:
 
     @property
     def by_speed(self) -> bool:
-        """Whether a condition depends on the speed."""
+        """Whether any condition depends on the speed."""
         return bool(self._by_speed.any())
 
     def holds(self, speeds: Array, values: Array) -> Array:
-        """Whether (P,) all conditions hold at speeds (P,) with the free parameters (P, v)."""
+        """Whether (P,) all conditions hold at each point, for speeds (P,) and free parameters (P, v)."""
         key = len(values), speeds.tobytes() if self.by_speed else b"", values.tobytes()
         if key not in self._cache:
             while len(self._cache) >= _CACHE_SIZE:
@@ -98,8 +101,8 @@ class Domain:
         return is_satisfied[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
-        """Raise DesiredMotionError if a condition fails at a speed (rad/s). Without a speed, only conditions
-        that are independent of the speed are tested. at: text of the speed for the message."""
+        """Raise DesiredMotionError if a condition is violated at a speed (rad/s). Without a speed, only
+        conditions that do not depend on the speed are tested. at: text of the speed for the message."""
         violations = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
             independent = ~self._by_speed[violations.row]
@@ -122,7 +125,7 @@ class Domain:
         return (np.arange(count) + _SHIFT) * (self._period / count)
 
     def _where(self, row: int, phase: Array, value: Array) -> str:
-        """Text that states the smallest failing margin and its phase."""
+        """Text for a violation: the smallest margin and its phase."""
         worst = int(np.argmax(np.isnan(value))) if np.isnan(value).any() else int(np.argmin(value))
         if len(self._phases) == 1:
             return f"{value[worst]:.4g} at every phase"
@@ -133,12 +136,12 @@ class Domain:
         return f"{value[worst]:.4g} at phase {phase[worst]:.4g}{share}"
 
     def _margins(self, phase: Array, speeds: Array, values: Array) -> Array:
-        """Margins (k, R) of the conditions at phases (k,), one phase per point."""
+        """Margins (k, R) of the R conditions at k points, each with its phase."""
         with np.errstate(all="ignore"):
             return self._sampler(phase, speeds, values)
 
     def _violations(self, speeds: Array, values: Array) -> _Violations:
-        """Violations at points (P,): at the sampled phases or, if there are none, at phases between the
+        """Violations at P points: at the sampled phases or, if there are none, at phases between the
         samples."""
         phase, P = self._phases, len(speeds)
         k = len(phase)
@@ -158,7 +161,7 @@ class Domain:
         return _Violations(*(np.concatenate(field) for field in zip(*violations, strict=True)))
 
     def _fails(self, margins: Array, allowed: Array) -> Array:
-        """Whether margins (…, R) violate their conditions."""
+        """Whether margins (…, R) violate the R conditions."""
         size = np.where(self._zero, np.abs(margins), margins)
         strict = self._zero | self._positive
         return ~np.isfinite(margins) | np.where(strict, size <= allowed, size < -allowed)
@@ -166,7 +169,7 @@ class Domain:
     def _crossings(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Violations:
-        """Zeros between samples of opposite sign, for margins that must not vanish."""
+        """Zeros between samples of opposite sign. They are violations for margins that must not vanish."""
         changes = (margins * np.roll(margins, -1, axis=1) < 0) & self._zero & ~failed
         point, at, row = np.nonzero(changes)
         step = self._period / margins.shape[1]
@@ -184,7 +187,7 @@ class Domain:
     def _minima(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Violations:
-        """Violations at minima between samples. Minima are searched for where the differences between
+        """Violations at minima between samples. A minimum is sought only if the differences between
         neighbouring samples permit a violation."""
         size = np.where(self._zero, np.abs(margins), margins)
         before, behind = np.roll(size, 1, axis=1), np.roll(size, -1, axis=1)
@@ -210,7 +213,7 @@ class Domain:
         return _Violations(point[fails], row[fails], middle[fails] % self._period, value[fails])
 
     def _at(self, phase: Array, point: Array, row: Array, speeds: Array, values: Array) -> Array:
-        """Margins (f,) of the given conditions at given phases and points."""
+        """Margins (f,) of the conditions `row` (f,) at the phases (f,) and points `point` (f,)."""
         if not len(phase):
             return np.zeros(0)
         return self._margins(phase, speeds[point], values[point])[np.arange(len(row)), row]

@@ -21,30 +21,31 @@ if TYPE_CHECKING:
     import casadi
 
 MAX_CACHED = 64
-"""Number of cached generated functions, which are reused when only parameter values change. Chosen by
-judgement: few models are used at a time."""
+"""Number of cached generated functions. They are reused if only parameter values change. Chosen by judgement:
+few models are used at a time."""
 
 _STATES = "q", "qd", "qdd"
 
 _SAMPLES, _MIN_SAMPLES = 8, 512
-"""Number of phases per step, and smallest total number, at which the switches are evaluated. Two events of a
-switch between neighbouring phases are not found, but reported as grazing. Chosen by judgement."""
+"""Number of phases per step, and smallest total number of phases, at which the switching functions are
+evaluated. Two events of one switch between neighbouring phases are not found; they are reported as grazing.
+Chosen by judgement."""
 
 _GRAZING = 1e-3
-"""Modulus of a switching function, relative to its range over the period, below which the motion grazes the
-switch. It is compared with the largest modulus between two events, or with that at an extremum. Chosen by
-judgement."""
+"""Threshold for grazing: modulus of a switching function, relative to its range over the period. It is
+compared with the largest modulus between two events or, without events, with the modulus at an extremum.
+Chosen by judgement."""
 
 _REST = 1e-13
-"""Range of a switching function, relative to its largest modulus, that counts as round-off: the function is
-then constant."""
+"""Range of a switching function, relative to its largest modulus, up to which the function counts as constant
+and its changes as round-off."""
 
 
 @lru_cache(MAX_CACHED)
 @symbolic
 def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function | None":
-    """Function of the inputs of a generated residual that returns its switching functions (s,); None without
-    switches."""
+    """Function that returns the s switching functions of a generated residual and has the same inputs; None
+    if there are no switches."""
     import casadi
 
     residual, names = module.residual(**dict(options)), operation_names()
@@ -73,7 +74,8 @@ def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casad
 
 
 class EventFinder:
-    """Switching functions of a model over the phase along a motion at a speed (rad/s). p (p,): parameters."""
+    """Switching functions of a model, evaluated along a motion at a speed (rad/s). p (p,): values of the
+    parameters."""
 
     def __init__(self, function: "casadi.Function", p: Array):
         self._function, self._sampler, self._p = function, Sampler(function, shared=1), p
@@ -103,9 +105,11 @@ class EventFinder:
         return Events(_ascending(phases, same), _ascending(grazing, same), tuple(map(tuple, sides.tolist())))
 
     def normals(self, motion: Motion, speed: float, phase: Array) -> Array:
-        """Derivatives (k, 2 + 2n + p) of switching functions at events (phases (k,)) of a motion, with
-        respect to the phase, q, q' = dq/dφ, the speed and the parameters. At each event, the function that
-        vanishes there is differentiated."""
+        """Derivatives (k, 2 + 2n + p) of switching functions at the events of a motion, with phases (k,).
+        They are with respect to the phase, q, q' = dq/dφ, the speed and the parameters.
+
+        At each event, the switching function that is zero there is differentiated.
+        """
         period, n = float(motion.nodes[-1]), len(motion(phase[:1]))
         ranges = np.ptp(
             self._values(motion, speed, np.arange(_MIN_SAMPLES) * (period / _MIN_SAMPLES)), axis=0
@@ -125,8 +129,8 @@ class EventFinder:
     @cached_property
     @symbolic
     def _gradient(self) -> Sampler:
-        """Derivatives of the switching functions with respect to the phase, q, q̇, the speed and the
-        parameters, in columns."""
+        """Derivatives of the switching functions, one column per quantity: the phase, q, q̇, the speed and
+        the parameters."""
         import casadi
 
         inputs = inputs_of(self._function)
@@ -137,7 +141,7 @@ class EventFinder:
 
     @staticmethod
     def _states(motion: Motion, speed: float, phase: Array) -> list[Array]:
-        """q, q̇ and q̈ (k, n)."""
+        """States q, q̇ and q̈ of the motion, each (k, n)."""
         return [(speed**order * motion(phase, order)).T for order in range(3)]
 
     def _values(self, motion: Motion, speed: float, phase: Array) -> Array:
@@ -148,7 +152,8 @@ class EventFinder:
     def _passed(
         self, motion: Motion, speed: float, phase: Array, values: Array, columns: Array
     ) -> list[Array]:
-        """Phases at which each of the selected switching functions changes sign."""
+        """Phases at which the switching functions change sign: one array for each of the selected
+        functions."""
         from scipy.optimize.elementwise import find_root
 
         above = values[:, columns] > 0
@@ -165,8 +170,8 @@ class EventFinder:
 
 
 def _grazed(phase: Array, values: Array, passed: Array) -> Array:
-    """Phases at which a switching function is near zero between two of its zeros, or at an extremum if it has
-    no zeros."""
+    """Phases at which a switching function is near zero between two of its zeros or, if it has no zeros, at
+    an extremum."""
     moduli, limit = np.abs(values[:-1]), _GRAZING * np.ptp(values)
     turns = (moduli <= np.roll(moduli, 1)) & (moduli < np.roll(moduli, -1)) & (moduli <= limit)
     same = (np.roll(values[:-1], 1) > 0) == (np.roll(values[:-1], -1) > 0)
@@ -179,6 +184,7 @@ def _grazed(phase: Array, values: Array, passed: Array) -> Array:
 
 
 def _ascending(groups: list[Array], same: float) -> tuple[float, ...]:
-    """All phases in ascending order. Phases that coincide within a tolerance appear once."""
+    """All phases in ascending order. Of phases that coincide within the tolerance `same`, only one is
+    returned."""
     phases = np.sort(np.concatenate(groups)) if groups else np.zeros(0)
     return tuple(phases[np.diff(phases, prepend=-np.inf) > same].tolist())

@@ -1,4 +1,4 @@
-"""Instruction lists of CasADi functions: C code for vector lanes, and bounds on the round-off."""
+"""Instructions of CasADi functions: conversion to C code for vector lanes, and bounds on round-off errors."""
 
 import math
 from collections.abc import Collection
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import casadi
 
 _MAX_INSTRUCTIONS = 5000
-"""Number of instructions above which formulas are not compiled, because compilation takes more time than it
+"""Number of instructions above which formulas are not compiled: compilation would take more time than it
 saves. Chosen by judgement."""
 
 _UNARY = (
@@ -43,11 +43,11 @@ _TEXTS = {
     **{name.upper(): f"call_2({name}, {{0}}, {{1}})" for name in _BINARY},
     "CONSTPOW": "call_2(pow, {0}, {1})",
 }
-"""C expressions by CasADi's name of the operation."""
+"""Mapping from CasADi's names of operations to C expressions."""
 
 
 def c_text(function: "casadi.Function") -> str | None:
-    """C code `void formulas(const lane *const *in, lane *out)` for a function with one output; `lane` is a
+    """C code of a function with one output: `void formulas(const lane *const *in, lane *out)`. `lane` is a
     vector of doubles.
 
     Returns None for functions with unsupported operations, or with too many operations.
@@ -81,22 +81,23 @@ def c_text(function: "casadi.Function") -> str | None:
 
 
 def operation_names() -> dict[int, str]:
-    """Names of CasADi's operations by their codes."""
+    """Mapping from CasADi's codes of operations to their names."""
     import casadi
 
     return {getattr(casadi, name): name[3:] for name in dir(casadi) if name.startswith("OP_")}
 
 
 _EXACT_OPERATIONS = ("ASSIGN", "NEG", "TWICE", "FABS")
-"""Operations with an exact result, by CasADi's names."""
+"""CasADi's names of operations with an exact result."""
 
 
 def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -> "casadi.Function":
-    """First-order bound on the round-off of a scalar (SX) function by running error analysis (N. J. Higham,
-    Accuracy and Stability of Numerical Algorithms, 2nd ed., 3.3).
+    """First-order bound on the round-off of a function, as a function of the same inputs (SX, scalar
+    operations).
 
-    Returns a function of the same inputs: Σ |∂f/∂z| |z|, in units of the machine precision, over the results
-    z of its operations, its constants, and the inputs named in `rounded`; other inputs are exact.
+    It is computed by running error analysis (N. J. Higham, Accuracy and Stability of Numerical Algorithms,
+    2nd ed., 3.3): Σ |∂f/∂z| |z| in units of the machine precision. The sum is over the results z of
+    operations, the constants, and the inputs named in `rounded`. Other inputs are exact.
     """
     import casadi
 
@@ -113,7 +114,7 @@ def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -
             results[rows[to[1]]] = registers[at[0]][1]
         elif operation == "CONST":
             constant = casadi.SX(function.instruction_constant(k))
-            # Integers are exact; other constants, such as π, are rounded.
+            # Integers are exact; other constants, such as π, have a round-off error.
             exact = function.instruction_constant(k).is_integer()
             registers[to[0]] = constant, 0 if exact else casadi.fabs(constant)
         elif operation == "INPUT":
@@ -131,7 +132,8 @@ def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -
 
 
 def _with_derivatives(code: int, count: int) -> "casadi.Function":
-    """Result of a CasADi operation and its derivatives with respect to its arguments."""
+    """Function that returns the result of a CasADi operation and its derivatives with respect to its
+    arguments."""
     import casadi
 
     arguments = [symbol(f"x{k}") for k in range(count)]

@@ -1,5 +1,5 @@
-"""Files of models, and generated modules. They are located by path and executed once, never imported by
-name."""
+"""Files of models, and generated modules. Modules are located by path and executed once; they are not
+imported."""
 
 import hashlib
 import re
@@ -24,12 +24,12 @@ _NAMES_OF_KIND = {
     STRUCTURE: ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties"),
     EQUATIONS: ("linearised", "outputs"),
 }
-"""Additional names in the modules of each kind: links, from which matrices are assembled, or functions that
-return the matrices."""
+"""Mapping from the kind of a module to the names that modules of this kind define in addition: data of the
+links from which matrices are assembled, or functions that return the matrices."""
 
 
 class Files(NamedTuple):
-    """Files of a model: generated module, case file (optional) and mechanism."""
+    """Paths of the files of a model: generated module, case file (which need not exist) and mechanism."""
 
     generated: Path
     cases: Path
@@ -42,8 +42,9 @@ def model_names() -> list[str]:
 
 
 def model_files(model: str) -> Files:
-    """Files of a model, given by name or by the path of a mechanism file. Raises UnknownNameError, and
-    ModelFileError if the mechanism or its code is missing, or if the code is out of date."""
+    """Paths of the files of a model, which is given by its name or by the path of its mechanism file. Raises
+    UnknownNameError; raises ModelFileError if the mechanism or its code is missing, or if the code is out of
+    date."""
     files = _located(model)
     if not files.generated.is_file():
         raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
@@ -77,7 +78,7 @@ def _located(model: str) -> Files:
 
 
 def model_module(path: Path) -> ModuleType:
-    """Generated module of a model. Raises ModelFileError if the file is not a generated module, or was
+    """Generated module of a model. Raises ModelFileError if the file is not a generated module or has been
     edited."""
     module = _execute_file(path.resolve(), path.stat().st_mtime_ns)
     missing = min((_missing(module, (*_COMMON_NAMES, *names)) for names in _NAMES_OF_KIND.values()), key=len)
@@ -89,7 +90,7 @@ def model_module(path: Path) -> ModuleType:
 
 
 def kind_of(module: ModuleType) -> str:
-    """Kind of a generated module (EQUATIONS or STRUCTURE), determined by the names that it defines."""
+    """Kind of a generated module, EQUATIONS or STRUCTURE, according to the names that the module defines."""
     return next(kind for kind, names in _NAMES_OF_KIND.items() if not _missing(module, names))
 
 
@@ -98,7 +99,7 @@ def _missing(module: ModuleType, names: Sequence[str]) -> list[str]:
 
 
 def sha256(text: str) -> str:
-    """Hash of a text with LF line endings, as recorded by derive."""
+    """SHA-256 of a text with LF line endings, as recorded by `derive`."""
     return hashlib.sha256(text.replace("\r\n", "\n").encode()).hexdigest()
 
 
@@ -111,7 +112,7 @@ def beam_elements() -> ModuleType:
 
 
 def _verified(text: str, path: str) -> str:
-    """Text of generated code after a check of its hash. The hash covers all other lines. Raises
+    """Check the hash of generated code, which covers all other lines, and return the text. Raises
     ModelFileError if the hash is missing or wrong."""
     text = text.replace("\r\n", "\n")
     hashes = re.findall(_HASH_LINE, text, flags=re.MULTILINE)
@@ -123,7 +124,8 @@ def _verified(text: str, path: str) -> str:
 
 
 def module_of(code: str) -> ModuleType:
-    """Module from generated code in memory, which becomes its attribute CODE. Raises ModelFileError."""
+    """Execute generated code in memory as a module. The code becomes the attribute CODE of the module. Raises
+    ModelFileError."""
     module = _execute(_verified(code, "<derived>"), "<derived>")
     module.__dict__["CODE"] = code
     return module

@@ -16,17 +16,19 @@ if TYPE_CHECKING:
     import casadi
 
 _MAX_STEPS, _MIN_STEPS = 2**22, 2**12
-"""Maximum number of integrator steps per period, and smallest permitted maximum between two states.
-Chosen by judgement."""
+"""Largest number of integrator steps per period, and smallest permitted limit on the number of steps between
+two states. Chosen by judgement."""
 
 _NO_WARNINGS = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
 
 class ModelIntegrator:
-    """Time integration of r(φ, Ω, Ω̇, q, q̇, q̈) = 0 over periods by CVODES (A. C. Hindmarsh et al., ACM
-    Trans. Math. Softw. 31 (2005) 363-396) through CasADi, with `count` equidistant states per period.
+    """Time integration of r(φ, Ω, Ω̇, q, q̇, q̈) = 0 over periods, with `count` equidistant states per
+    period.
 
-    residual: generated `residual_varying`. sizes (n,): scales of the coordinates, to which rtol is relative.
+    The integrator is CVODES (A. C. Hindmarsh et al., ACM Trans. Math. Softw. 31 (2005) 363-396), called
+    through CasADi. residual: generated `residual_varying`. sizes (n,): scales of the coordinates; rtol is
+    relative to them.
     """
 
     @symbolic
@@ -55,7 +57,7 @@ class ModelIntegrator:
         self._acceleration = casadi.Function("a", [s, first, last, offset, x], [rate[n:] * scale])
         grid = np.linspace(0.0, period, count + 1)
         most = max(_MAX_STEPS // count, _MIN_STEPS)
-        # At rest, longer steps would skip a load that begins later in the period.
+        # From rest, longer steps would skip a load that begins later in the period.
         options = {
             "reltol": rtol,
             "abstol": rtol,
@@ -89,8 +91,8 @@ class ModelIntegrator:
 def damped_residual(
     residual: "casadi.Function", damping: Callable[[Array], Array], period: float
 ) -> "casadi.Function":
-    """Generated `residual` plus C(φ) q̇, with a trigonometric interpolant of C. Raises TransientError if C is
-    not smooth."""
+    """Add C(φ) q̇ to a generated `residual`, with a trigonometric interpolant of C. Raises TransientError if
+    C is not smooth."""
     import casadi
 
     curve = interpolated(damping, period)

@@ -29,14 +29,16 @@ class ModelPoints:
 
     @cached_property
     def formulas(self) -> Formulas | None:
-        """C code of M, C, K by rows and d, for derivatives with respect to time. Its inputs are phase, speed
-        and all parameters, including the varied ones. None if no C code is available."""
+        """C code of M, C and K in row order, and of d, for derivatives with respect to time; None if no C
+        code is available. The inputs are phase, speed and all parameters, including the varied ones."""
         return self._setup.formulas("linearised", self._names)
 
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
-        """Entries (P, k, 3n² + n) of Ω²M, ΩC, K by rows and d at phases (k,). They are NaN at points where
-        parameters or motion are not permitted. by_time: values of the formulas, if already computed; the
-        array may be overwritten."""
+        """Entries (P, k, 3n² + n) of Ω²M, ΩC and K in row order, and of d, at phases (k,).
+
+        They are NaN at points where the parameters or the motion are not permitted. by_time: values of the
+        formulas, if already computed; this array may be overwritten.
+        """
         P, k, n = len(speeds), len(phase), self._n
         phases, parameters = np.tile(phase, P), np.repeat(values, k, axis=0)
         if by_time is None:
@@ -58,7 +60,7 @@ class ModelPoints:
         )
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
-        """Phases of jumps of the matrices, for each point; None at points where parameters are not
+        """Phases of the jumps of the matrices for each point; None for points at which the parameters are not
         permitted."""
         p = np.tile(self._setup.p, (len(values), 1))
         order = list(self._setup.case.parameters)
@@ -70,7 +72,8 @@ class ModelPoints:
         return breaks
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        """Outputs (P, o, k) at phases (P, k) and states (P, n, k). Derivatives are with respect to time."""
+        """Outputs (P, o, k) at phases (P, k), for states q, qd, qdd (P, n, k). Derivatives are with respect
+        to time."""
         P, n, k = q.shape
         states = (np.swapaxes(state, 1, 2).reshape(P * k, n) for state in (q, qd, qdd))
         outputs = self._outputs(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
@@ -97,7 +100,7 @@ class ModelPoints:
         return self._setup.sampler("conditions", self._names)
 
     def _admitted(self, values: Array) -> Array:
-        """Whether (P,) parameter values (P, v) satisfy bounds and conditions."""
+        """Whether (P,) the parameter values (P, v) of each point satisfy bounds and conditions."""
         admitted = np.asarray(np.isfinite(values).all(axis=1))
         bounds = {name: bound for name, _, _, bound in self._setup.module.PARAMETERS}
         for name, column in zip(self._names, values.T, strict=True):
@@ -108,7 +111,7 @@ class ModelPoints:
         return admitted
 
     def _conditions_hold(self, values: Array) -> Array:
-        """Whether (P,) the conditions hold over the whole period."""
+        """Whether (P,) the conditions hold over the whole period, for each point."""
         phase = self._setup.condition_phases
         unique, group = np.unique(values, axis=0, return_inverse=True)
         hold = np.zeros(len(unique), dtype=bool)

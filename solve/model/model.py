@@ -97,9 +97,9 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         Parameters
         ----------
         parameters : mapping, optional
-            New values by name, in the units of the model.
+            Mapping from names to new values in the units of the model.
         options : mapping, optional
-            New options by name.
+            Mapping from names of options to new values.
 
         Returns
         -------
@@ -117,7 +117,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Parameters of the case, with changes, in the units declared by the model."""
+        """Values of the parameters in the units declared by the model: those of the case, or changed
+        values."""
         return self.labels.parameters
 
     @property
@@ -143,7 +144,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     def entries(self, phase: Array, speed: float) -> Array | None:
         over = self.entries_over(phase, np.array([speed]))
-        # If None is returned, the caller evaluates the matrices, which raises the error.
+        # If None is returned, the caller evaluates the matrices; this raises the error.
         return over[0] if over is not None and np.isfinite(over).all() else None
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
@@ -169,8 +170,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def _check(self, speed: float) -> None:
-        """Check everything that is checked for any system; also that the fundamental motion exists, that
-        generated matrices jump only at breaks, and that M is positive definite. Raises DesiredMotionError,
+        """Check what is checked for any system; also that the fundamental motion exists, that generated
+        matrices jump only at breaks, and that M is positive definite. Raises DesiredMotionError,
         MatricesError."""
         require_desired_motion(shown_in(self, speed), np.array([speed]))
         if not self._valid_at_all_speeds:
@@ -184,16 +185,16 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return self.sampler is not None and valid_at_all_speeds(self, self.sampler)
 
     def field(self, name: str, position: Array | float) -> Array:
-        """Mode functions of a declared deflection field.
+        """Evaluate the mode functions of a declared deflection field.
 
-        Multiplied by the coordinates, they give the deflection: `model.field("w", [0.25, 0.5]) @ orbit.q`.
+        The product with the coordinates is the deflection: `model.field("w", [0.25, 0.5]) @ orbit.q`.
 
         Parameters
         ----------
         name : str
             Name of the field.
         position : (k,) array or float
-            Fractions of the length of the link, 0 to 1.
+            Positions on the link as fractions of its length, 0 to 1.
 
         Returns
         -------
@@ -223,7 +224,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @property
     def labels_along(self) -> Labels:
-        """Labels of the model linearised about a motion: without the terms that the linearisation about the
+        """Labels of the model linearised about a motion. They omit the terms that the linearisation about the
         fundamental motion neglects."""
         known, labels = self._labels_along.get(self.labels.speed_unit, (None, self.labels))
         if known is not self.labels:
@@ -254,8 +255,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @property
     def assembled(self) -> bool:
-        """Whether the matrices are assembled numerically, as for modal damping, which requires
-        eigenvalues."""
+        """Whether the matrices are assembled numerically. This is also the case for modal damping, which
+        requires eigenvalues."""
         return self.setup.ratios is not None
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
@@ -271,16 +272,16 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     def varying_about(self, phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
         """Matrices of `varying`, linearised about states q and q̇ (m, n) with zero accelerations. At these
-        states, the linearised equations equal the nonlinear ones."""
+        states, the linearised and the nonlinear equations are equal."""
         entries = self._varying(phase, speed, np.full(len(phase), acceleration), q, qd, np.zeros_like(q))
         return self.with_damping(phase, entries)
 
     def with_damping(self, phase: Array, entries: Array) -> Matrices:
-        """Matrices M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping added
-        to C.
+        """Matrices M, C, K and d from entries (k, 3n² + n) in row order at phases (k,), with modal damping
+        added to C.
 
-        For matrices about a motion, modal damping does not change d, because it cancels between C q̇ and the
-        residual.
+        In a linearisation about a motion, modal damping does not change d, because C q̇ then also appears in
+        the residual.
         """
         M, C, K, d = split_entries(entries, self.n)
         if isinstance(self.sampler, DampedSampler):
@@ -293,18 +294,18 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @cached_property
     def tangent(self) -> Sampler:
-        """Sampler of M, C, K by rows and d of the system linearised by `along`. Inputs are phases, speeds and
-        states q, qd, qdd (k, n)."""
+        """Sampler of M, C and K in row order, and of d, of the system linearised by `along`. Inputs are
+        phases (k,), speeds (k,) and states q, qd, qdd (k, n)."""
         return Sampler(tangent(self.setup.function("residual"), self.setup.p))
 
     @cached_property
     def tangent_entries(self) -> Array:
-        """Indices of the entries of `tangent` that do not vanish identically, ascending."""
+        """Indices, in ascending order, of the entries of `tangent` that are not identically zero."""
         return nonzero_rows(tangent(self.setup.function("residual"), self.setup.p))
 
     @cached_property
     def tangent_formulas(self) -> Formulas | None:
-        """C code of the function of `tangent`; None if unavailable."""
+        """C code of the function of `tangent`; None if C code is not available."""
         return self.setup.formulas("residual", (), tangent)
 
     def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
@@ -313,7 +314,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @cached_property
     def _input_entries(self) -> Sampler:
-        """Input matrix B by rows at phases and speeds (k,), without free parameters."""
+        """Sampler of the input matrix B in row order at phases and speeds (k,), without free parameters."""
         return Sampler(folded(self.setup.function("inputs"), self.setup.p), shared=1)
 
     @property
@@ -328,11 +329,11 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
 
 of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration)
-"""Decorator of public functions of a vibrating model."""
+"""Decorator for public functions of a model that can vibrate."""
 
 
 class LinearisedModel(Model):
-    """Model linearised about a motion, returned by `PeriodicSystem.along`.
+    """Model linearised about a motion, as returned by `PeriodicSystem.along`.
 
     The bounds of validity and the neglected terms of the linearisation about the fundamental motion do not
     apply.
@@ -358,7 +359,7 @@ class LinearisedModel(Model):
         return super().capabilities._replace(linearisation=self)
 
     def meet(self, events: Events) -> None:
-        """Add the phases at which the motion passes switches to the breaks."""
+        """Add breaks at the phases at which the motion passes switches."""
         self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))
 
     def along_events(
@@ -370,7 +371,8 @@ class LinearisedModel(Model):
         return self.model.with_damping(phase, self._tangent(phase, speed).T)
 
     def _tangent(self, phase: Array, speed: float) -> Array:
-        """M, C, K by rows and d (3n² + n, k) at phases (k,), without modal damping."""
+        """Entries (3n² + n, k) of M, C and K in row order, and of d, at phases (k,), without modal
+        damping."""
         require_desired_motion(self.model, np.array([speed]))
         speeds, states = np.full(len(phase), speed), self._motion_states(phase, speed)
         formulas, entries = self.model.tangent_formulas if self._compiled else None, None
@@ -381,10 +383,10 @@ class LinearisedModel(Model):
         return entries
 
     def _motion_states(self, phase: Array, speed: float) -> list[Array]:
-        """States q, q̇ and q̈ (n, k) of the motion."""
+        """States q, q̇ and q̈ of the motion, each (n, k)."""
         states_of = getattr(self.motion, "states", None)
         if states_of and self.events.phases:
-            # Next to an event the two sides of a switch must be distinguished.
+            # Near an event, the two sides of a switch must be distinguished.
             states_of = partial(states_of, beside_nodes=True)
         states = states_of(phase) if states_of else [self.motion(phase, order) for order in range(3)]
         return [speed**order * state for order, state in enumerate(states)]
@@ -397,7 +399,7 @@ class LinearisedModel(Model):
         if self.model.assembled:
             return None
         entries = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
-        # If None is returned, the caller evaluates the matrices, which raises the error.
+        # If None is returned, the caller evaluates the matrices; this raises the error.
         return entries if np.isfinite(entries).all() else None
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array] | None:

@@ -1,4 +1,4 @@
-"""Natural frequencies and modes of M q̈ + K q = 0 at many positions simultaneously, and modal damping."""
+"""Natural frequencies and modes of M q̈ + K q = 0 at many positions in one call, and modal damping."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,40 +13,40 @@ if TYPE_CHECKING:
     import casadi
 
 _SHIFT = 1e-6
-"""Shift of ω² that is used if K is singular, relative to the mean ω². Chosen by judgement."""
+"""Shift of ω² for singular K, relative to the mean ω². Chosen by judgement."""
 
 _PIVOT = 1e-11
-"""Pivot of the factorisation of K, relative to its diagonal, below which it counts as round-off. Chosen by
-judgement."""
+"""Pivot in the factorisation of K, relative to the diagonal entry, below which it counts as round-off. Chosen
+by judgement."""
 
 _RIGID = 1e-13
-"""Size of ω², relative to the largest K_ii/M_ii, below which ω² counts as the round-off of a rigid-body mode.
-Chosen by judgement."""
+"""Value of ω², relative to the largest K_ii/M_ii, below which it counts as the round-off of a rigid-body
+mode. Chosen by judgement."""
 
 _ASYMMETRY = 1e-10
-"""Asymmetry, or modulus of a negative eigenvalue, of the scaled K that counts as round-off, relative to its
-largest entry. Chosen by judgement."""
+"""Asymmetry of the scaled K, or modulus of its negative eigenvalues, relative to its largest entry, up to
+which it counts as round-off. Chosen by judgement."""
 
 
 class Modes(NamedTuple):
-    """Ascending natural frequencies (m, k) in rad/s, and mode vectors (m, n, k) with ΦᵀMΦ = I."""
+    """Natural frequencies (m, k) in rad/s, ascending, and mode vectors (m, n, k) with ΦᵀMΦ = I."""
 
     frequencies: Array
     vectors: Array
 
 
 def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
-    """Lowest `count` frequencies (m, count) in rad/s in ascending order; see `modes`."""
+    """Lowest natural frequencies (m, count) in rad/s, in ascending order; see `modes`."""
     shift, _, pencil = _pencil(M, K)
     return _frequencies(np.linalg.eigvalsh(pencil), shift, roundoff_frequency(M, K))[:, :count]
 
 
 def modes(M: Array, K: Array) -> Modes:
-    """All modes of M and K (m, n, n); M positive definite, K positive semidefinite.
+    """All modes of M and K (m, n, n). M must be positive definite, K positive semidefinite.
 
-    1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies remain accurate for any stiffness
-    of the highest modes. The highest modes lose digits and are recomputed from the pencil K − ω² M in the
-    space of the modes above the geometric mean of the lowest and the highest frequency.
+    The computed eigenvalues are 1/ω², those of the pencil M − (1/ω²) K. Low frequencies then remain accurate
+    for any stiffness of the highest modes. The highest modes lose digits. They are recomputed from the pencil
+    K − ω² M in the space of the modes above the geometric mean of the lowest and the highest frequency.
     """
     shift, L, pencil = _pencil(M, K)
     values, vectors = np.linalg.eigh(pencil)
@@ -61,8 +61,8 @@ def modes(M: Array, K: Array) -> Modes:
 
 
 def _rayleigh_ritz(M: Array, K: Array, basis: Array) -> tuple[Array, Array]:
-    """Squared frequencies ω² (m, r), descending, and modes (m, n, r) of M and K in the span of a basis (m, n,
-    r), by the Rayleigh-Ritz method."""
+    """Squared frequencies ω² (m, r), descending, and modes (m, n, r) of M and K, computed by the
+    Rayleigh-Ritz method in the span of `basis` (m, n, r)."""
     mass, stiffness = (np.swapaxes(basis, 1, 2) @ matrix @ basis for matrix in (M, K))
     L = np.linalg.cholesky(mass)
     squares, vectors = np.linalg.eigh(_congruent(stiffness, L))
@@ -71,7 +71,7 @@ def _rayleigh_ritz(M: Array, K: Array, basis: Array) -> tuple[Array, Array]:
 
 
 def _pencil(M: Array, K: Array) -> tuple[Array, Array, Array]:
-    """Shift (m,), Cholesky factor L with LLᵀ = K + shift M, and L⁻¹ M L⁻ᵀ."""
+    """Return the shift (m,), the Cholesky factor L of K + shift M = LLᵀ, and L⁻¹ M L⁻ᵀ."""
     shift = _shifts(M, K)
     L = np.linalg.cholesky(K + shift[:, None, None] * M)
     return shift, L, _congruent(M, L)
@@ -83,8 +83,8 @@ def _congruent(matrix: Array, L: Array) -> Array:
 
 
 def roundoff_frequency(M: Array, K: Array) -> Array:
-    """Frequency (m,) below which computed frequencies are round-off, for M and K (m, n, n). It is 0 if K is
-    regular, since low frequencies are then accurate."""
+    """Frequency (m,) below which computed frequencies are round-off, for M and K (m, n, n). It is 0 for
+    regular K, because low frequencies are then accurate."""
     if M.shape[1] == 0:
         return np.zeros(len(M))
     rounding = np.sqrt(_RIGID * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
@@ -97,7 +97,8 @@ def _frequencies(values: Array, shift: Array, rest: Array) -> Array:
 
 
 def _shifts(M: Array, K: Array) -> Array:
-    """Shift of ω² (m,): zero if no K is singular within round-off, otherwise positive for all."""
+    """Shift of ω² (m,). It is zero for all positions unless some K is singular within round-off, and then
+    positive for all."""
     try:
         pivots = np.einsum("mii->mi", np.linalg.cholesky(K)) ** 2
         singular = (pivots < _PIVOT * np.einsum("mii->mi", K)).any()
@@ -110,8 +111,8 @@ def _shifts(M: Array, K: Array) -> Array:
 def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
     """Damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) for damping ratios ζ of the modes of M and K (m, n, n).
 
-    ratio: one value for all modes, or (…, k) by ascending frequency; the last value holds for all higher
-    modes.
+    ratio: one value for all modes, or k values (…, k) in order of ascending frequency. The last value holds
+    for all higher modes.
     """
     frequencies, vectors = modes(M, K)
     ratios = np.atleast_1d(ratio)
@@ -121,7 +122,7 @@ def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
 
 
 def has_modes(M: Array, K: Array) -> Array:
-    """Whether (m,) M and K (m, n, n) have modes: both are finite, and K is symmetric and positive
+    """Whether (m,) M and K (m, n, n) have real modes: both are finite, and K is symmetric and positive
     semidefinite within round-off."""
     unit = 1 / np.sqrt(np.einsum("mii->mi", M))
     with np.errstate(invalid="ignore"):
@@ -143,8 +144,8 @@ def beyond_critical(ratio: float) -> str:
 class DampedSampler(MatrixSampler):
     """Sampler of M, C, K, d of a generated `linearised` function, with modal damping.
 
-    ratios (k,): damping ratios of the modes of M and K at speed 0 at every phase. Raises MatricesError where
-    there are no modes.
+    ratios (k,): damping ratios of the modes of M and K, which are those at speed 0 and at the phase of the
+    sample. Raises MatricesError if there are no modes.
     """
 
     def __init__(self, linearised: "casadi.Function", parameters: Array, ratios: Array):
@@ -173,8 +174,8 @@ class DampedSampler(MatrixSampler):
 
 
 def damped(entries: Array, n: int, ratios: Array) -> Array:
-    """Modal damping matrices (m, n, n) for damping ratios (k,) or (m, k). M and K are taken from entries (m,
-    3n² + n) by rows. The result is NaN where there are no modes."""
+    """Modal damping matrices (m, n, n) for damping ratios (k,) or (m, k). `entries` (m, 3n² + n) contain M
+    and K in row order. The result is NaN if there are no modes."""
     M, _, K, _ = split_entries(entries, n)
     C, valid = np.full(M.shape, np.nan), has_modes(M, K)
     if valid.any():

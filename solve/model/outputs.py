@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class ModelOutputs(Outputs):
-    """Outputs of the model of a setup, as functions of phase, speed and state."""
+    """Outputs of a model as functions of phase, speed and state."""
 
     def __init__(self, setup: Setup):
         self._setup = setup

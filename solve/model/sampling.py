@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import casadi
 
 _CHUNK = 64
-"""Number of phases per evaluation. Chosen by judgement: large enough to make the cost of a call negligible,
-small enough for few phases, which take as long as a whole chunk."""
+"""Number of phases per evaluation. Chosen by judgement: large enough to make the overhead of a call
+negligible; small enough for few phases, because even these take as long as a whole chunk."""
 
 _MAX_DEGREE = 4
 """Maximum degree of polynomials in the speed. Chosen by judgement."""
@@ -27,9 +27,9 @@ _CACHE_BYTES = 2**24
 
 
 class Sampler:
-    """Evaluation of a CasADi function at many columns of inputs, in chunks, with NumPy arrays. Thread-safe.
+    """Evaluation of a CasADi function with NumPy arrays, for many columns of inputs, in chunks. Thread-safe.
 
-    shared: number of last inputs that are the same for all columns.
+    shared: number of inputs, at the end of the list of inputs, that are the same for all columns.
     """
 
     @symbolic
@@ -49,8 +49,8 @@ class Sampler:
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
     def __call__(self, *inputs: Array) -> Array:
-        """Values (k, rows) of the function. Inputs are (k, columns), (k,) for a single column, or (columns,)
-        if shared by all k evaluations."""
+        """Evaluate the function k times and return the values (k, rows). Inputs are (k, columns), or (k,) for
+        a single column, or (columns,) if they are shared by all evaluations."""
         count = len(inputs[0])
         columns = [x.reshape(count, -1) if x.size else x for x in inputs[: self._varying]]
         results = np.empty((count, self._result.shape[1]))
@@ -74,24 +74,22 @@ def symbol(name: str, size: int = 1) -> Any:
 
 
 def inputs_of(function: "casadi.Function", *without: str) -> dict[str, Any]:
-    """Symbols for the inputs of a generated function, by name. without: inputs to omit."""
+    """Mapping from the names of the inputs of a generated function to symbols. without: inputs to omit."""
     return {name: symbol(name, function.size1_in(name)) for name in function.name_in() if name not in without}
 
 
 def by_rows(matrices: Iterable[Any]) -> Any:
-    """Column of the entries of CasADi matrices, row by row."""
+    """Column of the entries of CasADi matrices in row order."""
     import casadi
 
-    # CasADi stores by columns; transposes yield rows.
+    # CasADi stores matrices by columns; transposes yield the entries by rows.
     return casadi.vertcat(*(casadi.vec(casadi.densify(matrix.T)) for matrix in matrices))
 
 
 @symbolic
 def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
-    """Generated function after substitution of its parameters. The free parameters become its last input.
-
-    Its outputs, each by rows, are concatenated.
-    """
+    """Substitute the parameters of a generated function, except those at the positions `free`, which become
+    its last input. The outputs are concatenated, each in row order."""
     import casadi
 
     inputs = inputs_of(function, "p").values()
@@ -104,11 +102,11 @@ def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] =
 
 @symbolic
 def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
-    """Linearisation of a generated residual: ∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and
-    d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r, concatenated.
+    """Linearise a generated residual r. The result contains ∂r/∂q̈, ∂r/∂q̇ and ∂r/∂q in row order, then d =
+    ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r.
 
-    Its inputs are the inputs of the residual, ending with q, qd and qdd, and the free parameters, if any.
-    Values of the other parameters are substituted.
+    The inputs are those of the residual, ending with q, qd and qdd, then the free parameters, if any. Values
+    of the other parameters are substituted.
     """
     import casadi
 
@@ -123,7 +121,7 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
 
 @symbolic
 def nonzero_rows(function: "casadi.Function") -> Array:
-    """Indices of the entries of the only output that do not vanish identically, ascending."""
+    """Indices, in ascending order, of the entries of the only output that are not identically zero."""
     (entries,) = function.call(list(inputs_of(function).values()), True, False)
     return np.array([k for k in range(entries.numel()) if not entries[k].is_zero()])
 
@@ -131,8 +129,8 @@ def nonzero_rows(function: "casadi.Function") -> Array:
 class MatrixSampler:
     """Sampler of M, C, K (m, n, n) and d (m, n) of a generated `linearised` function with fixed parameters.
 
-    If the entries are polynomials of the speed, as for most mechanisms, their coefficients are sampled once
-    per grid of phases and cached. The entries on this grid at any other speed are then a matrix product.
+    For most mechanisms, the entries are polynomials in the speed. The coefficients are then sampled once per
+    grid of phases and cached, and the entries on this grid at any speed are a matrix product.
     """
 
     @symbolic
@@ -155,7 +153,7 @@ class MatrixSampler:
         return split_entries(self.entries(phase, np.array([speed]))[0], self.n)
 
     def entries(self, phase: Array, speeds: Array) -> Array:
-        """Entries (P, m, 3n² + n) of M, C, K by rows and d at speeds (P,)."""
+        """Entries (P, m, 3n² + n) of M, C and K in row order, and of d, at speeds (P,)."""
         P, m, E = len(speeds), len(phase), 3 * self.n**2 + self.n
         if self._terms is None:
             return self._evaluate(np.tile(phase, P), np.repeat(speeds, m)).reshape(P, m, E)
@@ -169,14 +167,15 @@ class MatrixSampler:
         return entries
 
     def terms(self, phase: Array) -> tuple[Array, Array, Array] | None:
-        """Coefficients (m, R) of powers of the speed in Ω²M, ΩC, K and d, and for each coefficient its entry
-        (ascending) and its power (R,). None if the entries are not polynomials in the speed."""
+        """Return coefficients (m, R) of powers of the speed in Ω²M, ΩC, K and d. Also return the index of the
+        entry (R,), ascending, and the power (R,) of each coefficient. None if the entries are not polynomials
+        in the speed."""
         return None if self._terms is None else (self._table(phase), self._terms.entry, self._powers)
 
 
 class _SpeedTerms(NamedTuple):
-    """Coefficients `values` (R) of powers of the speed; `entry` (ascending) and `power` of each
-    coefficient."""
+    """Coefficients `values` (R,) of powers of the speed, with the index of the entry (ascending) and the
+    power of each coefficient."""
 
     values: "casadi.SX"
     entry: Array

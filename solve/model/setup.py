@@ -27,11 +27,11 @@ _CONDITION_PHASES = 720
 """Number of phases per period at which conditions on the parameters are checked. Chosen by judgement."""
 
 _SAMPLES = {"points": 1, "curve": 361, "beam": 33}
-"""Number of points drawn per declared element of a sketched line, for each kind of line."""
+"""Number of points per element of a sketched line, for each kind of line."""
 
 
 def samples_of(kind: str, fineness: float = 1.0) -> int:
-    """Number of points drawn per declared element of a line of this kind.
+    """Number of points that are drawn per element of a line of this kind.
 
     >>> samples_of("curve", 0.2), samples_of("points", 0.2)
     (73, 1)
@@ -41,8 +41,8 @@ def samples_of(kind: str, fineness: float = 1.0) -> int:
 
 @dataclass(frozen=True)
 class Setup:
-    """Setup of a model: generated module, case with a value in the declared unit for every parameter, and
-    values of all options."""
+    """Setup of a model: generated module, case and options. The case has a value, in the declared unit, for
+    every parameter; `options` has a value for every option."""
 
     module: ModuleType
     case: Case
@@ -50,8 +50,8 @@ class Setup:
 
     @classmethod
     def checked(cls, module: ModuleType, case: Case, options: Mapping[str, Any]) -> "Setup":
-        """Setup with default values of omitted options. Every parameter must have a value. Raises
-        UnknownNameError, ValueOutOfBoundsError and DesiredMotionError."""
+        """Setup with defaults for the options that are not in `options`. Every parameter must have a value.
+        Raises UnknownNameError, ValueOutOfBoundsError and DesiredMotionError."""
         case = replace(case, parameters=checked_parameters(module, case.parameters))
         setup = cls(module, case, checked_options(module, options))
         setup._require_conditions()
@@ -70,8 +70,8 @@ class Setup:
 
     @cached_property
     def ratios(self) -> Array | None:
-        """Damping ratios (k,) of the modes in order of frequency. The last ratio applies to all higher modes.
-        None if the mechanism states no ratios."""
+        """Damping ratios (k,) of the modes in order of frequency; None if the mechanism states no ratios. The
+        last ratio applies to all higher modes."""
         if not hasattr(self.module, "damping_ratios"):
             return None
         return self.function("damping_ratios")(self.p).full().ravel()
@@ -83,12 +83,12 @@ class Setup:
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Phases, ascending, at which the generated matrices have jumps or kinks. Raises
+        """Phases, in ascending order, at which the generated matrices have jumps or kinks. Raises
         ValueOutOfBoundsError."""
         return self.breaks_with(self.p)
 
     def breaks_with(self, p: Array) -> tuple[float, ...]:
-        """Breaks for other parameter values p, which are in the order of the generated functions."""
+        """Breaks for other values of the parameters, `p`, in the order of the generated functions."""
         phases = getattr(self.module, "BREAKS", ())
         if self.moves_breaks:
             try:
@@ -99,8 +99,8 @@ class Setup:
 
     @property
     def _module_options(self) -> dict[str, Any]:
-        """Options of the generated functions. Options of the elements of a structure affect only its assembly
-        and are excluded."""
+        """Options of the generated functions. For a structure, options of its elements are excluded, because
+        they affect only the assembly."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
     def function(self, name: str) -> "casadi.Function":
@@ -108,20 +108,20 @@ class Setup:
         return _function_of(self.module, tuple(self._module_options.items()), name)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
-        """Sampler of a generated function at many phases, with separate values of the free parameters at each
-        phase."""
+        """Sampler of the generated function `name` at many phases. The parameters named in `free` have
+        separate values at each phase."""
         order = list(self.case.parameters)
         return Sampler(folded(self.function(name), self.p, [order.index(parameter) for parameter in free]))
 
     @cached_property
     def residual_roundoff(self) -> Sampler:
-        """Bounds (k, n) on the round-off in the nonlinear residual, in units of the machine precision, at
-        phases, speeds and states q, qd, qdd (k, n), with parameters (p,)."""
+        """Sampler of bounds (k, n) on the round-off in the nonlinear residual, in units of the machine
+        precision. Inputs are phases, speeds, states q, qd, qdd (k, n), and the parameters (p,)."""
         return Sampler(_roundoff_of(self.module, tuple(self._module_options.items())), shared=1)
 
     @cached_property
     def event_finder(self) -> EventFinder | None:
-        """Finder of the events of switches that depend on the motion; None without such switches."""
+        """Finder of the events of switches that depend on the motion; None if there are no such switches."""
         function = switches(self.module, tuple(self._module_options.items()))
         return None if function is None else EventFinder(function, self.p)
 
@@ -131,8 +131,8 @@ class Setup:
         varied: Sequence[str],
         transform: "Callable[[casadi.Function, Array, Sequence[int]], casadi.Function]" = folded,
     ) -> Formulas | None:
-        """C code of a generated function after `transform`. Parameters with value 0 are substituted unless
-        they are in `varied`."""
+        """C code of the generated function `name` after `transform`. Parameters with value 0 are substituted,
+        except those in `varied`."""
         order = list(self.case.parameters)
         free = [k for k, parameter in enumerate(order) if self.p[k] != 0 or parameter in varied]
         options = tuple(self._module_options.items())
@@ -142,7 +142,8 @@ class Setup:
 
     @cached_property
     def domain(self) -> Domain | None:
-        """Domain conditions of the fundamental motion; None if it is real and finite everywhere."""
+        """Conditions for the existence of the fundamental motion; None if it is real and finite
+        everywhere."""
         return self.domain_with(())
 
     def exist(self, speeds: Array) -> Array:
@@ -153,7 +154,8 @@ class Setup:
         return domain.holds(speeds, np.zeros((len(speeds), 0)))
 
     def domain_with(self, free: Sequence[str]) -> Domain | None:
-        """Domain conditions with separate values of the free parameters at each point."""
+        """Conditions for the existence of the fundamental motion, with separate values of the parameters
+        `free` at each point."""
         rows = getattr(self.module, "DOMAIN", ())
         if not rows:
             return None
@@ -161,8 +163,8 @@ class Setup:
 
     @property
     def conditions(self) -> Sequence[tuple[str, str, Sequence[str]]]:
-        """Conditions on several parameters, such as lengths for which a linkage can rotate: the condition,
-        its meaning, and the parameters it contains."""
+        """Conditions on several parameters, for example lengths that allow a linkage to rotate. Each row
+        contains the condition, its meaning, and the parameters in it."""
         return getattr(self.module, "CONDITIONS", ())
 
     @cached_property
@@ -193,9 +195,12 @@ class Setup:
 def stated_lines(
     setup: Setup, phase: Array, speed: float, q: Array, fineness: float = 1.0
 ) -> dict[str, Plane]:
-    """Points x + iy (points, k) of the sketched lines by name, in coherent units, for q (n, k) at phases
-    (k,). fineness: fraction of the default number of points of curves. Raises ValueOutOfBoundsError for a
-    line without finite points."""
+    """Mapping from names of sketched lines to points x + iy (points, k) in coherent units, for q (n, k) at
+    phases (k,).
+
+    fineness: fraction of the default number of points of curves. Raises ValueOutOfBoundsError for a line
+    without finite points.
+    """
     lines: dict[str, Plane] = {}
     if not getattr(setup.module, "SKETCH", ()):
         return lines
@@ -217,14 +222,14 @@ def stated_lines(
 @lru_cache(MAX_CACHED)
 @symbolic
 def _function_of(module: ModuleType, options: tuple[tuple[str, Any], ...], name: str) -> "casadi.Function":
-    """Generated function, shared by models that differ only in parameter values."""
+    """Generated function. Models that differ only in parameter values share it."""
     return getattr(module, name)(**dict(options))
 
 
 @lru_cache(MAX_CACHED)
 @symbolic
 def _line_of(module: ModuleType, options: tuple[tuple[str, Any], ...], number: int) -> "casadi.Function":
-    """Function that evaluates one line of a generated sketch, with the inputs of the sketch."""
+    """Function that returns one line of a generated sketch. It has the inputs of the sketch."""
     import casadi
 
     sketch = _function_of(module, options, "sketch")
@@ -242,8 +247,11 @@ def _text_of(
     free: tuple[int, ...],
     count: int,
 ) -> tuple[str | None, int]:
-    """C code of a generated function after `transform`, and its number of outputs. The free parameters are
-    inputs; all other parameters are 0. count: number of all parameters."""
+    """Return the C code of a generated function after `transform`, and its number of outputs.
+
+    The parameters at the positions `free` are inputs; all other parameters are 0. count: number of all
+    parameters.
+    """
     function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
     return c_text(function), function.size1_out(0)
 
@@ -251,19 +259,19 @@ def _text_of(
 @lru_cache(MAX_CACHED)
 @symbolic
 def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
-    """Function that returns the bounds on the round-off in the residual."""
+    """Function that returns bounds on the round-off in the residual."""
     return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))
 
 
 def left_out(setup: Setup) -> tuple[str, ...]:
-    """Sentences on the nonlinear terms that the linearised equations neglect."""
+    """Sentences that state which nonlinear terms the linearised equations neglect."""
     sentences, switched = (getattr(setup.module, name, ()) for name in ("NONLINEAR", "SWITCHED"))
     # Terms with switches may depend on options.
     return (*sentences, *switched) if switched and setup.event_finder is not None else sentences
 
 
 def labels_of(setup: Setup, described: Sequence[tuple[str, str, str]]) -> Labels:
-    """Labels of the model. described: name, unit and meaning of coordinates, outputs and inputs."""
+    """Labels of the model. described: name, unit and meaning of each coordinate, output and input."""
     module, case = setup.module, setup.case
     return Labels(
         name=module.NAME,

@@ -16,15 +16,15 @@ _DISTRIBUTION = re.compile(r"(normal|uniform)\s*\(\s*([^,]+?)\s*,\s*([^,]+?)\s*\
 _FORMS = "write '±2 %', '±0.1 mm', 'normal(8e4, 2e3)' or 'uniform(7e4, 9e4)'"
 
 EXTENT = 3.0
-"""Number of standard deviations within which the worst point of a normal distribution is sought. A
-convention: this range contains 99.7 % of all values."""
+"""Distance from the mean, in standard deviations, within which the worst point of a normal distribution is
+sought. Convention: this range contains 99.7 % of all values."""
 
 
 class Spread(NamedTuple):
-    """Spread of a parameter in the model's unit.
+    """Spread of a parameter, in the unit of the model.
 
-    normal: whether the numbers are mean and standard deviation of a normal distribution; otherwise they are
-    the ends of a uniform distribution.
+    normal: whether the distribution is normal; `first` and `second` are then its mean and standard deviation.
+    Otherwise, they are the ends of a uniform distribution.
     """
 
     text: str
@@ -48,7 +48,7 @@ class Spread(NamedTuple):
 
         if self.normal:
             return self.first + self.second * z
-        # Round-off must not move values beyond the ends.
+        # Round-off must not move values beyond the ends of the range.
         return np.clip(self.first + (self.second - self.first) * ndtr(z), self.first, self.second)
 
     def slopes(self, z: Array) -> Array:
@@ -59,10 +59,10 @@ class Spread(NamedTuple):
 
 
 def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | None = None) -> Spread:
-    """Spread of a parameter from a text and its nominal value in the model's unit.
+    """Parse the spread of a parameter with a nominal value in the unit of the model.
 
-    text: a tolerance about the value, or a distribution. Numbers without a unit are in `file_unit`, by
-    default the model's unit. Raises ValueOutOfBoundsError, UnitError.
+    text: a tolerance about the nominal value, or a distribution. Numbers without a unit are in `file_unit`,
+    by default the unit of the model. Raises ValueOutOfBoundsError, UnitError.
 
     >>> spread_of("k1", "±2 %", 100.0, "N/m")[1:], spread_of("k1", "normal(0.1, 0.01)", 0, "N/m", "N/mm")[1:]
     ((False, 98.0, 102.0), (True, 100.0, 10.0))
@@ -102,7 +102,7 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
 
 
 def _percent(part: str, text: str, where: str) -> float:
-    """Fraction of a percentage."""
+    """Fraction for a percentage in text form, such as "2 %"."""
     try:
         fraction = float(part.removesuffix("%")) / 100
     except ValueError:

@@ -1,4 +1,5 @@
-"""Fourier series fitted by least squares to measured functions of an angle in CSV tables."""
+"""Fourier series fitted by least squares to measured functions of an angle. The measured values are read from
+CSV files."""
 
 import csv
 import math
@@ -17,19 +18,19 @@ from solve.errors import CaseFileError, UnitError, cause, counted
 from solve.units import conversion
 
 _NUMBERS_A_BYTE = 8
-"""Memory for reading a table, in numbers per byte of the file. This upper estimate is used for the memory
-limit."""
+"""Upper estimate of the memory for reading a table, in numbers per byte of the file. It is compared with the
+memory limit."""
 _REVOLUTION = 2 * math.pi
 _SAME_ANGLE = 1e-9
-"""Distance between two angles, in revolutions, below which the angles coincide. Chosen by judgement."""
+"""Distance in revolutions below which two angles count as equal. Chosen by judgement."""
 
 
 class Series(NamedTuple):
     """Fourier series declared by a generated module, with harmonics k = 1 … `harmonics`.
 
-    form: "cosine-sine" or "amplitude-phase". integrated: whether the parameters are the coefficients of the
-    derivative. mean: name of the parameter for the mean, or "". first, second: prefixes FIRST and SECOND of
-    the parameters FIRST1, … and SECOND1, ….
+    form: "cosine-sine" or "amplitude-phase". integrated: whether the parameters are coefficients of the
+    derivative of the series. mean: name of the parameter for the mean, or "". first, second: prefixes of the
+    names of the other parameters, FIRST1, … and SECOND1, ….
     """
 
     name: str
@@ -43,11 +44,11 @@ class Series(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Series fitted to the rows of a table.
+    """Fit of a series to the rows of a table.
 
-    name: name of the series, followed by ' if its derivative is fitted. angles (m,): rad. values (m,): in
-    `unit`. coefficients (1 + 2 harmonics,): mean, cosines, sines. parameters: the corresponding parameters of
-    the model.
+    name: name of the series, followed by ' if its derivative is fitted. angles (m,): angles in rad. values
+    (m,): values in `unit`. coefficients (1 + 2 harmonics,): mean, cosine coefficients, sine coefficients.
+    parameters: the corresponding parameters of the model.
     """
 
     name: str
@@ -63,17 +64,17 @@ class Fit:
         return len(self.coefficients) // 2
 
     def at(self, angles: Array) -> Array:
-        """Values of the fitted series at given angles."""
+        """Values of the fitted series at `angles`."""
         return _columns(angles, self.harmonics) @ self.coefficients
 
     @cached_property
     def errors(self) -> Array:
-        """Errors of the fitted series at the rows (m,)."""
+        """Errors (m,) of the fitted series at the rows of the table."""
         return self.at(self.angles) - self.values
 
     @property
     def sentence(self) -> str:
-        """Sentence on the fitted series and its errors."""
+        """Sentence about the fitted series and its errors."""
         largest, rms = np.abs(self.errors).max(), math.sqrt(np.mean(self.errors**2))
         percent = 100 * largest / (np.ptp(self.values) or 1.0)
         return (
@@ -86,11 +87,11 @@ class Fit:
 def fitted(
     name: str, path: Path, columns: Sequence[str], harmonics: int | None, series: Series, unit: str
 ) -> Fit:
-    """Fit a declared series to a table. Harmonics that are not fitted are 0.
+    """Fit a declared series to a table. Harmonics that are not fitted are zero.
 
-    name: name of the series, with ' for its derivative. columns: headers of angle and value, with units in
-    brackets. harmonics: number of harmonics, by default all declared harmonics. unit: unit of the parameters.
-    Raises CaseFileError, UnitError.
+    name: name of the series, followed by ' for its derivative. columns: headers of the columns of angles and
+    values, with units in brackets. harmonics: number of fitted harmonics, by default all declared harmonics.
+    unit: unit of the parameters. Raises CaseFileError, UnitError.
     """
     most = series.harmonics
     if harmonics is not None and (type(harmonics) is not int or not 1 <= harmonics <= most):
@@ -120,7 +121,7 @@ def _columns(angles: Array, harmonics: int) -> Array:
 
 
 def _parameters(series: Series, derivative: bool, coefficients: Array) -> dict[str, float]:
-    """Values of the parameters for the coefficients of a series."""
+    """Mapping from names of parameters to values, from the coefficients of a series."""
     k = np.arange(1, len(coefficients) // 2 + 1)
     cosine, sine = coefficients[1:].reshape(2, -1)
     if series.integrated and not derivative:
@@ -135,7 +136,8 @@ def _parameters(series: Series, derivative: bool, coefficients: Array) -> dict[s
 
 
 def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) -> None:
-    """Raise CaseFileError unless the angles are distinct and cover one revolution densely enough."""
+    """Raise CaseFileError unless the angles are distinct and cover one revolution densely enough for the
+    harmonics."""
     if len(angles) < 2 * harmonics + 1:
         raise CaseFileError(
             f"{name}: {path.name} has {counted(len(angles), 'row')}; "
@@ -162,7 +164,7 @@ def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) ->
 
 
 def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Array, Array]:
-    """Angles in rad and values in `unit`."""
+    """Return the angles in rad and the values in `unit`."""
     sizes = [size_in_header(name, column, to) for column, to in zip(columns, ("rad", unit), strict=True)]
     header, *rows = cells_of(name, path)
     positions = []
@@ -179,7 +181,8 @@ def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Arr
 
 
 def cells_of(name: str, path: Path) -> list[list[str]]:
-    """Cells of the nonempty lines of a CSV file, header first. Separators are comma, semicolon or tab."""
+    """Cells of the nonempty lines of a CSV file; the first line is the header. Separators are commas,
+    semicolons or tabs."""
     try:
         if path.exists() and not path.is_file():
             raise CaseFileError(f"{name}: table '{path}' is not a file; give a CSV file")
@@ -204,7 +207,7 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
 
 
 def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
-    """Finite number in the cell of a row with index `place`. Raises CaseFileError."""
+    """Finite number in cell `place` of a row. Raises CaseFileError."""
     text = row[place] if place < len(row) else ""
     try:
         number = float(text)
@@ -219,7 +222,7 @@ def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
 
 
 def size_in_header(name: str, column: str, unit: str) -> float:
-    """Factor that converts the unit in brackets at the end of a column header to `unit`."""
+    """Conversion factor from the unit in brackets at the end of a column header to `unit`."""
     bracket = re.search(r"\(([^()]*)\)\s*$", column)
     if not bracket:
         raise CaseFileError(f"{name}: column '{column}' has no unit; write it as in 'angle (deg)'")
@@ -230,5 +233,5 @@ def size_in_header(name: str, column: str, unit: str) -> float:
 
 
 def series_of(rows: Sequence[Sequence]) -> Mapping[str, Series]:
-    """Series by name, from rows of a generated module."""
+    """Mapping from names to series, from rows of a generated module."""
     return {row[0]: Series(*row) for row in rows}

@@ -1,8 +1,8 @@
 """Balls of Arb, matrices of balls, and upper bounds on norms.
 
 A ball is a midpoint with a radius. Every operation returns a ball that contains the exact results for all
-numbers in its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Bounds are also computed in balls,
-so that they include rounding errors.
+numbers in its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Bounds are also computed with
+balls, and thus include rounding errors.
 """
 
 import copyreg
@@ -19,17 +19,17 @@ except ImportError:
     raise MissingLibraryError.of_extra("a proof", "python-flint", "prove") from None
 
 Ball = Any
-"""A real ball, complex ball or power series with such coefficients."""
+"""Type of a real ball, a complex ball, or a power series whose coefficients are balls."""
 
 Matrix = Any
-"""A matrix of real or complex balls."""
+"""Type of a matrix of real or complex balls."""
 
 arb, acb, arb_mat, acb_mat = flint.arb, flint.acb, flint.arb_mat, flint.acb_mat
 arb_series = flint.arb_series
 
 
 _LARGEST_WHOLE = 2**53
-"""Bound below which integers are represented exactly by doubles."""
+"""Integers up to this modulus are represented exactly by doubles."""
 
 
 def _exact_parts(x: Ball) -> tuple[int, int]:
@@ -51,7 +51,7 @@ def _reduced_matrix(matrix: Matrix) -> tuple[Any, ...]:
     return arb_mat, (matrix.nrows(), matrix.ncols(), matrix.entries())
 
 
-# Balls are pickled without rounding, to be sent between processes.
+# Balls are pickled without rounding errors, so that they can be sent between processes.
 copyreg.pickle(arb, _reduced_ball)
 copyreg.pickle(arb_mat, _reduced_matrix)
 
@@ -78,7 +78,7 @@ def working_terms() -> int:
 
 
 def coefficient(x: Ball, term: int) -> Ball:
-    """Coefficient of a power series; a constant counts as a series."""
+    """Coefficient of a power series; a constant counts as a power series."""
     if isinstance(x, arb_series):
         if x.prec <= term:
             raise RuntimeError(f"a power series has {x.prec} terms, but {term + 1} are required")
@@ -87,21 +87,24 @@ def coefficient(x: Ball, term: int) -> Ball:
 
 
 def number(x: float, rounded: bool) -> Ball:
-    """Convert a number to a ball. rounded: whether the ball contains all numbers within two units in the last
-    place, since unit conversions and constants such as π cause several roundings."""
+    """Convert a number to a ball.
+
+    rounded: whether the ball contains all numbers within two units in the last place. This allows for the
+    several rounding errors of unit conversions and of constants such as π.
+    """
     whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
     return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
 
 
 def norm(matrix: Matrix) -> Ball:
-    """Upper bound on the maximum norm of a matrix (largest row sum of moduli)."""
+    """Upper bound on the maximum norm of a matrix, the largest sum of the moduli in a row."""
     columns = matrix.ncols()
     moduli = [entry.abs_upper() for entry in matrix.entries()]
     return largest(sum(moduli[at : at + columns], arb(0)) for at in range(0, len(moduli), columns))
 
 
 def largest(values: Iterable[Ball]) -> Ball:
-    """Exact upper bound on nonnegative balls; infinite if a ball is not finite."""
+    """Exact upper bound on the largest of several nonnegative balls; infinite if a ball is not finite."""
     found = arb(0)
     for value in values:
         high = value.upper()
@@ -118,7 +121,7 @@ def interval(low: Ball, high: Ball) -> Ball:
 
 
 def widened(matrix: Matrix, radius: Ball) -> Matrix:
-    """Real matrix whose entries are enlarged by a radius."""
+    """Real matrix; the radius of every entry is enlarged by `radius`."""
     by = arb(0, radius.upper())
     return arb_mat(matrix.nrows(), matrix.ncols(), [entry + by for entry in matrix.entries()])
 
@@ -131,5 +134,5 @@ def above(x: Ball) -> float:
 
 
 def below(x: Ball) -> float:
-    """Double, at least 0, that is a lower bound on a nonnegative ball."""
+    """Double that is a lower bound on a nonnegative ball, and at least 0."""
     return 0.0 if x.is_zero() else max(0.0, math.nextafter(float(x.lower()), -math.inf))

@@ -1,13 +1,13 @@
 """Boxes of two quantities on which the system is proved stable, proved unstable, or remains undecided.
 
-A polynomial on a box is re-expanded on each half by the matrix that expresses T_k((x ± 1)/2) by T_j(x). The
-range of the polynomial lies within c_00 ± Σ' |c_jk|, since |T_j T_k| ≤ 1. Ends of boxes are doubles with
-errors below δ half widths. Because |T_j(1 + δ)| ≤ e^(j√(2δ)), these errors increase the sum by at most the
-factor e^z, z = p√(2δ_x) + q√(2δ_y).
+A polynomial on a box is expanded anew on each half of the box, with the matrix that expresses T_k((x ± 1)/2)
+by T_j(x). The range of the polynomial lies within c_00 ± Σ' |c_jk|, because |T_j T_k| ≤ 1. Ends of boxes are
+doubles with errors below δ half widths. Because |T_j(1 + δ)| ≤ e^(j√(2δ)), these errors increase the sum by
+at most the factor e^z, z = p√(2δ_x) + q√(2δ_y).
 
-For one coordinate, with trace t and determinant D of Φ, both multipliers lie inside the unit circle if D < 1
-and |t| < 1 + D, and one lies outside if D > 1 or |t| > 1 + D (Jury's criterion). With more coordinates, the
-discs of `spectrum` decide.
+For one coordinate, let t and D be the trace and the determinant of Φ. Both multipliers lie inside the unit
+circle if D < 1 and |t| < 1 + D. One lies outside if D > 1 or |t| > 1 + D (Jury's criterion). With more
+coordinates, the verdict follows from the discs of `spectrum`.
 """
 
 import math
@@ -30,30 +30,31 @@ from solve.results.chart import ProvedBoxes
 from solve.terminal import progress
 
 _UNIT = 2.0**-52
-"""Twice the unit round-off. The factor of two accounts for rounding in the sums that bound rounding
+"""Twice the unit round-off. The factor of two allows for rounding errors in the sums that bound rounding
 errors."""
 
 _ENDS = 2.0**-45
-"""Bound on twice the error of an end of a box, relative to the larger end: the error is half of 2^-52 for
-each of up to 128 halvings."""
+"""Bound on twice the error of an end of a box, relative to the larger end. The error is at most half of 2^-52
+for each of up to 128 halvings."""
 
 _OPEN = 0.001
-"""Undecided fraction of the area at which the bisection ends. Chosen by judgement."""
+"""Undecided fraction of the area at which bisection ends. Chosen by judgement."""
 
 _MOST_BOXES = 200_000, 20_000
-"""Largest numbers of boxes that are examined with one coordinate and with several coordinates. Chosen by
-judgement: several coordinates take a hundred times as long per box."""
+"""Largest numbers of boxes that are examined: with one coordinate, and with several. Chosen by judgement:
+with several coordinates, a box takes a hundred times as long."""
 
 _SMALLEST = 2.0**-8
 """Width of a box, as a fraction of the range, below which a box without polynomials is not bisected. A
 choice."""
 
 _PRECISION = 53
-"""Precision in bits with which boxes of several coordinates are decided."""
+"""Working precision in bits for the verdicts of boxes with several coordinates."""
 
 
 class _Piece(NamedTuple):
-    """Box with the polynomial coefficients (k, p+1, q+1) of functions and their error bounds (k,)."""
+    """Box with k functions on it: polynomial coefficients (k, p+1, q+1) and error bounds (k,). conservative:
+    whether det Φ = 1."""
 
     box: Box
     coefficients: Array
@@ -62,8 +63,8 @@ class _Piece(NamedTuple):
 
 
 def proved_boxes(plane: Plane, whole: Box, executor: Executor | None = None) -> ProvedBoxes:
-    """Verdicts on boxes that cover the ranges `whole`. Boxes are bisected until the undecided fraction of the
-    area is small, or the maximum number of boxes is reached."""
+    """Compute verdicts on boxes that cover the ranges `whole`. Boxes are bisected until the undecided
+    fraction of the area is small, or the largest permitted number of boxes is reached."""
     begun = time.perf_counter()
     require_degrees(plane, _central(whole))
     pieces, ends = _pieces(plane, whole, executor)
@@ -93,14 +94,14 @@ def proved_boxes(plane: Plane, whole: Box, executor: Executor | None = None) -> 
 
 
 def _central(whole: Box) -> Box:
-    """Box of the smallest permitted size, in the middle of the ranges."""
+    """Box in the middle of the ranges, of the size below which boxes without polynomials are not bisected."""
     x, y = ((low + high) / 2 + np.array([-0.5, 0.5]) * _SMALLEST * (high - low) for low, high in whole)
     return Box((float(x[0]), float(x[1])), (float(y[0]), float(y[1])))
 
 
 def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box]]:
-    """Boxes with polynomials, and undecided boxes without polynomials because the equations are not analytic
-    near them."""
+    """Return boxes with polynomials, and undecided boxes without polynomials. The equations are not analytic
+    near the latter."""
     found, without, pending = [], [], [whole]
     while pending:
         box = pending.pop()
@@ -118,7 +119,7 @@ def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_
 
 
 def _halves(piece: _Piece) -> list[_Piece]:
-    """Both halves of a piece, bisected in the direction in which its functions vary most."""
+    """Bisect a piece in the direction in which its functions vary most."""
     size = np.abs(piece.coefficients)
     axis = int(
         (size[:, :, 1:].sum(axis=(1, 2)) / size.sum(axis=(1, 2))).max()
@@ -140,8 +141,8 @@ def _halves(piece: _Piece) -> list[_Piece]:
 
 @cache
 def _halving(count: int, side: int) -> Array:
-    """Matrix (count, count) that converts the coefficients of Σ c_k T_k(x) to coefficients of the same
-    function of (x ± 1)/2. It is computed exactly and rounded once."""
+    """Matrix (count, count) that converts coefficients of Σ c_k T_k(x) to coefficients of the same function
+    at (x ± 1)/2; the sign is that of `side`. It is computed exactly and rounded once."""
     rows = [[Fraction(1)], [Fraction(side, 2), Fraction(1, 2)]]
     for _ in range(2, count):
         # T_k+1(z) = 2 z T_k(z) − T_k−1(z), 2z = x ± 1, and x T_j = (T_j+1 + T_|j−1|)/2.
@@ -161,7 +162,7 @@ def _halving(count: int, side: int) -> Array:
 
 
 def _verdict(piece: _Piece, n: int) -> int:
-    """Index in VERDICTS of the verdict that is proved on the whole box."""
+    """Index in VERDICTS of the verdict that is proved for the whole box."""
     c = piece.coefficients
     middle = c[:, 0, 0]
     z = sum(
@@ -172,7 +173,7 @@ def _verdict(piece: _Piece, n: int) -> int:
         return UNDETERMINED
     # e^z < 1 + 2z.
     radius = (np.abs(c).sum(axis=(1, 2)) - np.abs(middle)) * (1 + 2 * z)
-    # Twice the bound on the rounding errors of the sums, of the difference, and of the additions below.
+    # All bounds on rounding errors (of the sums, of the difference and of the additions below) are doubled.
     radius = (
         radius * (1 + 8 * _UNIT) + (c[0].size + 8) * _UNIT * np.abs(c).sum(axis=(1, 2)) + 2 * piece.errors
     )

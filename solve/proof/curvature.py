@@ -1,12 +1,12 @@
 """Bounds on the second derivatives of nonlinear equations in a tube around a motion.
 
 Let v = (u, u̇, ü) be the deviation from the motion, and s_a the largest modulus of component a for |(y, z)| ≤
-1 in the norm of `solve.proof.existence`. With moduli of the entries and a column of ones, s is λ|T|1 for u,
-λΩ|TW|1 for u̇, and λΩ²κ₂|TW|1 for ü. For all deviations of norm ≤ ρ and all phases
+1 in the norm of `solve.proof.existence`. With moduli of the matrix entries and a column 1 of ones, s is λ|T|1
+for u, λΩ|TW|1 for u̇, and λΩ²κ₂|TW|1 for ü. For all deviations of norm ≤ ρ and all phases
 
     Λ ≥ max_i Σ_j |(M T W)⁻¹|_ij Σ_ab |∂²r_j/∂v_a∂v_b| s_a s_b / (Ω² λ),
 
-where the divisor Ω² λ is that of the scaled equations.
+where the divisor Ω² λ is due to the scaling of the equations.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ _CELLS = 4
 infinite. Chosen by judgement."""
 
 _SHORTEST = 2.0**-12
-"""Fraction of an interval below which halving ends. Chosen by judgement."""
+"""Length of an interval, as a fraction of the step, below which it is not halved. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Interval of phases: inputs of the equations, and moduli (n, n) of (M T W)⁻¹."""
+    """Interval of phases with the inputs of the equations and the moduli (n, n) of (M T W)⁻¹."""
 
     inputs: list[Sequence[Ball]]
     inverse: list[list[Ball]]
@@ -36,10 +36,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class Curvature:
-    """Lipschitz bounds Λ on tubes around the motion of an equation, from cells that cover the period.
+    """Bounds Λ in tubes around the motion of an equation. The cells cover the period.
 
-    second : second derivatives of the residual, and the residual
-    sizes : s (3n,)
+    second: second derivatives of the residual, and the residual. sizes: s (3n,).
     """
 
     equation: Equation
@@ -49,8 +48,11 @@ class Curvature:
 
     @classmethod
     def from_equation(cls, equation: Equation, second: Instructions, turn: Turn, rate: Ball) -> "Curvature":
-        """Compute the bounds for the motion of an equation. Raises StepsError if M may be singular, or if the
-        branch of a piecewise operation is undecided, at some phase. rate: κ₂."""
+        """Prepare the bounds for the motion of an equation. rate: κ₂.
+
+        Raises StepsError if, at some phase, M may be singular or the branch of a piecewise operation is
+        undecided.
+        """
         cells = []
         for start, h in zip(turn.starts, turn.lengths, strict=True):
             for k in range(_CELLS):
@@ -59,8 +61,11 @@ class Curvature:
         return cls(equation, second, sizes_of(equation, rate), cells)
 
     def over(self, radius: Ball) -> Ball:
-        """Bound Λ for deviations of norm ≤ radius. It is infinite if no bound exists, or if the residual may
-        have a kink or a jump in the tube, where second derivatives do not bound the remainder N."""
+        """Bound Λ for deviations of norm ≤ radius.
+
+        It is infinite if no bound exists. It is also infinite if the residual may have a kink or a jump in
+        the tube, because second derivatives then do not bound the remainder N.
+        """
         tube = [arb(0, (radius * size).upper()) for size in self.sizes]
         return largest(self._on(cell, tube) for cell in self.cells)
 

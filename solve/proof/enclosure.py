@@ -1,4 +1,5 @@
-"""Enclosures of a model's results at a speed, with the precision that a verdict requires."""
+"""Enclosures of the results of a model at a speed. The precision is increased until the verdict is
+decided."""
 
 import math
 import time
@@ -29,25 +30,27 @@ from solve.results.stability import Stability
 from solve.system import PeriodicSystem
 
 GUARD_BITS = 40
-"""Additional bits of precision, sufficient for condition numbers up to 10^6 and for the levels of the
+"""Bits added to the precision. They suffice for condition numbers up to 10^6 and for the levels of the
 product."""
 
 _MOST_ADVANCE = 24.0
-"""Largest h‖A‖ of a step. The cam at 600 rpm takes 1.2 times as long with 48, and twice as long with 72."""
+"""Largest h‖A‖ of a step. Measured for the cam at 600 rpm: the computation takes 1.2 times as long with 48,
+and twice as long with 72."""
 
 ROUNDED = 34, 4.0
-"""Bits of precision, and largest h‖A‖ of a step, if parameters are balls. The radius of a parameter, up to
-2^-51, grows by e^{2h‖A‖} in a step."""
+"""Precision in bits, and largest h‖A‖ of a step, if the parameters are balls. The radius of a parameter, up
+to 2^-51, grows by the factor e^{2h‖A‖} in a step."""
 
 _DOUBLINGS = 2
-"""Largest number of doublings of the precision if the verdict is undecided. Chosen by judgement."""
+"""Largest number of times that the precision is doubled because the verdict is undecided. Chosen by
+judgement."""
 
 _SAMPLES = 64
 """Number of phases from which scales are computed. Chosen by judgement; it affects the widths of the
 enclosures, not their validity."""
 
 _SHOWN = 4
-"""Number of decimal digits of two bounds that are shown after their common digits. Chosen by judgement."""
+"""Number of decimal digits of two bounds that are shown beyond their common digits. Chosen by judgement."""
 
 EXACT = "parameters, speed and constants are exactly their double-precision numbers"
 _ALL_WITHIN = (
@@ -59,14 +62,14 @@ _OF_FUNCTIONS = "the matrices are defined by the operations of the given functio
 _OF_SAMPLES = "the matrices are the interpolant of the samples, with coefficients in double precision"
 
 _DENOMINATORS = range(1, 13)
-"""Values of q: a period within two units in the last place of kπ/q counts as exactly this number."""
+"""Values of q. A period within two units in the last place of kπ/q counts as exactly kπ/q."""
 
 
 def enclosed(
     system: PeriodicSystem, result: Stability, digits: int, rounded: bool, executor: Executor | None = None
 ) -> Proof:
-    """Proof for a system with its numerical result. The proof includes the orbit if the result contains one.
-    executor: computes steps in parallel."""
+    """Prove results for a system, starting from a numerical result. The orbit is enclosed if `result`
+    contains one. executor: executor that computes steps in parallel."""
     begun = time.process_time()
     equation = equation_of(system, result.speed, rounded)
     bits, most = ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
@@ -112,8 +115,8 @@ def enclosed(
 
 
 def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool) -> str:
-    """Text of the assumptions about the numbers and functions of a system, and about its periodicity if the
-    instructions do not prove the periodicity."""
+    """Text of the assumptions: on the numbers and functions of a system and, unless the instructions prove
+    it, on its periodicity."""
     texts, multiple = [_ALL_WITHIN if rounded else EXACT], multiple_of_pi(system.period)
     if not isinstance(system, Model):
         texts.append(_OF_FUNCTIONS if system.capabilities.samples is None else _OF_SAMPLES)
@@ -123,13 +126,13 @@ def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool
 
 
 def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
-    """Centers as doubles, radii about these centers, and whether each disc contains exactly one
-    multiplier."""
+    """Return the centers of the discs as doubles, the radii about these centers, and whether each disc
+    contains exactly one multiplier."""
     each = [disc for disc in discs for _ in range(disc.count)]
     centers = [complex(disc.center) for disc in each]
     moves = [abs(disc.center - center) for disc, center in zip(each, centers, strict=True)]
     radii = [above(disc.radius + move) for disc, move in zip(each, moves, strict=True)]
-    # Multipliers that agree in double precision share a disc whose center is a double.
+    # Multipliers that agree in double precision share a disc. Its center is a double.
     alone = [
         disc.isolated and bool(arb(radius) < disc.room - move)
         for disc, move, radius in zip(each, moves, radii, strict=True)
@@ -138,8 +141,8 @@ def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
 
 
 def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
-    """Maximum of the lower bounds and maximum of the upper bounds, as decimal numbers with their common
-    digits and a few more."""
+    """Return the maximum of the lower bounds and the maximum of the upper bounds, as decimal numbers. They
+    are printed with their common digits and a few more."""
     low, high = largest(lows), largest(highs)
     if not high.is_finite():
         return _decimal(low, _SHOWN, ROUND_FLOOR), "inf"
@@ -150,8 +153,8 @@ def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Enclosed:
-    """Steps of a period, their product (2n+1, 2n+1), and multipliers and verdict of the product. unloaded:
-    whether the load is zero."""
+    """Steps of a period, their product Φ (2n+1, 2n+1), and its multipliers and verdict. unloaded: whether the
+    load is zero."""
 
     turn: Turn
     Phi: Matrix
@@ -172,7 +175,7 @@ def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, ro
 
 
 def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation:
-    """Equation of a system at a speed in rad/s, in ball arithmetic. rounded: see `solve.prove`."""
+    """Equation in ball arithmetic of a system at a speed in rad/s. rounded: see `solve.prove`."""
     instructions = Instructions.from_function(linearised(system), partial(number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)
@@ -183,7 +186,8 @@ def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation
 
 
 def multiple_of_pi(T: float) -> Fraction | None:
-    """Fraction k/q for which kπ/q agrees with the period T within rounding; None without such a fraction."""
+    """Fraction k/q for which kπ/q equals the period T within rounding errors; None if there is no such
+    fraction."""
     for q in _DENOMINATORS:
         k = round(T * q / math.pi)
         if k and abs(Fraction(k, q) * Fraction(math.pi) - Fraction(T)) <= 2 * Fraction(math.ulp(T)):
@@ -192,7 +196,7 @@ def multiple_of_pi(T: float) -> Fraction | None:
 
 
 def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
-    """Period as a ball: an exact multiple of π where it is recognised as such."""
+    """Period as a ball. It is an exact multiple of π if the period equals one within rounding errors."""
     multiple = multiple_of_pi(system.period)
     if multiple is None:
         return number(system.period, rounded)
@@ -202,8 +206,8 @@ def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
 def _orbit(
     result: Orbit, equation: Equation, found: _Enclosed, enclosures: list[Matrix]
 ) -> tuple[dict[str, tuple[float, float]], float]:
-    """Bounds on max|q| of each coordinate, and the error of the numerical orbit relative to max|q|; both are
-    zero without load."""
+    """Return bounds on max|q| of each coordinate, and the error of the numerical orbit relative to max|q|.
+    Both are zero if there is no load."""
     if found.unloaded:
         return dict.fromkeys(result.coordinates, (0.0, 0.0)), 0.0
     q = result.at(np.array([float(start) for start in found.turn.starts]))
@@ -218,13 +222,14 @@ def _orbit(
             worst = max(worst, above(apart / low))
         else:
             resting = max(resting, above(apart))
-    # If a coordinate may be zero, its size is taken from the other coordinates.
+    # A coordinate that may be zero is compared with the largest coordinate.
     size = max(low for low, _ in bounds.values())
     return bounds, max(worst, resting / size) if size > 0 else math.inf
 
 
 def _outputs(system: PeriodicSystem, outputs: Outputs | None) -> dict[str, tuple[float, float]]:
-    """Bounds on the maximum moduli of the outputs, for outputs with finite bounds."""
+    """Mapping from names of outputs to bounds on their maximum moduli. Outputs without finite bounds are
+    omitted."""
     if outputs is None:
         return {}
     each = {name: outputs.largest_modulus(k) for k, name in enumerate(system.outputs)}
@@ -232,8 +237,8 @@ def _outputs(system: PeriodicSystem, outputs: Outputs | None) -> dict[str, tuple
 
 
 def true_error(result: Stability, discs: list[Multiplier]) -> float:
-    """Largest distance of a numerical multiplier from its nearest enclosure, relative to the spectral radius;
-    NaN if it is unknown."""
+    """Largest distance between a numerical multiplier and the nearest enclosure, relative to the spectral
+    radius; NaN if it is not known."""
     centers = [(complex(disc.center), disc) for disc in discs for _ in range(disc.count)]
     radius = largest(disc.low for disc in discs)
     worst, left = arb(0), list(centers)
@@ -249,7 +254,7 @@ def true_error(result: Stability, discs: list[Multiplier]) -> float:
 
 
 def _decimal(x: Ball, digits: int, rounding: str) -> str:
-    """Convert an exact ball to a decimal number, rounded in the given direction."""
+    """Convert an exact ball to a decimal number, rounded in the direction `rounding`."""
     mantissa, exponent = (int(part) for part in x.man_exp())
     exact = Context(prec=abs(exponent) + mantissa.bit_length() + 10)
     value = exact.multiply(Decimal(mantissa), exact.power(Decimal(2), exponent))

@@ -6,7 +6,7 @@ component,
 
     y₁′ = W y₂,    m y₂′ + r (y₁, y₂, 1) = 0,    m = P M T W,    r = P [K T/Ω², C T W/Ω, −d/(Ω² λ)].
 
-T, W and λ may be any exact numbers, with diagonal W, and P any exact regular matrix. They do not change the
+T, W, λ and P may contain any exact numbers; W must be diagonal, and P regular. They do not change the
 multipliers, and change the orbit only by known factors.
 """
 
@@ -38,12 +38,13 @@ _CONDITION = 1e6
 """Condition number of the matrix of modes above which modal coordinates are not used."""
 
 _TINY = 1e-290
-"""Bound above which numbers keep all digits when multiplied by scales near 1, since the products are not
-subnormal."""
+"""Modulus above which a number keeps all digits when it is multiplied by scales near 1, because the product
+is not subnormal."""
 
 _HALVINGS = 30
-"""Largest number of halvings of a step in the search for decided outcomes. The radius of a ball is rounded up
-by a factor 1 + 2^-30; after 30 halvings a part is shorter than a window at a jump."""
+"""Largest number of halvings of a step in the search for decided outcomes. After 30 halvings, a part is
+shorter than a window at a jump. A radius is rounded up by a factor of up to 1 + 2^-30, so that more halvings
+are useless."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,22 @@ class Equation:
 
     Parameters
     ----------
-    instructions : M, C, K, d of phase, speed and parameters n : number of coordinates speed : ball, rad/s
-    parameters : balls modes : T (n, n), exact frequencies : W (n,), exact, in multiples of the speed load :
-    λ, exact about : motion about which the equations are linearised; its q, q̇, q̈ are inputs of the
-    instructions
+    instructions : Instructions
+        M, C, K and d as functions of phase, speed and parameters.
+    n : int
+        Number of coordinates.
+    speed : ball
+        Speed in rad/s.
+    parameters : tuple of balls
+        Values of the parameters.
+    modes : (n, n) array
+        T, exact.
+    frequencies : (n,) array
+        Diagonal of W, exact, in multiples of the speed.
+    load : float
+        λ, exact.
+    about : TrigonometricMotion, optional
+        Motion about which the equations are linearised. Its q, q̇ and q̈ are inputs of the instructions.
     """
 
     instructions: Instructions
@@ -78,7 +91,7 @@ class Equation:
     ) -> "Equation":
         """Equation in scales that balance the mean moduli of its coefficients.
 
-        samples : M, C, K (m, n, n) and d (m, n) by the phase, at some phases
+        samples: M, C, K (m, n, n) and d (m, n) at m phases, for derivatives with respect to the phase.
         """
         M, C, K, d = samples
         n = d.shape[1]
@@ -90,7 +103,7 @@ class Equation:
         for columns, part in ((slice(0, n), K), (slice(n, 2 * n), C)):
             rates[n:, columns] = np.abs(np.linalg.solve(M @ modes, part @ modes)).mean(axis=0)
         with np.errstate(invalid="ignore"):
-            # SciPy converts the scales to indices of permutations, which are not used.
+            # SciPy also converts the scales to indices of permutations. These are not used.
             scales = matrix_balance(rates, permute=False, separate=True)[1][0]
         modes, frequencies = modes * scales[:n], scales[n:] / scales[:n]
         if not _exact(modes, modes * frequencies):
@@ -99,14 +112,15 @@ class Equation:
         return cls(instructions, n, speed, tuple(parameters), modes, frequencies, float(moved or 1.0), about)
 
     def vanishes(self, period: Ball) -> tuple[bool, bool]:
-        """Whether C is exactly zero at all phases, and whether d is. If C = 0, det Φ = 1 (Liouville)."""
+        """Return whether C is exactly zero at all phases, and whether d is. If C = 0, det Φ = 1 (Liouville's
+        formula)."""
         entries = self._entries(interval(arb(0), period), None)
         rates, loads = (all(value.is_zero() for *_, value in entries[k][0]) for k in (1, 3))
         return rates, loads
 
     def outcomes(self, start: Ball, end: Ball, halvings: int = _HALVINGS) -> Outcomes:
-        """Branches taken by the piecewise operations between two phases. An interval too wide for a decision
-        is halved. Raises UndecidedError if a branch changes between the phases."""
+        """Branches taken by the piecewise operations between two phases. An interval that is too wide for a
+        decision is halved. Raises UndecidedError if a branch changes between the phases."""
         try:
             return self.instructions(self.inputs(interval(start, end)))[1]
         except UndecidedError:
@@ -125,8 +139,11 @@ class Equation:
         return largest((norm(m.inv() * r), arb(float(self.frequencies.max()))))
 
     def growth(self, phase: Ball, outcomes: Outcomes) -> tuple[Ball, Ball]:
-        """Upper bounds on the logarithmic norm μ₂(A) and on Re tr A over an interval of phases, with A = [0
-        W; −m⁻¹r_y]. μ₂ is the largest eigenvalue of (A + A*)/2, bounded by Gershgorin's discs."""
+        """Upper bounds over an interval of phases on the logarithmic norm μ₂(A) and on Re tr A, with A = [0
+        W; −m⁻¹r_y].
+
+        μ₂ is the largest eigenvalue of (A + A*)/2, which is bounded by Gershgorin's discs.
+        """
         n = self.n
         P = self.at(phase.mid(), outcomes)[0].mid().inv().mid()
         m, r = self.at(phase, outcomes, P)
@@ -148,8 +165,11 @@ class Equation:
         return max(bounds), A.trace().real.upper()
 
     def at(self, phase: Ball, outcomes: Outcomes | None, P: Matrix | None = None) -> tuple[Matrix, Matrix]:
-        """Coefficients m (n, n) and r (n, 2n+1) at real or complex phases. P: matrix by which r is
-        multiplied, if given; outcomes: branches of piecewise operations; if None, all possible branches."""
+        """Coefficients m (n, n) and r (n, 2n+1) at real or complex phases.
+
+        outcomes: branches of the piecewise operations, or None for all possible branches. P: matrix by which
+        r is multiplied, if given.
+        """
         matrix, zero = (acb_mat, acb(0)) if isinstance(phase, acb) else (arb_mat, arb(0))
         found = self._entries(phase, outcomes)
         M, C, K, d = (self._filled(matrix, zero, entries, columns) for entries, columns in found)
@@ -158,7 +178,7 @@ class Equation:
     def series(
         self, phase: Ball, outcomes: Outcomes, P: Matrix, terms: int
     ) -> tuple[list[Matrix], list[Matrix]]:
-        """Taylor coefficients of m and r at a phase."""
+        """Taylor coefficients of m and of r at a phase."""
         found = self._entries(arb_series([phase, arb(1)]), outcomes)
         coefficients = []
         for term in range(terms):
@@ -170,7 +190,7 @@ class Equation:
         return [m for m, _ in coefficients], [r for _, r in coefficients]
 
     def inputs(self, phase: Ball) -> list[Sequence[Ball]]:
-        """Inputs of the instructions at real or complex phases, or at power series in the phase."""
+        """Inputs of the instructions for real or complex phases, or for power series in the phase."""
         if self.about is None:
             return [[phase], [self.speed], self.parameters]
         states = self.about.states(phase)
@@ -210,7 +230,7 @@ class Equation:
 
 
 def _exact(*factors: Array) -> bool:
-    """Whether the products of these numbers with the scales, which are powers of two, are neither subnormal
+    """Whether the products of these factors with the scales, which are powers of two, are neither subnormal
     nor infinite."""
     sizes = np.abs(np.concatenate([factor.ravel() for factor in factors]))
     return bool((np.isfinite(sizes) & ((sizes == 0) | (sizes > _TINY))).all())

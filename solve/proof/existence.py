@@ -3,12 +3,12 @@ Newton–Kantorovich theorem.
 
 In the scaled coordinates of `solve.proof.equation`, with z = y₂′, the deviation from the polynomial satisfies
 y₁′ = W y₂, z = A₂ y − m⁻¹r_d + g, g = −m⁻¹N, where A = [0 W; A₂] and N is the nonlinear remainder. Let (y¹,
-z¹) be the periodic solution for g = 0. It is enclosed like the solution of any linear system. Periodic
-solutions of the full equations are fixed points of (y, z) ↦ (y¹, z¹) + G g(y, z), where G g is the periodic
-solution with input g.
+z¹) be the periodic solution for g = 0. It is enclosed as for any linear system. Periodic solutions of the
+full equations are fixed points of (y, z) ↦ (y¹, z¹) + G g(y, z), where G g is the periodic solution with
+input g.
 
 **G.** By variation of constants, w(t) = Y(t) w(0) + ∫_0^t Ψ(t, s) (0, g) ds and w(0) = (1 − Φ)⁻¹ ∫_0^T
-Ψ(T, s) (0, g) ds. With κ and τ of `solve.proof.transitions`
+Ψ(T, s) (0, g) ds. With κ and τ of `solve.proof.transitions`,
 
     ‖w‖ ≤ Γ sup‖g‖,    Γ = τ (1 + κ ‖(1 − Φ)⁻¹‖).
 
@@ -16,16 +16,15 @@ With a₂ ≥ sup‖A₂‖ and κ₂ = a₂ + 1/Γ, ‖w₂′‖ ≤ (a₂Γ +
 the norm |(y, z)| = sup max(‖y‖, ‖z‖/κ₂).
 
 **g.** Let Λ be the bound on second derivatives of `solve.proof.curvature` for deviations of norm ≤ R. By
-Taylor's formula ‖g(v)‖ ≤ Λ|v|²/2 and
-‖g(v) − g(v′)‖ ≤ ΛR|v − v′|.
+Taylor's formula, ‖g(v)‖ ≤ Λ|v|²/2 and ‖g(v) − g(v′)‖ ≤ ΛR|v − v′|.
 
 **Fixed point.** With η ≥ |(y¹, z¹)|, the ball of radius ρ ≤ R is mapped to itself if η + ΓΛρ²/2 ≤ ρ, and the
-map is a contraction if ΓΛρ < 1. By Banach's theorem this ball contains exactly one orbit.
+map is a contraction if ΓΛρ < 1. By Banach's fixed-point theorem, this ball then contains exactly one orbit.
 
 **Stability.** The linearisation about that orbit has A₂ + B in place of A₂. From the bound on second
-derivatives ‖By‖ ≤ ρΛ max(‖y‖, ‖z‖/κ₂) with z = A₂y + By. If ‖y‖ is the larger of the two, ‖By‖ ≤ ρΛ‖y‖.
-Otherwise ‖By‖ ≤ ρΛa₂/(κ₂ − ρΛ) ‖y‖ ≤ ρΛ‖y‖, since ρΛ < 1/Γ. In both cases ‖B‖ ≤ β = ρΛ. From Y* = Y + ∫Ψ B Y*
-it follows that sup‖Y*‖ ≤ κ/(1 − τβ), and
+derivatives, ‖By‖ ≤ ρΛ max(‖y‖, ‖z‖/κ₂) with z = A₂y + By. If ‖y‖ is the larger of the two, ‖By‖ ≤ ρΛ‖y‖.
+Otherwise ‖By‖ ≤ ρΛa₂/(κ₂ − ρΛ) ‖y‖ ≤ ρΛ‖y‖, since ρΛ < 1/Γ. In both cases ‖B‖ ≤ β = ρΛ. It follows from Y* =
+Y + ∫Ψ B Y* that sup‖Y*‖ ≤ κ/(1 − τβ), and
 
     ‖Φ* − Φ‖ ≤ τβκ/(1 − τβ),    τβ < 1.
 """
@@ -46,18 +45,16 @@ _WIDTH = 0.5
 
 _TUBES, _WIDEST = 40, 24
 """Largest number of halvings of the tube in which uniqueness of the orbit is proved, and binary exponent of
-the largest radius. Chosen by judgement: radii from 2^-16 to 2^24 are tried; motions have a size near 1 in
-scaled coordinates."""
+the largest radius of the tube. Chosen by judgement: radii from 2^24 to 2^-16 are tried; motions have a size
+near 1 in scaled coordinates."""
 
 
 @dataclass(frozen=True)
 class Existence:
-    """Radii, in the norm |(y, z)|, of the balls in which exactly one orbit exists.
+    """Radii of balls, in the norm |(y, z)|, in which exactly one orbit exists.
 
-    radius : radius of a ball that contains the orbit
-    unique : radius of a ball that contains no other orbit
-    change : bound on ‖Φ* − Φ‖
-    rate : κ₂
+    radius: radius of a ball that contains the orbit. unique: radius of a ball that contains no other orbit.
+    change: bound on ‖Φ* − Φ‖. rate: κ₂.
     """
 
     radius: Ball
@@ -68,7 +65,7 @@ class Existence:
 
 @dataclass(frozen=True)
 class Linear:
-    """Bounds Γ, a₂, κ₂ and η on the linearised problem."""
+    """Bounds on the linearised problem: Γ (`gamma`), κ₂ (`rate`) and η (`eta`)."""
 
     gamma: Ball
     rate: Ball
@@ -76,8 +73,8 @@ class Linear:
 
     @classmethod
     def from_maps(cls, turn: Turn, Phi: Matrix, bounds: Transitions, states: list[Matrix]) -> "Linear":
-        """Compute the bounds from the maps of the steps and the states (2n+1, 1) of (y¹, z¹) at their starts.
-        Raises ZeroDivisionError if 1 − Φ may be singular."""
+        """Compute the bounds from the maps of the steps, and from the states (2n+1, 1) of (y¹, z¹) at the
+        starts of the steps. Raises ZeroDivisionError if 1 − Φ may be singular."""
         size = Phi.nrows()
         resolvent = arb_mat([[int(i == j) - Phi[i, j] for j in range(size)] for i in range(size)]).inv()
         gamma = (bounds.tau * (1 + bounds.kappa * norm(resolvent))).upper()
@@ -109,7 +106,7 @@ def existence(
             f"{float(linear.eta):.1e} "
             f"bounds the first Newton correction and ΓΛ = {float(product):.1e} the curvature of the equations"
         )
-    # η + ΓΛρ²/2 ≤ ρ holds for ρ = η (1 + 2ΓΛη), as 2ΓΛη < 1 gives (1 + 2ΓΛη)² ≤ 4.
+    # η + ΓΛρ²/2 ≤ ρ holds for ρ = η (1 + 2ΓΛη), because 2ΓΛη < 1 implies (1 + 2ΓΛη)² ≤ 4.
     radius = (linear.eta * (1 + 2 * product * linear.eta)).upper()
     beta = radius * Lambda
     turned = bounds.tau * beta
@@ -119,7 +116,7 @@ def existence(
 
 
 def _unique(curvature: Curvature, linear: Linear, radius: Ball) -> Ball:
-    """Radius of a ball, as large as possible, that the contraction maps into itself."""
+    """Radius, as large as possible, of a ball that the contraction maps into itself."""
     tube = (1 / (2 * linear.gamma * curvature.over(radius))).upper()
     if not tube < arb(2) ** _WIDEST:
         tube = arb(2) ** _WIDEST

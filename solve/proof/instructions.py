@@ -2,8 +2,8 @@
 
 A function of scalars is a list of instructions. The same list is evaluated for real balls, complex balls and
 power series. Piecewise operations (comparisons, |x|, floor, min, max) are analytic only where their outcome
-is constant. Outcomes are recorded by evaluation on a real interval, on which they must not change, and then
-used on discs and in power series.
+is constant. The outcomes are determined by an evaluation on a real interval, on which they must not change.
+They are then used in evaluations on discs and with power series.
 """
 
 import operator
@@ -18,7 +18,7 @@ from solve.proof.balls import Ball, acb, arb
 
 
 class UndecidedError(Exception):
-    """Raised for a piecewise operation whose branch may change within an interval."""
+    """Raised if the branch of a piecewise operation may change within an interval."""
 
 
 Outcomes = tuple[Any, ...]
@@ -28,8 +28,8 @@ Entries = list[tuple[int, int, Ball]]
 """Rows, columns and values of a matrix."""
 
 ANY: Outcomes = ("any",)
-"""Value that admits every possible outcome on an interval: results contain the results of all possible
-outcomes."""
+"""Value that admits every outcome that is possible on an interval. Results then contain the results of all
+possible outcomes."""
 
 
 def _power(x: Ball, y: Ball) -> Ball:
@@ -49,8 +49,8 @@ def _whole_power(x: Ball, k: int) -> Ball:
 
 
 def _analytic(name: str) -> Callable[[Ball], Ball]:
-    """Wrap a function so that the result is undefined on discs that meet a branch cut, where the function is
-    not analytic."""
+    """Wrap a function that is not analytic on a branch cut. The result of the wrapped function is undefined
+    on discs that meet the branch cut."""
 
     def apply(x: Ball) -> Ball:
         function = getattr(x, name)
@@ -60,8 +60,8 @@ def _analytic(name: str) -> Callable[[Ball], Ball]:
 
 
 def _inverse(name: str) -> Callable[[Ball], Ball]:
-    """Wrap asin, acos or atan so that the result is undefined on discs that may meet a branch cut (the real
-    axis beyond ±1; for atan the imaginary axis beyond ±i)."""
+    """Wrap asin, acos or atan so that the result is undefined on discs that may meet a branch cut. The branch
+    cuts are the real axis beyond ±1 and, for atan, the imaginary axis beyond ±i."""
 
     def apply(x: Ball) -> Ball:
         if isinstance(x, acb):
@@ -100,7 +100,7 @@ _SMOOTH: dict[int, Callable[..., Ball]] = {
     casadi.OP_COSH: lambda x: (x.exp() + (-x).exp()) / 2,
     casadi.OP_TANH: lambda x: 1 - 2 / ((2 * x).exp() + 1),
 }
-"""Analytic operations, as functions of their operands."""
+"""Mapping from analytic operations to functions of their operands."""
 
 
 def _certain(yes: bool, no: bool) -> bool:
@@ -134,8 +134,8 @@ def _towards_zero(x: Ball, y: Ball) -> int:
 
 
 def _half_plane(y: Ball, x: Ball) -> str:
-    """Half plane that contains all points (x, y), chosen with its edge far from the points. Points in the
-    left half plane must lie on one side of the branch cut of atan2."""
+    """Name of a half plane that contains all points (x, y); its edge is as far from the points as possible.
+    In the left half plane, the points must lie on one side of the branch cut of atan2."""
     halves = {"right": x, "upper": y, "lower": -y}
     if y >= 0 or y < 0:
         halves["above the cut" if y >= 0 else "below the cut"] = -x
@@ -179,22 +179,22 @@ _PIECES: dict[int, tuple[Callable[..., Any], Callable[..., Ball]]] = {
         lambda yes, condition, x: x if yes else arb(0),
     ),
 }
-"""Piecewise operations: for each, a function that returns the outcome for real balls, and a function that
-returns the result for an outcome and the operands. Conditions are exact (0 or 1), because their comparisons
-are decided."""
+"""Mapping from piecewise operations to two functions. The first returns the outcome for real balls. The
+second returns the result for an outcome and the operands. Conditions are exact (0 or 1), because their
+comparisons are decided."""
 
 
 def _decided(decide: Callable[..., Any], operands: Sequence[Ball]) -> Any:
-    """Branch of an operation for real balls. For complex balls, which represent parameters near real values,
-    it is the branch of the real values."""
+    """Branch of an operation. For complex balls, which represent parameters near real values, it is the
+    branch for the real parts."""
     if any(isinstance(operand, acb) for operand in operands):
         raise UndecidedError
     return decide(*operands)
 
 
 def _real_only(hull: Callable[..., Ball]) -> Callable[..., Ball]:
-    """Wrap a hull function so that the result is undefined for complex operands, for which the hull of real
-    values is not an enclosure."""
+    """Wrap a function that returns a hull of real values. The result is undefined for complex operands, for
+    which this hull is not an enclosure."""
     return lambda *operands: (
         acb(arb.nan()) if any(isinstance(operand, acb) for operand in operands) else hull(*operands)
     )
@@ -216,18 +216,20 @@ _HULLS: dict[int, Callable[..., Ball]] = {
     casadi.OP_OR: lambda x, y: arb(0).union(arb(1)),
     casadi.OP_IF_ELSE_ZERO: lambda condition, x: x.union(arb(0)),
 }
-"""Piecewise operations with several possible outcomes: a ball that contains their results."""
+"""Mapping from piecewise operations to functions that return a ball which contains the results of all
+possible outcomes."""
 
 _NAMES = {value: name for name, value in vars(casadi).items() if name.startswith("OP_")}
 
 
 @dataclass(frozen=True)
 class Instructions:
-    """Function as a list of (operation, indices of operands, index of the result, constant or function).
+    """Function as a list of lines (operation, indices of the operands, index of the result, constant or
+    function).
 
-    For an instruction that writes an output, the index of the result is the number of the output with row and
-    column of the entry. The entry is stored immediately, because later instructions reuse storage. entries:
-    number of entries of each output that are not structurally zero.
+    For a line that writes an output, the index of the result consists of the number of the output and of the
+    row and column of the entry. The entry is stored immediately, because later lines reuse storage. entries:
+    number of structurally nonzero entries of each output.
     """
 
     lines: tuple[tuple[int, tuple[int, ...], Any, Any], ...]
@@ -243,7 +245,7 @@ class Instructions:
     def from_function(
         cls, function: casadi.Function, number: Callable[[float], Ball] = arb
     ) -> "Instructions":
-        """Instructions of a CasADi function, with its constants converted to balls by `number`. Raises
+        """Instructions of a CasADi function. `number` converts its constants to balls. Raises
         LinearModelError for an operation without an enclosure rule."""
         function = function if function.is_a("SXFunction") else function.expand()
         sparsities = map(function.sparsity_out, range(function.n_out()))
@@ -270,16 +272,21 @@ class Instructions:
     def __call__(
         self, inputs: Sequence[Sequence[Ball]], outcomes: Outcomes | None = None
     ) -> tuple[list[Entries], Outcomes]:
-        """Entries (row, column, value) of each output, and the branches of the piecewise operations.
+        """Return the entries (row, column, value) of each output, and the outcomes of the piecewise
+        operations.
 
         Parameters
         ----------
-        inputs : elements of each input outcomes : outcomes of an earlier evaluation, or ANY; if None,
-        determined from the inputs, which must be real balls
+        inputs : sequence of sequences of balls
+            Elements of each input.
+        outcomes : tuple, optional
+            Outcomes of an earlier evaluation, or ANY. By default, they are determined from the inputs, which
+            must then be real balls.
 
         Raises
         ------
-        UndecidedError if an outcome is not the same for all numbers of the inputs.
+        UndecidedError
+            If an outcome is not the same for all numbers in the inputs.
         """
         work: list[Any] = [None] * self.storage
         values: list[Entries] = [[] for _ in self.entries]

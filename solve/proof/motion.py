@@ -4,7 +4,7 @@ The equations of motion are r(φ, Ω, q, q̇, q̈) = 0. About a motion q̄, the 
 
     ∂r/∂q̈ ü + ∂r/∂q̇ u̇ + ∂r/∂q u = −r(q̄) − N(u),    N(u) = r(q̄ + u) − r(q̄) − Dr(q̄) u.
 
-The coefficients and r(q̄) are functions of the phase, since q̄ is known exactly.
+The coefficients and r(q̄) are known functions of the phase, because q̄ is known exactly.
 """
 
 from collections.abc import Callable
@@ -40,18 +40,19 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _FIRST_SAMPLES = 49
-"""Initial number of samples per period; it is doubled until the highest harmonics are round-off. Chosen by
+"""Initial number of samples per period. It is doubled until the highest harmonics are round-off. Chosen by
 judgement."""
 
 _MOST_UNKNOWNS = 5000
-"""Largest size of the dense equations of a Newton correction. Chosen by judgement, some 20 s."""
+"""Largest size of the dense system of equations of a Newton correction. Chosen by judgement: its solution
+takes about 20 s."""
 
 _CORRECTIONS = 2
-"""Number of Newton corrections on a grid. They start from an orbit with seven digits, and each correction
-squares the error."""
+"""Number of Newton corrections on a grid. The initial orbit has seven correct digits, and each correction
+doubles their number."""
 
 _TAIL, _ROUNDOFF = 1 / 8, 64 * EPS
-"""Fraction of the harmonics that must be below round-off, and round-off relative to the largest harmonic.
+"""Fraction of the harmonics that must be below round-off, and the round-off relative to the largest harmonic.
 Chosen by judgement."""
 
 _ORDERS = 3
@@ -59,7 +60,7 @@ _ORDERS = 3
 
 _PARTS, _TERMS = 2, 32
 """Number of intervals of the period per harmonic, and number of terms of the Taylor polynomial on each
-interval. The remainder is below π^32/32! = 3e-20 times the sum of the harmonics."""
+interval. The remainder is below π^32/32! = 3e-20, multiplied by the sum of the harmonics."""
 
 _DROPPED = 1e-3 * EPS
 """Size, relative to the largest harmonic, below which harmonics are omitted. Chosen by judgement."""
@@ -67,10 +68,9 @@ _DROPPED = 1e-3 * EPS
 
 @dataclass(frozen=True)
 class TrigonometricMotion:
-    """q(φ) = Σ_k a_k cos(2πkφ/T) + b_k sin(2πkφ/T) with exact coefficients.
+    """Motion q(φ) = Σ_k a_k cos(2πkφ/T) + b_k sin(2πkφ/T) with exact coefficients.
 
-    cosines, sines : (n, K+1)
-    period : T, a ball
+    cosines, sines (n, K+1): a_k and b_k. period: T, a ball.
     """
 
     cosines: Array
@@ -79,7 +79,7 @@ class TrigonometricMotion:
 
     @classmethod
     def from_curve(cls, curve: FourierCurve, period: Ball) -> "TrigonometricMotion":
-        """Motion with the Fourier coefficients of a curve; harmonics far below round-off are omitted."""
+        """Motion with the Fourier coefficients of a curve. Harmonics far below round-off are omitted."""
         c = curve.coefficients
         limits = _DROPPED * np.abs(c).max(axis=1, keepdims=True)
         large = np.flatnonzero((np.abs(c) > limits).any(axis=0))
@@ -98,8 +98,8 @@ class TrigonometricMotion:
 
     @cached_property
     def _weights(self) -> Matrix:
-        """Factors (3n, 2K+2) of the cosines and sines in q and its derivatives with respect to the phase.
-        Differentiation of a cos + b sin replaces (a, b) by 2πk/T (b, −a)."""
+        """Factors (3n, 2K+2) of the cosines and sines in q, dq/dφ and d²q/dφ². Differentiation of a cos + b
+        sin replaces (a, b) by 2πk/T (b, −a)."""
         a, b, rows = self.cosines, self.sines, []
         for order in range(_ORDERS):
             powers = [(k * self._rate) ** order for k in range(a.shape[1])]
@@ -109,8 +109,8 @@ class TrigonometricMotion:
         return arb_mat(rows)
 
     def states(self, phase: Ball, orders: int = _ORDERS) -> list[list[Ball]]:
-        """q and its derivatives with respect to the phase, at a real or complex phase or at a power
-        series."""
+        """Return q and its derivatives with respect to the phase. The phase is a real or complex ball, or a
+        power series."""
         if isinstance(phase, arb_series):
             return self._series(phase[0], phase[1], orders)
         angle, count = phase * self._rate, self.cosines.shape[1]
@@ -136,7 +136,7 @@ class TrigonometricMotion:
         powers = self._powers(slope, terms + orders) * columns
         found: list[list[Ball]] = [[] for _ in range(orders)]
         for i in range(len(turned)):
-            # Derivatives of a cos + b sin with respect to the angle at 0: a, b, −a, −b, …
+            # The derivatives of a cos + b sin with respect to the angle at 0 are a, b, −a, −b, …
             series = [powers[j, 2 * i + j % 2] * (-1 if j % 4 > 1 else 1) for j in range(terms + orders)]
             for order in range(orders):
                 found[order].append(arb_series(series[:terms]))
@@ -152,12 +152,16 @@ class TrigonometricMotion:
         return arb_mat(rows)
 
     def at(self, phases: Array) -> list[list[Ball]]:
-        """q (k, n) at phases (k,)."""
+        """Coordinates q (n, k) at phases (k,)."""
         return [self.states(arb(phase), 1)[0] for phase in phases.tolist()]
 
     def polynomials(self) -> list[list[tuple[list[Ball], Ball]]]:
-        """Taylor polynomials of each coordinate on equal intervals of the period, in the fraction of the
-        interval, and the bound Σ_k (|a_k| + |b_k|) (2πkh/T)^J/J! on the remainder after J terms."""
+        """Taylor polynomials of each coordinate on equal intervals of the period, with bounds on the
+        remainders.
+
+        The variable is the fraction of the interval. After J terms, the remainder is at most Σ_k (|a_k| +
+        |b_k|) (2πkh/T)^J/J!.
+        """
         parts = _PARTS * self.cosines.shape[1]
         length, errors = self.period / parts, []
         with precision(working_bits(), _TERMS):
@@ -175,7 +179,7 @@ class TrigonometricMotion:
 
 
 def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
-    """Orbit about which `system` is linearised, as a trigonometric polynomial. Its harmonics decrease to
+    """Trigonometric polynomial for the orbit about which `system` is linearised. The harmonics decrease to
     round-off. Raises NoOrbitError if too many harmonics are required."""
     n, T = system.n, system.period
     count = round(T / system.model.period) * _FIRST_SAMPLES
@@ -200,9 +204,11 @@ def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
 def corrected(
     motion: TrigonometricMotion, nodes: Array, at: Callable[[Ball], list[Array]]
 ) -> TrigonometricMotion:
-    """Apply one Newton correction to the motion. The defect is evaluated in ball arithmetic of high
-    precision, so that no digits are lost where forces cancel. at: function that returns M, C, K and the
-    defect at the phase of a node."""
+    """Apply one Newton correction to the motion.
+
+    The defect is evaluated in ball arithmetic of high precision, so that cancellation of forces loses no
+    digits. at: function that returns M, C, K and the defect at a phase.
+    """
     phases = [motion.period * k / (len(nodes) - 1) for k in range(len(nodes) - 1)]
     matrices = [np.array(part) for part in zip(*map(at, phases), strict=True)]
     names = [f"q{i}" for i in range(motion.cosines.shape[0])]
@@ -215,7 +221,7 @@ def corrected(
 
 
 def _residual(residual: casadi.Function) -> tuple[list[Any], Any, list[Any]]:
-    """Symbolic inputs, residual r (n,), and q, qd and qdd."""
+    """Return the symbolic inputs, the residual r (n,), and the inputs q, qd and qdd."""
     inputs = [casadi.SX.sym(residual.name_in(i), *residual.size_in(i)) for i in range(residual.n_in())]
     (r,) = residual.call(inputs, True, False)
     return inputs, r, inputs[2:5]
@@ -231,8 +237,10 @@ def linearised_about(residual: casadi.Function) -> casadi.Function:
 
 @symbolic
 def second_derivatives(residual: casadi.Function) -> casadi.Function:
-    """Function that returns ∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b, and r. The
-    value r is also returned, because derivatives do not show kinks and jumps, such as that of |q|."""
+    """Function that returns ∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b, and r.
+
+    The residual r is included because its derivatives do not reveal kinks and jumps, such as the kink of |q|.
+    """
     inputs, r, states = _residual(residual)
     v = casadi.vertcat(*states)
     jacobian = casadi.vec(casadi.jacobian(r, v))

@@ -35,11 +35,12 @@ from solve.proof.turn import Marching, turn
 from solve.results.special_orbits import NonlinearOrbit
 
 MOST_DIGITS = 12
-"""Number of digits beyond which the discs of multipliers do not shrink, because the coefficients of the
-polynomial are doubles."""
+"""Largest number of digits. With more digits, the discs of the multipliers would not shrink, because the
+coefficients of the polynomial are doubles."""
 
 _MOST_ADVANCE = 12.0
-"""Largest h‖A‖ of a step. Chosen by judgement: the cells of a step are compared in pairs."""
+"""Largest h‖A‖ of a step. Chosen by judgement: the computing time for the cells of a step grows with the
+square of their number."""
 
 _SAMPLES = 32
 """Number of phases from which scales are computed. Chosen by judgement; it affects the widths of the
@@ -53,7 +54,8 @@ def enclosed_orbit(
     rounded: bool,
     executor: Executor | None = None,
 ) -> Proof:
-    """Proof for an orbit; `system` is linearised about it. executor: computes steps in parallel."""
+    """Prove results for a nonlinear orbit; `system` is linearised about it. executor: executor that computes
+    steps in parallel."""
     begun = time.process_time()
     bits, most = math.ceil(min(digits, MOST_DIGITS) * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE
     marching = Marching(*(ROUNDED if rounded else (bits, most)), executor=executor)
@@ -87,8 +89,8 @@ def enclosed_orbit(
 
 @dataclass(frozen=True)
 class _LinearisedProof:
-    """Equations linearised about a motion, number of steps, enclosure of the monodromy matrix of the orbit
-    near the motion, and radii of existence of this orbit."""
+    """Equations linearised about a motion, and what is proved of the nonlinear orbit near the motion: an
+    enclosure Φ of its monodromy matrix, and the radii of existence."""
 
     equation: Equation
     motion: TrigonometricMotion
@@ -100,7 +102,7 @@ class _LinearisedProof:
 def _prove_existence(
     orbit: NonlinearOrbit, system: LinearisedModel, marching: Marching, rounded: bool
 ) -> _LinearisedProof:
-    """Prove existence of the orbit. Raises NoOrbitError, ResonanceError or StepsError if the proof fails."""
+    """Prove that the orbit exists. Raises NoOrbitError, ResonanceError or StepsError if the proof fails."""
     model = system.model
     period = period_of(model, rounded) * round(system.period / model.period)
     equation, motion = _equation(system, orbit.speed, period, rounded)
@@ -125,9 +127,12 @@ def _instructions(
 def _equation(
     system: LinearisedModel, omega: float, period: Ball, rounded: bool
 ) -> tuple[Equation, TrigonometricMotion]:
-    """Equations linearised about a motion near the orbit, in scales that balance their coefficients. The
-    load, the defect, is scaled by the inertia forces of the motion, because it is far smaller than other
-    forces."""
+    """Return the equations linearised about a motion near the orbit, and the motion. Scales balance the
+    coefficients.
+
+    The load is the defect. It is scaled by the inertia forces of the motion, because it is far smaller than
+    other forces.
+    """
     model, n = system.model, system.n
     numbers = [number(float(x), rounded) for x in (omega, *model.setup.p)]
     instructions = _instructions(model, linearised_about, rounded)
@@ -172,9 +177,11 @@ def _unproved(orbit: NonlinearOrbit, reason: str, seconds: float) -> Proof:
 
 
 def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> ProvedOrbit:
-    """Radius of existence and uniqueness for each coordinate. An orbit of norm ≤ ρ has |u_a| ≤ ρ s_a.
-    Conversely, |u_a| ≤ c ρ s_a implies a norm ≤ ρ if c Σ_a |T⁻¹_ia| s_a ≤ λ for every i. The same holds for
-    u̇ and ü with T W instead of T."""
+    """Radii of existence and uniqueness for each coordinate.
+
+    An orbit of norm ≤ ρ has |u_a| ≤ ρ s_a. Conversely, |u_a| ≤ c ρ s_a implies a norm ≤ ρ if c Σ_a |T⁻¹_ia|
+    s_a ≤ λ for every i. The same is true of u̇ and ü with T W instead of T.
+    """
     equation, motion, proved = found.equation, found.motion, found.existence
     n, sizes = equation.n, sizes_of(equation, proved.rate)
     T = arb_mat(equation.modes.tolist())
@@ -203,8 +210,8 @@ def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> Pro
 def _extrema(
     orbit: NonlinearOrbit, motion: TrigonometricMotion, located: ProvedOrbit
 ) -> tuple[dict[str, tuple[float, float]], float]:
-    """Bounds on max|q| of each coordinate, and the error of the numerical orbit at its nodes relative to
-    max|q|."""
+    """Return bounds on max|q| of each coordinate, and the error of the numerical orbit at its nodes relative
+    to max|q|."""
     nodes = orbit.curve.nodes[:-1]
     exact, given = motion.at(nodes), orbit.at(nodes)
     bounds, worst = {}, 0.0

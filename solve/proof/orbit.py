@@ -8,14 +8,15 @@ from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, largest
 from solve.proof.turn import Turn
 
 _WIDTH = 1e-12
-"""Relative width of the bounds at which the search for a maximum ends. Chosen by judgement."""
+"""Difference between the bounds on a maximum, relative to their size, at which the search ends. Chosen by
+judgement."""
 
 _SHORTEST = 2.0**-30
-"""Fraction of a step at which halving ends, because the enclosure of the solution is then wider than the
-interval."""
+"""Length of an interval, as a fraction of the step, at which halving ends: the enclosure of the solution is
+then wider than its variation over the interval."""
 
 _CELLS = 20_000
-"""Largest number of intervals that are examined for one maximum. Chosen by judgement."""
+"""Largest number of intervals that are examined for a maximum. Chosen by judgement."""
 
 
 def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:
@@ -35,13 +36,13 @@ def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:
 
 
 def position_and_rate(state: Matrix) -> Matrix:
-    """Scaled state (2n, 1), without the entry 1 for the load."""
+    """Scaled state y (2n, 1): the argument without its last entry, 1, which belongs to the load."""
     return arb_mat(state.table()[:-1])
 
 
 def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[list[Ball], Ball]]:
-    """Coefficients, with respect to τ, of the linear combination `row` (1, 2n) of the state on each step, and
-    a bound on the error of the polynomial."""
+    """Linear combination `row` (1, 2n) of the state on each step: coefficients of the powers of τ, and a
+    bound on the error of the polynomial."""
     weight = sum((entry.abs_upper() for entry in row.entries()), arb(0))
     found = []
     for step, state in zip(turn.steps, states, strict=True):
@@ -52,10 +53,10 @@ def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[lis
 
 
 def largest_modulus(pieces: list[tuple[list[Ball], Ball]], width: float = _WIDTH) -> tuple[Ball, Ball]:
-    """Lower and upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and all polynomials.
+    """Return a lower and an upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and over all polynomials p.
 
     The interval with the largest upper bound is halved until this bound is close to the largest lower bound.
-    Bounds are rounded up to doubles, so that they are sorted exactly.
+    Bounds are rounded up to doubles, so that they can be sorted exactly.
     """
     low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(pieces))]
     for _ in range(_CELLS):
@@ -72,8 +73,8 @@ def largest_modulus(pieces: list[tuple[list[Ball], Ball]], width: float = _WIDTH
 
 
 def _on(piece: tuple[list[Ball], Ball], start: float, end: float) -> tuple[Ball, Ball]:
-    """Lower bound on |p| at the middle of an interval, and upper bound on |p| over the interval, by the
-    second-order mean value form."""
+    """Return a lower bound on |p| at the middle of an interval, and an upper bound on |p| over the interval.
+    The latter uses the second-order mean-value form."""
     coefficients, error = piece
     middle, half = (arb(start) + arb(end)) / 2, (arb(end) - arb(start)) / 2
     value, slope, curvature = derivatives_on(coefficients, middle, arb(start).union(arb(end)))
@@ -83,7 +84,8 @@ def _on(piece: tuple[list[Ball], Ball], start: float, end: float) -> tuple[Ball,
 
 
 def derivatives_on(coefficients: list[Ball], middle: Ball, cell: Ball) -> tuple[Ball, Ball, Ball]:
-    """Values of p and p′ at the middle, and a bound on |p″| over the cell, by Horner's scheme."""
+    """Return the values of p and p′ at the middle, and a bound on |p″| over the cell, all computed by
+    Horner's scheme."""
     value, slope, second = arb(0), arb(0), arb(0)
     first_on, value_on = arb(0), arb(0)
     for c in reversed(coefficients):

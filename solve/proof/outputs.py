@@ -1,4 +1,5 @@
-"""Enclosures of the extrema of outputs, functions of phase, q, q̇ and q̈, along the periodic solution.
+"""Enclosures of the extrema of outputs along the periodic solution. Outputs are functions of phase, q, q̇ and
+q̈.
 
 On a step, y = Ỹx + E with the exact polynomial Ỹ and ‖E‖ ≤ ε‖x‖ for the state x at its start. Since m E₂′ =
 −h r_y E − D₂, and ε contains the factor max(1, ‖m⁻¹‖) Σ‖D_k‖, also ‖E₂′‖ ≤ (h‖A‖ + 1) ε‖x‖ for the derivative
@@ -21,21 +22,22 @@ from solve.proof.turn import Turn
 from solve.system import PeriodicSystem
 
 _WIDTH = 1e-3
-"""Relative width of the bounds at which the search for a maximum ends. Chosen by judgement, because the radii
-of the outputs decrease only linearly with the length of the interval."""
+"""Difference between the bounds on a maximum, relative to their size, at which the search ends. Chosen by
+judgement: it is not smaller because the radii of the outputs decrease only linearly with the length of the
+interval."""
 
 _CELLS = 600
-"""Largest number of intervals that are examined for one output. Chosen by judgement."""
+"""Largest number of intervals that are examined for an output. Chosen by judgement."""
 
 Polynomial = tuple[list[Ball], Ball]
-"""Type of polynomials: coefficients of the powers of τ, and a bound on the error."""
+"""Type of a polynomial: coefficients of the powers of τ, and a bound on the error."""
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """Outputs along the periodic solution of an equation, on steps without jumps of the matrices.
+    """Outputs along the periodic solution of an equation, for steps without jumps of the matrices.
 
-    states : (2n+1, 1) at the start of each step
+    states: states (2n+1, 1) at the start of each step.
     """
 
     instructions: Instructions
@@ -49,8 +51,8 @@ class Outputs:
     def from_system(
         cls, system: PeriodicSystem, equation: Equation, turn: Turn, states: list[Matrix], rounded: bool
     ) -> "Outputs | None":
-        """Outputs of a model; None if it has no outputs, if its matrices jump, or if an output contains an
-        operation without an enclosure rule."""
+        """Outputs of a model. None if the model has no outputs, if its matrices jump, or if an output
+        contains an operation without an enclosure rule."""
         if not isinstance(system, Model) or not system.outputs or not all(step.load for step in turn.steps):
             return None
         try:
@@ -62,8 +64,8 @@ class Outputs:
         return cls(instructions, equation, turn, states)
 
     def largest_modulus(self, number: int) -> tuple[Ball, Ball]:
-        """Lower and upper bound on the maximum modulus of an output. The upper bound is infinite if the
-        branch of a piecewise operation is undecided."""
+        """Return a lower and an upper bound on the maximum modulus of an output. The upper bound is infinite
+        if the branch of a piecewise operation is undecided."""
         low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(self.turn.steps))]
         for _ in range(_CELLS):
             bound, at, start, end = heap[0]
@@ -80,7 +82,7 @@ class Outputs:
         return low, arb(-heap[0][0])
 
     def _on(self, at: int, start: float, end: float) -> list[Ball]:
-        """Balls that contain the outputs on an interval of a step."""
+        """Balls that contain the outputs on an interval of the step with index `at`."""
         key = at, start, end
         if key not in self._found:
             self._found[key] = self._evaluated(at, arb(start), arb(end))
@@ -101,7 +103,7 @@ class Outputs:
         return [entries[0][2] if entries else arb(0) for entries in values]
 
     def _motion(self, at: int) -> list[list[Polynomial]]:
-        """Motion q, q̇ and q̈ on a step."""
+        """Polynomials of q, q̇ and q̈ on the step with index `at`."""
         equation, n, state = self.equation, self.equation.n, self.states[at]
         step, h = self.turn.steps[at], self.turn.lengths[at]
         T = arb_mat(equation.modes.tolist()) * arb(equation.load)
@@ -120,7 +122,8 @@ class Outputs:
 
 
 def _polynomials(matrix: Matrix, terms: list[Matrix], error: Ball) -> list[Polynomial]:
-    """Products of the rows of a matrix and polynomial terms, with their errors."""
+    """Products of each row of a matrix and a polynomial, given by its coefficients `terms`, with error
+    bounds."""
     products = [(matrix * term).entries() for term in terms]
     errors = [sum((abs(x) for x in row), arb(0)) * error for row in matrix.table()]
     return [([product[i] for product in products], each.upper()) for i, each in enumerate(errors)]

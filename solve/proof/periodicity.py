@@ -1,14 +1,14 @@
 """Test whether a list of instructions is periodic in the phase with period T, by exact rules for each
 operation.
 
-At φ + T every intermediate value v has changed to v + a + bπ with rational numbers a and b, or to −v, or is
-unknown. The phase changes by T. The rules follow from
+If φ changes to φ + T, every intermediate value v changes to v + a + bπ with rational numbers a and b, or to
+−v, or its change is unknown. The rules follow from
 
     sin(x + 2πk) = sin x, sin(x + π + 2πk) = −sin x, likewise for cos, tan(x + πk) = tan x, (−v)² = v²,
 
-and c(v + a + bπ) = cv + ca + cbπ for rational c: the constants of the code are exact doubles. Every other
-operation has the period T if its operands have. The rules hold for real functions; they prove the period
-wherever the operations are defined.
+and c(v + a + bπ) = cv + ca + cbπ for rational c, because the constants of the code are exact doubles. The
+result of any other operation has the period T if its operands have the period T. The rules hold for real
+functions; they prove the period wherever the operations are defined.
 """
 
 from collections.abc import Callable
@@ -37,12 +37,12 @@ class Shift:
 
 PERIODIC, FLIPPED = Shift(), "flipped"
 Change = Shift | str | None
-"""Type of changes of a value over a period: a shift, a change of sign, or unknown (None)."""
+"""Type of the change of a value over a period: a shift, a change of sign, or an unknown change (None)."""
 
 
 def repeats(instructions: Instructions, period: Fraction) -> bool:
-    """Whether all outputs have the period `period`·π in the first input. The other inputs are constants or
-    functions with this period."""
+    """Whether all outputs have the period `period`·π in the first input. The other inputs must be constants
+    or functions with this period."""
     work: list[tuple[Change, Fraction | None]] = [(None, None)] * instructions.storage
     for operation, positions, result, constant in instructions.lines:
         operands = [work[place] for place in positions] if operation != casadi.OP_INPUT else []
@@ -106,8 +106,8 @@ def _scaled(factor: int) -> Callable[..., Change]:
 
 
 def _wave(changes: list[Change], constants: list[Fraction | None]) -> Change:
-    """Rule for sin and cos: they do not change if the argument shifts by a multiple of 2π, and change sign if
-    it shifts by an odd multiple of π."""
+    """Rule for sin and cos. The result does not change if the argument shifts by a multiple of 2π, and
+    changes sign if it shifts by an odd multiple of π."""
     (shift,) = changes
     if not isinstance(shift, Shift) or shift.a or shift.b.denominator > 1:
         return None
@@ -154,4 +154,4 @@ _RULES: dict[int, Callable[..., Change]] = {
     casadi.OP_TANH: _odd,
     casadi.OP_SIGN: _odd,
 }
-"""Operations with rules for operands that change."""
+"""Mapping from operations to their rules, for operands that change."""

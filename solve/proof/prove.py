@@ -1,4 +1,4 @@
-"""Function `prove`, which encloses the multipliers, the verdict and the orbit of a system."""
+"""The function `prove`, which encloses the multipliers, the verdict and the orbit of a system."""
 
 from concurrent.futures import Executor
 
@@ -18,8 +18,8 @@ DIGITS = 20
 """Default number of decimal digits of enclosures, relative to the spectral radius. Chosen by judgement."""
 
 _MOST_DIGITS = 1000
-"""Largest number of digits. Chosen by judgement: the computing time grows with its square and reaches
-minutes."""
+"""Largest permitted number of digits. Chosen by judgement: the computing time grows with the square of this
+number and reaches minutes."""
 
 
 @first_is(PeriodicSystem, Stability, such_as="solve.load('cam')")
@@ -31,7 +31,7 @@ def prove(
     orbit: bool = True,
     executor: Executor | None = None,
 ) -> Proof:
-    """Enclosures of the multipliers, the verdict and the periodic solution of a system.
+    """Enclose the multipliers and the periodic solution of a system, and prove the stability verdict.
 
     For a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are also proved.
 
@@ -41,34 +41,35 @@ def prove(
         A model with generated matrices, a system from samples or from a function that accepts symbolic phases
         (see docs/proof.md), or a result for one of these, such as a linear or nonlinear orbit.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit. It must be left out if `system` is a result.
+        Speed in rad/s, or a text with unit. It must be omitted if `system` is a result.
     digits : int, optional
         Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 for a
         nonlinear orbit.
     rounded : bool, optional
-        Whether the proof covers all real numbers within two units in the last place of the given numbers
-        (integers are exact), instead of exactly the given double-precision numbers.
+        Whether the proof covers all real numbers within two units in the last place of the given ones.
+        Integers are exact. By default, the proof covers exactly the given double-precision numbers.
     orbit : bool, optional
-        Whether to enclose the periodic solution as well. The orbit of a result is always enclosed.
+        Whether to enclose the periodic solution also. The orbit of a result is always enclosed.
     executor : Executor, optional
-        Computes the steps of the period in parallel, such as a `concurrent.futures.ProcessPoolExecutor`.
+        Executor that computes the steps of the period in parallel, for example a
+        `concurrent.futures.ProcessPoolExecutor`.
 
     Returns
     -------
     Proof
-        Enclosures; the verdict is "undetermined" if none is proved.
+        Enclosures and verdict. The verdict is "undetermined" if no verdict is proved.
 
     Raises
     ------
     LinearModelError
-        For systems with matrices that cannot be evaluated for symbols, and for nonlinear orbits of equations
-        with jumps.
+        If the matrices of the system cannot be evaluated for symbols, or the equations of a nonlinear orbit
+        have jumps.
     MissingLibraryError
-        Without python-flint.
+        If python-flint is not installed.
     StepsError
         If a step cannot be enclosed.
     ValueOutOfBoundsError
-        For a number of digits below 1 or above 1000.
+        If the number of digits is below 1 or above 1000.
 
     Examples
     --------
@@ -106,17 +107,19 @@ def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor:
 
 
 def checked_digits(digits: int | None) -> int:
-    """Validate the number of digits; None gives the default. Raises ValueOutOfBoundsError."""
+    """Return the number of digits, or the default for None. Raises ValueOutOfBoundsError."""
     if digits is not None and not 1 <= digits <= _MOST_DIGITS:
         raise ValueOutOfBoundsError(f"digits is {digits}; allowed: 1 to {_MOST_DIGITS}")
     return DIGITS if digits is None else digits
 
 
 def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> PeriodicSystem:
-    """Return the system if its matrices can be enclosed: a generated function of the phase, a user's function
-    that accepts symbolic phases, or an interpolant of samples. With `nonlinear`, it must be a model with
-    nonlinear equations without jumps. Raises LinearModelError, and MissingLibraryError without
-    python-flint."""
+    """Return the system if its matrices can be enclosed.
+
+    The matrices must be a generated function of the phase, a user's function that accepts symbolic phases, or
+    an interpolant of samples. With `nonlinear`, the system must be a model with nonlinear equations without
+    jumps. Raises LinearModelError, and MissingLibraryError without python-flint.
+    """
     require_vibration(system)
     if isinstance(system, Model):
         possible = isinstance(system._matrices, MatrixSampler) and not system.assembled
@@ -149,25 +152,25 @@ def prove_boxes(
     speed: float | None,
     executor: Executor | None = None,
 ) -> ProvedBoxes:
-    """Boxes of two quantities on which a verdict is proved, and undecided boxes.
+    """Divide the ranges of two quantities into boxes, and prove a verdict on as many boxes as possible.
 
     Parameters
     ----------
     system : Model
         See `require_provable`.
     names : tuple of str
-        Two parameters, or one and "speed".
+        Names of two parameters, or of one parameter and "speed".
     ranges : tuple of pairs of float
-        Lower and upper end of the range of each quantity, in the model's units; speeds in rad/s.
+        Lower and upper end of the range of each quantity, in the units of the model; speeds in rad/s.
     speed : float or None
         Speed in rad/s, if it is not one of the two quantities.
     executor : Executor, optional
-        Computes monodromy matrices in parallel.
+        Executor that computes monodromy matrices in parallel.
 
     Raises
     ------
     LinearModelError
-        For a system without generated matrices, or jumps that move with one of the quantities.
+        If the system has no generated matrices, or has jumps that move with one of the quantities.
     """
     from solve.proof.boxes import proved_boxes
     from solve.proof.regions import Box, Plane

@@ -1,16 +1,16 @@
 """Functions of the monodromy matrix over a box of two quantities, as polynomials with error bounds.
 
-The entries of Φ are analytic functions of parameters and speed where the coefficients of the equations are,
-as long as jumps do not move. Let x, y in [−1, 1] represent the two quantities. Let |f| ≤ S on the product of
-the ellipses with foci ±1 and sums of half axes ρ_x and ρ_y. The polynomial of degrees p and q through the
+The entries of Φ are analytic functions of parameters and speed if the coefficients of the equations are
+analytic and jumps do not move. Let x, y in [−1, 1] represent the two quantities. Let |f| ≤ S on the product
+of the ellipses with foci ±1 and sums of semi-axes ρ_x and ρ_y. The polynomial of degrees p and q through the
 values of f at Chebyshev's points has an error of at most
 
     E_x + Λ_p E_y,    E_x = 4 S ρ_x^−p / (ρ_x − 1),    Λ_p ≤ 1 + (2/π) log(p + 1)
 
 (L. N. Trefethen, Approximation Theory and Approximation Practice, Theorem 8.2, which also holds for the zeros
 of T_{p+1}, with the same aliasing of coefficients; T. J. Rivlin, The Chebyshev Polynomials, for Λ_p). The
-second term bounds the interpolant over x of the error over y. S is bounded by the logarithmic norm, ‖Φ‖₂ ≤
-exp ∫ μ₂(A) dφ.
+second term bounds the error in y after interpolation in x. S is bounded by the logarithmic norm, ‖Φ‖₂ ≤ exp ∫
+μ₂(A) dφ.
 """
 
 import itertools
@@ -35,35 +35,36 @@ from solve.proof.turn import Marching, intervals, turn
 from solve.terminal import progress
 
 _RATIOS = 2.0, 3.0, 5.0, 8.0, 12.0, 20.0
-"""Candidates for ρ. With a larger ρ a lower degree suffices for the same S, but S grows with the ellipse."""
+"""Candidates for ρ. For the same S, a larger ρ permits a lower degree; but S grows with the ellipse."""
 
 _PANELS = 48
 """Number of intervals of the period on which μ₂ is bounded. Chosen by judgement."""
 
 _SHORTEST = 2.0**-14
-"""Fraction of the period below which an interval on which M may be singular is not bisected."""
+"""Length of an interval, as a fraction of the period, below which it is not bisected although M may be
+singular in it."""
 
 _ACCURACY = 2.0**-20
-"""Allowed interpolation error. Chosen by judgement: far below the variation of Φ over the smallest boxes that
-are decided."""
+"""Allowed interpolation error. Chosen by judgement: it is far below the variation of Φ over the smallest
+boxes that are decided."""
 
 _BITS, _ADVANCE, _ALLOWED = 34, 4.0, 2.0**-30
 """Precision in bits, largest h‖A‖ of a step, and allowed error of a step, for the enclosures at the nodes.
-Their errors are far below the interpolation error."""
+Their errors are far smaller than the interpolation error."""
 
 _LARGEST = 1024
 """Binary exponent of a bound S above which no permitted number of nodes suffices."""
 
 _MOST_NODES = 1200
-"""Number of nodes above which a box is bisected instead. Chosen by judgement, for which Mathieu's equation
+"""Number of nodes above which a box is bisected. Chosen by judgement: with this number, Mathieu's equation
 takes a minute."""
 
 _TOGETHER = 16
-"""Number of nodes that a worker computes at a time. Chosen by judgement, about a second."""
+"""Number of nodes that a worker computes at a time. Chosen by judgement: they take about a second."""
 
 
 class Box(NamedTuple):
-    """Ranges of two quantities, given as exact doubles."""
+    """Ranges of two quantities. Their ends are exact doubles."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -73,7 +74,7 @@ class Box(NamedTuple):
         return (self.x[1] - self.x[0]) * (self.y[1] - self.y[0])
 
     def halved(self, axis: int) -> tuple["Box", "Box"]:
-        """Both halves of the box, bisected along x (0) or y (1)."""
+        """Bisect the box along x (axis 0) or y (axis 1)."""
         low, high = self[axis]
         middle = (low + high) / 2
         if axis == 0:
@@ -83,9 +84,9 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class Plane:
-    """Model as a function of two parameters, or of one parameter and "speed".
+    """Model as a function of two quantities: two parameters, or one parameter and "speed".
 
-    speed : speed in rad/s, if it is not one of the two quantities
+    speed: speed in rad/s, if it is not one of the two quantities.
     """
 
     system: Model
@@ -100,7 +101,7 @@ class Plane:
         return self.system.varied(values), speed
 
     def equation(self, box: Box) -> Equation:
-        """Equation at the middle of a box; its scales are used on the whole box."""
+        """Equation at the middle of a box. Its scales are used on the whole box."""
         return equation_of(*self.at(*(sum(side) / 2 for side in box)), rounded=False)
 
     def moved(self, equation: Equation, x: Ball, y: Ball) -> Equation:
@@ -120,8 +121,11 @@ class Plane:
 
 @dataclass(frozen=True)
 class Polynomials:
-    """Functions f (k) on a box: coefficients (k, p+1, q+1) of products of Chebyshev polynomials, and bounds
-    (k,) on their errors. conservative: whether C is zero and hence det Φ = 1."""
+    """Polynomials for k functions on a box: coefficients (k, p+1, q+1) of products of Chebyshev polynomials,
+    and error bounds (k,).
+
+    conservative: whether C is zero, and hence det Φ = 1.
+    """
 
     coefficients: Array
     errors: Array
@@ -129,7 +133,7 @@ class Polynomials:
 
 
 def require_degrees(plane: Plane, box: Box) -> None:
-    """Raise StepsError if the box needs too many nodes."""
+    """Raise StepsError if the polynomials on the box require too many nodes."""
     try:
         with precision(2 * _BITS):
             if _degrees(plane, box)[0] is not None:
@@ -144,9 +148,12 @@ def require_degrees(plane: Plane, box: Box) -> None:
 
 
 def polynomials(plane: Plane, box: Box, executor: Executor | None = None) -> Polynomials | None:
-    """Polynomials of the trace and determinant of Φ for one coordinate, otherwise of all entries of Φ by
-    rows. None if too many nodes are required, or if the coefficients of the equations are not analytic in
-    a neighbourhood of the box."""
+    """Compute polynomials on a box. For one coordinate, the functions are the trace and the determinant of Φ;
+    otherwise, they are all entries of Φ in row order.
+
+    Return None if too many nodes are required, or if the coefficients of the equations are not analytic near
+    the box.
+    """
     try:
         with precision(2 * _BITS):
             degrees, errors, conservative = _degrees(plane, box)
@@ -169,7 +176,7 @@ def polynomials(plane: Plane, box: Box, executor: Executor | None = None) -> Pol
 def _values(
     plane: Plane, box: Box, degrees: tuple[int, int], nodes: Sequence[tuple[int, int]]
 ) -> list[Array]:
-    """Midpoints and radii (2, k) of the functions at Chebyshev nodes of the box."""
+    """Midpoints and radii (2, k) of the k functions, for each of the given Chebyshev nodes of the box."""
     with precision(2 * _BITS):
         equation = plane.equation(box)
         period, breaks = period_of(plane.system), plane.system.breaks
@@ -194,8 +201,8 @@ def _node(k: int, count: int) -> Ball:
 
 
 def _transformed(values: Array, counts: tuple[int, int]) -> tuple[Array, Array]:
-    """Chebyshev coefficients (k, p+1, q+1) from values (nodes, 2, k), which are midpoints and radii, and
-    bounds (k,) on the errors of the polynomials due to the radii and to rounding."""
+    """Return Chebyshev coefficients (k, p+1, q+1), and bounds (k,) on the errors of the polynomials that are
+    due to the radii and to rounding. `values` (nodes, 2, k) contains midpoints and radii."""
     across, upwards = (_analysis(count) for count in counts)
     coefficients, errors = [], []
     for middles, radii in zip(values[:, 0].T, values[:, 1].T, strict=True):
@@ -222,8 +229,11 @@ def _analysis(count: int) -> Matrix:
 
 
 def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, bool]:
-    """Numbers of nodes along x and y (None if too many), bounds (k,) on the interpolation errors, and whether
-    C is zero on the box. Equal ellipse ratios ρ are tried first, then neighbours of the best pair."""
+    """Return the numbers of nodes along x and y (None if they are too large), bounds (k,) on the
+    interpolation errors, and whether C is zero on the box.
+
+    First, equal ellipse ratios ρ are tried along x and y, then neighbours of the best pair.
+    """
     equation = plane.equation(box)
     real = plane.moved(equation, *(interval(arb(low), arb(high)) for low, high in box))
     period = period_of(plane.system)
@@ -244,8 +254,8 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
         return min(found, key=lambda at: math.prod(found[at][0]))
 
     examine(0, 0)
-    # S grows with the ellipses: if the smallest S requires too many nodes even with the largest ρ, so does
-    # every other pair.
+    # S grows with the ellipses. If the smallest S requires too many nodes even with the largest ρ, every
+    # other pair also requires too many.
     if not found or math.prod(_count(sizes[0], _RATIOS[-1]) for _ in box) > _MOST_NODES:
         return None, np.zeros(0), False
     for k in range(1, len(_RATIOS)):
@@ -259,16 +269,19 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
 
 
 def axis_to_halve(plane: Plane, box: Box, widths: Sequence[float]) -> int:
-    """Axis to bisect, x (0) or y (1): that with the smaller bound S on one of its halves, or the wider axis
-    if the bounds are equal. If the equations are not analytic near a value of one quantity, bisecting the
-    other axis does not reduce S."""
+    """Axis along which to bisect a box, x (0) or y (1).
+
+    It is the axis for which one of the halves has the smallest bound S or, if the bounds are equal, the axis
+    with the larger width. If the equations are not analytic near a value of one quantity, bisection along the
+    other axis does not reduce S.
+    """
     x, y = (min(_size(plane, half) for half in box.halved(axis)) for axis in (0, 1))
     return int(widths[1] > widths[0] if x == y else y < x)
 
 
 def _size(plane: Plane, box: Box) -> float:
-    """Logarithm of the bound S on the smallest ellipses around a box; infinite if the equations are not
-    analytic there."""
+    """Logarithm of S, the bound on the moduli of the functions for complex values in the smallest ellipses
+    that enclose a box. Infinite if the equations are not analytic there."""
     try:
         with precision(2 * _BITS):
             equation = plane.equation(box)
@@ -281,7 +294,7 @@ def _size(plane: Plane, box: Box) -> float:
 
 
 def _count(size: Ball, ratio: float) -> int:
-    """Number of nodes for which the interpolation error is below half the allowed error, with Λ ≤ 4."""
+    """Number of nodes for which the interpolation error is below half of the allowed error, if Λ ≤ 4."""
     return max(2, math.ceil(float((32 * size / _ACCURACY / (ratio - 1)).log()) / math.log(ratio)) + 1)
 
 
@@ -295,7 +308,8 @@ def _error(size: Ball, ratios: Sequence[float], counts: Sequence[int]) -> Ball:
 
 
 def _rectangle(side: tuple[float, float], ratio: float) -> Ball:
-    """Complex ball that contains the ellipse around an interval."""
+    """Complex ball that contains the ellipse around an interval; `ratio` is the sum of its semi-axes relative
+    to half of the interval."""
     low, high = map(arb, side)
     half, inverse = (high - low) / 2, 1 / arb(ratio)
     along, across = (half * (ratio + inverse) / 2).upper(), (half * (ratio - inverse) / 2).upper()
@@ -304,8 +318,8 @@ def _rectangle(side: tuple[float, float], ratio: float) -> Ball:
 
 
 def _bounds(real: Equation, ellipse: Equation, period: Ball, breaks: Sequence[float]) -> list[Ball]:
-    """Bounds on the moduli of the functions for complex values of the two quantities. The functions are trace
-    and determinant for one coordinate, otherwise the entries of Φ."""
+    """Bounds on the moduli of the functions for complex values of the two quantities. For one coordinate, the
+    functions are the trace and the determinant of Φ; otherwise, its entries."""
     size = 2 * real.n
     growth, trace, pending = arb(0), arb(0), list(_panels(real, period, breaks))
     while pending:
@@ -326,7 +340,7 @@ def _bounds(real: Equation, ellipse: Equation, period: Ball, breaks: Sequence[fl
 
 def _rates(equation: Equation, phase: Ball, outcomes: Outcomes | None) -> tuple[Ball, Ball]:
     """Bounds on μ₂(A) and Re tr A over an interval of phases. In a window around a jump, where piecewise
-    operations may take any branch, a norm of A is used."""
+    operations may take any branch, both follow from a norm of A."""
     if outcomes is not None:
         return equation.growth(phase, outcomes)
     rate = equation.largest_rate(phase)
@@ -338,8 +352,8 @@ def _rates(equation: Equation, phase: Ball, outcomes: Outcomes | None) -> tuple[
 def _panels(
     real: Equation, period: Ball, breaks: Sequence[float]
 ) -> Iterator[tuple[Ball, Ball, Outcomes | None]]:
-    """Intervals of the period with the branches of the piecewise operations; the branches are None in windows
-    around jumps."""
+    """Intervals of the period with the branches of the piecewise operations. In windows around jumps, the
+    branches are None."""
     for start, end, window in intervals(real, period, breaks):
         if window:
             yield start, end, None

@@ -16,18 +16,18 @@ from solve.results.stability import Stability
 
 @dataclass(frozen=True)
 class ProvedOrbit(Serializable):
-    """Proved region of an orbit of nonlinear equations: exactly one orbit exists near q̄(φ) = Re Σ_k c_k
-    exp(2πikφ/T).
+    """Region in which nonlinear equations are proved to have exactly one orbit. It surrounds q̄(φ) = Re Σ_k
+    c_k exp(2πikφ/T).
 
     Attributes
     ----------
     harmonics : (n, K+1) complex array
-        c_k, exact numbers.
+        Coefficients c_k, exact numbers.
     radius : mapping of str to tuple of float
-        Bounds on |q − q̄| and on its first and second time derivative, by coordinate.
+        Mapping from coordinates to bounds on |q − q̄| and on the moduli of its first and second time
+        derivatives.
     unique : mapping of str to tuple of float
-        Bounds on deviations from q̄ and on their time derivatives, below which no other periodic motion
-        exists.
+        Mapping from coordinates to the same quantities for the larger region in which no other orbit exists.
     """
 
     harmonics: Array
@@ -48,28 +48,29 @@ class Proof(Serializable):
     radii : (2n,) array
         Radii of the discs.
     isolated : (2n,) array of bool
-        Whether the disc contains one multiplier only. Multipliers that share a disc are listed with the same
+        Whether the disc contains only one multiplier. Multipliers that share a disc are listed with the same
         disc.
     spectral_radius : tuple of str
         Lower and upper bound, as decimal numbers.
     max_abs : mapping of str to tuple of float
-        Lower and upper bound of max|q| over a period, by coordinate; empty without an orbit.
+        Mapping from coordinates to a lower and an upper bound on max|q| over a period; empty without an
+        orbit.
     result : Stability
-        Result without proof.
+        Numerical result, which is not proved.
     true_error : mapping of str to float
         Bounds on the errors of the numerical result. Errors of multipliers are relative to the spectral
         radius; errors of the orbit, at the steps of the proof, are relative to max|q| and NaN without an
         orbit.
     assumed : str
-        Assumption on the numbers of the model.
+        Assumptions on the numbers and functions of the model.
     steps : int
         Number of steps of the period.
     seconds : float
-        Processor time in s, without that of an executor.
+        Processor time in s; the time of an executor is not included.
     warnings : tuple of str
         Reasons why statements were not proved, one sentence each.
     orbit : ProvedOrbit or None
-        Proved region of an orbit of nonlinear equations.
+        Region in which the nonlinear equations have exactly one orbit.
     """
 
     verdict: str
@@ -99,13 +100,13 @@ class Proof(Serializable):
         excluded = {
             asymptotically: (unstable,),
             stable: (asymptotically, unstable),
-            # A numerical verdict "stable" allows for moduli up to its error.
+            # A numerical verdict "stable" permits moduli above 1 by up to the error of the multipliers.
             unstable: (asymptotically, stable) if low > 1 + KNOWN_ON_CIRCLE else (asymptotically,),
         }
         return ordinary in excluded.get(self.verdict, ())
 
     def file_contents(self) -> FileContents:
-        """Contents of files: those of the numerical result, with the proof in the metadata."""
+        """Contents of the file of the numerical result, with the proof in the metadata."""
         contents = self.result.file_contents()
         return replace(contents, metadata={**contents.metadata, "proof": to_json(self.record)})
 

@@ -3,7 +3,7 @@
 With approximate eigenvectors X, D = X⁻¹ΦX is nearly diagonal. Dividing row i of D by σ and multiplying column
 i by σ yields a similar matrix. If disc i of this matrix, with radius Σ_j |D_ij|/σ, does not meet any other
 disc, it contains exactly one eigenvalue. With the largest such σ, the radius is of second order in the
-off-diagonal entries.
+off-diagonal entries of D.
 """
 
 from dataclasses import dataclass
@@ -12,19 +12,17 @@ from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED
 from solve.proof.balls import Ball, Matrix, acb, acb_mat, arb, largest, norm
 
 _APART = 4
-"""Inverse of the largest column entry, as a fraction of the distance between two discs: 1/4 leaves room for
-both radii."""
+"""The entries of column i, multiplied by σ, are at most the distance between two discs divided by this
+number. A quarter of the distance leaves room for both radii."""
 
 
 @dataclass(frozen=True)
 class Multiplier:
     """Disc that contains one or more Floquet multipliers.
 
-    center : complex ball without radius
-    radius : upper bound, exact
-    count : number of multipliers in the disc
-    isolated : whether the disc contains no other multiplier
-    room : lower bound on the distance between the center and all other multipliers, if the disc is isolated
+    center: complex ball without radius. radius: exact upper bound on the distance from the center. count:
+    number of multipliers in the disc. isolated: whether the disc contains only one multiplier. room: if the
+    disc is isolated, lower bound on the distance between the center and all other multipliers.
     """
 
     center: Ball
@@ -35,13 +33,13 @@ class Multiplier:
 
     @property
     def low(self) -> Ball:
-        """Lower bound, at least 0, on the modulus of one of the multipliers in the disc."""
+        """Lower bound on the modulus of at least one of the multipliers in the disc; not negative."""
         low = (abs(self.center) - self.radius).lower()
         return low if low > 0 else arb(0)
 
     @property
     def high(self) -> Ball:
-        """Upper bound on the moduli of the multipliers in the disc."""
+        """Upper bound on the moduli of all multipliers in the disc."""
         return (abs(self.center) + self.radius).upper()
 
 
@@ -54,8 +52,8 @@ def multipliers(Phi: Matrix) -> list[Multiplier]:
 
 
 def _similar(Phi: Matrix) -> list[Matrix]:
-    """The matrix and a nearly diagonal matrix that is similar to it, if its eigenvectors are linearly
-    independent."""
+    """The matrix and, if its eigenvectors are linearly independent, a similar matrix that is nearly
+    diagonal."""
     X = Phi.mid().eig(right=True, algorithm="approx")[1].mid()
     try:
         return [Phi, X.solve(Phi * X)]
@@ -82,8 +80,9 @@ def _discs(D: Matrix) -> list[Multiplier]:
 
 
 def _with_real(discs: list[Multiplier]) -> list[Multiplier]:
-    """Discs with real centers for multipliers that are proved real. A multiplier is real if it is alone in a
-    disc that is symmetric about the real axis, because the disc also contains its conjugate."""
+    """Replace the centers of discs by real centers if the multipliers are proved real. This is the case for a
+    single multiplier in a disc that is symmetric about the real axis, because the disc also contains the
+    complex conjugate."""
     result = list(discs)
     for at, disc in enumerate(discs):
         if not disc.isolated or disc.center.imag.is_zero() or abs(disc.center.imag) > disc.radius:
@@ -100,15 +99,15 @@ def _radius(x: Ball) -> Ball:
 
 
 def _least(distances: list[Ball]) -> Ball:
-    """Lower bound on the smallest distance; infinite without distances."""
+    """Lower bound on the smallest distance; infinite if there are no distances."""
     return min((distance.lower() for distance in distances), default=arb.pos_inf())
 
 
 def _isolated(
     i: int, centers: list[Ball], radii: list[Ball], moduli: list[list[Ball]], own_radius: Ball
 ) -> tuple[Ball, Ball] | None:
-    """Radius of a disc about center i that contains exactly one eigenvalue, and a lower bound on the distance
-    of all other eigenvalues; None if no such disc is found."""
+    """Return the radius of a disc about center i that contains exactly one eigenvalue, and a lower bound on
+    the distance from center i to all other eigenvalues. Return None if no such disc is found."""
     others = [j for j in range(len(centers)) if j != i]
     if not others:
         return radii[i], arb.pos_inf()
@@ -120,7 +119,8 @@ def _isolated(
         if moduli[j][i] > 0:
             bound = gaps[j] / (_APART * moduli[j][i])
             sigma = bound.mid() if bound < sigma else sigma
-    # With σ < 1 the disc would not lie within the unscaled disc, for which eigenvalues are counted.
+    # With σ < 1, the disc would not lie within the unscaled disc. Eigenvalues are counted for the unscaled
+    # discs.
     if not sigma >= 1:
         return None
     radius = ((radii[i] - own_radius) / sigma + own_radius).upper()
@@ -129,8 +129,8 @@ def _isolated(
 
 
 def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
-    """Sets of discs that may overlap. The union of a set contains as many eigenvalues as the set has
-    discs."""
+    """Sets of indices of discs that may overlap. The union of the discs of a set contains as many eigenvalues
+    as discs."""
     sets: list[list[int]] = []
     for i in range(len(centers)):
         near = [
@@ -141,7 +141,7 @@ def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
 
 
 def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int) -> Multiplier:
-    """Disc that contains a set of discs and hence `count` multipliers."""
+    """Disc that contains a set of discs, and hence `count` multipliers."""
     center = (sum((centers[i] for i in some), acb(0)) / len(some)).mid()
     reach = largest(abs(centers[i] - center) + radii[i] for i in some)
     others = [abs(centers[j] - center) - radii[j] for j in range(len(centers)) if j not in some]
@@ -149,16 +149,19 @@ def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int)
 
 
 _POWERS = 20
-"""Number of squarings of Φ for bounds on the spectral radius from norms and traces. Chosen by judgement."""
+"""Number of squarings of Φ. Norms and traces of the powers yield bounds on the spectral radius. Chosen by
+judgement."""
 
 
 def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:
     """Index in VERDICTS of the verdict that the enclosures imply.
 
-    Asymptotically stable if all discs lie inside the unit circle, or a norm of a power of Φ is below 1.
-    Unstable if a disc lies outside, or the modulus of the trace of a power of Φ exceeds the number of rows of
-    Φ. Stable for one conservative coordinate (det Φ = 1) with |tr Φ| < 2: both multipliers are on the circle
-    and different.
+    - Asymptotically stable if all discs lie inside the unit circle, or a norm of a power of Φ is below 1.
+    - Unstable if a disc lies outside the unit circle, or the modulus of the trace of a power of Φ exceeds the
+      number of rows of Φ.
+    - Stable for one conservative coordinate (det Φ = 1) with |tr Φ| < 2: both multipliers are on the unit
+      circle
+      and distinct.
     """
     size = Phi.nrows()
     if all(each.high < 1 for each in found):

@@ -6,9 +6,9 @@ Y − Ỹ satisfies E₁′ = hWE₂ − D₁, m E₂′ + h r_y E = −D₂, E(
 
     ‖E(1)‖ ≤ e^a max(1, μ) Σ_k ‖D_k‖,    a ≥ sup h‖A‖,  μ ≥ sup ‖m⁻¹‖  on the step,  A = [0 W; −m⁻¹r_y].
 
-Cauchy's inequality bounds coefficients of m and r beyond the order J by their sup S on the disc |t| ≤ R:
-‖r_j‖h^j ≤ S s^j with s = h/R < 1. They add at most (S s^{J+1}/(1 − s)) Σ_k ‖Z_k‖ to the defect, with Z = (Ỹ,
-1) for r and Z = Ỹ₂′ for m.
+Cauchy's inequality bounds the coefficients of m and r beyond order J by the supremum S of their norms on the
+disc |t| ≤ R: ‖r_j‖h^j ≤ S s^j with s = h/R < 1. They add at most (S s^{J+1}/(1 − s)) Σ_k ‖Z_k‖ to the defect,
+with Z = (Ỹ, 1) for r and Z = Ỹ₂′ for m.
 """
 
 import math
@@ -22,19 +22,19 @@ from solve.proof.equation import Equation
 from solve.proof.instructions import Outcomes, UndecidedError
 
 _RATIOS = 16, 8, 4, 2
-"""Candidates for R/h. With a larger ratio, fewer terms of the coefficients suffice, but the bounds S on the
-larger discs increase."""
+"""Candidates for R/h. A larger ratio requires fewer terms of the coefficients, but the bounds S increase with
+the disc."""
 
 _PARTS, _SHORTEST_PART = 4, 2.0**-6
-"""Number of intervals of a step on which ‖A‖ and ‖m⁻¹‖ are bounded, and fraction of the step below which
-intervals are not halved. Chosen by judgement."""
+"""Number of intervals of a step on which ‖A‖ and ‖m⁻¹‖ are bounded, and length of an interval, as a fraction
+of the step, below which it is not halved. Chosen by judgement."""
 
 _MOST_TERMS = 8
-"""Largest number of terms of the solution per term of the coefficients. Chosen by judgement: convergent
-Taylor series of solutions require up to three terms per term of the coefficients."""
+"""Largest ratio between the number of terms of the solution and that of the coefficients. Chosen by
+judgement: convergent Taylor series of solutions require a ratio of up to three."""
 
 BOUNDS = 64
-"""Precision in bits with which bounds are computed. Chosen by judgement."""
+"""Working precision in bits for bounds. Chosen by judgement."""
 
 
 class StepTooLongError(Exception):
@@ -45,12 +45,10 @@ class StepTooLongError(Exception):
 class Step:
     """Enclosure of the solution on a step.
 
-    map : (2n+1, 2n+1), from y and the unit load at the start to y and the unit load at the end
-    terms : coefficients (2n, 2n+1) of τ^k, exact
-    error : bound on the error of the polynomial at every τ
-    advance : bound on h‖A‖
-    inverse : bound on max(1, ‖m⁻¹‖)
-    load : coefficients of the powers of τ in the rows of h r_d, r_d the last column of r, and error bound
+    map: matrix (2n+1, 2n+1) that maps y and the unit load at the start of the step to those at its end.
+    terms: exact coefficients (2n, 2n+1) of τ^k. error: bound on the error of the polynomial at every τ.
+    advance: bound on h‖A‖. inverse: bound on max(1, ‖m⁻¹‖). load: for each row of h r_d, the coefficients of
+    the powers of τ and an error bound; r_d is the last column of r.
     """
 
     map: Matrix
@@ -64,8 +62,8 @@ class Step:
 def step(
     equation: Equation, start: Ball, length: Ball, bits: int, most: float, allowed: float | None = None
 ) -> Step:
-    """Enclosure of a step with h‖A‖ below `most`, an error below `allowed` (2^-bits if None), and a
-    truncation error below 2^-bits.
+    """Enclose the solution on a step, so that h‖A‖ is below `most`, the error is below `allowed` (by default
+    2^-bits), and the truncation error is below 2^-bits.
 
     Raises StepTooLongError if these limits are not met, or if the outcome of a piecewise operation changes.
     """
@@ -133,8 +131,11 @@ def _rate(n: int, m: Matrix, r: Matrix) -> tuple[Ball, Ball]:
 def _truncation(
     equation: Equation, start: Ball, length: Ball, outcomes: Outcomes, P: Matrix, aim: Ball
 ) -> tuple[int, tuple[Ball, Ball]]:
-    """Order J for which Σ_{j>J} ‖m_j‖h^j and Σ_{j>J} ‖r_j‖h^{j+1} are below the aim, and these sums. Raises
-    StepTooLongError if the coefficients are not analytic on a disc twice as large as the step."""
+    """Return the order J for which the sums Σ_{j>J} ‖m_j‖h^j and Σ_{j>J} ‖r_j‖h^{j+1} are below the aim, and
+    bounds on the sums.
+
+    Raises StepTooLongError if the coefficients are not analytic on a disc twice as large as the step.
+    """
     h, best = length.upper(), None
     for ratio in _RATIOS:
         radius = h * ratio
@@ -154,7 +155,7 @@ def _truncation(
 def _polynomial(
     n: int, W: Matrix, h: Ball, m: list[Matrix], r: list[Matrix], aim: Ball
 ) -> tuple[list[Matrix], Ball]:
-    """Coefficients of Ỹ, computed until they are below the aim, and Σ_k ‖D_k‖."""
+    """Return the coefficients of Ỹ, computed until they are below the aim, and Σ_k ‖D_k‖."""
     order = len(m) - 1
     rows, loads = [], []
     power = h
@@ -213,7 +214,8 @@ def _stacked(n: int, k: int, term: Matrix) -> Matrix:
 
 
 def _joined(first: Matrix, second: Matrix, divisor: int) -> Matrix:
-    """Midpoints of the first matrix stacked above the second, divided by an integer, as an exact matrix."""
+    """Stack the first matrix above the second, divide by an integer, and return the midpoints as an exact
+    matrix."""
     stacked = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
     return (stacked / divisor).mid()
 

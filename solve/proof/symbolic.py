@@ -1,5 +1,5 @@
-"""Conversion of functions of the phase that are not generated (user functions, interpolated samples) to
-CasADi functions.
+"""Conversion to CasADi functions of functions of the phase that are not generated, such as a user's function
+or an interpolant of samples.
 
 A function `matrices(phase, speed)` is called with arrays of symbols. Its operations on the symbols form a
 graph, like that of generated code. A proof evaluates every operation of the graph in ball arithmetic.
@@ -25,15 +25,15 @@ from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 _PLACES = 2
-"""Number of phases for which a function is called, to check that entries at one phase do not depend on
-another phase."""
+"""Number of phases for which a function is called. It is checked that the entries at one phase do not depend
+on the other phase."""
 
 _MOST_FACTORS = 16
-"""Largest integer power that is written as a product. Chosen by judgement."""
+"""Largest integer exponent of a power that is written as a product. Chosen by judgement."""
 
 
 class Symbol:
-    """Symbolic number as an element of arrays of objects. NumPy's functions call its methods."""
+    """Symbolic number, used as an element of NumPy arrays of objects. NumPy's functions call its methods."""
 
     def __init__(self, value: Any):
         self.value = value
@@ -70,8 +70,8 @@ class Symbol:
 
 
 def _plain(x: Any) -> Any:
-    """CasADi expression of a symbol, or a real number unchanged. Raises TypeError for a number that is not a
-    double."""
+    """Return the CasADi expression of a symbol, or a real number unchanged. Raises TypeError for a number
+    that is not a double."""
     if isinstance(x, Symbol):
         return x.value
     if np.iscomplexobj(x) or (value := float(x)) != x:
@@ -80,7 +80,7 @@ def _plain(x: Any) -> Any:
 
 
 def _forward(operation: Callable[[Any, Any], Any]) -> Callable[[Symbol, Any], Symbol]:
-    """Operation between a symbol and a number, which NumPy applies to each element of an array."""
+    """Method for an operation between a symbol and a number. NumPy applies it to each element of an array."""
     return lambda self, other: (
         NotImplemented if isinstance(other, np.ndarray) else Symbol(operation(self.value, _plain(other)))
     )
@@ -111,8 +111,8 @@ for _name in ("sin", "cos", "tan"):
 
 @symbolic
 def linearised(system: PeriodicSystem) -> casadi.Function:
-    """CasADi function of phase, speed and parameters that returns M, C, K and d; for a generated model, its
-    own function. Raises LinearModelError for a user's function with operations that symbols do not
+    """CasADi function of phase, speed and parameters that returns M, C, K and d. For a generated model, it is
+    the generated function. Raises LinearModelError for a user's function with operations that symbols do not
     support."""
     if isinstance(system, Model):
         return system.setup.function("linearised")
@@ -129,8 +129,8 @@ def linearised(system: PeriodicSystem) -> casadi.Function:
 
 @contextmanager
 def _unsimplified() -> Iterator[None]:
-    """Context manager that switches off CasADi's simplification, which rounds products of constants, as in 5
-    (0.2 x) = x."""
+    """Context manager that disables CasADi's simplification. Simplification rounds products of constants, as
+    in 5 (0.2 x) = x."""
     before = casadi.GlobalOptions.getSimplificationOnTheFly()
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
     try:
@@ -161,7 +161,7 @@ def _called(system: PeriodicSystem, phase: casadi.SX, speed: casadi.SX) -> list[
 
 
 def _matrices(system: PeriodicSystem, arrays: list[np.ndarray]) -> list[casadi.SX]:
-    """Symbolic M, C, K and d from the arrays at one phase."""
+    """Symbolic M, C, K and d at one phase, from arrays."""
     shapes = ((system.n, system.n),) * 3 + ((system.n, 1),)
     return [_matrix(array, shape) for array, shape in zip(arrays, shapes, strict=True)]
 
@@ -176,7 +176,7 @@ def _interpolated(samples: Samples, phase: casadi.SX) -> list[np.ndarray]:
 
 
 def _matrix(array: np.ndarray, shape: tuple[int, int]) -> casadi.SX:
-    """Symbolic matrix from an array; entries that are the number zero become structural zeros."""
+    """Symbolic matrix from an array. Entries that are the number zero become structural zeros."""
     matrix = casadi.SX(*shape)
     for (i, j), x in np.ndenumerate(np.reshape(array, shape)):
         value = _plain(x)

@@ -3,8 +3,9 @@
 Ψ(t, s) maps a state at s to the state at t ≥ s, and Y(t) = Ψ(t, 0). The bounds are κ ≥ sup_t ‖Y(t)‖,    τ ≥
 sup_t ∫_0^t ‖Ψ(t, s)‖ ds.
 
-A step is divided into cells with ∫‖A‖ ≤ a on each, so that ‖Ψ‖ ≤ e^a within a cell. Between the ends of cells
-c ≤ d of a step with the polynomial Ỹ, Ψ = Ỹ(τ_d) Ỹ(τ_c)⁻¹ in balls. Between steps Ψ is a product of maps:
+A step is divided into cells with ∫‖A‖ ≤ a on each, so that ‖Ψ‖ ≤ e^a within a cell. Between the ends c ≤ d of
+cells of one step with the polynomial Ỹ, Ψ = Ỹ(τ_d) Ỹ(τ_c)⁻¹, evaluated with balls. Between different steps, Ψ
+is a product of maps:
 
     ‖Ψ(t, s)‖ ≤ ‖Ψ(t, t_i)‖ ‖Ψ(t_i, t_{j+1})‖ ‖Ψ(t_{j+1}, s)‖,    s in step j, t in step i > j.
 """
@@ -18,17 +19,15 @@ from solve.proof.step import BOUNDS, Step
 from solve.proof.turn import Turn
 
 _CELL = 0.5
-"""Largest ∫‖A‖ of a cell. Chosen by judgement: each end of Ψ increases the bounds by at most a factor
-e^0.5."""
+"""Largest ∫‖A‖ over a cell. Chosen by judgement: the part of a cell at each end of Ψ increases the bounds by
+at most a factor of e^0.5."""
 
 
 @dataclass(frozen=True)
 class StepBounds:
     """Upper bounds for a step from t_i to t_{i+1}.
 
-    growth : sup_t ‖Ψ(t, t_i)‖
-    to_end : ∫ ‖Ψ(t_{i+1}, s)‖ ds
-    inside : sup_t ∫_{t_i}^t ‖Ψ(t, s)‖ ds
+    growth: sup_t ‖Ψ(t, t_i)‖. to_end: ∫ ‖Ψ(t_{i+1}, s)‖ ds. inside: sup_t ∫_{t_i}^t ‖Ψ(t, s)‖ ds.
     """
 
     growth: Ball
@@ -38,7 +37,7 @@ class StepBounds:
 
 @dataclass(frozen=True)
 class Transitions:
-    """Bounds κ and τ for a period, and the bounds for its steps."""
+    """Bounds κ and τ for a period, and the bounds for each of its steps."""
 
     kappa: Ball
     tau: Ball
@@ -58,8 +57,8 @@ def transitions(turn: Turn) -> Transitions:
 
 
 def _norms(maps: list[Matrix]) -> dict[tuple[int, int], Ball]:
-    """Norms of the products of the maps j … i−1; keys are (j, i). Products are formed by halves, in a number
-    of levels about log₂ of the number of maps, so that radii do not grow exponentially with this number."""
+    """Norms of the products of the maps j, …, i−1, with keys (j, i). Products are formed by repeated halving,
+    so that radii grow with log₂ of the number of maps instead of exponentially with this number."""
     found = {(i, i): arb(1) for i in range(len(maps) + 1)}
 
     def fill(first: int, last: int) -> None:
@@ -81,7 +80,7 @@ def _norms(maps: list[Matrix]) -> dict[tuple[int, int], Ball]:
 
 
 def _from_start(maps: list[Matrix]) -> list[Matrix]:
-    """Products of the first map, of the first two, and so on, formed by halves."""
+    """Products of the first map, of the first two maps, and so on, formed by repeated halving."""
     if len(maps) < 2:
         return maps
     first, second = (_from_start(half) for half in (maps[: len(maps) // 2], maps[len(maps) // 2 :]))
@@ -89,7 +88,8 @@ def _from_start(maps: list[Matrix]) -> list[Matrix]:
 
 
 def _to_end(maps: list[Matrix]) -> list[Matrix]:
-    """Products of all maps, of all but the first, and so on to the last map, formed by halves."""
+    """Products of all maps, of all except the first, and so on to the last map alone, formed by repeated
+    halving."""
     if len(maps) < 2:
         return maps
     first, second = (_to_end(half) for half in (maps[: len(maps) // 2], maps[len(maps) // 2 :]))
@@ -97,7 +97,7 @@ def _to_end(maps: list[Matrix]) -> list[Matrix]:
 
 
 def _homogeneous(map: Matrix) -> Matrix:
-    """Map of the state, without the load."""
+    """Map of the state without the load."""
     return arb_mat([row[:-1] for row in map.table()[:-1]])
 
 
@@ -123,7 +123,7 @@ def _on_step(step: Step, length: Ball) -> StepBounds:
 
 
 def _value(step: Step, at: Ball) -> Matrix:
-    """Enclosure of Y, without the load, at a fraction of the step."""
+    """Enclosure of Y at a fraction of the step, without the load."""
     total = step.terms[-1]
     for term in reversed(step.terms[:-1]):
         total = total * at + term

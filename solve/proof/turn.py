@@ -1,4 +1,4 @@
-"""Maps of the steps of a period, and their products by halves. Steps end at jumps.
+"""Maps of the steps of a period, and their products, formed by repeated halving. Steps end at jumps.
 
 Generated code compares rounded numbers, so that a jump may be displaced slightly from its break. In a window
 of a few units in the last place around each break, all outcomes are admitted. The map of a window of width δ
@@ -20,8 +20,8 @@ from solve.proof.step import Step, StepTooLongError, step
 from solve.terminal import progress
 
 _SHORTEST = 2.0**-36
-"""Step length, as a fraction of the period, below which the search for a step ends, because there is an
-undeclared jump or a singular M."""
+"""Step length, as a fraction of the period, below which the search for a step ends. An undeclared jump or a
+singular M is then the cause."""
 
 _MOST_ADVANCE = 1e7
 """Largest phase advance of a mode in a period, in rad. Chosen by judgement: a step covers about 12 rad and
@@ -31,11 +31,11 @@ _WINDOW = 4
 """Half width of the window around a break, in units in the last place of the period."""
 
 _PARTS = 24
-"""Number of parts of the period that are distributed to processes. Chosen by judgement: enough parts to share
-evenly among several processes, each with many steps."""
+"""Number of parts of the period that are distributed to processes. Chosen by judgement: there are enough
+parts for an even distribution to several processes, and each part contains many steps."""
 
 _GROWTH = 1.5
-"""Ratio of the trial length of a step to the length of the previous successful step. Chosen by judgement."""
+"""Length of the next trial step, relative to the previous successful step. Chosen by judgement."""
 
 
 _Part = tuple[Ball, Ball, bool]
@@ -47,7 +47,7 @@ _Found = tuple[Ball, Ball, Step]
 
 @dataclass(frozen=True)
 class Turn:
-    """Steps of a period, each with its start, length and enclosure."""
+    """Steps of a period: start, length and enclosure of each step."""
 
     period: Ball
     starts: tuple[Ball, ...]
@@ -55,7 +55,7 @@ class Turn:
     steps: tuple[Step, ...]
 
     def levels(self) -> list[list[Matrix]]:
-        """Products of 1, 2, 4, … neighbouring maps. The last product is the map of the period. Radii grow
+        """Products of 1, 2, 4, … neighbouring maps; the last product is the map of the period. Radii grow
         with the number of levels, not exponentially with the number of steps."""
         levels = [[each.map for each in self.steps]]
         while len(levels[-1]) > 1:
@@ -64,7 +64,7 @@ class Turn:
         return levels
 
     def states(self, start: Matrix) -> list[Matrix]:
-        """States (2n+1, 1) at the start of each step, computed from the state at the start of the first
+        """States (2n+1, 1) at the start of each step, from the state `start` at the start of the first
         step."""
         states = [start]
         for maps in reversed(self.levels()[:-1]):
@@ -77,8 +77,8 @@ class Turn:
 
 @dataclass(frozen=True)
 class Marching:
-    """Requirements on the steps: a truncation error below 2^-bits and h‖A‖ below `most`; see `step` for
-    `allowed`. executor: computes steps of different parts of the period in parallel."""
+    """Requirements on the steps: a truncation error below 2^-bits, and h‖A‖ below `most`. allowed: see
+    `step`. executor: executor that computes steps of different parts of the period in parallel."""
 
     bits: int
     most: float
@@ -87,8 +87,8 @@ class Marching:
 
 
 def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Marching) -> Turn:
-    """Compute the steps of a period. Raises StepsError if a step cannot be enclosed, or if there would be too
-    many steps."""
+    """Compute the steps of a period. Raises StepsError if a step cannot be enclosed, or if too many steps
+    would be necessary."""
     advance = float(equation.frequencies.max()) * float(period.mid())
     if advance > _MOST_ADVANCE:
         raise StepsError(
@@ -111,8 +111,8 @@ def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Ma
 
 
 def _parts(equation: Equation, period: Ball, breaks: Sequence[float], count: int) -> Iterator[_Part]:
-    """Start, end and mark of intervals of at most 1/count of the period, and of windows around jumps; the
-    mark is True for windows. Interval ends between jumps are exact."""
+    """Start and end of intervals of at most 1/count of the period, and of windows around jumps, each with a
+    mark that is True for windows. Ends of intervals between jumps are exact."""
     for start, end, window in intervals(equation, period, breaks):
         if window:
             yield start, end, True
@@ -125,8 +125,7 @@ def _parts(equation: Equation, period: Ball, breaks: Sequence[float], count: int
 
 
 def _steps(march: Callable[[_Part], Iterator[_Found]], bits: int, part: _Part) -> list[_Found]:
-    """Steps of one part of the period, computed in another process with the given working precision in
-    bits."""
+    """Steps of one part of the period, computed in another process with a working precision of `bits`."""
     with precision(bits):
         return list(march(part))
 
@@ -141,8 +140,8 @@ def _march(equation: Equation, period: float, marching: Marching, part: _Part) -
 
 
 def intervals(equation: Equation, period: Ball, breaks: Sequence[float]) -> Iterator[_Part]:
-    """Start, end and mark of the intervals between the jumps, and of the windows around the jumps; the mark
-    is True for windows."""
+    """Start and end of the intervals between the jumps, and of the windows around the jumps, each with a mark
+    that is True for windows."""
     end, first = float(period.mid()), 0.0
     width = _WINDOW * math.ulp(end)
     if _jumps(equation, arb(-width), arb(width)):
@@ -171,7 +170,7 @@ def _jumps(equation: Equation, start: Ball, end: Ball) -> bool:
 def _between(
     equation: Equation, phase: float, end: Ball, period: float, marching: Marching
 ) -> Iterator[_Found]:
-    """Steps from one phase to another."""
+    """Steps from one phase to another phase."""
     h, stop = period / 16, float(end.mid())
     while phase < stop:
         last = phase + h >= stop
