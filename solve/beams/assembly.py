@@ -1,8 +1,8 @@
-"""Assembly of the matrices of a structure at all positions simultaneously.
+"""Assembly of the matrices of a structure at all positions in one call.
 
-In ground axes a local matrix A of a link at angle θ becomes RᵀAR, which is linear in 1, c, s, c², cs with c =
-cos θ, s = sin θ (thesis (4.28)). A matrix of the structure is therefore stored as a constant table for each
-link and each of these terms. One matrix product yields its values at all positions.
+In ground axes, a local matrix A of a link at angle θ becomes RᵀAR. This is linear in 1, c, s, c², cs with c =
+cos θ, s = sin θ (thesis, Eq. (4.28)). A matrix of the structure is therefore stored as a constant table for
+each link and each of these terms. One matrix product yields its values at all positions.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import casadi
 
 TERMS = np.zeros((5, 3, 3))
-"""Coefficients that express products of 1, c, s in terms of 1, c, s, c², cs, with s² = 1 − c²."""
+"""Coefficients of the products of 1, c, s as linear combinations of 1, c, s, c², cs, with s² = 1 − c²."""
 for _row, _i, _j, _sign in (
     *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
     *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
@@ -37,9 +37,9 @@ for _row, _i, _j, _sign in (
 class Properties:
     """Properties of links and joints.
 
-    For each link: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): point masses at
-    the joints. damping_ratio: damping ratio of every mode. spring, dashpot: constants of springs and dashpots
-    to the ground (N/m, N m, N s/m, N m s), one value per degree of freedom with a spring or dashpot.
+    length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m): one value per link. mass (kg): point masses
+    at the joints. damping_ratio: damping ratio of all modes. spring, dashpot: constants of the springs and
+    dashpots to the ground (N/m or N m, N s/m or N m s), one value per degree of freedom that has one.
     """
 
     length: Array
@@ -55,7 +55,7 @@ class Properties:
 
 
 class Kinematics:
-    """Constants and link angles from the generated `properties` of a structure."""
+    """Link angles and constants, from the generated function `properties` of a structure."""
 
     def __init__(self, setup: Setup):
         self._p = setup.p
@@ -63,7 +63,7 @@ class Kinematics:
 
     @property
     def properties(self) -> Properties:
-        """Values of the constants of links and joints."""
+        """Values of the properties of links and joints."""
         values = self._properties.call({"phase": 0.0, "p": self._p})
         columns = {name: value.full().ravel() for name, value in values.items() if name != "angle"}
         return Properties(**{**columns, "damping_ratio": float(columns["damping_ratio"][0])})
@@ -93,11 +93,10 @@ class Kinematics:
 class Beams:
     """Beams of a structure: degrees of freedom, properties, and the angles of the links.
 
-    angle(phase): angles (m, links) at phases (m,). carried: whether the supported joints follow the paths
-    that result from the angles of the links, instead of being at rest.
-
-    Every matrix is a table (links, 5, n, n) for 1, c, s, c², cs of each link; exact links have such a table
-    for each of the eight functions of frequency.
+    angle: function that returns the angles (m, links) at phases (m,). carried: whether supported joints move
+    along the paths that result from the angles of the links; otherwise, they are at rest. Matrices are stored
+    as tables (links, 5, n, n): for each link, the coefficients of 1, c, s, c², cs. Exact links have such a
+    table for each of the eight functions of frequency.
     """
 
     freedoms: Freedoms
@@ -126,7 +125,8 @@ class Beams:
         ]
 
     def divided(self, parts: int) -> "Beams":
-        """Beams with every exact element divided into `parts` elements. The frequencies do not change."""
+        """Beams with every exact element divided into `parts` elements. The frequencies of the structure do
+        not change."""
         counts = tuple(member.count * (parts if member.exact else 1) for member in self.members)
         return replace(self, freedoms=replace(self.freedoms, counts=counts))
 
@@ -137,8 +137,8 @@ class Beams:
 
     @cached_property
     def mass(self) -> Array:
-        """Mass matrix M of the finite elements and the point masses, including the axial inertia of
-        inextensible exact links."""
+        """Table of the mass matrix M of the finite elements and point masses. It includes the axial inertia
+        of inextensible exact links."""
         tables = []
         for member in self.members:
             axial = member.element.axial * member.link.inextensible
@@ -156,14 +156,14 @@ class Beams:
 
     @cached_property
     def stiffness(self) -> Array:
-        """Stiffness matrix K of the finite elements and of the springs to the ground."""
+        """Table of the stiffness matrix K of the finite elements and of the springs to the ground."""
         tables = [self.spread(member, member.stiffness * (not member.exact)) for member in self.members]
         tables[0][0] += self.springs
         return np.stack(tables)
 
     @cached_property
     def springs(self) -> Array:
-        """Stiffness matrix K (n, n) of the springs to ground."""
+        """Stiffness matrix K (n, n) of the springs to the ground."""
         return self._to_ground(self.freedoms.springs, self.properties.spring)
 
     @cached_property
@@ -179,18 +179,19 @@ class Beams:
 
     @cached_property
     def exact(self) -> Array:
-        """Coefficients (exact links, 8, 5, n, n) of the functions F1 … F8 in the dynamic stiffness D of each
-        exact link."""
+        """Coefficients (exact links, 8, 5, n, n) of the functions F1 … F8 in the dynamic stiffness D: for
+        each exact link, eight tables."""
         patterns = exact.patterns()
         tables = [[self.spread(member, pattern) for pattern in patterns] for member in self.exact_links]
         return np.array(tables)
 
     def spread(self, member: Member, local: Array) -> Array:
-        """Table (5, n, n) of a link from the local matrix (k, k) of its elements."""
+        """Table (5, n, n) of a link for which all elements have the local matrix `local` (k, k)."""
         return self.spread_singly(member, local).sum(axis=0)
 
     def spread_singly(self, member: Member, local: Array) -> Array:
-        """Table (elements, 5, n, n) of each element of a link."""
+        """One table (5, n, n) for each element of a link, in an array (elements, 5, n, n). All elements have
+        the local matrix `local` (k, k)."""
         R = member.element.axes
         rotated = np.einsum("tij,iba,bc,jcd->tad", TERMS, R, local, R, optimize=True)
         tables = np.zeros((member.count, 5, self.freedoms.n + 1, self.freedoms.n + 1))
@@ -200,8 +201,8 @@ class Beams:
 
 
 POSITIONS = 36
-"""Number of positions per revolution at which assembly and frequencies are sampled: one every 10 degrees. A
-choice."""
+"""Number of positions per revolution at which assembly and frequencies are sampled, one every 10 degrees.
+Chosen by judgement."""
 
 ROUNDING = 1e-9
 """Relative size below which distances, differences between frequencies, and singular values count as
@@ -209,7 +210,7 @@ round-off. Chosen by judgement."""
 
 
 class Positions:
-    """Beams at phases (m,). Raises StructureError if links do not meet at their joints."""
+    """Beams at phases (m,). Raises StructureError if the links do not meet at their joints."""
 
     def __init__(self, beams: Beams, phase: Array):
         self.beams = beams
@@ -221,7 +222,7 @@ class Positions:
 
     @property
     def n(self) -> int:
-        """Number of degrees of freedom, without those that inextensible links remove."""
+        """Number of degrees of freedom that remain after inextensible links have removed some."""
         return self.beams.freedoms.n if self._free is None else self._free.shape[2]
 
     def matrices(self) -> tuple[Array, Array]:
@@ -238,12 +239,12 @@ class Positions:
         return self._with_exact(K - (omega**2)[:, None, None] * M, index, functions)
 
     def dynamic_mass(self, index: Array, omega: Array) -> Array:
-        """M(ω) = −∂D/∂(ω²) (b, n, n), with the arguments of `dynamic_stiffness`: thesis (5.16)."""
+        """M(ω) = −∂D/∂(ω²) (b, n, n), with the arguments of `dynamic_stiffness`: thesis, Eq. (5.16)."""
         functions = [member.exact_mass(omega) for member in self.beams.exact_links]
         return self._with_exact(np.tensordot(self.terms[index], self.beams.mass, 2), index, functions)
 
     def interior_count(self, omega: Array) -> Array:
-        """Number J0 (b,) of frequencies below ω (b,) at which no node moves; thesis (5.21)."""
+        """Number J0 (b,) of frequencies below ω (b,) at which no node moves (thesis, Eq. (5.21))."""
         counts = np.zeros(len(omega), dtype=int)
         for member in self.beams.exact_links:
             counts += member.interior_count(omega)
@@ -256,13 +257,13 @@ class Positions:
 
     @cached_property
     def joints(self) -> Array:
-        """Positions x + iy (m) of the joints, (m, joints). The first supported joint is at 0; see
+        """Positions x + iy (m) of the joints, as an array (m, joints). The first supported joint is at 0; see
         `placed`."""
         return self.placed(self._spans)
 
     def placed(self, spans: Array) -> Array:
-        """Vectors x + iy (m, joints) of the joints, from vectors (m, links) summed along the links. The
-        vector of the first joint with a rigid or elastic support is 0."""
+        """Vectors (m, joints) of the joints, sums of the vectors `spans` (m, links) along the links. Vectors
+        are x + iy. The vector of the first joint with a rigid or elastic support is 0."""
         joints, anchored = self.beams.freedoms.joints, self.beams.freedoms.anchored
         still = np.zeros(len(self.phase), dtype=complex)
         located = {next((number for number, (name, _) in enumerate(joints) if name in anchored), 0): still}
@@ -279,12 +280,12 @@ class Positions:
 
     @property
     def _spans(self) -> Array:
-        """Vectors x + iy (m, links) from the start to the end of each link."""
+        """Vectors x + iy from the start to the end of each link, as an array (m, links)."""
         return self.beams.properties.length * np.exp(1j * self.angle)
 
     def _with_exact(self, finite: Array, index: Array, functions: list[Array]) -> Array:
-        """Matrices (b, n, n), sums of the matrices (b, N, N) of finite elements and of exact links.
-        functions: the eight functions (b, 8) of each exact link."""
+        """Matrices (b, n, n): the matrices `finite` (b, N, N) of finite elements plus those of exact links,
+        reduced for inextensible links. functions: for each exact link, the eight functions (b, 8)."""
         if functions:
             terms = self.terms[index][:, [member.number for member in self.beams.exact_links], None, :]
             weights = np.stack(functions, axis=1)[..., None] * terms
@@ -292,7 +293,7 @@ class Positions:
         return self._reduced(finite, index)
 
     def _require_closed(self) -> None:
-        """Raise StructureError unless links meet at their joints and supported joints do not move."""
+        """Raise StructureError unless the links meet at their joints, and supported joints do not move."""
         freedoms = self.beams.freedoms
         if not np.isfinite(self.angle).all():
             worst = self.phase[~np.isfinite(self.angle).all(axis=1)][0]
@@ -324,8 +325,8 @@ class Positions:
 
     @cached_property
     def _free(self) -> Array | None:
-        """Orthonormal basis (m, N, n) of motions that do not stretch inextensible links; None if all links
-        are extensible."""
+        """Orthonormal basis (m, N, n) of the motions that do not stretch inextensible links; None if all
+        links are extensible."""
         members = [member for member in self.beams.members if member.link.inextensible]
         rows = [row for member in members for row in self._ties(member.number)]
         if not rows:
@@ -341,7 +342,8 @@ class Positions:
         return np.swapaxes(vectors[:, ranks[0] :], 1, 2)
 
     def _ties(self, number: int) -> list[Array]:
-        """Rows (m, N), one for each element of a link, that measure the stretch between its two nodes."""
+        """Rows (m, N) that measure the stretch between the two nodes of an element; one array for each
+        element of a link."""
         rows, angle = [], self.angle[:, number]
         for start, end in pairwise(self.beams.freedoms.nodes[number]):
             row = np.zeros((len(self.phase), self.beams.freedoms.n + 1))

@@ -1,7 +1,9 @@
-"""Exact dynamic stiffness of a slender beam (thesis Chapter 5, Appendix B, with misprints corrected).
+"""Exact dynamic stiffness of a slender beam (chapter 5 and Appendix B of the thesis, with misprints
+corrected).
 
 With l = λL, λ⁴ = ρAω²/EI, and b = βL, β² = ρω²/E, the end forces of a beam vibrating at ω are D times its end
-displacements; D = K − ω²M with M = −∂D/∂ω². All functions are dimensionless and take arrays of any shape.
+displacements, with D = K − ω²M and M = −∂D/∂(ω²). All functions are dimensionless. Their arguments are arrays
+of any shape.
 """
 
 import math
@@ -18,30 +20,31 @@ _BENDING = (
     {(0, 2): 1},
     {(0, 0): 1, (2, 2): 1},
 )
-"""Positions and signs of F1 … F6 for v1, θ1, v2, θ2: the upper triangle of thesis (5.18)."""
+"""Positions and signs of F1 … F6 in the upper triangle of the matrix for v1, θ1, v2, θ2 (thesis, Eq.
+(5.18))."""
 
 _AXIAL = ({(0, 0): 1, (1, 1): 1}, {(0, 1): 1})
-"""Positions and signs of F7 and F8 for u1, u2."""
+"""Positions and signs of F7 and F8 in the upper triangle of the matrix for u1, u2."""
 
 BENDING_POWERS = np.array([1, 1, 2, 2, 3, 3])
 """Powers of L by which f1 … f6 are divided in F1 … F6."""
 
 _LARGEST = 300.0
-"""Largest argument of sinh and cosh; their ratios have then reached their limits, and cosh² does not
-overflow."""
+"""Largest argument of sinh and cosh. For larger arguments, ratios of these functions equal their limits;
+cosh² does not overflow."""
 
 _SMALLEST = 0.05
-"""Value of λL below which the bending mass functions are replaced by constants. The error is below 4e-8, less
-than the round-off of their formulas."""
+"""Value of λL below which the bending mass functions are replaced by constants. The error is below 4e-8, and
+smaller than the round-off of the formulas."""
 
 _POSITIVE = 1e-30
-"""Smallest argument of functions with a removable singularity at 0; with this argument they equal their
-limits exactly in float64."""
+"""Smallest argument of functions with a removable singularity at 0. With this argument, their values in
+float64 are exactly the limits."""
 
 
 def patterns() -> Array:
-    """Coefficients (8, 6, 6), each 0, 1 or −1, of EI F1 … EI F6, EA F7, EA F8 in D, for u1, u2, v1, θ1, v2,
-    θ2."""
+    """Coefficients (8, 6, 6), each 0, 1 or −1, of EI F1 … EI F6, EA F7, EA F8 in D. The degrees of freedom
+    are u1, u2, v1, θ1, v2, θ2."""
     tables = np.zeros((8, 6, 6))
     for table, entries, first in zip(tables, (*_BENDING, *_AXIAL), (2,) * 6 + (0,) * 2, strict=True):
         for (i, j), sign in entries.items():
@@ -50,10 +53,10 @@ def patterns() -> Array:
 
 
 def bending(l: Array) -> Array:  # noqa: E741 - λL
-    """Functions f1 … f6 along a new last axis, with F1 = f1/L, F2 = f2/L, F3 = f3/L², …, F6 = f6/L³ (B.1–B.6,
-    B.9).
+    """Functions f1 … f6 as the last axis of an array, with F1 = f1/L, F2 = f2/L, F3 = f3/L², …, F6 = f6/L³
+    (thesis, Eqs. (B.1)–(B.6), (B.9)).
 
-    At l = 0 they are 2, 4, 6, −6, −12, 12: the static stiffness of a beam.
+    At l = 0, they are 2, 4, 6, −6, −12, 12, as in the static stiffness of a beam.
     """
     l = np.maximum(np.asarray(l, dtype=float), _POSITIVE)  # noqa: E741
     hyperbolic = np.minimum(l, _LARGEST)
@@ -73,14 +76,15 @@ def bending(l: Array) -> Array:  # noqa: E741 - λL
 
 
 def axial(b: Array) -> Array:
-    """Functions f7, f8 along a new last axis, with EA F7 = (EA/L) f7 (B.7, B.8); 1 and −1 at b = 0."""
+    """Functions f7, f8 as the last axis of an array, with EA F7 = (EA/L) f7 (thesis, Eqs. (B.7), (B.8)). At b
+    = 0, they are 1 and −1."""
     b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)
     return np.stack((b / np.tan(b), -b / np.sin(b)), axis=-1)
 
 
 def bending_mass(l: Array) -> Array:  # noqa: E741
-    """Functions g1 … g6 = −∂f/∂(l⁴). M contains ρA L² g1, …, ρA L g6 at the positions of F1 … F6
-    (B.10–B.15)."""
+    """Functions g1 … g6 = −∂f/∂(l⁴) as the last axis of an array. M contains ρA L² g1, …, ρA L g6 at the
+    positions of F1 … F6 (thesis, Eqs. (B.10)–(B.15))."""
     l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
     f1, f2, f3, f4, f5, f6 = np.moveaxis(bending(l), -1, 0)
     g = (
@@ -95,7 +99,8 @@ def bending_mass(l: Array) -> Array:  # noqa: E741
 
 
 def axial_mass(b: Array) -> Array:
-    """Functions g7, g8 = −∂f/∂(b²). M contains ρA L g7 and ρA L g8 (B.16, B.17)."""
+    """Functions g7, g8 = −∂f/∂(b²) as the last axis of an array. M contains ρA L g7 and ρA L g8 (thesis, Eqs.
+    (B.16), (B.17))."""
     b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)
     sine = np.sin(b)
     g = (_minus_sine(2 * b) / 2, 2 * b * np.sin(b / 2) ** 2 - _minus_sine(b))
@@ -103,8 +108,8 @@ def axial_mass(b: Array) -> Array:
 
 
 def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
-    """Transverse displacement (..., points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2, or its derivative of
-    order `order` with respect to ξ: thesis (5.5)."""
+    """Transverse displacements (..., points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2, or their derivatives of
+    order `order` with respect to ξ (thesis, Eq. (5.5))."""
     l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
     ends = np.array([0.0, 1.0])
     values, slopes = _waves(l, ends, 0), _waves(l, ends, 1)
@@ -113,18 +118,19 @@ def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
 
 
 def axial_shapes(b: Array, xi: Array, order: int = 0) -> Array:
-    """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of order `order` with
-    respect to ξ: thesis (5.10). Linear in ξ at b = 0."""
+    """Axial displacements (..., points, 2) at ξ = x/L for unit u1, u2, or their derivatives of order `order`
+    with respect to ξ (thesis, Eq. (5.10)). At b = 0, they are linear in ξ."""
     b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)[..., None, None]
     ends = np.stack((1 - xi, xi), axis=-1)
     return (b * np.array([-1, 1])) ** order * np.sin(b * ends + order * math.pi / 2) / np.sin(b)
 
 
 def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
-    """Derivatives (..., points, 4) with respect to ξ of the fundamental solutions of the bending equation.
+    """Fundamental solutions of the bending equation, as an array (..., points, 4), or their derivatives with
+    respect to ξ.
 
-    Exponentials that decay from either end are used instead of cosh and sinh, which are nearly equal for
-    large l.
+    Instead of cosh and sinh, which are nearly equal for large l, exponentials are used that decay from either
+    end.
     """
     l, shift = l[..., None], order * math.pi / 2  # noqa: E741
     parts = (
@@ -137,23 +143,22 @@ def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
 
 
 def clamped(l: Array) -> Array:  # noqa: E741
-    """Function δ = cosh l cos l − 1, which vanishes at the natural frequencies of the beam clamped at both
-    ends."""
+    """Function δ = cosh l cos l − 1. It is zero at the natural frequencies of the beam with clamped ends."""
     half, hyperbolic = l / 2, np.minimum(l, _LARGEST) / 2
     s, S = np.sin(half), np.sinh(hyperbolic)
     return 2 * _sinh_minus_sin(hyperbolic, s) * (S + s) - 4 * (S * s) ** 2
 
 
 def interior_count(l: Array, b: Array | None = None) -> Array:  # noqa: E741
-    """Number J0 of natural frequencies of the beam clamped at both ends that are below the frequency of l
-    (bending) and b (axial). Wittrick and Williams; thesis (5.21)."""
+    """Number J0 of natural frequencies, below the given one, of the beam with clamped ends. The frequency is
+    given by l for bending and by b for axial vibration (Wittrick and Williams; thesis, Eq. (5.21))."""
     order = np.floor(l / math.pi)
     flexural = order - (1 + (-1) ** order * np.sign(clamped(l))) / 2
     return (flexural if b is None else flexural + np.floor(b / math.pi)).astype(int)
 
 
 def _minus_sine(x: Array) -> Array:
-    """Difference x − sin x, to full relative precision."""
+    """Difference x − sin x with full relative precision."""
     series = np.zeros_like(x)
     for order in (17, 15, 13, 11, 9, 7, 5, 3):
         series = 1 / math.factorial(order) - series * x**2
@@ -161,7 +166,7 @@ def _minus_sine(x: Array) -> Array:
 
 
 def _sinh_minus_sin(x: Array, sine: Array) -> Array:
-    """Difference sinh x − sin x, to full relative precision; `sine` is sin x."""
+    """Difference sinh x − sin x with full relative precision; `sine` is sin x."""
     series = np.zeros_like(x)
     for order in (19, 15, 11, 7, 3):
         series = series * x**4 + 2 / math.factorial(order)

@@ -13,17 +13,19 @@ from solve.arrays import Array
 from solve.model.generated import beam_elements
 
 AXIAL, BENDING = 1, 2
-"""Directions of degrees of freedom. The value is the order of the derivative in the strain energy."""
+"""Directions of degrees of freedom. The value is the order of the derivative of the displacement in the
+strain energy."""
 
 Function = Callable[[Array], Array]
 
 EXACT = "dynamic"
-"""Element with shape functions that solve the vibration equation, and with the degrees of freedom of the
-cubic element."""
+"""Name of the element whose shape functions solve the vibration equation. It has the degrees of freedom of
+the cubic element."""
 
 
 class Freedom(NamedTuple):
-    """Degree of freedom: derivative of order `order` of the axial or transverse displacement at ξ = x/L."""
+    """Degree of freedom: the derivative of order `order` of the axial or transverse displacement at ξ =
+    x/L."""
 
     direction: int
     order: int
@@ -32,10 +34,10 @@ class Freedom(NamedTuple):
 
 @dataclass(frozen=True)
 class Element:
-    """Plane beam element with k degrees of freedom, first axial, then bending.
+    """Plane beam element with k degrees of freedom, axial ones first.
 
-    mass, elongation, bending, geometric and coupling: matrices (k, k) for unit length. coefficients (k, p):
-    coefficients of the shape functions for 1, ξ, ξ², ….
+    mass, elongation, bending, geometric, coupling: matrices (k, k) of an element of unit length. coefficients
+    (k, p): coefficients of 1, ξ, ξ², … in the shape functions.
     """
 
     name: str
@@ -55,7 +57,7 @@ class Element:
     @cached_property
     def axes(self) -> Array:
         """Coefficient matrices (3, k, k) of 1, c and s in the rotation R from ground axes to link axes
-        (thesis (4.26)).
+        (thesis, Eq. (4.26)).
 
         In ground axes, u and v are replaced by the displacements x and y.
         """
@@ -70,13 +72,13 @@ class Element:
         return axes
 
     def scaled(self, table: Array, L: float) -> Array:
-        """Table (k, k) for degrees of freedom with derivatives with respect to ξ, converted to derivatives
-        with respect to x."""
+        """Convert a matrix (k, k) from degrees of freedom with derivatives with respect to ξ to degrees of
+        freedom with derivatives with respect to x."""
         return table * np.multiply.outer(self._powers(L), self._powers(L))
 
     def shapes(self, L: float, xi: Array, order: int = 0) -> tuple[Array, Array]:
-        """Axial and transverse displacement (points, k) at ξ for unit degrees of freedom, or their
-        derivatives of the given order with respect to x."""
+        """Return axial and transverse displacements at ξ for unit degrees of freedom, (points, k) each, or
+        their derivatives of order `order` with respect to x."""
         coefficients = polynomial.polyder(self.coefficients, order, axis=1)
         powers = xi[:, None] ** np.arange(coefficients.shape[1])
         shapes = powers @ coefficients.T * self._powers(L) / L**order
@@ -115,7 +117,7 @@ def element(name: str) -> Element:
 
 
 def _filled(shape: tuple[int, int], *blocks: tuple[slice, slice, Sequence]) -> Array:
-    """Zero matrix into which blocks (rows, columns, values) are inserted."""
+    """Matrix with the given blocks (rows, columns, values) and zeros elsewhere."""
     matrix = np.zeros(shape)
     for rows, columns, values in blocks:
         matrix[rows, columns] = values

@@ -1,10 +1,11 @@
 """Natural frequencies and modes of a structure of beams at fixed positions.
 
-With finite elements these are the frequencies of M q̈ + K q = 0 (thesis (4.40)). With exact elements the
-stiffness depends on the frequency (Wittrick and Williams; thesis 5.3). The number of frequencies below ω is
-J(ω) = J0(ω) + s{D(ω)}, where J0 counts the frequencies of the elements with clamped ends and s the negative
-eigenvalues of D. At the r-th frequency, eigenvalue number r − J0 of D is therefore zero. A bracketing method
-finds this zero quickly. J0 jumps at frequencies at which no joint moves.
+With finite elements, these are the frequencies of M q̈ + K q = 0 (thesis, Eq. (4.40)). With exact elements,
+the stiffness depends on the frequency (Wittrick and Williams; section 5.3 of the thesis). The number of
+frequencies below ω is J(ω) = J0(ω) + s{D(ω)}, where J0 is the number of frequencies below ω of the elements
+with clamped ends, and s is the number of negative eigenvalues of D. At the r-th frequency, eigenvalue number
+r − J0 of D is therefore zero. A bracketing method finds this zero quickly. J0 jumps at frequencies at which
+no joint moves.
 """
 
 import numpy as np
@@ -24,10 +25,10 @@ def lowest(positions: Positions, count: int) -> Array:
 
 
 _DOUBLINGS = 60
-"""Maximum number of doublings of 1 rad/s in the search for an upper bound: up to 1e18 rad/s."""
+"""Largest number of doublings of 1 rad/s in the search for an upper bound, which reaches 1e18 rad/s."""
 
 PARTS = (2, 3, 5)
-"""Numbers of parts into which exact elements are divided. They are tried in this order until no pole is near
+"""Numbers of parts into which exact elements are divided. They are tried in this order, until no pole is near
 a frequency."""
 
 _NEAR = 1e-4
@@ -36,8 +37,8 @@ judgement."""
 
 
 def exact_frequencies(positions: Positions, count: int) -> Array:
-    """Lowest `count` frequencies (m, count) in rad/s at every position, in ascending order, repeated by
-    multiplicity."""
+    """Lowest `count` frequencies (m, count) in rad/s at every position, in ascending order. Multiple
+    frequencies are repeated."""
     m = len(positions.phase)
     all_positions, zero = np.arange(m), np.zeros(m)
     static = positions.dynamic_stiffness(all_positions, zero)
@@ -55,7 +56,8 @@ def exact_frequencies(positions: Positions, count: int) -> Array:
 
 
 def _refine_near_poles(positions: Positions, index: Array, order: Array, omega: Array) -> None:
-    """Recompute, in place, frequencies near a pole, with elements divided until no pole is near."""
+    """Recompute, in place, the frequencies near a pole. For this, elements are divided until no pole is
+    near."""
     near = np.flatnonzero(near_clamped(positions, omega))
     for parts in PARTS:
         if len(near) == 0:
@@ -69,23 +71,23 @@ def _refine_near_poles(positions: Positions, index: Array, order: Array, omega: 
 
 
 def near_clamped(positions: Positions, omega: Array) -> Array:
-    """Whether (b,) each frequency is close to a pole of D, which is a frequency of an element with clamped
+    """Whether (b,) each frequency is close to a pole of D, that is, a frequency of an element with clamped
     ends.
 
-    Such frequencies and modes require divided elements (thesis 5.4.1).
+    Such frequencies and modes require divided elements (section 5.4.1 of the thesis).
     """
     above, below = (positions.interior_count(omega * (1 + sign * _NEAR)) for sign in (1, -1))
     return above != below
 
 
 def _roots(positions: Positions, index: Array, order: Array, low: Array, high: Array) -> Array:
-    """Frequencies (b,) with the ordinal numbers `order`, at the positions with indices `index`, bracketed by
-    low and high."""
+    """Frequencies (b,) with the ordinal numbers `order` (b,) at the positions with indices `index` (b,).
+    `low` and `high` (b,) bracket them."""
     from scipy.optimize.elementwise import find_root
 
     m = len(positions.phase)
     diagonal = np.einsum("mii->mi", positions.dynamic_stiffness(np.arange(m), np.zeros(m)))
-    # Scaling displacements and rotations to similar sizes does not change the signs of the eigenvalues.
+    # The signs of the eigenvalues do not change if displacements and rotations are scaled to similar sizes.
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
 
     def crossing(omega: Array, index: Array, order: Array) -> Array:
@@ -130,7 +132,7 @@ _POINTS = 48
 
 
 def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
-    """Mode shapes of the beams at a phase, for the lowest frequencies (count,)."""
+    """Mode shapes of the beams at a phase, for the lowest frequencies `frequencies` (count,)."""
     if not beams.exact_links:
         positions = Positions(beams, np.array([phase]))
         vectors = positions.expanded(modes(*positions.matrices()).vectors)[0, :, : len(frequencies)]
@@ -143,13 +145,13 @@ def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
 def _exact_mode(
     beams: Beams, phase: float, frequencies: Array, number: int
 ) -> tuple[Positions, Array, float]:
-    """Positions, vector (N,) and modal mass of a single mode.
+    """Return the positions, the vector (N,) and the modal mass of a mode.
 
-    The links are divided such that no element has this natural frequency with clamped ends. Then every mode
-    moves a node (thesis 5.4.1), and D has no pole.
+    The links are divided so that no element with clamped ends has the natural frequency of the mode. Then
+    every mode moves a node (section 5.4.1 of the thesis), and D has no pole.
     """
-    # All modes of a multiple frequency are computed at its first value, because different round-off would
-    # reorder them.
+    # All modes of a multiple frequency are computed at its first value. At values with different round-off,
+    # their order could change.
     frequency = max(float(frequencies[number]), np.finfo(float).tiny)
     before = np.count_nonzero(np.abs(frequencies[:number] / frequency - 1) < ROUNDING)
     omega = frequencies[number - before : number - before + 1]
@@ -182,7 +184,7 @@ def shape(positions: Positions, vector: Array, mass: float, omega: float) -> Mod
 
 
 def _curve(positions: Positions, number: int, vector: Array, omega: float) -> tuple[Array, Array, Array]:
-    """Points, displacements and transverse displacements along a link."""
+    """Return the points, the displacements and the transverse displacements along a link."""
     member = positions.beams.members[number]
     xi = np.linspace(0.0, 1.0, 1 + -(-_POINTS // member.count))
     values = member.local(positions.angle, vector[:, None])[0]

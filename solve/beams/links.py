@@ -13,13 +13,14 @@ from solve.beams import dynamic_stiffness as exact
 from solve.beams.element import AXIAL, BENDING, EXACT, Element, Function, element
 
 HELD = -1
-"""Index of a degree of freedom that is fixed at zero."""
+"""Index that represents a degree of freedom fixed at zero."""
 
 _UNITS = {"x": "m", "y": "m", "turn": "rad", "curvature": "1/m"}
 
 
 class Link(NamedTuple):
-    """Straight beam: joints, rotations of its ends ("" if clamped), and whether it is inextensible."""
+    """Straight beam: names of its joints, names of the rotations of its ends ("" if clamped), and whether it
+    is inextensible."""
 
     name: str
     start: str
@@ -30,7 +31,7 @@ class Link(NamedTuple):
 
 
 class Node(NamedTuple):
-    """Node at a fraction of a link's length, with the indices of its displacements x and y."""
+    """Node at a fraction `place` of the length of a link, with the indices of its displacements x and y."""
 
     place: float
     x: int
@@ -41,10 +42,10 @@ class Node(NamedTuple):
 class Freedoms:
     """Numbering of the degrees of freedom for the selected elements. Displacements are in ground axes.
 
-    joints: name, and whether the joint is held. kinds, counts: kind and number of the elements of each link.
-    A rotation belongs to the end of a link, or to several welded ends. A curvature belongs to the end of a
-    link, and vanishes at a free pin. springs, dashpots: degrees of freedom with a spring or dashpot to the
-    ground.
+    joints: name of each joint, and whether it is fixed. kinds, counts: kind and number of the elements of
+    each link. springs, dashpots: degrees of freedom with a spring or dashpot to the ground. A rotation
+    belongs to the end of a link, or to several welded ends. A curvature belongs to the end of a link, and is
+    zero at a free pin.
     """
 
     links: tuple[Link, ...]
@@ -56,7 +57,7 @@ class Freedoms:
 
     @property
     def anchored(self) -> set[str]:
-        """Joints with a rigid or elastic support."""
+        """Names of the joints with a rigid or elastic support."""
         elastic = {*self.springs, *self.dashpots}
         return {name for name, is_held in self.joints if is_held or {f"{name}_x", f"{name}_y"} & elastic}
 
@@ -67,7 +68,8 @@ class Freedoms:
 
     @property
     def names(self) -> list[str]:
-        """Names of the degrees of freedom, such as A_x, crank_A_turn, coupler_1_y (y at interior node 1)."""
+        """Names of the degrees of freedom, for example A_x, crank_A_turn, or coupler_1_y (y of interior node
+        1)."""
         return list(self._numbers)
 
     @property
@@ -82,7 +84,8 @@ class Freedoms:
 
     @cached_property
     def indices(self) -> list[Array]:
-        """Indices (elements, k) of the degrees of freedom for the elements of each link; HELD if fixed."""
+        """For each link, the indices (elements, k) of the degrees of freedom of its elements; HELD if
+        fixed."""
         return [
             np.array([[self._numbers.get(name, HELD) for name in row] for row in rows])
             for rows in self._labels
@@ -90,7 +93,7 @@ class Freedoms:
 
     @cached_property
     def nodes(self) -> list[list[Node]]:
-        """Nodes of each link from start to end."""
+        """Nodes of each link, from its start to its end."""
         nodes: list[dict[float, list[int]]] = [{} for _ in self.links]
         columns = nodes, self.elements, self.counts, self.indices
         for of_link, kind, count, rows in zip(*columns, strict=True):
@@ -138,8 +141,8 @@ class Freedoms:
         return "" if free_pin else f"{link.name}_{joint}_{suffix}"
 
     def is_unshared(self, rotation: str) -> bool:
-        """Whether a single link end has this rotation. The moment at this end is then zero, unless a spring
-        or dashpot acts on the rotation."""
+        """Whether the rotation belongs to a single end of a link. The moment at this end is then zero, unless
+        a spring or dashpot acts on the rotation."""
         ends = [name for link in self.links for name in (link.start_rotation, link.end_rotation)]
         return bool(rotation) and ends.count(rotation) == 1
 
@@ -148,9 +151,9 @@ class Freedoms:
 class MemberMatrices:
     """Link with the matrices of its elements.
 
-    number: index of the link. start, end: indices of its joints. indices (elements, k): degrees of freedom in
-    the structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m): properties of each element.
-    E (Pa), height (m): properties of the link.
+    number: index of the link. start, end: indices of its joints. indices (elements, k): indices of the
+    degrees of freedom in the structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m):
+    properties of each element. E (Pa), height (m): properties of the link.
     """
 
     number: int
@@ -174,46 +177,53 @@ class MemberMatrices:
 
     @cached_property
     def mass(self) -> Array:
-        """Mass matrix for derivatives with respect to x (kg, kg m, …): thesis (4.22)."""
+        """Mass matrix for degrees of freedom with derivatives with respect to x (kg, kg m, …); thesis, Eq.
+        (4.22)."""
         return self.mu * self.L * self.element.scaled(self.element.mass, self.L)
 
     @cached_property
     def stiffness(self) -> Array:
-        """Stiffness matrix for derivatives with respect to x (N/m, N, …): thesis (4.11)."""
+        """Stiffness matrix for degrees of freedom with derivatives with respect to x (N/m, N, …); thesis, Eq.
+        (4.11)."""
         bending = self.element.scaled(self.element.bending, self.L)
         return self.EA / self.L * self.element.elongation + self.EI / self.L**3 * bending
 
     @cached_property
     def geometric(self) -> Array:
-        """Geometric stiffness of a unit axial force, tension positive (1/m, 1, …): thesis (4.38)."""
+        """Geometric stiffness matrix for a unit axial force, tension positive (1/m, 1, …); thesis, Eq.
+        (4.38)."""
         return self.element.scaled(self.element.geometric, self.L) / self.L
 
     @cached_property
     def rotary(self) -> tuple[Array, Array]:
-        """Matrices T and Z of the terms 2ω T q̇ + (ω̇ T + ω² Z) q due to the rotation of the link in its
-        equations of motion. T = M J + P and Z = M J² + 2 P J − M, with R′ = J R, shape functions N and the
-        skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
+        """Matrices T and Z of the terms 2ω T q̇ + (ω̇ T + ω² Z) q, which the rotation of the link adds to its
+        equations of motion.
+
+        T = M J + P and Z = M J² + 2 P J − M, with R′ = J R, shape functions N and the skew-symmetric P = ∫ ρA
+        Nᵀ S N dx, S = [[0, −1], [1, 0]].
+        """
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
         return M @ J + P, M @ J @ J + 2 * P @ J - M
 
 
 class Member(MemberMatrices):
-    """Link with rotations, shapes and stresses of its elements and, for exact elements, their functions of
-    frequency."""
+    """Link with methods for the rotations, shapes and stresses of its elements and, for exact elements, for
+    their functions of frequency."""
 
     def rotations(self, angle: Array) -> Array:
-        """Rotations R (m, k, k) from ground axes to link axes, from the angles (m, links) of all links."""
+        """Rotation matrices R (m, k, k) from ground axes to link axes. `angle` (m, links) contains the angles
+        of all links."""
         theta = angle[:, self.number]
         terms = np.stack((np.ones_like(theta), np.cos(theta), np.sin(theta)), -1)
         return np.tensordot(terms, self.element.axes, 1)
 
     def local(self, angle: Array, q: Array, elements: slice = slice(None)) -> Array:
-        """Values (m, elements, k) of the degrees of freedom in link axes, for a structure's q (n, m) and the
-        angles (m, links) of all links."""
+        """Degrees of freedom (m, elements, k) in link axes. `q` (n, m) contains the degrees of freedom of the
+        structure, `angle` (m, links) the angles of all links."""
         extended = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
         ground, theta = extended[:, self.indices[elements]], angle[:, self.number, None, None]
-        # A single product for all phases; separate products for each phase take three times as long.
+        # One product for all phases takes a third of the time of one product per phase.
         k = ground.shape[-1]
         constant, c, s = (
             (ground.reshape(-1, k) @ axes.T).reshape(ground.shape) for axes in self.element.axes
@@ -221,15 +231,17 @@ class Member(MemberMatrices):
         return constant + np.cos(theta) * c + np.sin(theta) * s
 
     def place(self, fraction: float) -> tuple[int, float]:
-        """Index of the element that contains a fraction of the link's length, and ξ within this element. At a
-        node, the second of the two elements is returned."""
+        """Return the index of the element at a fraction of the length of the link, and ξ within this element.
+        At a node, the second of the two elements is returned."""
         first = min(int(fraction * self.count), self.count - 1)
         return first, fraction * self.count - first
 
     def shapes(self, xi: Array, order: int = 0, omega: Array | float | None = None) -> tuple[Array, Array]:
-        """Axial and transverse displacement (..., points, k) at ξ for unit degrees of freedom of an element,
-        or their derivatives of the given order with respect to x. omega (...): frequency of exact elements in
-        rad/s."""
+        """Return axial and transverse displacements at ξ for unit degrees of freedom of an element, (...,
+        points, k) each, or their derivatives of order `order` with respect to x.
+
+        omega (...): frequency of exact elements in rad/s.
+        """
         if not self.exact:
             return self.element.shapes(self.L, xi, order)
         frequency = np.asarray(omega, dtype=float)
@@ -241,8 +253,8 @@ class Member(MemberMatrices):
         return axial / self.L**order, transverse / self.L**order
 
     def stresses(self, xi: Array, omega: Array | None = None) -> tuple[Array, Array]:
-        """Axial stress E u′ and bending stress −E (h/2) v″ at the + surface, (..., points, k) in Pa, for unit
-        degrees of freedom."""
+        """Return the axial stress E u′ and the bending stress −E (h/2) v″ at the + surface for unit degrees
+        of freedom, (..., points, k) each, in Pa."""
         elongation, curvature = self.shapes(xi, 1, omega)[0], self.shapes(xi, 2, omega)[1]
         return self.E * elongation, -self.E * self.height / 2 * curvature
 
@@ -251,7 +263,7 @@ class Member(MemberMatrices):
         return self._functions(omega, exact.bending, exact.axial, self.EI, self.EA / self.L)
 
     def exact_mass(self, omega: Array) -> Array:
-        """Functions ρA G1 … ρA G6, and EA G7, EA G8 of thesis (5.19), (b, 8), at ω (b,)."""
+        """Functions ρA G1 … ρA G6, EA G7, EA G8 (b, 8) at ω (b,); thesis, Eq. (5.19)."""
         mass = self.mu * self.L
         return self._functions(omega, exact.bending_mass, exact.axial_mass, mass * self.L**3, mass)
 
@@ -265,17 +277,17 @@ class Member(MemberMatrices):
         return weights
 
     def interior_count(self, omega: Array) -> Array:
-        """Number J0 (b,) of natural frequencies of the elements with clamped ends that are below ω (b,):
-        thesis (5.21)."""
+        """Number J0 (b,) of natural frequencies below ω (b,) of the elements with clamped ends; thesis, Eq.
+        (5.21)."""
         axial = None if self.link.inextensible else self._axial_number(omega)
         return self.count * exact.interior_count(self._bending_number(omega), axial)
 
     def _bending_number(self, omega: Array) -> Array:
-        """Frequency parameter λL of an element at ω (rad/s): thesis (5.4)."""
+        """Frequency parameter λL of an element at ω (rad/s); thesis, Eq. (5.4)."""
         return self.L * (self.mu / self.EI) ** 0.25 * np.sqrt(omega)
 
     def _axial_number(self, omega: Array) -> Array:
-        """Frequency parameter βL of an element at ω (rad/s): thesis (5.9)."""
+        """Frequency parameter βL of an element at ω (rad/s); thesis, Eq. (5.9)."""
         return self.L * np.sqrt(self.mu / self.EA) * omega
 
 

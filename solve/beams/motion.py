@@ -1,14 +1,14 @@
-"""Equations of motion of a structure of beams with moving links (thesis (4.32), (6.15)).
+"""Equations of motion of a structure of beams with moving links (thesis, Eqs. (4.32), (6.15)).
 
-Coordinates are displacements from the rigid positions, in ground axes. R with R′ = J R transforms from ground
-axes to link axes; ω and ω̇ are the angular velocity and acceleration of the link. In link axes the terms of
-an element are M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ with the skew-symmetric P (thesis (4.22)). Substitution of δ
-= R q yields
+Coordinates are displacements from the rigid positions, in ground axes. The matrix R, with R′ = J R,
+transforms from ground axes to link axes. The angular velocity and acceleration of the link are ω and ω̇. In
+link axes, the terms of an element are M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ with the skew-symmetric P (thesis,
+Eq. (4.22)). Substitution of δ = R q yields
 
     C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
 The load is the inertia force of the rigid motion, −M q̈_r. Damping consists of modal or Rayleigh damping with
-one ratio ζ (thesis 6.2) and of dashpots to the ground.
+a single ratio ζ (section 6.2 of the thesis) , and of dashpots to the ground.
 """
 
 from collections.abc import Callable
@@ -26,12 +26,14 @@ from solve.model.modes import lowest_frequencies, modal_damping
 
 
 def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:
-    """Accelerations q̈_r of the rigid motion: in link axes (m, elements, k) for the degrees of freedom of
-    each link, and as x + iy (m, joints) for the joints.
+    """Return the accelerations q̈_r of the rigid motion, first of the links, then of the joints.
+
+    For each link, they are (m, elements, k), for its degrees of freedom in link axes. For the joints, they
+    are (m, joints), as x + iy.
 
     rate, second (m, links): first and second derivatives of the angles with respect to time. Derivatives with
-    respect to the phase yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom also accelerate if the link
-    does.
+    respect to the phase yield q̈_r/Ω² at constant Ω. The accelerations of fixed degrees of freedom are
+    included.
     """
     spans = positions.beams.properties.length * (1j * second - rate**2)
     joints, accelerations = positions.placed(spans * np.exp(1j * positions.angle)), []
@@ -66,8 +68,8 @@ def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
 
 
 def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
-    """Function that returns the Rayleigh damping matrix C = αM + βK (m, n, n) at phases (m,). The two lowest
-    modes have the damping ratio ζ at their mean frequencies over a revolution."""
+    """Function that returns the Rayleigh damping matrix C = αM + βK (m, n, n) at phases (m,). At their mean
+    frequencies over a revolution, the two lowest modes have the damping ratio ζ."""
     phase = np.linspace(0.0, period, POSITIONS, endpoint=False)
     first, second = lowest_frequencies(*Positions(beams, phase).matrices(), 2).mean(axis=0)
     ratio = 2 * beams.properties.damping_ratio / (first + second)
@@ -80,8 +82,8 @@ def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
 
 
 def _modal(beams: Beams, _: float) -> Callable[[Array], Array]:
-    """Function that returns the modal damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,). C equals
-    2ζ times the geometric mean of M and K and is as smooth in the phase as M and K."""
+    """Function that returns the modal damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,). C is 2ζ
+    times the geometric mean of M and K. As a function of the phase, it is as smooth as M and K."""
     ratio, n = beams.properties.damping_ratio, beams.freedoms.n
     if ratio == 0:
         return lambda phase: np.zeros((len(phase), n, n))
@@ -92,23 +94,24 @@ _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 
 _CHUNK_BYTES = 2**23
-"""Memory, in bytes, of the matrices per chunk of phases when coefficients of the speed are computed. Without
-chunks, allocation of arrays for a whole grid would take a third of the time (measured with 27 coordinates and
-3840 phases). Half and twice this size take the same time."""
+"""Memory in bytes of the matrices per chunk of phases in the computation of coefficients of the speed.
+Without chunks, the allocation of arrays for a whole grid would take a third of the time (measured with 27
+coordinates and 3840 phases). Half and twice this size are equally fast."""
 
 _BUCKLING_POSITIONS = 180
 """Number of positions per revolution at which axial forces are checked for buckling. Chosen by judgement."""
 
 _HALF_WAVES = {0: 1.0, 1: 0.5, 2: 2.0}
-"""Number of half waves of the buckled link, by the number of clamped ends. None: both ends are pinned; one:
-the other end is free; two: both are clamped."""
+"""Number of half waves of a buckled link, for 0, 1 and 2 clamped ends. Without clamped ends, both ends are
+pinned; with one, the other end is free."""
 
 
 @dataclass(frozen=True)
 class Motion:
     """Matrices M, C, K and load d of moving beams at many phases.
 
-    rates(phase): first and second derivatives (m, links) of the links' angles with respect to the phase.
+    rates: function that returns the first and second derivatives (m, links) of the angles of the links with
+    respect to the phase.
     """
 
     beams: Beams
@@ -121,8 +124,8 @@ class Motion:
     def __call__(
         self, phase: Array, speed: Array | float, acceleration: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
-        """M, C, K (m, n, n) and d (m, n) at phases (m,). Ω is in rad/s, a number or (m, 1); Ω̇ is in
-        rad/s²."""
+        """Return M, C, K (m, n, n) and d (m, n) at phases (m,). `speed` is Ω in rad/s, a number or (m, 1);
+        `acceleration` is Ω̇ in rad/s²."""
         positions = self._positions(phase)
         rate, second = self.rates_in_time(phase, speed, acceleration)
         M, K = positions.matrices()
@@ -139,9 +142,9 @@ class Motion:
         return M, C, K, d
 
     def speed_terms(self, phase: Array) -> Array:
-        """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC, K by rows and d at
-        phases (m,). Derivatives are with respect to the phase. Entries and powers are listed by
-        `speed_powers`."""
+        """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC and K in row order, and
+        of d, at phases (m,). Derivatives are with respect to the phase. `speed_powers` returns the entry and
+        the power of each coefficient."""
         coefficients = np.empty((len(phase), len(self._nonzero[0])))
         size = max(1, _CHUNK_BYTES // (8 * 5 * self.beams.freedoms.n**2))
         for first in range(0, len(phase), size):
@@ -149,7 +152,7 @@ class Motion:
         return coefficients
 
     def _write_speed_terms(self, phase: Array, coefficients: Array) -> None:
-        """Write the coefficients at phases (m,) into an array (m, R)."""
+        """Write the coefficients at phases (m,) into `coefficients` (m, R)."""
         positions, (rate, second) = self._positions(phase), self.rates(phase)
         M, K = positions.matrices()
         d = self._unit_load(phase)
@@ -161,18 +164,23 @@ class Motion:
             stiffness = stiffness + self._of_axial_forces(positions, axial)
         parts = M, self._damping(phase) + self.beams.dashpots, gyroscopic, K, stiffness, d
         entries = np.concatenate([coefficient.reshape(len(coefficient), -1) for coefficient in parts], axis=1)
-        # Unlike "raise", the mode "clip" writes into the output without a copy.
+        # The mode "clip", unlike "raise", writes into the output without a copy.
         np.take(entries, self._nonzero[0], axis=1, out=coefficients, mode="clip")
 
     @property
     def speed_powers(self) -> tuple[Array, Array]:
-        """Entry (ascending) and power of the speed (R,) for each coefficient of `speed_terms`."""
+        """Return the index of the entry (R,), ascending, and the power of the speed (R,) for each coefficient
+        of `speed_terms`."""
         return self._nonzero[1:]
 
     @cached_property
     def _nonzero(self) -> tuple[Array, Array, Array]:
-        """Ascending entries that are nonzero at some phase, with their positions and powers of the speed.
-        They belong to M, damping, gyroscopic matrix, stiffness, rotational stiffness and load."""
+        """Return the coefficients that are nonzero at some phase: positions in a list, indices of entries
+        (ascending), and powers of the speed.
+
+        The list contains the entries of M, damping, gyroscopic matrix, stiffness, rotational stiffness and
+        load.
+        """
         n, damped = self.beams.freedoms.n, self.beams.properties.damping_ratio != 0
         tables = self.beams.mass, self.beams.stiffness, *self._rotary
         mass, elastic, turning, centrifugal = (np.any(table != 0, axis=(0, 1)) for table in tables)
@@ -190,15 +198,16 @@ class Motion:
         return present, entry[present], power[present]
 
     def _of_rotation(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
-        """Contributions (m, n, n) of the links' rotation to C and to K. rate, second (m, links): first and
-        second derivatives of the angles."""
+        """Contributions (m, n, n) of the rotation of the links to C and to K. rate, second (m, links): first
+        and second derivatives of the angles."""
         first, turned, squared = (factor[..., None] * positions.terms for factor in (rate, second, rate**2))
         turning, centrifugal = self._rotary
         stiffness = np.tensordot(turned, turning, 2) + np.tensordot(squared, centrifugal, 2)
         return 2 * np.tensordot(first, turning, 2), stiffness
 
     def _of_axial_forces(self, positions: Positions, axial: list[Array]) -> Array:
-        """Contribution (m, n, n) of axial forces (m, elements) in the links to K."""
+        """Contribution (m, n, n) of the axial forces to K. `axial` (m, elements) contains the axial forces in
+        each link."""
         by_link = zip(axial, self._geometric, strict=True)
         stiffness = [
             np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
@@ -207,13 +216,14 @@ class Motion:
         return np.sum(stiffness, axis=0)
 
     def rates_in_time(self, phase: Array, speed: Array | float, acceleration: float) -> tuple[Array, Array]:
-        """Angular velocities ω and accelerations ω̇ (m, links) of the links. phase, speed, acceleration: see
-        `__call__`."""
+        """Angular velocities ω and angular accelerations ω̇ of the links, (m, links) each. For the arguments,
+        see `__call__`."""
         rate, second = self.rates(phase)
         return speed * rate, speed**2 * second + acceleration * rate
 
     def axial_forces(self, positions: Positions, K: Array, d: Array) -> list[Array]:
-        """Mean quasi-static axial force (m, elements) in the elements of each link, tension positive."""
+        """For each link, the mean quasi-static axial force (m, elements) in its elements, tension
+        positive."""
         q = np.linalg.solve(K, d[..., None])[..., 0].T
         forces = []
         for member in self.beams.members:
@@ -222,7 +232,7 @@ class Motion:
         return forces
 
     def unit_axial_forces(self, positions: Positions) -> list[Array]:
-        """Mean quasi-static axial forces at 1 rad/s, to be multiplied by the square of the speed."""
+        """Result of `axial_forces` at 1 rad/s. Multiply it by the square of the speed."""
         load = self._unit_load(positions.phase)
         return self.axial_forces(positions, positions.matrices()[1], load)
 
@@ -246,7 +256,8 @@ class Motion:
 
     @cached_property
     def _compression(self) -> tuple[Array, Array]:
-        """Phases (m,), and largest compression (m, links) among the elements of each link, at 1 rad/s."""
+        """Return phases (m,), and for each link the largest compression (m, links) in its elements at 1
+        rad/s."""
         phase = np.linspace(0.0, self.period, _BUCKLING_POSITIONS, endpoint=False)
         forces = self.unit_axial_forces(Positions(self.beams, phase))
         return phase, np.stack([-by_element.min(axis=1) for by_element in forces], axis=1)
@@ -257,7 +268,7 @@ class Motion:
 
     @cached_property
     def _unit_load(self) -> "Latest[Array]":
-        """Load d (m, n) at a constant speed of 1 rad/s, to be multiplied by the square of the speed."""
+        """Load d (m, n) at a constant speed of 1 rad/s. Multiply it by the square of the speed."""
         return Latest(lambda phase: inertia_load(self._positions(phase), *self.rates(phase)))
 
     @cached_property
@@ -267,15 +278,16 @@ class Motion:
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """Function that returns the damping matrix. Modal damping is interpolated once for all speeds, from a
-        few hundred positions."""
+        """Function that returns the damping matrix. Modal damping is computed once, at a few hundred
+        positions, and interpolated for all speeds."""
         if self.damping == "modal" and self.beams.properties.damping_ratio:
             return Latest(interpolated(self.damping_at, self.period))
         return Latest(self.damping_at)
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:
-        """Tables (links, 5, n, n) of `Member.rotary` for 1, c, s, c², cs of each link."""
+        """Tables (links, 5, n, n) of the two matrices of `Member.rotary`: for each link, the coefficients of
+        1, c, s, c², cs."""
         beams = self.beams
         tables = [[beams.spread(member, local) for local in member.rotary] for member in beams.members]
         turning, centrifugal = np.swapaxes(tables, 0, 1)
@@ -283,14 +295,15 @@ class Motion:
 
     @cached_property
     def _geometric(self) -> list[Array]:
-        """Geometric stiffness per unit axial force of each element, (elements, 5, n, n) for each link."""
+        """For each link, tables (elements, 5, n, n) of the geometric stiffness per unit axial force of each
+        element."""
         return [self.beams.spread_singly(member, member.geometric) for member in self.beams.members]
 
 
 @dataclass(frozen=True)
 class State:
-    """State of the beams: q, q̇, q̈ (n, k), with derivatives with respect to time, at phases (k,); speed in
-    rad/s, a number or (k,); acceleration of the drive in rad/s²."""
+    """State of the beams at phases (k,): q, q̇, q̈ (n, k), with derivatives with respect to time. speed: a
+    number or (k,), in rad/s. acceleration: acceleration of the drive in rad/s²."""
 
     motion: Motion
     phase: Array
@@ -312,18 +325,18 @@ class State:
 
     @cached_property
     def axial_forces(self) -> list[Array]:
-        """Quasi-static axial force (k, elements) in the elements of each link, tension positive."""
+        """For each link, the quasi-static axial force (k, elements) in its elements, tension positive."""
         load = inertia_load(self.positions, *self.rates)
         return self.motion.axial_forces(self.positions, self.positions.matrices()[1], load)
 
     @cached_property
     def rigid_accelerations(self) -> list[Array]:
-        """Accelerations of the rigid motion in link axes, (k, elements, freedoms) for each link."""
+        """For each link, the accelerations (k, elements, freedoms) of the rigid motion in link axes."""
         return rigid_accelerations(self.positions, *self.rates)[0]
 
     def local(self, member: Member, element: int, order: int = 0) -> Array:
-        """Values (k, freedoms) of an element's degrees of freedom in link axes, or their time derivatives up
-        to order 2. They are cached, because several outputs use them."""
+        """Degrees of freedom (k, freedoms) of an element in link axes, or their time derivatives up to order
+        2. They are cached, because several outputs use them."""
         first = element % member.count
         key = member.number, first, order
         if key not in self._local:
@@ -337,7 +350,8 @@ class State:
 
     @cached_property
     def joint_forces(self) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
-        """Results of `joint_force` by index and end of the link, cached because several outputs use them."""
+        """Mapping from the index and the end of a link to the result of `joint_force`. Results are cached,
+        because several outputs use them."""
         return {}
 
     def strain_energy(self) -> Array:

@@ -1,5 +1,5 @@
 """Outputs of a moving structure of beams: deflections and stresses at points of links, forces at joints, and
-contributions of modes (thesis Fig. 6.4)."""
+contributions of modes (thesis, Fig. 6.4)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,27 +14,27 @@ from solve.errors import require_name
 from solve.model.modes import Modes, modes
 
 SURFACES = {"plus": 1.0, "minus": -1.0}
-"""Signs of the surfaces at +h/2 and −h/2 along the y axis of the link, by name."""
+"""Mapping from surfaces to signs. The surfaces are at +h/2 and −h/2 along the y axis of the link."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """Point on a link's axis at a fraction 0 … 1 of its length. Quantities are in the axes of the link's
-    rigid motion.
+    """Point on the axis of a link, at a fraction 0 … 1 of its length. Quantities are in the axes of the rigid
+    motion of the link.
 
-    Arguments of the methods: angles (k, links) of the links, q (n, k), and frequencies omega (k,) in rad/s of
-    exact elements.
+    Arguments of the methods: angles (k, links) of the links, q (n, k), and for exact elements frequencies
+    omega (k,) in rad/s.
     """
 
     member: Member
     fraction: float
 
     def displacement(self, angle: Array, q: Array, omega: Array | None = None) -> tuple[Array, Array]:
-        """Axial and transverse displacement (k,) in m."""
+        """Return the axial and the transverse displacement in m, (k,) each."""
         return self.displaced(self._local(angle, q), omega)
 
     def rotation(self, angle: Array, q: Array) -> Array:
-        """Rotation v′ (k,) of the link's axis."""
+        """Rotation v′ (k,) of the axis of the link."""
         return _sum(self.member.shapes(self._xi, 1)[1], self._local(angle, q))
 
     def stress(self, angle: Array, q: Array, surface: str, omega: Array | None = None) -> Array:
@@ -43,12 +43,12 @@ class Point:
         return self.stressed(self._local(angle, q), surface, omega)
 
     def displaced(self, local: Array, omega: Array | None = None) -> tuple[Array, Array]:
-        """Result of `displacement` from the values (k, freedoms) of the element in link axes."""
+        """Result of `displacement`, from the degrees of freedom (k, freedoms) of the element in link axes."""
         u, v = self.member.shapes(self._xi, 0, omega)
         return _sum(u, local), _sum(v, local)
 
     def stressed(self, local: Array, surface: str, omega: Array | None = None) -> Array:
-        """Result of `stress` from the values (k, freedoms) of the element in link axes."""
+        """Result of `stress`, from the degrees of freedom (k, freedoms) of the element in link axes."""
         require_name("surface", surface, SURFACES)
         axial, bending = self.member.stresses(self._xi, omega)
         return _sum(axial + SURFACES[surface] * bending, local)
@@ -67,8 +67,8 @@ class Point:
 
 
 def _sum(shapes: Array, local: Array) -> Array:
-    """Sums (k,) of shapes (..., 1, freedoms) multiplied by the values (k, freedoms) of an element's degrees
-    of freedom."""
+    """Sums (k,) of shapes (..., 1, freedoms) multiplied by the degrees of freedom (k, freedoms) of an
+    element."""
     return (local * shapes[..., 0, :]).sum(axis=1)
 
 
@@ -76,9 +76,10 @@ _JOINT_FORCES = ("force_x", "force_y", "moment")
 
 
 def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array, Array]:
-    """Force along x and y (N) and moment (N m), (k,) each, on the start (0) or end (1) of a link.
+    """Return the forces along x and y (N) and the moment (N m), (k,) each, on the start (0) or end (1) of a
+    link.
 
-    The force includes the inertia of the rigid motion and of the deflections. Damping is not included,
+    The forces include the inertia forces of the rigid motion and of the deflections. Damping is not included,
     because it is defined for modes and not for a link.
     """
     key = member.number, place
@@ -98,7 +99,8 @@ def _joint_force(state: State, member: Member, place: int) -> tuple[Array, Array
 
 
 def _element_forces(state: State, member: Member, index: int) -> Array:
-    """Forces (k, freedoms) on an element in link axes, from the left-hand side of its equation of motion."""
+    """Forces (k, freedoms) on an element in link axes, which are the left-hand side of its equations of
+    motion."""
     number = member.number
     q, qd, qdd = (state.local(member, index, order) for order in range(3))
     accelerations = qdd + state.rigid_accelerations[number][:, index]
@@ -114,7 +116,7 @@ def _element_forces(state: State, member: Member, index: int) -> Array:
 
 
 def quantity(state: State, kind: str, member: Member, place: float) -> Array:
-    """Values (k,) of an output of the given kind at a fraction of the length of a link."""
+    """Values (k,) of an output of kind `kind` at a fraction of the length of a link."""
     if kind == "strain_energy":
         return state.strain_energy()
     if kind in _JOINT_FORCES:
@@ -127,19 +129,19 @@ def quantity(state: State, kind: str, member: Member, place: float) -> Array:
 
 
 LINEAR = ("deflection", "stress_plus", "stress_minus")
-"""Kinds of outputs that are linear in the deflections and can therefore be divided into contributions of
-modes."""
+"""Kinds of outputs that are linear in the deflections, and hence sums of contributions of modes."""
 
 _EXTRA_MODES = 4
-"""Number of additional modes that are tracked, because the order of modes may change over the revolution. A
-choice."""
+"""Number of additional modes that are tracked, because the order of modes may change within a revolution.
+Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Contributions:
-    """Contributions of the lowest modes to an output; the modes are tracked over the revolution.
+    """Contributions of the lowest modes to an output. The modes are tracked over the revolution.
 
-    values (modes, k) and frequencies (modes, k) in rad/s at phases (k,); total (k,): sum over all modes.
+    values (modes, k): contributions at phases (k,). frequencies (modes, k): frequencies in rad/s. total (k,):
+    sum of the contributions of all modes.
     """
 
     output: str
@@ -150,10 +152,10 @@ class Contributions:
 
 
 def contributions(state: State, output: str, values: Callable[[State], Array], count: int) -> Contributions:
-    """Contributions of the lowest modes to an output that is linear in q. The motion is q = Σ φ_i η_i with
-    the modes φ_i at each position and η = Φᵀ M q.
+    """Contributions of the lowest modes to an output that is linear in q. With the modes φ_i at each
+    position, the motion is q = Σ φ_i η_i with η = Φᵀ M q.
 
-    values(state): output (k,). The phases ascend in small steps.
+    values: function of a state that returns the output (k,). The phases must ascend in small steps.
     """
     M, K = state.positions.matrices()
     lowest = tracked_modes(M, K, count)
@@ -166,8 +168,8 @@ def contributions(state: State, output: str, values: Callable[[State], Array], c
 def tracked_modes(M: Array, K: Array, count: int) -> Modes:
     """Lowest modes at the first of the positions (k, n, n), tracked over all positions.
 
-    A mode is continued by the most similar mode of the next position (modal assurance criterion), with its
-    sign.
+    At the next position, a mode is continued by the most similar mode (modal assurance criterion). Signs are
+    chosen so that the mode is continuous.
     """
     from scipy.optimize import linear_sum_assignment
 

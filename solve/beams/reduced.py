@@ -5,7 +5,7 @@ same motion:
 
     TᵀM T p̈ + (TᵀC T + 2 TᵀM Ṫ) ṗ + (TᵀK T + TᵀC Ṫ + TᵀM T̈) p = Tᵀd
 
-The terms of a link are constant in link axes, except those of damping and axial forces, which are
+In link axes, the terms of a link are constant, except those of damping and axial forces. These are
 interpolated in the phase.
 """
 
@@ -35,7 +35,7 @@ from solve.model.setup import Setup
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """Matrices M, C, K and load d of moving beams in reduced coordinates, for all phases simultaneously."""
+    """Matrices M, C, K and load d of moving beams in reduced coordinates, at many phases."""
 
     full: Motion
     basis: Basis
@@ -43,8 +43,8 @@ class ReducedMotion:
     def __call__(
         self, phase: Array, speed: Array | float, acceleration: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
-        """M, C, K (m, r, r) and d (m, r) at phases (m,). Ω is in rad/s, a number or (m, 1); Ω̇ is in
-        rad/s²."""
+        """Return M, C, K (m, r, r) and d (m, r) at phases (m,). `speed` is Ω in rad/s, a number or (m, 1);
+        `acceleration` is Ω̇ in rad/s²."""
         positions = self._positions(phase)
         rate, second = self.full.rates_in_time(phase, speed, acceleration)
         M, K = self.matrices(positions)
@@ -60,7 +60,7 @@ class ReducedMotion:
         return M, C, K, d
 
     def matrices(self, positions: Positions) -> tuple[Array, Array]:
-        """Reduced matrices TᵀM T and TᵀK T (m, r, r) with the links at rest."""
+        """Reduced matrices TᵀM T and TᵀK T (m, r, r) of links at rest."""
         M, K = (np.tensordot(positions.terms, table, 2) for table in self._elastic)
         return M, K
 
@@ -70,7 +70,7 @@ class ReducedMotion:
 
     @cached_property
     def _elastic(self) -> tuple[Array, Array]:
-        """Tables of mass and stiffness, including point masses and springs."""
+        """Tables of the mass and the stiffness, which include point masses and springs."""
         basis, beams = self.basis, self.full.beams
         by_link = [
             (
@@ -94,8 +94,8 @@ class ReducedMotion:
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:
-        """Two tables: one for the terms 2ω ṗ and ω̇ p, one for the term ω² p. They contain the moving basis
-        and, with terms=full, the accelerations of the deflections."""
+        """Two tables: for the terms 2ω ṗ and ω̇ p, and for the term ω² p. They include the effects of the
+        moving basis and, with terms=full, of the accelerations of the deflections."""
         turning, centrifugal = [], []
         for link in self.basis.links:
             body, (B, B2) = link.body, link.turned
@@ -109,8 +109,8 @@ class ReducedMotion:
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """Function that returns the reduced damping TᵀC T and TᵀC T′, concatenated (m, 2r, r), for modal or
-        Rayleigh damping C."""
+        """Function that returns the reduced damping TᵀC T and TᵀC T′, concatenated to (m, 2r, r), where C is
+        modal or Rayleigh damping."""
         damping = self.full.damping_at
 
         def projected(phase: Array) -> Array:
@@ -135,8 +135,8 @@ class ReducedMotion:
 
     @cached_property
     def _axial(self) -> Callable[[Array], Array]:
-        """Function that returns axial forces (m, 2 elements): in all elements at a speed of 1 rad/s, then in
-        all elements at rest with an acceleration of 1 rad/s²."""
+        """Function that returns axial forces (m, 2 elements). The first half is the forces in all elements at
+        a speed of 1 rad/s; the second half, those at rest with an acceleration of 1 rad/s²."""
 
         def forces(phase: Array) -> Array:
             positions = Positions(self.full.beams, phase)
@@ -156,7 +156,7 @@ class ReducedMotion:
 
     @cached_property
     def _geometric(self) -> list[Array]:
-        """Geometric stiffness (elements, 5, r, r) per unit axial force of each element, for each link."""
+        """For each link, the geometric stiffness (elements, 5, r, r) per unit axial force of each element."""
         return [
             np.stack([link.reduced(A) for A in link.body.assembled_singly(link.body.member.geometric)])
             for link in self.basis.links
@@ -164,15 +164,17 @@ class ReducedMotion:
 
 
 _TRUSTED = 0.5
-"""Fraction of the lowest discarded frequency up to which natural frequencies are compared. The usual rule of
-component mode synthesis retains modes up to twice the highest frequency of interest."""
+"""Largest frequency up to which natural frequencies are compared, as a fraction of the lowest discarded
+frequency. By the usual rule of component mode synthesis, modes up to twice the highest frequency of interest
+are retained."""
 
 
 class ReducedStructure(StructureModel):
     """Structure of beams with reduced coordinates: displacements of the joints and shared rotations of links
     in ground axes, followed by the modal amplitudes of each link.
 
-    Outputs, deflections, stresses and forces are computed from all degrees of freedom, q = T(φ) p."""
+    Outputs, deflections, stresses and forces are computed from all degrees of freedom, q = T(φ) p.
+    """
 
     static = False
     """Whether the basis also contains the static shapes of the discarded modes."""
@@ -188,7 +190,8 @@ class ReducedStructure(StructureModel):
     @classmethod
     def from_setup(cls, setup: Setup) -> Self:
         """Reduced structure from a setup. Raises ValueOutOfBoundsError if the reduction error cannot be
-        estimated, or for more modes than the links have; StructureError as for the full structure."""
+        estimated, or if more modes are requested than the links have. Raises StructureError as the full
+        structure does."""
         motion = cls._motion(setup)
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
@@ -205,7 +208,8 @@ class ReducedStructure(StructureModel):
 
     @cached_property
     def enriched(self) -> "EnrichedStructure":
-        """Structure with additional coordinates: the static shapes of the discarded modes."""
+        """Structure with additional coordinates, the amplitudes of the static shapes of the discarded
+        modes."""
         return EnrichedStructure.from_setup(self.setup)
 
     @property
@@ -215,13 +219,14 @@ class ReducedStructure(StructureModel):
 
     @property
     def discarded(self) -> float:
-        """Lowest frequency in rad/s of the discarded modes, for links with fixed ends."""
+        """Lowest frequency in rad/s of the discarded modes, which are those of links with fixed ends."""
         return min(link.discarded for link in self.reduced.basis.links)
 
     @cached_property
     def frequency_error(self) -> float:
-        """Estimated relative error of the natural frequencies below half the lowest discarded frequency. It
-        is the largest difference from the enriched structure at 36 positions of a period."""
+        """Estimated relative error of the natural frequencies below half of the lowest discarded frequency.
+        It is the largest difference from the frequencies of the enriched structure at 36 positions of a
+        period."""
         phase = np.linspace(0.0, self.period, POSITIONS, endpoint=False)
         reduced, enriched = self.frequencies(phase, self.n), self.enriched.frequencies(phase, self.n)
         compared = (enriched < _TRUSTED * self.discarded) & (enriched > 0)
@@ -230,7 +235,7 @@ class ReducedStructure(StructureModel):
 
     @property
     def sentence(self) -> str:
-        """Sentence on the error of the natural frequencies."""
+        """Sentence about the error of the natural frequencies."""
         option = f"reduce={self.modes_a_link}"
         if self.n == self.full_coordinates:
             return f"{option} retains all {self.n} coordinates; the result is unchanged"
@@ -266,7 +271,7 @@ class ReducedStructure(StructureModel):
         return self.reduced(phase, speed[:, None], acceleration)
 
     def terms(self, phase: Array, speeds: Array) -> None:
-        """None, because the terms of the motion refer to all degrees of freedom, not to reduced
+        """Return None, because the terms of the motion belong to all degrees of freedom, not to reduced
         coordinates."""
         return
 
@@ -288,7 +293,7 @@ class ReducedStructure(StructureModel):
 
 
 class EnrichedStructure(ReducedStructure):
-    """Reduced structure with the static shapes of the discarded modes, used to estimate the reduction
+    """Reduced structure with the static shapes of the discarded modes. It is used to estimate the reduction
     error."""
 
     static = True

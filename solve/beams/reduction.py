@@ -1,14 +1,14 @@
 """Reduction of the links of a structure to interface coordinates and lowest modes.
 
-The basis of a link is constant in the axes of the link. In ground axes q = T(φ) p, where p contains the
-retained coordinates of the structure, in ground axes, and the amplitudes of the modes. R with R′ = J R
-transforms from ground axes to the axes of a link, and T_l is the constant basis of the link. The rows of the
-link in T and in its first and second derivatives with respect to the angle of the link are Rᵀ T_l R_r, Rᵀ B
-R_r and Rᵀ B₂ R_r with
+The basis of a link is constant in the axes of the link. In ground axes, q = T(φ) p, where p contains the
+retained coordinates of the structure, in ground axes, and the amplitudes of the modes. The matrix R, with R′
+= J R, transforms from ground axes to the axes of a link, and T_l is the constant basis of the link. The rows
+of the link in T and in its first and second derivatives with respect to the angle of the link are Rᵀ T_l R_r,
+Rᵀ B R_r and Rᵀ B₂ R_r with
 
     B = Jᵀ T_l + T_l J_r        B₂ = Jᵀ B + B J_r
 
-where R_r and J_r are R and J for the retained coordinates; for the modes they are 1 and 0.
+where R_r and J_r are R and J for the retained coordinates; for the modes, they are 1 and 0.
 """
 
 from collections.abc import Sequence
@@ -29,8 +29,8 @@ from solve.model.craig_bampton import craig_bampton, static_shapes
 class Body:
     """Matrices of a link in link axes, for its degrees of freedom that are not fixed.
 
-    freedoms (k,): indices of the link's degrees of freedom in the structure. axes (3, k, k): R = axes[0] + c
-    axes[1] + s axes[2]. interface (b,): positions in `freedoms` of the retained coordinates.
+    freedoms (k,): indices of these degrees of freedom in the structure. axes (3, k, k): coefficients of R =
+    axes[0] + c axes[1] + s axes[2]. interface (b,): positions of the retained coordinates in `freedoms`.
     """
 
     member: Member
@@ -40,7 +40,7 @@ class Body:
 
     @classmethod
     def from_member(cls, member: Member, retained: Array) -> "Body":
-        """Body from a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
+        """Body for a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
         the structure."""
         indices = np.unique(member.indices[member.indices >= 0])
         axes = np.zeros((3, len(indices), len(indices)))
@@ -51,11 +51,11 @@ class Body:
         return body
 
     def assembled(self, local: Array) -> Array:
-        """Matrix (k, k) of the link from an element matrix (f, f) that all its elements share."""
+        """Matrix (k, k) of a link for which all elements have the matrix `local` (f, f)."""
         return self.assembled_singly(local).sum(axis=0)
 
     def assembled_singly(self, local: Array) -> Array:
-        """Contribution (elements, k, k) of each element to the matrix (k, k) of the link."""
+        """Contributions (elements, k, k) of each element to the matrix (k, k) of the link."""
         matrices = np.zeros((self.member.count, len(self.freedoms) + 1, len(self.freedoms) + 1))
         for matrix, (rows, _) in zip(matrices, self._rows(), strict=True):
             matrix[rows[:, None], rows] += local
@@ -63,8 +63,8 @@ class Body:
 
     @property
     def loads(self) -> Array:
-        """Inertia loads (k, 4) of rigid motions: uniform and linearly increasing, first along the link, then
-        across it."""
+        """Inertia loads (k, 4) of four accelerations of the rigid link. They are uniform and linearly
+        increasing along the axis, then uniform and linearly increasing across it."""
         member, loads = self.member, np.zeros((len(self.freedoms) + 1, 4))
         for number, (rows, _) in enumerate(self._rows()):
             shapes = np.zeros((len(rows), 4))
@@ -80,7 +80,7 @@ class Body:
 
     def _rows(self) -> list[tuple[Array, Array]]:
         """For each element, the positions of its degrees of freedom in `freedoms`, and a mask of those that
-        are fixed. The position of a fixed one is len(freedoms)."""
+        are fixed. For a fixed one, the position is len(freedoms)."""
         indices = self.member.indices
         return [
             (np.where(row < 0, len(self.freedoms), np.searchsorted(self.freedoms, row)), row < 0)
@@ -90,11 +90,11 @@ class Body:
 
 @dataclass(frozen=True)
 class LinkBasis:
-    """Reduced coordinates of a link: interface coordinates, followed by modes.
+    """Basis of a link for its reduced coordinates: interface coordinates, followed by amplitudes of modes.
 
-    local (k, r): T_l. at (r,): indices of the link's reduced coordinates among those of the structure.
-    frequencies (modes,): frequencies of the retained modes in rad/s; discarded: lowest frequency of the
-    discarded modes, infinite if there are none.
+    local (k, r): T_l. at (r,): indices of the reduced coordinates of the link among those of the structure.
+    frequencies (modes,): frequencies of the retained modes in rad/s. discarded: lowest frequency of the
+    discarded modes; infinite if there are none.
     """
 
     body: Body
@@ -114,15 +114,15 @@ class LinkBasis:
 
     @cached_property
     def turned(self) -> tuple[Array, Array]:
-        """Matrices B and B₂ (k, r) of the first and second derivative of the basis with respect to the angle
-        of the link."""
+        """Matrices B and B₂ (k, r) for the first and second derivatives of the basis with respect to the
+        angle of the link."""
         J, J_r = self.body.axes[2], self.axes[2]
         B = J.T @ self.local + self.local @ J_r
         return B, J.T @ B + B @ J_r
 
     def reduced(self, A: Array, left: Array | None = None, right: Array | None = None) -> Array:
-        """Table (5, r, r) of the terms 1, c, s, c², cs of Rᵀ leftᵀ A right R in ground axes, for a matrix A
-        (k, k) of the link. left and right are T_l by default."""
+        """Table (5, r, r) of Rᵀ leftᵀ A right R in ground axes, for a matrix A (k, k) of the link: the
+        coefficients of 1, c, s, c², cs. By default, `left` and `right` are T_l."""
         local = (self.local if left is None else left).T @ A @ (self.local if right is None else right)
         return np.einsum("tij,iba,bc,jcd->tad", TERMS, self.axes, local, self.axes, optimize=True)
 
@@ -135,8 +135,11 @@ class LinkBasis:
 
 @dataclass(frozen=True)
 class Basis:
-    """Basis T(φ) of a structure, (n, r) at each position. retained (b,): retained degrees of freedom, which
-    are the first reduced coordinates; names, units, meanings (r,): of the reduced coordinates."""
+    """Basis T(φ) of a structure, (n, r) at each position.
+
+    retained (b,): indices of the retained degrees of freedom, which are the first reduced coordinates. names,
+    units, meanings (r,): names, units and meanings of the reduced coordinates.
+    """
 
     beams: Beams
     retained: Array
@@ -163,7 +166,7 @@ class Basis:
         return declared
 
     def spread(self, tables: Sequence[Array]) -> Array:
-        """Table (links, 5, r, r) of a structure from one table (5, …, …) per link."""
+        """Table (links, 5, …, …) of a structure, from one table (5, …, …) per link."""
         spread = np.zeros((len(self.links), 5, self.r, self.r))
         for target, link, table in zip(spread, self.links, tables, strict=True):
             target[:, link.at[:, None], link.at] += table
@@ -171,24 +174,24 @@ class Basis:
 
     @cached_property
     def tables(self) -> tuple[Array, Array, Array]:
-        """Tables (links, 5, n, r) of T, B and B₂ for each link."""
+        """Tables (links, 5, n, r) of T, B and B₂."""
         tables = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
         for number, link in enumerate(self.links):
             rows, columns = link.body.freedoms[:, None], link.at
             for table, local in zip(tables, (link.local, *link.turned), strict=True):
                 table[number][:, rows, columns] += link.expanding(local)
-        # Retained coordinates are identical in q and p.
+        # Retained coordinates are the same in q and p.
         tables[0, 0, 0, self.retained, np.arange(len(self.retained))] = 1.0
         T, B, B2 = tables
         return T, B, B2
 
     def at(self, positions: Positions) -> Array:
-        """Basis T (m, n, r) at positions (m,)."""
+        """Basis T (m, n, r) at m positions."""
         return np.tensordot(positions.terms, self.tables[0], 2)
 
     def rates(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
-        """Derivatives Ṫ and T̈ (m, n, r), from the first and second derivatives (m, links) of the angles of
-        the links."""
+        """Derivatives Ṫ and T̈, (m, n, r) each. `rate` and `second` (m, links) are the first and second
+        derivatives of the angles of the links."""
         _, B, B2 = self.tables
         first, turned, squared = (factor[..., None] * positions.terms for factor in (rate, second, rate**2))
         return np.tensordot(first, B, 2), np.tensordot(turned, B, 2) + np.tensordot(squared, B2, 2)
@@ -196,7 +199,7 @@ class Basis:
 
 def retained_freedoms(freedoms: Freedoms) -> Array:
     """Mask (n,) of the interface coordinates: displacements of the joints, and rotations that several links
-    share or on which springs or dashpots act. With these coordinates fixed, no link can move rigidly."""
+    share or on which springs or dashpots act. If these coordinates are fixed, no link can move rigidly."""
     ends = [set(rows[rows >= 0].tolist()) for rows in freedoms.indices]
     mask = np.array([sum(index in link for link in ends) > 1 for index in range(freedoms.n)])
     mask[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
@@ -205,8 +208,11 @@ def retained_freedoms(freedoms: Freedoms) -> Array:
 
 
 def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
-    """Basis with `modes` modes per link, or with all modes of a link that has fewer. static: whether to add
-    the static shapes of the discarded modes. Raises ValueOutOfBoundsError if no link has that many modes."""
+    """Basis with `modes` modes per link; links with fewer modes have all of them.
+
+    static: whether the static shapes of the discarded modes are added. Raises ValueOutOfBoundsError if no
+    link has that many modes.
+    """
     retained = retained_freedoms(beams.freedoms)
     bodies = [Body.from_member(member, retained) for member in beams.members]
     most = max(len(body.freedoms) - len(body.interface) for body in bodies)
@@ -227,8 +233,8 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
 
 
 def _link_basis(body: Body, modes: int, static: bool, at: Array, end: int) -> LinkBasis:
-    """Basis of a link. at (b,): indices of the interface among the reduced coordinates; end: index of the
-    first mode."""
+    """Basis of a link. at (b,): indices of the interface coordinates among the reduced coordinates. end:
+    index of the first mode."""
     M, K = body.assembled(body.member.mass), body.assembled(body.member.stiffness)
     reduced = craig_bampton(M, K, body.interface, min(modes, len(body.freedoms) - len(body.interface)))
     local, b = reduced.basis, len(body.interface)
@@ -246,10 +252,10 @@ _POINTS = 33
 
 
 def _largest(body: Body, shape: Array) -> float:
-    """Largest displacement, with its sign, in a shape (k,) along a link."""
+    """Displacement with the largest modulus in a shape (k,) of a link."""
     member, xi = body.member, np.linspace(0.0, 1.0, _POINTS)
     values = np.append(shape, 0.0)
     pieces = [shapes @ values[rows] for rows, _ in body._rows() for shapes in member.shapes(xi)]
     curve = np.concatenate(pieces)
-    # The first of several equal extrema is selected, so that the result does not depend on round-off.
+    # Of several equal extrema, the first is selected, so that the result does not depend on round-off.
     return float(curve[np.flatnonzero(np.abs(curve) > (1 - 1e-6) * np.abs(curve).max())[0]])

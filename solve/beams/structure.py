@@ -27,21 +27,21 @@ from solve.model.modes import beyond_critical
 from solve.model.setup import Setup, samples_of, stated_lines
 
 MOST = 200
-"""Maximum number of frequencies with exact elements, for which there are infinitely many. Chosen by
-judgement."""
+"""Largest number of frequencies with exact elements, which have infinitely many. Chosen by judgement."""
 
 _CHUNK_ENTRIES = 2**22
-"""Number of matrix entries at the positions that are processed together. Chosen by judgement."""
+"""Number of matrix entries, over all positions, that are processed in one chunk. Chosen by judgement."""
 
 _CACHE_BYTES = 2**26
 """Memory limit, in bytes, of tables that are cached for solutions at other speeds. It suffices for about ten
 grids of 384 steps with 9 coordinates, or two with 27."""
 
 _SPEED_NODES = 3
-"""Number of speeds that determine the matrices at any speed, because Ω²M, ΩC, K, d are quadratic in Ω."""
+"""Number of speeds from which the matrices at any speed are interpolated: Ω²M, ΩC, K and d are quadratic in
+Ω."""
 
 _AT_REST = {"terms": "full", "stiffening": "off", "damping": "modal"}
-"""Values of the options of the motion for structures at rest, which do not declare these options."""
+"""Values of the options of the motion for structures at rest. Their modules do not declare these options."""
 
 
 class Response(Protocol):
@@ -53,12 +53,12 @@ class Response(Protocol):
         ...
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q, q̇, q̈ (n, k) at phases (k,); derivatives are with respect to time."""
+        """Return q, q̇, q̈ (n, k) at phases (k,). Derivatives are with respect to time."""
         ...
 
 
 class StructureModel(Model, Outputs):
-    """Model from the links and joints of a generated module, with elements selected by the options."""
+    """Model from the links and joints of a generated module. The options select the elements."""
 
     def __init__(
         self,
@@ -67,9 +67,11 @@ class StructureModel(Model, Outputs):
         matrices: Callable[[Array, float], Matrices] | None = None,
         coordinates: Sequence[tuple[str, str, str]] | None = None,
     ):
-        """matrices, coordinates: reduced matrices and coordinates, if they replace those of the motion;
-        `expanded` then returns all degrees of freedom. coordinates: name, unit and meaning of each reduced
-        coordinate."""
+        """Assemble the model.
+
+        matrices, coordinates: reduced matrices, and name, unit and meaning of each reduced coordinate, if
+        they replace those of the motion. `expanded` then returns all degrees of freedom.
+        """
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
@@ -86,8 +88,8 @@ class StructureModel(Model, Outputs):
         )
 
     def _of_both_surfaces(self, labels: Labels) -> Labels:
-        """Labels with the additional quantity PLACE_stress, the larger of PLACE_stress_plus and
-        PLACE_stress_minus."""
+        """Labels with an additional quantity for each place: PLACE_stress, the larger of PLACE_stress_plus
+        and PLACE_stress_minus."""
         largest_of, units, meanings = {}, dict(labels.units), dict(labels.meanings)
         for plus in (name for name, (kind, *_) in self.observed.items() if kind == "stress_plus"):
             both = plus.removesuffix("_plus")
@@ -119,7 +121,8 @@ class StructureModel(Model, Outputs):
         return Motion(beams, kinematics.rates, module.PERIOD, **terms)
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array, acceleration: float = 0.0) -> State:
-        """All degrees of freedom at phases (k,), from q, q̇, q̈ (n, k), or at rest from q alone."""
+        """State with all degrees of freedom at phases (k,). `state` is q, q̇, q̈ (n, k), or q alone for beams
+        at rest."""
         q, qd, qdd = with_rates(state)
         return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
@@ -136,8 +139,8 @@ class StructureModel(Model, Outputs):
         return self.motion(phase, speed[:, None], acceleration)
 
     def entries_over(self, phase: Array, speeds: Array) -> Array | None:
-        """Entries at speeds (P,). For more than three speeds they are interpolated (Lagrange) from three
-        speeds, which is exact."""
+        """Entries at speeds (P,). For more than three speeds, they are interpolated from three speeds
+        (Lagrange), which is exact."""
         low, high = speeds.min(), speeds.max()
         if len(speeds) <= _SPEED_NODES or high - low < 1e-3 * high:
             return None
@@ -147,7 +150,7 @@ class StructureModel(Model, Outputs):
         return np.tensordot(weights, entries_one_by_one(self, phase, nodes), axes=1)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Terms of the powers of the speed; None for large systems, for which points are solved one at a time
+        """Terms of the powers of the speed. None for large systems, for which points are solved one at a time
         to save memory."""
         if self.n > SMALL:
             return None
@@ -165,7 +168,7 @@ class StructureModel(Model, Outputs):
 
     @property
     def freedoms(self) -> int:
-        """Number of degrees of freedom, without those that inextensible links remove."""
+        """Number of degrees of freedom that remain after inextensible links have removed some."""
         return self.at_positions(np.zeros(1)).n
 
     @property
@@ -182,7 +185,8 @@ class StructureModel(Model, Outputs):
         return shapes(self.beams, position, frequencies)
 
     def pinned_frequencies(self) -> dict[str, float]:
-        """Lowest bending frequencies (π/L)² √(EI/µ) in rad/s of the links, pinned at both ends."""
+        """Mapping from links to the lowest bending frequency (π/L)² √(EI/µ) in rad/s of the link with pinned
+        ends."""
         p = self.beams.properties
         frequencies = (np.pi / p.length) ** 2 * np.sqrt(p.EI / p.mu)
         return dict(zip((link.name for link in self.labels.links), frequencies.tolist(), strict=True))
@@ -194,14 +198,14 @@ class StructureModel(Model, Outputs):
 
         def value(name: str) -> Array:
             kind, link, place = self.observed[name]
-            # Outputs of the entire structure have no link.
+            # Outputs of the entire structure belong to no link.
             return quantity(state, kind, self._member(link or self.labels.links[0].name), place)
 
         return LazyMapping(self.outputs, value)
 
     @cached_property
     def observed(self) -> dict[str, tuple[str, str, float]]:
-        """Kind, link and fraction of the link's length for each output."""
+        """Mapping from outputs to the kind, the link and the fraction of the length of the link."""
         return dict(zip(self.outputs, self.module.OBSERVED, strict=True))
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -221,14 +225,14 @@ class StructureModel(Model, Outputs):
         return warnings
 
     def joint_force(self, link: str, joint: str, orbit: Response, phase: Array) -> tuple[Array, Array, Array]:
-        """Force and moment that a joint exerts on a link.
+        """Compute the force and the moment that a joint exerts on a link.
 
         Parameters
         ----------
         link, joint : str
             Names of the link and of a joint at one of its ends.
         orbit : Orbit
-            Orbit, or its quasi-static solution.
+            Orbit or quasi-static solution.
         phase : (k,) array
             Phases.
 
@@ -248,14 +252,14 @@ class StructureModel(Model, Outputs):
         return joint_force(state, member, ends.index(joint))
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
-        """Transverse displacement of a point of a link from its position in the rigid motion.
+        """Compute the transverse displacement of a point of a link from its position in the rigid motion.
 
         Parameters
         ----------
         link : str
             Name of the link.
         fraction : float
-            Fraction of its length, 0 to 1.
+            Position of the point, as a fraction 0 … 1 of the length of the link.
         phase : (k,) array
             Phases.
         q : (n, k) array
@@ -274,7 +278,7 @@ class StructureModel(Model, Outputs):
         return self.point(link, fraction).displacement(self.beams.angle(phase), q)[1]
 
     def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
-        """Axial stress E (u′ ∓ (h/2) v″) on a surface of a link.
+        """Compute the axial stress E (u′ ∓ (h/2) v″) on a surface of a link.
 
         Parameters
         ----------
@@ -296,7 +300,7 @@ class StructureModel(Model, Outputs):
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
 
     def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
-        """Deflected links, and lines of the sketch."""
+        """Mapping from names to the deflected links and the other lines of the sketch."""
         fractions = np.linspace(0.0, 1.0, samples_of("beam", fineness)).tolist()
         links = {
             link.name: np.array([self.path(link.name, at, 0.0, phase, q)[1] for at in fractions])
@@ -305,9 +309,10 @@ class StructureModel(Model, Outputs):
         return {**links, **stated_lines(self.setup, phase, speed, q[:0], fineness)}
 
     def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
-        """Positions x + iy (k,) in m, rigid and with deflections q (n, k), of a point of a link.
+        """Return two positions x + iy (k,) in m of a point of a link: in the rigid motion, and with the
+        deflections q (n, k).
 
-        along: fraction of the length, 0 … 1. across: distance from the axis in m. The first held joint is at
+        along: fraction of the length, 0 … 1. across: distance from the axis in m. The first fixed joint is at
         0. Raises UnknownNameError and ValueOutOfBoundsError.
         """
         point, positions = self.point(link, along), self.at_positions(phase)
@@ -323,9 +328,11 @@ class StructureModel(Model, Outputs):
     def modal_contributions(
         self, orbit: Response, output: str, count: int = 4, samples: int = 720
     ) -> Contributions:
-        """Contributions of the lowest modes to a deflection or stress of an orbit or of its quasi-static
-        solution; the modes are tracked over the revolution. Raises UnknownNameError,
-        ValueOutOfBoundsError."""
+        """Contributions of the lowest modes to a deflection or stress of an orbit or quasi-static solution.
+
+        The modes are tracked over the revolution, at `samples` positions. Raises UnknownNameError,
+        ValueOutOfBoundsError.
+        """
         kind, link, place = self.require_part_of_modes(output)
         most = self.beams.freedoms.n
         if not 1 <= count <= most:
@@ -336,7 +343,8 @@ class StructureModel(Model, Outputs):
         return contributions(state, output, lambda modal: quantity(modal, kind, member, place), count)
 
     def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
-        """Kind, link and position of an output that is linear in the deflections. Raises UnknownNameError."""
+        """Return the kind, the link and the position of an output that is linear in the deflections. Raises
+        UnknownNameError for other outputs."""
         linear = {name: entry for name, entry in self.observed.items() if entry[0] in LINEAR}
         require_name(f"deflection or stress of {self.labels.name}", output, linear)
         return linear[output]
@@ -347,7 +355,7 @@ class StructureModel(Model, Outputs):
         return members[link]
 
     def point(self, link: str, fraction: float) -> Point:
-        """Point at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
+        """Point at a fraction 0 … 1 of the length of a link. Raises UnknownNameError and
         ValueOutOfBoundsError."""
         if not 0 <= fraction <= 1:
             raise ValueOutOfBoundsError(
@@ -356,13 +364,13 @@ class StructureModel(Model, Outputs):
         return Point(self._member(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
-        """Structure held at the positions with phases (m,)."""
+        """Structure at rest at the positions with phases (m,)."""
         return Positions(self.beams, phase)
 
 
 def _reason_without_motion(setup: Setup, freedoms: Freedoms) -> str:
     """Reason why a structure has no equations of motion: it is at rest, or its elements do not permit them.
-    Empty if there are equations of motion."""
+    Empty if it has equations of motion."""
     name = setup.module.NAME
     if not setup.module.MOVES:
         return (
@@ -383,7 +391,7 @@ def _reason_without_motion(setup: Setup, freedoms: Freedoms) -> str:
 
 
 def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """States q, q̇, q̈ (n, k); the derivatives are zero if only q is given."""
+    """States q, q̇, q̈ (n, k). If only q is given, its derivatives are zero."""
     if len(state) == 3:
         return state[0], state[1], state[2]
     (q,) = state

@@ -1,1 +1,1 @@
-"""Compiled code: C files that are compiled at first use, if the machine has a C compiler."""
+"""Compiled code: C files that are compiled when they are first used, if the machine has a C compiler."""

@@ -1,4 +1,4 @@
-"""Chains of affine maps with any number of right-hand sides in compiled code."""
+"""Chains of affine maps with any number of right-hand sides, solved by compiled code."""
 
 import ctypes
 
@@ -20,11 +20,11 @@ class _Chain(ctypes.Structure):
 
 
 def closed(A: Array, b: Array) -> tuple[Array, float] | None:
-    """States x (m+1, N, r) of x_{k+1} = A_k x_k + b_k, x_m = x_0, with maps A (m, N, N) and loads
-    b (m, N, r), and the condition number of the cyclic system.
+    """Solve the cyclic chain x_{k+1} = A_k x_k + b_k, x_m = x_0, with maps A (m, N, N) and loads b (m, N, r).
 
-    Both are as in `solve.period.period_map.periodic_states`; None without compiled code, or if numbers
-    overflow."""
+    Return the states x (m+1, N, r) and the condition number of the cyclic system, as
+    `solve.period.period_map.periodic_states` does. Return None without compiled code, or if numbers overflow.
+    """
     m, N, r = b.shape
     x, condition = np.empty((m + 1, N, r)), np.empty(1)
     A, b = np.ascontiguousarray(A), np.ascontiguousarray(b)
@@ -35,8 +35,8 @@ def closed(A: Array, b: Array) -> tuple[Array, float] | None:
 
 
 def followed(A: Array, start: Array) -> Array | None:
-    """States (m+1, N, r) of x_{k+1} = A_k x_k from the first state (N, r), which may be complex; None without
-    compiled code."""
+    """States (m+1, N, r) of x_{k+1} = A_k x_k, from the first states `start` (N, r), which may be complex;
+    None without compiled code."""
     m, N, _ = A.shape
     kind = np.result_type(start, float)
     x = np.empty((m + 1, *start.shape), dtype=kind)

@@ -1,4 +1,4 @@
-"""Collocation over one period in compiled code. Each lane of a vector register contains a point or a segment
+"""Collocation over one period by compiled code. Each lane of a vector register contains a point or a segment
 of the period."""
 
 from collections.abc import Sequence
@@ -10,14 +10,15 @@ from solve.arrays import Array
 from solve.kernel.library import Constants, Size, lanes, run
 
 _POINT_TABLES, _SEGMENTS = 1, 2
-"""Values of `own` in lanes.c: separate tables for each lane, and lanes that are segments of one period."""
+"""Values of `own` in lanes.c: each lane has its own table, or the lanes are segments of one period."""
 
 
 class Samples(NamedTuple):
     """Terms of the matrix entries, sampled at the phases that a method uses. An entry is a sum of terms.
 
-    table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): index of the entry to
-    which each term belongs, in ascending order."""
+    table: (k, R) if shared by all points, otherwise (P, k, R). coefficients: (P, R). entry (R,): index of the
+    entry to which each term belongs, in ascending order.
+    """
 
     table: Array
     coefficients: Array
@@ -25,8 +26,8 @@ class Samples(NamedTuple):
 
     @property
     def summed(self) -> "Samples":
-        """Samples with the terms of each entry summed for each point. All coefficients are then 1, so that
-        lanes neither multiply nor sum."""
+        """Samples with one term per entry: the sum of its terms, for each point. All coefficients are then 1,
+        so that lanes neither multiply nor sum."""
         first = np.flatnonzero(np.diff(self.entry, prepend=-1))
         if len(first) == len(self.entry) and (self.coefficients == 1).all():
             return self
@@ -38,7 +39,7 @@ class Samples(NamedTuple):
         return self.table.ndim == 3
 
     def of_point(self, at: int) -> "Samples":
-        """Samples of one point."""
+        """Samples of the point with index `at`."""
         at_point = slice(at, at + 1)
         table = self.table[at_point] if self.per_point else self.table
         return Samples(table, self.coefficients[at_point], self.entry)
@@ -47,10 +48,11 @@ class Samples(NamedTuple):
 class Periods(NamedTuple):
     """Result of the compiled collocation.
 
-    Phi (P, N, N): monodromy matrices. units (P, N): powers of 2 that balance them, for several coordinates.
-    curves (P, n, m, D): coefficients, lowest power first, if orbits are computed. condition (P,): condition
-    numbers of their linear systems, not finite if the curves are not. maps (1, m, N, N+1): maps of the steps,
-    for a single point."""
+    Phi (P, N, N): monodromy matrices. units (P, N): powers of 2 that balance Φ, for several coordinates.
+    curves (P, n, m, D): coefficients of the curves, lowest power first, if orbits are computed. condition
+    (P,): condition numbers of the linear systems for the curves; not finite if the curves are not finite.
+    maps (1, m, N, N+1): maps of the steps, for a single point.
+    """
 
     Phi: Array
     units: Array | None
@@ -60,8 +62,8 @@ class Periods(NamedTuple):
 
 
 def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
-    """Memory in bytes per step and point: its curve with this number of powers, and its share of the
-    workspace of a group of points."""
+    """Memory in bytes per step and point: a curve with this number of powers, and a share of the workspace of
+    a group of points."""
     return 8 * n * (2 * powers + 12) if orbit else 8
 
 
@@ -74,12 +76,15 @@ def solved(
     nodes: Samples | None,
     alone: bool = False,
 ) -> Periods:
-    """Solutions of the points on steps of lengths h (m,), by compiled code.
+    """Compute the solutions of the points on steps of lengths h (m,) by compiled code.
 
-    Coefficients are sampled at the stages (m s phases, step by step). If steps do not end at a stage, orbits
-    also require samples at the starts of steps (m phases). With jumps at ends of steps, orbits by any method
-    require samples at the starts, then at the ends (2m). Lanes contain different points. If points are solved
-    `alone`, one after another, lanes contain the segments of one point. Raises CompilerError, MemoryError."""
+    Coefficients are sampled at the stages: m s phases, step by step. If steps do not end at a stage, orbits
+    also require samples at the starts of steps (m phases). If matrices jump at ends of steps, orbits require
+    samples at the starts and then at the ends (2m phases), for every method.
+
+    Lanes contain different points. If `alone` is true, points are solved one after another, and lanes contain
+    the segments of one point. Raises CompilerError, MemoryError.
+    """
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
     if segments and points > 1:
@@ -127,21 +132,22 @@ def solved(
 
 
 def _joined(parts: Sequence[Array | None]) -> Array | None:
-    """Arrays of single points, joined into one array; None if a point has no array."""
+    """Join arrays of single points into one array; None if a point has no array."""
     present = [part for part in parts if part is not None]
     return np.concatenate(present) if len(present) == len(parts) else None
 
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:
-    """Table of the samples in the layout of the kernel. Tables per point (P, k, R) are rearranged into groups
-    (groups, k, R, width)."""
+    """Arrange the table of samples as the kernel requires. A table per point, (P, k, R), becomes (groups, k,
+    R, width)."""
     if samples.per_point and not segments:
         return _grouped(samples.table, groups, width)
     return np.ascontiguousarray(samples.table)
 
 
 def _grouped(values: Array, groups: int, width: int) -> Array:
-    """Values (P, …) as (groups, …, width); the last point fills the remaining lanes."""
+    """Arrange values (P, …) in groups as (groups, …, width). The last point also fills the remaining
+    lanes."""
     if len(values) == 1:
         return np.repeat(values, width)
     filled = values[np.minimum(np.arange(groups * width), len(values) - 1)]

@@ -1,4 +1,5 @@
-"""Compilation of this package's C files for the machine at first use, with a cache per user."""
+"""Compilation of the C files of this package for the machine when they are first used, with a cache per
+user."""
 
 import ctypes
 import hashlib
@@ -17,24 +18,24 @@ from typing import NamedTuple
 from solve.errors import counted
 
 _NATIVE = ("-march=native",), ("-mcpu=native",), ()
-"""Flags for the instruction set of the processor; the first flags that the compiler accepts are used. Clang
-requires the second flags for ARM."""
+"""Flags for the instruction set of the processor. The first ones that the compiler accepts are used. Clang
+requires the second ones on ARM."""
 
 MACHINE: tuple[str, ...] = ()
 """Further flags, which select another processor."""
 
 _FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
 _CONTRACTED = ("-ffp-contract=fast",)
-"""Flags for fused multiply-add with one rounding. Formulas are compiled without it, because their terms may
-cancel exactly."""
+"""Flag that permits fused multiply-add operations with a single rounding. Formulas are compiled without it,
+because their terms may cancel exactly."""
 
 _WIDE = ("-mprefer-vector-width=512",)
-"""Flag of Clang for AVX-512; without it, Clang halves the vectors for some Intel processors. Steps with one
-coordinate took 1.23 times as long as with GCC without the flag, and 1.05 times as long with it (Intel Xeon,
-Zig 0.17)."""
+"""Flag of Clang for AVX-512. Without it, Clang halves the vectors for some Intel processors. Measured for
+steps with one coordinate, relative to GCC: 1.23 times the time without the flag, 1.05 times with it (Intel
+Xeon, Zig 0.17)."""
 
 _ZIG = ("-fno-sanitize=all",)
-"""Flags of Zig's C compiler, which otherwise checks for undefined behaviour while the code runs."""
+"""Flags of Zig's C compiler. By default, its code checks for undefined behaviour at run time."""
 
 _HEADERS = Path(__file__).parent
 _SECONDS = 300.0
@@ -45,8 +46,8 @@ _LOGGER = logging.getLogger(__name__)
 
 
 class CompilerError(Exception):
-    """Raised if compiled code is not available: there is no C compiler, or it fails. The message has one
-    line."""
+    """Raised if compiled code is not available, because there is no C compiler or the compiler fails. The
+    message has one line."""
 
 
 _WHAT = {
@@ -59,12 +60,12 @@ _WHAT = {
     "pointwise": "a model's formulas, for many points",
     "responses": "the stages of a period's steps",
 }
-"""Descriptions of the C files, for messages during their compilation."""
+"""Mapping from C files to descriptions, which messages show during compilation."""
 
 
 def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctypes.CDLL:
-    """Library compiled from a C file. The sizes are passed as macros; the macro FORMULAS contains the file of
-    formulas, if any. Raises CompilerError."""
+    """Load the library compiled from a C file, after compilation if necessary. The sizes are passed as
+    macros. The macro FORMULAS contains the file of the formulas, if any. Raises CompilerError."""
     library = library_file(source, sizes, formulas)
     try:
         return ctypes.CDLL(str(library))
@@ -73,7 +74,7 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
 
 
 def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> Path:
-    """Path of the library that `compiled` loads. The first compilation is logged in one line. Raises
+    """Path of the library that `compiled` loads. If it must be compiled, a line is logged. Raises
     CompilerError."""
     compiler = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
@@ -94,15 +95,16 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
 
 @lru_cache
 def _announce(what: str) -> None:
-    """Log a compilation, in one line for several libraries of one kind."""
+    """Log a compilation: one line for all libraries of one kind."""
     _LOGGER.warning("compiling %s for this machine, once", what)
 
 
 def _is_valid(library: Path) -> bool:
-    """Whether a library exists, belongs to this user, cannot be changed by other users and has a valid
+    """Whether a library exists, belongs to this user, cannot be changed by other users, and has a valid
     checksum.
 
-    Loading a truncated library would crash the process. Raises CompilerError for files of other users."""
+    A truncated library would crash the process when loaded. Raises CompilerError for files of other users.
+    """
     checksum = library.with_suffix(".sha256")
     for file in (library, checksum):
         if not os.path.lexists(file):
@@ -114,7 +116,7 @@ def _is_valid(library: Path) -> bool:
 
 
 def _require_own(path: Path) -> None:
-    """Raise CompilerError if other users may modify the file or folder."""
+    """Raise CompilerError if other users can modify the file or folder."""
     if not hasattr(os, "getuid"):
         return
     found = path.lstat()
@@ -131,8 +133,9 @@ def _hash(content: bytes) -> str:
 class Compiler(NamedTuple):
     """C compiler.
 
-    command: program with its first arguments. machine: flags for the processor. macros: predefined macros,
-    which identify compiler and flags."""
+    command: program and its first arguments. machine: flags for the processor. macros: predefined macros,
+    which identify compiler and flags.
+    """
 
     command: tuple[str, ...]
     machine: tuple[str, ...]
@@ -141,8 +144,8 @@ class Compiler(NamedTuple):
 
 @lru_cache
 def c_compiler() -> Compiler:
-    """C compiler of this machine: GCC or Clang, otherwise Zig's compiler if its package is installed. Raises
-    CompilerError."""
+    """C compiler of this machine: GCC or Clang or, if neither is found, Zig's compiler from its Python
+    package. Raises CompilerError."""
     named = os.environ.get("CC")
     wanted = [named] if named else ["cc", "gcc", "clang"]
     found = next(filter(None, map(shutil.which, wanted)), None)
@@ -164,7 +167,7 @@ def c_compiler() -> Compiler:
 
 
 def zig() -> tuple[str, ...]:
-    """Command of the C compiler of the package `ziglang`; empty if it is not installed."""
+    """Command of the C compiler in the package `ziglang`; empty if the package is not installed."""
     package = find_spec("ziglang")
     if package is None or package.origin is None:
         return ()
@@ -173,7 +176,7 @@ def zig() -> tuple[str, ...]:
 
 
 def _compile(command: list[str], library: Path, formulas: str) -> None:
-    """Compile the library and write it and its checksum, each file atomically."""
+    """Compile the library and write it and its checksum. Each file is written atomically."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         part, checksum, text = (Path(folder) / name for name in (library.name, "checksum", "formulas.h"))
         if formulas:
@@ -201,10 +204,10 @@ def _run(command: list[str]) -> str:
 
 
 def _folder() -> Path:
-    """Folder for compiled code in the cache of the user; created if missing. Raises CompilerError."""
+    """Folder for compiled code in the cache of the user. It is created if necessary. Raises CompilerError."""
     given = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        # The XDG Base Directory specification requires relative paths to be ignored.
+        # According to the XDG Base Directory specification, relative paths must be ignored.
         base = given if given.is_absolute() else Path.home() / ".cache"
     except RuntimeError as error:
         raise CompilerError(f"no folder for compiled code: {error}; set XDG_CACHE_HOME") from None

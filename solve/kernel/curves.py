@@ -1,4 +1,4 @@
-"""Differences between curves in compiled code."""
+"""Differences between curves, computed by compiled code."""
 
 import ctypes
 from functools import lru_cache
@@ -32,12 +32,13 @@ class _Problem(ctypes.Structure):
 
 
 def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[Array, Array] | None:
-    """Largest moduli (…) of the differences between coarse and fine curves (…, m, D) with finite values, and
-    largest moduli (…) of the fine curves.
+    """Compare coarse and fine curves (…, m, D) with finite coefficients. Return the largest moduli (…) of
+    their differences, and of the fine curves.
 
-    Curves are powers of θ in equal steps. samples: numbers of samples per step of the coarse and of the fine
-    curve, each at most MOST; both curves are sampled at the same phases. None without compiled code or
-    memory."""
+    Curves are polynomials in θ on equal steps. samples: numbers of samples per step of the coarse and of the
+    fine curve, each at most MOST; both curves are sampled at the same phases. None without compiled code, or
+    if memory is insufficient.
+    """
     library = loaded("curves.c", (("COARSE", coarse.shape[-1]), ("FINE", fine.shape[-1])))
     if library is None:
         return None
@@ -54,5 +55,5 @@ def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[A
 
 @lru_cache
 def _powers(samples: int, D: int) -> Array:
-    """Powers of θ (D, MOST) at the samples of a step; columns beyond the samples are not used."""
+    """Powers of θ (D, MOST) at the samples of a step. Unused columns are at the end."""
     return (np.arange(MOST) / samples) ** np.arange(D)[:, None]

@@ -5,32 +5,31 @@ import numpy as np
 from solve.arrays import EPS, Array
 
 _FEW = 32
-"""Number of unknowns up to which the dense solution of a cyclic system is faster than the banded one."""
+"""Number of unknowns up to which a dense solution of a cyclic system is faster than a banded one."""
 
 _PERTURBATIONS = 1, 4, 16, 64
-"""Perturbations of the first block of a numerically singular system, in units of round-off, which are tried
-in turn. They are of the size of the backward errors of elimination."""
+"""Perturbations of the first block of a numerically singular system, in units of round-off. They are tried in
+this order. Elimination has backward errors of the same size."""
 
 _START = np.array([1.0, 0.3 + 0.7j])
-"""First vector of inverse iteration. It is neither an eigenvector (1, ±i) of a rotation nor orthogonal to
+"""Initial vector of inverse iteration. It is neither an eigenvector of a rotation, (1, ±i), nor orthogonal to
 one."""
 
 _INVERSE_ITERATIONS = 3
-"""Number of steps of inverse iteration. In 400 random chains with eigenvalues that agree to half of their
-digits, only round-off remains after the second step."""
+"""Number of steps of inverse iteration. Measured for 400 random chains with eigenvalues that agree to half of
+their digits: after the second step, only round-off remains."""
 
 _TRIANGULAR = 1e-12
-"""Entry below the diagonal, relative to its block, above which the entry is not round-off. The round-off of
-1000 blocks is 1e-13."""
+"""Size of an entry below the diagonal, relative to its block, above which it is not round-off. With 1000
+blocks, the round-off is 1e-13."""
 
 
 def cyclic(blocks: Array, following: Array, right: Array) -> Array:
-    """Solution x (r, m, b) of block_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
+    """Solutions x (r, m, b) of r cyclic systems block_k x_k + following_k x_{k+1} = right_k with x_m = x_0.
 
-    blocks (r, m, b, b); following (r, m): scalars; right (r, m, b): right-hand sides. x is 0 for systems
-    that remain singular under a perturbation by round-off.
-
-    Elimination with pivots is stable whether x grows or decays along the chain.
+    blocks (r, m, b, b): matrices. following (r, m): scalars. right (r, m, b): right-hand sides. The solution
+    is 0 for a system that remains singular after a perturbation by round-off. Elimination with pivots is
+    stable whether x grows or decays along the chain.
     """
     x = (_dense if right[0].size <= _FEW else _banded)(blocks, following, right)
     if x is not None:
@@ -60,15 +59,15 @@ def _dense(blocks: Array, following: Array, right: Array) -> Array | None:
 
 
 def _banded(blocks: Array, following: Array, right: Array) -> Array | None:
-    """Solve the cyclic systems as one banded system. The blocks are in the order 0, m-1, 1, m-2, …, in which
-    neighbours are at most two positions apart, so that the matrix is banded."""
+    """Solve each cyclic system as a banded one. In the order 0, m-1, 1, m-2, … of the blocks, neighbours are
+    at most two positions apart."""
     r, m, b = right.shape
     k = np.arange(m)
     place = np.where(2 * k < m, 2 * k, 2 * (m - k) - 1)
     order, width = np.argsort(place), 3 * b - 1
     before = (order - 1) % m
     offset = place[before] - np.arange(m)
-    # A column of the banded matrix in Fortran order is a row here.
+    # A row of this array is a column of the banded matrix in Fortran order.
     columns = np.zeros((r, m, b, 3 * width + 1), dtype=complex)
     blocks, following = blocks[:, order], following[:, before]
     for a in range(b):
@@ -88,9 +87,10 @@ def _banded(blocks: Array, following: Array, right: Array) -> Array | None:
 def triangular_bases(blocks: Array) -> Array:
     """Unitary matrices U (m, 2, 2) for which U_{k+1}ᴴ B_k U_k is upper triangular, for blocks B (m, 2, 2).
 
-    The first column of U_k is an eigenvector of the product that starts at node k. Inverse iteration computes
-    it in units in which it is equally long at all nodes. Raises LinAlgError if the iteration does not
-    converge."""
+    The first column of U_k is an eigenvector of the product that starts at node k. It is computed by inverse
+    iteration, in units in which it has the same length at all nodes. Raises LinAlgError if the iteration does
+    not converge.
+    """
     w, x = np.empty(blocks.shape[:2], dtype=complex), _START
     for k, block in enumerate(blocks):
         w[k] = x / np.linalg.norm(x)
@@ -112,8 +112,8 @@ def triangular_bases(blocks: Array) -> Array:
 
 
 def _eigenvalue_logarithm(blocks: Array) -> complex:
-    """Logarithm log ρ of one eigenvalue of a product of blocks (m, 2, 2), limited by the round-off of the
-    product."""
+    """Logarithm log ρ of one eigenvalue of the product of blocks (m, 2, 2). Its accuracy is limited by the
+    round-off of the product."""
     product, scale = np.eye(2, dtype=complex), 0.0
     for block in blocks:
         product = block @ product

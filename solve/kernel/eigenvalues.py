@@ -1,4 +1,4 @@
-"""Eigenvalues of many pencils λ²M + λC + K in compiled code."""
+"""Eigenvalues of many pencils λ²M + λC + K, computed by compiled code."""
 
 import ctypes
 
@@ -16,10 +16,11 @@ class _Problem(ctypes.Structure):
 
 
 def eigenvalues(pencils: Array, first_order: int = 0) -> Array | None:
-    """Finite eigenvalues (…, 2n - first_order) of pencils (3, n, n, …) of M, C and K; NaN if the iteration
-    does not converge.
+    """Finite eigenvalues (…, 2n - first_order) of λ²M + λC + K. `pencils` (3, n, n, …) contains M, C and K.
 
-    The last `first_order` columns of M are zero. None without compiled code, or if n is large."""
+    The last `first_order` columns of M are zero. Eigenvalues are NaN if the iteration does not converge. None
+    without compiled code, or if n is large.
+    """
     n = pencils.shape[1]
     sizes = ("N", n), ("P", n - first_order)
     library = loaded("eigenvalues.c", sizes) if n <= SMALL else None

@@ -1,4 +1,4 @@
-"""Engines: compiled code if the machine has a C compiler, otherwise NumPy."""
+"""Engines: compiled code (if the machine has a C compiler) and NumPy."""
 
 from solve.errors import SolveError, UnknownNameError
 from solve.kernel.library import INSTEAD, trouble
@@ -11,7 +11,7 @@ class EngineError(SolveError):
 
 
 def chosen_engine(name: str) -> tuple[str, list[str]]:
-    """Engine (COMPILED or NUMPY) selected by a name, and notes about the selection.
+    """Return the engine selected by a name, COMPILED or NUMPY, and notes about the selection.
 
     Raises UnknownNameError, and EngineError if "compiled" is not available.
     """

@@ -1,7 +1,7 @@
 """Evaluation of the formulas of generated models by compiled code.
 
-Functions return values at phases for many points, values for columns of inputs, and statistics over one
-period of curves and of formulas along curves."""
+The functions return values at phases for many points, values for columns of inputs, and statistics over one
+period for curves and for formulas along curves."""
 
 import ctypes
 from collections.abc import Sequence
@@ -51,7 +51,7 @@ class _Columns(ctypes.Structure):
 
 
 def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
-    """Values (P, k, outputs) of formulas at phases (k,) and speeds (P,) with parameters (P, p); None without
+    """Values (P, k, outputs) of formulas at phases (k,) and speeds (P,), with parameters (P, p); None without
     compiled code."""
     parameters = np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("OUTPUTS", formulas.outputs), ("PARAMETERS", parameters.shape[1])
@@ -69,11 +69,12 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
 def columns(
     formulas: Formulas, inputs: Sequence[Array], along: tuple[Array, Array] | None = None
 ) -> Array | None:
-    """Values (outputs, k) of formulas for k columns of inputs (width, k) and parameters (p,); None without
-    compiled code.
+    """Values (outputs, k) of formulas for k columns of inputs, (width, k) each, with parameters (p,); None
+    without compiled code.
 
-    along: index (outputs,) of the row of weights of each output, and weights (rows, c, k). With weights,
-    weighted sums (outputs, c) of the values are returned."""
+    along: weights (rows, c, k), preceded by the index (outputs,) of the row of weights for each output. With
+    `along`, weighted sums (outputs, c) of the values are returned instead.
+    """
     widths, count = [len(each) for each in inputs], inputs[0].shape[-1]
     rows, shared = sum(widths), np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("INPUTS", len(inputs)), ("ROWS", rows), ("SHARED", len(shared)), ("OUTPUTS", formulas.outputs)
@@ -97,7 +98,8 @@ def columns(
 
 
 def columns_by(engine: str) -> Columns | None:
-    """Function that evaluates formulas for columns of inputs; None for the engine NUMPY."""
+    """Function that evaluates formulas for columns of inputs with the given engine; None for the engine
+    NUMPY."""
     return columns if engine == COMPILED else None
 
 
@@ -112,15 +114,15 @@ def figures(
     wanted: Array,
     formulas: Formulas | None = None,
 ) -> Array | None:
-    """Statistics (P, k, 7), in the order of `solve.contracts.Statistics`, of the quantities with indices
-    `wanted` (k,): indices of coordinates, followed by those of formulas. None without compiled code or
-    memory.
+    """Statistics (P, k, 7) of selected quantities, in the order of `solve.contracts.Statistics`. None without
+    compiled code, or if memory is insufficient.
 
-    curves (P, n, m, D): coefficients on equal steps, lowest power of θ first; speeds (P,): in rad/s; samples:
-    number of samples per step; parts: ascending fractions, at least 8, of the interval around an extremum;
-    each refinement computes values there; zooms: number of refinements of an extremum, each to a sixteenth of
-    the interval, and number of refinements of lower candidates; tie: relative difference above which extrema
-    are distinct. formulas: formulas with the values (P, p) of their parameters.
+    curves (P, n, m, D): coefficients on equal steps, lowest power of θ first. speeds (P,): speeds in rad/s.
+    samples: number of samples per step. parts: ascending fractions, at least 8, of the interval around an
+    extremum, at which each refinement computes values. zooms: numbers of refinements of an extremum and of
+    lower candidates; each reduces the interval to a sixteenth. tie: relative difference above which extrema
+    are distinct. wanted (k,): indices of the quantities; coordinates are counted first, then formulas.
+    formulas: formulas with the values (P, p) of their parameters.
     """
     points, n, m, D = curves.shape
     parameters = np.zeros((points, 0)) if formulas is None else formulas.values

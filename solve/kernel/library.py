@@ -1,4 +1,4 @@
-"""Compiled kernels of lanes.c, in which vector registers contain points, or segments of one period."""
+"""Compiled kernels of lanes.c. Their vector registers contain points, or segments of one period."""
 
 import ctypes
 import logging
@@ -22,9 +22,12 @@ _address: Callable[[Any], int] = ctypes.addressof
 
 
 class Size(NamedTuple):
-    """Sizes for which a library is compiled: numbers of coordinates, of stages, and of accelerations of the
-    curve per step; whether a step ends at a stage; whether orbits are computed; and the number of first-order
-    coordinates, which are the last ones."""
+    """Sizes for which a library is compiled.
+
+    n: number of coordinates. stages: number of stages. nodes: number of accelerations per step that define
+    the curve. stiff: whether a step ends at a stage. orbit: whether orbits are computed. first_order: number
+    of first-order coordinates, which are the last ones.
+    """
 
     n: int
     stages: int
@@ -58,7 +61,7 @@ def library(size: Size) -> ctypes.CDLL:
 
 
 def lanes(size: Size) -> int:
-    """Number of values per vector register of this machine for a library. Raises CompilerError."""
+    """Number of values per vector register in a library for this machine. Raises CompilerError."""
     return ctypes.c_int.in_dll(library(size), "lanes").value
 
 
@@ -74,7 +77,7 @@ def trouble() -> str:
 
 @lru_cache
 def available(size: Size) -> bool:
-    """Whether a library for the given sizes is available; otherwise the reason is logged."""
+    """Whether a library for the given sizes is available. If not, the reason is logged."""
     try:
         library(size)
     except CompilerError as error:
@@ -85,7 +88,8 @@ def available(size: Size) -> bool:
 
 @lru_cache
 def loaded(source: str, sizes: tuple[tuple[str, int], ...], formulas: str = "") -> ctypes.CDLL | None:
-    """Library from any other C file of this package; None, with the reason logged, if it is not available."""
+    """Library from another C file of this package. If it is not available, the reason is logged and None is
+    returned."""
     try:
         return compiled(_SOURCE.with_name(source), dict(sizes), formulas)
     except CompilerError as error:
@@ -94,16 +98,16 @@ def loaded(source: str, sizes: tuple[tuple[str, int], ...], formulas: str = "") 
 
 
 def address(numbers: Array) -> int:
-    """Memory address of a contiguous array; `ndarray.ctypes` takes four times as long."""
+    """Memory address of a contiguous array. `ndarray.ctypes` would take four times as long."""
     try:
         return ctypes.addressof(_first(numbers))
     except (TypeError, ValueError):
-        # The buffer protocol used above rejects read-only and empty arrays.
+        # The buffer protocol, as used above, rejects read-only and empty arrays.
         return numbers.ctypes.data
 
 
 def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
-    """Addresses of arrays by name."""
+    """Mapping from names to the addresses of arrays."""
     try:
         return {name: _address(_first(numbers)) for name, numbers in arrays.items()}
     except (TypeError, ValueError):
@@ -111,18 +115,18 @@ def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
 
 
 class Constants(dict[str, Array]):
-    """Contiguous arrays by name that do not change, with addresses computed once."""
+    """Mapping from names to contiguous arrays that do not change. Their addresses are computed once."""
 
     @cached_property
     def addresses(self) -> dict[str, int]:
-        """Addresses by name."""
+        """Mapping from names to addresses."""
         return addresses(self)
 
 
 def run(
     kernel: str, size: Size, constants: Constants, arrays: Mapping[str, Array], entry: Array, **numbers: float
 ) -> None:
-    """Call a kernel with arrays and numbers, keyed by their names in the C structure `problem`. The kernel
+    """Call a kernel. Arrays and numbers are passed by their names in the C structure `problem`; the kernel
     writes results into the arrays.
 
     Raises CompilerError, MemoryError.

@@ -1,4 +1,4 @@
-"""Eigenvalues of many monodromy matrices, and their condition numbers, by compiled code."""
+"""Eigenvalues of many monodromy matrices, and their condition numbers, computed by compiled code."""
 
 import ctypes
 from typing import NamedTuple
@@ -23,12 +23,13 @@ class _Problem(ctypes.Structure):
 
 
 class Conditioned(NamedTuple):
-    """Eigenvalues and condition numbers of matrices.
+    """Eigenvalues and condition numbers of P matrices.
 
-    values (P, N): in order of decreasing modulus, + imaginary part first; NaN without convergence. sizes
-    (P,): Frobenius norms of the balanced matrices; for 2×2 matrices the smallest norm that balancing can
-    give. norms (P,): spectral norms of the balanced matrices. conditions (P, N): condition numbers of their
-    eigenvalues."""
+    values (P, N): eigenvalues in order of decreasing modulus, positive imaginary part first; NaN if the
+    iteration does not converge. sizes (P,): Frobenius norms of the balanced matrices; for a 2×2 matrix, the
+    smallest norm over all units of the states. norms (P,): spectral norms of the balanced matrices.
+    conditions (P, N): condition numbers of the eigenvalues.
+    """
 
     values: Array
     sizes: Array
@@ -37,10 +38,11 @@ class Conditioned(NamedTuple):
 
 
 def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
-    """Eigenvalues of finite matrices (P, N, N), and their condition numbers.
+    """Compute the eigenvalues of finite matrices (P, N, N), and their condition numbers.
 
     units (P, N): powers of 2 that balance the matrices; required if N > 2. None without compiled code,
-    without required units, and for large N."""
+    without required units, and for large N.
+    """
     P, N, _ = matrices.shape
     if N > 2 * SMALL or (N > 2 and units is None):
         return None

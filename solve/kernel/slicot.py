@@ -1,9 +1,9 @@
 """Periodic Schur form by SLICOT (P. Benner et al., Applied and Computational Control, Signals, and Circuits 1
 (1999) 499-539) through the package `ctrlsys`, which is not available on all platforms.
 
-Of the two iterations in SLICOT, the complex one (mb03bz) is used. The real one (mb03bd) did not converge for
-cyclic permutations nor for 768 steps of a beam structure with 54 states, and left entries unchanged in some
-chains of numerically singular factors (version 1.1.1)."""
+Of the two iterations in SLICOT, the complex one (mb03bz) is used. In version 1.1.1, the real one (mb03bd) did
+not converge for cyclic permutations, nor for 768 steps of a beam structure with 54 states. It also left
+entries unchanged in some chains of numerically singular factors."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from solve.kernel.cyclic import triangular_bases
 
 
 def available() -> bool:
-    """Whether the package is installed and can be loaded."""
+    """Whether the package `ctrlsys` is installed and can be loaded."""
     try:
         import ctrlsys  # noqa: F401
     except ImportError:
@@ -21,10 +21,11 @@ def available() -> bool:
 
 
 def product_logarithms(A: Array) -> Array:
-    """Logarithms log ρ (N,) of the eigenvalues of the product A_{m-1} … A_0 of real factors (m, N, N),
-    unordered; the real part is -inf for an exact 0.
+    """Logarithms log ρ (N,) of the eigenvalues of the product A_{m-1} … A_0 of real factors (m, N, N), in
+    arbitrary order. The real part is -inf for an exact 0.
 
-    Raises LinAlgError if the factors are not finite or the iteration does not converge."""
+    Raises LinAlgError if the factors are not finite, or the iteration does not converge.
+    """
     from ctrlsys import mb03bz
 
     H, _, _ = _hessenberg(A)
@@ -37,8 +38,8 @@ def product_logarithms(A: Array) -> Array:
 
 
 def periodic_schur(A: Array) -> tuple[Array, Array]:
-    """Upper triangular F_k = Q_{k+1}ᴴ A_k Q_k and unitary Q_k with Q_m = Q_0, for real factors A_k; all (m,
-    N, N). Raises LinAlgError under the same conditions as `product_logarithms`."""
+    """Return upper triangular F_k = Q_{k+1}ᴴ A_k Q_k and unitary Q_k with Q_m = Q_0, for real factors A_k.
+    All are (m, N, N). Raises LinAlgError under the same conditions as `product_logarithms`."""
     from ctrlsys import mb03bz, mb03vy
 
     H, reflections, tau = _hessenberg(A)
@@ -62,8 +63,9 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
 def _split(H: Array, Q: Array, at: int) -> None:
     """Triangularise in place the 2×2 block in rows `at` and `at` + 1 of factors (N, N, m).
 
-    The iteration with real shifts does not converge for nearly equal eigenvalues that round-off has made
-    complex."""
+    SLICOT's iteration does not converge if two eigenvalues are nearly equal and round-off has made them
+    complex.
+    """
     if at < 0 or (at > 0 and H[at, at - 1, 0] != 0):
         _check(at + 2, "mb03bz")
     factors, bases, two = np.moveaxis(H, -1, 0), np.moveaxis(Q, -1, 0), slice(at, at + 2)
@@ -75,14 +77,15 @@ def _split(H: Array, Q: Array, at: int) -> None:
 
 
 def _hessenberg(A: Array) -> tuple[Array, Array, Array]:
-    """Reversed chain (N, N, m) in complex Hessenberg-triangular form, and the reflections that reduced it."""
+    """Reverse the chain and reduce it to complex Hessenberg-triangular form (N, N, m). Return it with the
+    reflections of the reduction."""
     from ctrlsys import mb03vd
 
     # SLICOT does not terminate if entries are infinite.
     if not np.isfinite(A).all():
         raise np.linalg.LinAlgError("factors of a product have NaN or infinite entries")
     m, N, _ = A.shape
-    # A C-ordered copy of the reversed, transposed factors has the shape (N, N, m) in Fortran order.
+    # The transpose of this C-ordered copy has the shape (N, N, m) and Fortran order.
     reversed_ = np.ascontiguousarray(A[::-1].swapaxes(1, 2), dtype=float).T
     reflections, tau, failed = mb03vd(N, m, 1, N, reversed_)
     _check(failed, "mb03vd")
@@ -102,5 +105,5 @@ def _check(failed: int, routine: str) -> None:
 
 
 def _factors(chain: Array) -> Array:
-    """Chain (N, N, m) rearranged into factors (m, N, N)."""
+    """Rearrange a chain (N, N, m) as factors (m, N, N)."""
     return np.ascontiguousarray(np.moveaxis(chain, -1, 0))

@@ -12,7 +12,7 @@ from solve.kernel.formulas import WIDEST
 from solve.kernel.library import address, addresses, loaded
 
 _MOST_ROWS = 64
-"""Number of accelerations per step above which compiled code is not faster than LAPACK."""
+"""Number of stage accelerations per step above which compiled code is not faster than LAPACK."""
 
 
 _NUMBERS = "A", "A2", "b", "bA", "c"
@@ -35,8 +35,9 @@ class _Steps(ctypes.Structure):
 class FactorisedStages:
     """Factorised stage systems of m steps.
 
-    by_state (m, s n, 2n): accelerations at the stages per unit of q and q′ at the starts of the steps. maps
-    (m, 2n, 2n): maps from the starts to the ends of steps, without loads."""
+    by_state (m, s n, 2n): accelerations at the stages per unit of q and q′ at the start of the step. maps (m,
+    2n, 2n): maps from the start to the end of each step, without loads.
+    """
 
     def __init__(
         self, library: Any, weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
@@ -62,12 +63,13 @@ class FactorisedStages:
             raise MemoryError(f"not enough memory for stage systems of {n} coordinates")
 
     def solved(self, loads: Array) -> Array:
-        """Accelerations at the stages due to loads at the stages, both (m, s n, r), for a start from rest."""
+        """Accelerations at the stages due to loads at the stages, both (m, s n, r). Each step starts from
+        rest."""
         return self._called(self._library.solved, loads)
 
     def pulled(self, weights: Array) -> Array:
-        """Gradients (m, s n, r), with respect to the loads at the stages, of sums of the stage accelerations
-        with `weights` (m, s n, r)."""
+        """Gradients (m, s n, r), with respect to the loads at the stages, of the sums of the stage
+        accelerations multiplied by `weights` (m, s n, r)."""
         return self._called(self._library.pulled, weights)
 
     def _called(self, solve: Any, given: Array) -> Array:
@@ -81,10 +83,11 @@ class FactorisedStages:
 def factorised(
     weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
 ) -> FactorisedStages | None:
-    """Factorised stage systems of one point for steps of lengths h (m,), from samples at k phases per step.
-    stages: indices, among these k phases, of the stages.
+    """Factorise the stage systems of one point for steps of lengths h (m,).
 
-    weights: coefficients of the method. None without compiled code. Raises MemoryError."""
+    weights: coefficients of the method. samples: samples at k phases per step. stages: indices of the stages
+    among these k phases. None without compiled code. Raises MemoryError.
+    """
     s = len(weights["c"])
     library = loaded("stages.c", (("N", n), ("S", s))) if s * n <= _MOST_ROWS else None
     return None if library is None else FactorisedStages(library, weights, h, samples, stages, n)

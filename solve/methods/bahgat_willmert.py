@@ -1,5 +1,5 @@
 """Fourier series analysis of B. Bahgat and K. D. Willmert (Mech. Mach. Theory 11 (1976) 47-71), as described
-in thesis 6.4. The method is included for comparison; its error is large."""
+in section 6.4 of the thesis. The method is included for comparison; its error is large."""
 
 from dataclasses import dataclass
 
@@ -13,8 +13,8 @@ from solve.period.points import Points, matrices
 
 @dataclass(frozen=True)
 class BahgatWillmert(Fourier):
-    """Sum of the responses to the harmonics of the load, computed at each phase as if the matrices were
-    constant: q(φ) = Re Σ_k [K + iω_k C - ω_k² M]⁻¹ d_k exp(iω_k φ)."""
+    """Sum of the responses to the harmonics of the load. At each phase, they are computed as if the matrices
+    were constant: q(φ) = Re Σ_k [K + iω_k C - ω_k² M]⁻¹ d_k exp(iω_k φ)."""
 
     name = "bahgat-willmert"
     order = 0

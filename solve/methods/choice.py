@@ -1,4 +1,4 @@
-"""Selection of methods, by name and settings or automatically."""
+"""Selection of methods: automatic, or by name and settings."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -22,22 +22,21 @@ from solve.period.frozen import frozen
 from solve.period.points import Points
 
 Choice = Callable[[Points], Iterator[tuple[Method, Array]]]
-"""Type of functions that assign methods to points. They return methods, each with the indices (k,) of its
+"""Type of functions that assign methods to points. They return pairs of a method and the indices (k,) of its
 points."""
 
 Rule = Method | Choice
 
 RESOLVABLE = 512
-"""Phase advance ω_max T in rad up to which a grid of moderate size resolves even the fastest mode, so that a
-Gauss method is safe."""
+"""Phase advance ω_max T in rad up to which a grid of moderate size resolves even the fastest mode. A Gauss
+method is then safe."""
 
 _FEW = 9
-"""Number of coordinates up to which order 13 is faster than the lower order. With more coordinates, order 13
-also loses digits to round-off in the larger systems of a step."""
+"""Number of coordinates up to which order 13 is faster than order 9. With more coordinates, order 13 also
+loses digits to round-off, because the systems of a step are larger."""
 
 RADAU, _RADAU_OF_FEW, _GAUSS = Radau(), Radau(13), Gauss()
-"""Methods that are reused for many systems, because they cache the constants that follow from their
-orders."""
+"""Methods that are reused for many systems. They cache the constants that depend on their order."""
 
 _PHASES = 32
 """Number of phases at which coefficients are frozen for the selection. Chosen by judgement."""
@@ -46,9 +45,11 @@ _PHASES = 32
 def auto(points: Points) -> Iterator[tuple[Method, Array]]:
     """Select Gauss or Radau IIA for each point.
 
-    Gauss is selected if ω_max T, the phase advance of the fastest frozen mode per period, is at most 512 rad:
-    512 steps then have ω_max h ≤ 1. Radau IIA is selected otherwise, because it damps modes that it does not
-    resolve. For few coordinates its order is 13, which requires half the steps and less time."""
+    Gauss is selected if the phase advance ω_max T of the fastest frozen mode per period is at most 512 rad;
+    with 512 steps, ω_max h is then at most 1. Otherwise, Radau IIA is selected, because it damps modes that
+    it does not resolve. For few coordinates, its order is 13, which requires half as many steps and less time
+    than order 9.
+    """
     is_stiff = frozen(points, _PHASES).exceeds_rate(RESOLVABLE / points.period)
     stiff, others = is_stiff.nonzero()[0], (~is_stiff).nonzero()[0]
     if len(stiff):
@@ -58,12 +59,13 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
 
 
 def damping(coordinates: int) -> Radau:
-    """Radau IIA of the faster order for this number of coordinates."""
+    """Radau IIA of the order that is faster for this number of coordinates."""
     return _RADAU_OF_FEW if coordinates <= _FEW else RADAU
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:
-    """Method for each point: the given method, or the one from the automatic selection."""
+    """Assign a method to each point: `method` itself or, if it is a function such as `auto`, the method that
+    it selects."""
     return iter([(method, np.arange(len(points)))]) if isinstance(method, Method) else method(points)
 
 
@@ -80,15 +82,16 @@ METHODS: dict[str, Callable[..., Any]] = {
     "modal": Modal,
     "bahgat-willmert": BahgatWillmert,
 }
-"""Methods by the names of the argument `method`."""
+"""Mapping from values of the argument `method` to methods."""
 
 
 def chosen(method: str | Rule, **settings: Any) -> Rule:
-    """Method with this name and the settings that are not None, or the function `auto`. Method objects are
-    returned unchanged.
+    """Method with this name and with the settings that are not None, or the function `auto`. An object that
+    is a method is returned unchanged.
 
-    Raises UnknownNameError for other names, and ValueOutOfBoundsError for other objects and for settings that
-    the method does not have."""
+    Raises UnknownNameError for other names. Raises ValueOutOfBoundsError for other objects, and for settings
+    that the method does not have.
+    """
     if not isinstance(method, str):
         if not (isinstance(method, Method) or method is auto):
             raise ValueOutOfBoundsError(f"method is {method!r}; give a name or an object such as Radau()")
@@ -102,5 +105,5 @@ def chosen(method: str | Rule, **settings: Any) -> Rule:
 
 
 def settings_of(method: str) -> set[str]:
-    """Names of the settings of a method."""
+    """Names of the settings of the method with this name."""
     return set(getattr(METHODS[method], "__dataclass_fields__", ()))

@@ -1,4 +1,5 @@
-"""Base class of the Gauss and Radau methods: periodic solutions by collocation, in compiled code or NumPy."""
+"""Base class of the Gauss and Radau methods: periodic solutions by collocation, with compiled code or
+NumPy."""
 
 from functools import cache, cached_property
 from math import factorial
@@ -21,25 +22,25 @@ from solve.period.period_map import Steps
 from solve.period.points import Points, Tables, affine, matrices, state_size
 
 _MEMORY = 2**24
-"""Size, in bytes, of the stage matrices of the steps that are sampled together."""
+"""Size in bytes of the stage matrices of those steps that are sampled in one call."""
 
 _ALONE = 16
-"""Number of coordinates from which compiled code solves one point after another, in segments of its period,
-because the stage systems of several points exceed the cache. Measured speed relative to solving points
-together (AVX-512, four-bar, 8 to 48 speeds): 0.6 to 1.2 with 9 coordinates, 0.9 to 2 with 18 and 2.2 with
+"""Number of coordinates from which compiled code solves one point after another, in segments of the period.
+The stage systems of several points would exceed the cache. Measured speed, relative to solving several points
+at a time (AVX-512, four-bar, 8 to 48 speeds): 0.6 to 1.2 with 9 coordinates, 0.9 to 2 with 18, and 2.2 with
 27."""
 
 
 def _accelerations(method: Collocation, points: Points, h: Array, phases: Array) -> Array:
-    """Stage accelerations (P, m, s, n, N+1) of steps h (m,) with stages at phases (m, s). For first-order
-    coordinates they contain rates instead."""
+    """Stage accelerations (P, m, s, n, N+1) on steps of lengths h (m,) with stages at `phases` (m, s).
+    First-order coordinates have rates instead of accelerations."""
     M, C, K, d = matrices(points, phases.ravel())
     sampled = *by_rates(M, C, K, points.first_order), d
     M, C, K, d = (part.reshape(len(part), *phases.shape, *part.shape[2:]) for part in sampled)
     a = method.stage_accelerations(h, M, C, K, d)
     if not points.first_order:
         return a
-    # First-order coordinates are stored with the rates; their entries among the positions are not used.
+    # First-order coordinates are stored with the rates. Their entries among the positions are not used.
     n, p = points.n, points.n - points.first_order
     return np.concatenate((a[..., :p], a[..., n + p : 2 * n], a[..., n : n + p], a[..., 2 * n :]), axis=-1)
 
@@ -47,8 +48,8 @@ def _accelerations(method: Collocation, points: Points, h: Array, phases: Array)
 def _end_accelerations(
     method: Collocation, points: Points, grid: Grid, x: Array, last: Array
 ) -> tuple[Array, Array]:
-    """Accelerations (P, m, n) at the start and the end of every step. last: accelerations of the last stages,
-    which a stiffly accurate method provides at no extra cost."""
+    """Accelerations (P, m, n) at the start and at the end of every step. last: accelerations of the last
+    stages, which for a stiffly accurate method are those at the ends of steps."""
     ends = grid.stages(np.array([0.0, 1.0]))
     if not method.stiffly_accurate:
         starts = _acceleration(points, ends[:, 0], x[:, :-1])
@@ -63,8 +64,8 @@ def _end_accelerations(
 
 
 def _acceleration(points: Points, phase: Array, x: Array) -> Array:
-    """Highest derivatives (P, k, n) with respect to the phase from the equation of motion, for states x (P,
-    k, N)."""
+    """Highest derivatives (P, k, n) with respect to the phase at `phase` (k,), from the equations of motion,
+    for states x (P, k, N)."""
     M, C, K, d = matrices(points, phase)
     q, v = x[..., : points.n, None], x[..., points.n :, None]
     highest = leading(M, C, points.first_order)
@@ -74,8 +75,9 @@ def _acceleration(points: Points, phase: Array, x: Array) -> Array:
 class Collocated(OneStep):
     """Base class of the Gauss and Radau methods. The order determines the number of stages.
 
-    orders: available orders. follows: ω h up to which an undamped mode retains at least about half of its
-    amplitude over a phase advance of 500 rad."""
+    orders: available orders. follows: value of ω h up to which an undamped mode retains at least about half
+    of its amplitude over a phase advance of 500 rad.
+    """
 
     order: int
     orders: range
@@ -92,14 +94,14 @@ class Collocated(OneStep):
         self._state_facts()
 
     def _state_facts(self) -> None:
-        # Two integrations raise the order of the curve between the nodes by two above that of the stage
-        # accelerations, s + 1.
+        # Between the nodes, the stage accelerations have order s + 1. Two integrations raise the order by
+        # two.
         stages = (self.order + 1) // 2
         self._set(follows=self.order / 2 - 1, curve_order=min(self.order, stages + 3))
 
     @cached_property
     def with_another_stage(self) -> Self:
-        """Method of the same family with s + 1 stages. Its order is higher by two and need not be in
+        """Method of the same family with s + 1 stages. Its order is higher by two and need not be one of
         `orders`."""
         method = object.__new__(type(self))
         method._set(order=self.order + 2)
@@ -108,13 +110,13 @@ class Collocated(OneStep):
 
     @property
     def nodes(self) -> Array:
-        """Nodes (s,) as fractions of a step."""
+        """Nodes (s,), as fractions of a step."""
         raise NotImplementedError
 
     @property
     def error_constant(self) -> float:
-        """Constant c in exp(z) − R(z) = ± c z^(p + 1) + …, where R is the Padé approximant of exp with s and
-        p − s powers (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.31))."""
+        """Constant c in exp(z) − R(z) = ± c z^(p + 1) + …. R is the Padé approximant of exp with s powers in
+        the denominator and p − s in the numerator (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.31))."""
         s, p = (self.order + 1) // 2, self.order
         return factorial(s) * factorial(p - s) / (factorial(p) * factorial(p + 1))
 
@@ -151,9 +153,9 @@ class Collocated(OneStep):
             return super().solutions(points, grid, orbit)
         method, n = self.collocation, points.n
         stages = points.tables(grid.stages(method.weights["c"]).ravel())
-        # A single point of a batch uses the library and lanes of the batch, so that its numbers do not depend
-        # on how the batch is divided. Other single points use the library with orbits even for multipliers
-        # only, which saves a compilation.
+        # A single point of a batch uses the library and lanes of the batch, so that its results do not depend
+        # on how the batch is divided. Other single points always use the library with orbits, even for
+        # multipliers only, which saves a compilation.
         alone = (n >= _ALONE and grid.smooth) or (len(points) == 1 and (stages.per_point or points.alone))
         with_orbit = orbit or alone
         numbers = n, len(method.c), len(method.curve_nodes)
@@ -173,8 +175,8 @@ class Collocated(OneStep):
         finite = np.isfinite(periods.condition)
         curve, lost = Curve(grid.nodes, periods.curves, finite), ~finite
         if lost.any() and (np.isfinite(periods.Phi).all(axis=(1, 2)) & lost).any():
-            # The units differ so much that squares overflow in the lanes; NumPy's solution of the cyclic
-            # system balances them.
+            # The units differ so much that squares overflow in the lanes. The solution of the cyclic system
+            # in NumPy balances them.
             return super().solutions(points, grid, orbit)
         return self.sound(points, grid, periods.Phi, curve, periods.condition, steps, periods.units, engine)
 

@@ -3,7 +3,8 @@
 At the fractions c_i of a step of length h, the stage accelerations a_i and the stage values v_i = v + h Σ
 A_ij a_j and q_i = q + h c_i v + h² Σ (A²)_ij a_j satisfy the equation of motion. This is one linear system of
 size s n per step, without an inverse of M (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II,
-IV.5). The second-order form equals the method for q, q′ exactly."""
+IV.5). The second-order form is exactly equivalent to the method applied to the first-order system for q and
+q′."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -18,14 +19,14 @@ from solve.period.period_map import Steps
 
 _STEP_BY_STEP = 18
 """Number of coordinates above which the systems of the steps are solved one after another, in place and in
-LAPACK's memory order. Measured time, relative to solving many steps together: 0.7 with 24 coordinates, 0.6
+LAPACK's memory order. Measured time, relative to solving many steps in one call: 0.7 with 24 coordinates, 0.6
 with 108, about 1 with 15 to 18, and 1/0.6 with 9."""
 
 _INFINITE = 1e25
-"""Modulus of hλ that counts as infinite; its powers up to the twelfth are representable."""
+"""Modulus of hλ above which it counts as infinite. Powers up to the twelfth are representable."""
 
 _SYSTEMS = 2**19
-"""Size, in bytes, of the stage systems that are solved together; they fit into the processor's cache."""
+"""Size in bytes of the stage systems that are solved in one call. They fit into the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,16 @@ class Collocation:
 
     @cached_property
     def _legendre(self) -> Array:
-        """Shifted Legendre polynomials P_0 … P_s on [0, 1], evaluated at the nodes (s, s+1).
+        """Shifted Legendre polynomials P_0 … P_s on [0, 1], evaluated at the s nodes (s, s+1).
 
-        With powers of the nodes, A would lose three digits at s = 8."""
+        If powers of the nodes were used instead, A would lose three digits at s = 8.
+        """
         return np.polynomial.legendre.legvander(2 * np.array(self.c) - 1, len(self.c))
 
     @cached_property
     def A(self) -> Array:
-        """Runge–Kutta matrix (s, s): integrals of the Lagrange polynomials from 0 to c_i."""
+        """Runge–Kutta matrix (s, s): integrals of the Lagrange polynomials from 0 to c_i, for each node
+        c_i."""
         P, k = self._legendre, np.arange(1, len(self.c))
         integrals = np.column_stack((np.array(self.c), (P[:, k + 1] - P[:, k - 1]) / (4 * k + 2)))
         return integrals @ np.linalg.inv(P[:, :-1])
@@ -60,45 +63,47 @@ class Collocation:
 
     @cached_property
     def curve_nodes(self) -> tuple[float, ...]:
-        """Fractions of the step at which the curve has the accelerations of the solution.
+        """Fractions of the step at which the accelerations of the curve are those of the solution.
 
-        If the end of the step is added as a node, the integrals of the curve agree with the step only if the
-        quadrature is exact for the curve, s ≥ 3."""
+        The end of the step is added only if s ≥ 3: the quadrature must be exact for the curve, so that the
+        integral of the curve agrees with the step.
+        """
         return (0.0, *self.c) if self.stiffly_accurate or len(self.c) < 3 else (0.0, *self.c, 1.0)
 
     @cached_property
     def weights(self) -> Constants:
-        """Coefficients of the method by their names in the compiled kernels."""
+        """Mapping from names in the compiled kernels to coefficients of the method."""
         A, b = self.A, self.b
         found = {"A": A, "A2": A @ A, "b": b, "bA": b @ A, "c": np.array(self.c), "powers": self.curve_powers}
         return Constants((name, np.ascontiguousarray(part)) for name, part in found.items())
 
     def bytes_a_step(self, n: int) -> int:
-        """Memory in bytes per step for n coordinates: stage accelerations, maps with their products, and the
-        same data of the coarser grid; also samples and right-hand sides if steps are solved together."""
+        """Memory in bytes per step for n coordinates. It contains stage accelerations, maps with their
+        products, and the same data of the coarser grid; also samples and right-hand sides if steps are solved
+        in one call."""
         s = len(self.c)
         kept = s * n * (2 * n + 1) + 16 * n**2
         together = s * (3 * n**2 + n) + s * n * (2 * n + 1) + 4 * n**2
         return 8 * (kept + (together if n < _STEP_BY_STEP else 0))
 
     def stability_function(self, z: Array) -> Array:
-        """Stability function R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…), the factor by which a step multiplies a mode
-        with eigenvalue λ, with z = hλ (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.2))."""
+        """Stability function R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…) with z = hλ. A step multiplies a mode with
+        eigenvalue λ by this factor (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.2))."""
         above, below = self._stability
         z = np.where(np.abs(z) < _INFINITE, z, -_INFINITE)
         return _polynomial(above, z) / _polynomial(below, z)
 
     @cached_property
     def _stability(self) -> tuple[Array, Array]:
-        """Coefficients (s+1,), highest power first, of the numerator det(1 − zA + z e bᵀ) and the denominator
-        det(1 − zA) of R."""
+        """Coefficients (s+1,) of the numerator det(1 − zA + z e bᵀ) and of the denominator det(1 − zA) of R,
+        highest power first."""
         above, below = (np.real(np.poly(part))[::-1] for part in (self.A - self.b, self.A))
         return above, below
 
     @cached_property
     def curve_powers(self) -> Array:
-        """Matrix (D, 2 + nodes) that maps q, h v and h² times the accelerations at the nodes of the curve to
-        coefficients of powers of θ."""
+        """Matrix (D, 2 + nodes) that maps data of a step to coefficients of powers of θ. The data are q, h v,
+        and h² times the accelerations at the nodes of the curve."""
         nodes = np.array(self.curve_nodes)
         k = np.arange(len(nodes))
         acceleration = np.linalg.inv(nodes[:, None] ** k)
@@ -109,18 +114,19 @@ class Collocation:
 
     @cached_property
     def rate_powers(self) -> Array:
-        """Matrix (D, 1 + nodes) that maps q and h times the rates at the nodes of the curve to coefficients
-        of powers of θ, for first-order coordinates. The coefficient of the highest power is zero."""
+        """Matrix (D, 1 + nodes) like `curve_powers`, for first-order coordinates. The data are q, and h times
+        the rates at the nodes of the curve. The coefficient of the highest power is zero."""
         powers = np.zeros_like(self.curve_powers)[:, 1:]
         powers[0, 0] = 1.0
         powers[1:-1, 1:] = self.curve_powers[2:, 2:] * np.arange(2, len(powers))[:, None]
         return powers
 
     def stage_accelerations(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> Array:
-        """Accelerations (P, m, s, n, 2n+r) as affine functions of (q, v) at the start of the step and of r
-        loads.
+        """Stage accelerations (P, m, s, n, 2n+r) as affine functions of (q, v) at the start of the step and
+        of r loads.
 
-        h (m,); M, C, K (P, m, s, n, n) and d (P, m, s, n, r), or (P, m, s, n) for one load, at the stages.
+        h (m,): step lengths. M, C, K (P, m, s, n, n) and d (P, m, s, n, r), or (P, m, s, n) for one load:
+        matrices and loads at the stages.
         """
         P, m, s, n = d.shape[:4]
         a = np.empty((P, m, s * n, 2 * n + d[0, 0, 0, 0].size))
@@ -128,10 +134,11 @@ class Collocation:
         return a.reshape(P, m, s, n, -1)
 
     def _solve_together(self, a: Array, h: Array, M: Array, C: Array, K: Array, d: Array) -> None:
-        """Write the stage accelerations into a (P, m, s n, 2n+r). Many steps are solved together, which suits
-        small systems."""
+        """Write the stage accelerations into a (P, m, s n, 2n+r). Many steps are solved in one call, which is
+        efficient for small systems."""
         P, m, s, n = d.shape[:4]
-        # The number of steps per chunk does not depend on the number of points: round-off is reproducible.
+        # The number of steps per chunk does not depend on the number of points, so that round-off is
+        # reproducible.
         steps = min(m, max(1, _SYSTEMS // (8 * (s * n) ** 2)))
         some = max(1, _SYSTEMS // (8 * (s * n) ** 2 * steps))
         for first, start in product(range(0, P, some), range(0, m, steps)):
@@ -140,20 +147,20 @@ class Collocation:
             loads = d[part].reshape(*system.shape[:3], -1)
             right = np.concatenate((system[..., s * n :], loads), axis=-1)
             a[part] = solved(system[..., : s * n], right)
-        # Convert from h² times the accelerations, and from coefficients of h v.
+        # Convert from h² times the accelerations to accelerations, and from coefficients of h v to those of
+        # v.
         a[..., :n] /= h[:, None, None] ** 2
         a[..., n : 2 * n] /= h[:, None, None]
 
     def _solve_step_by_step(self, a: Array, h: Array, M: Array, C: Array, K: Array, d: Array) -> None:
-        """Write the same stage accelerations as `_solve_together`, with one in-place factorisation per step
+        """Write the stage accelerations into a (P, m, s n, 2n+r), with one in-place factorisation per step
         for all right-hand sides."""
         # Importing the package takes longer than many commands.
         from scipy.linalg.lapack import dgesv  # pyright: ignore[reportAttributeAccessIssue]
 
         P, m, s, n = d.shape[:4]
         loads = d.reshape(P, m, s * n, -1)
-        # Rows are LAPACK's columns: those of the system, then right-hand sides for q, for h v and for the
-        # loads.
+        # Rows of this array are LAPACK's columns: the system, then right-hand sides for q, h v and the loads.
         columns = np.empty((s * n + a.shape[-1], s * n))
         blocks, terms = columns[: (s + 2) * n].reshape(s + 2, n, s, n), np.empty((s, 3, n, n))
         for point, step in product(range(P), range(m)):
@@ -174,7 +181,8 @@ class Collocation:
         """Matrices (P, m, s n, s n + 2n) of the equations for the stage accelerations: the system matrix,
         followed by the matrices that multiply q and h v.
 
-        All are combinations of M, hC and h²K with constant weights."""
+        All of them are linear combinations of M, hC and h²K with constant weights.
+        """
         P, m, s, n = M.shape[:4]
         h = h[:, None, None]
         system = np.empty((P, m, s, n, s + 2, n))
@@ -186,8 +194,8 @@ class Collocation:
 
     @cached_property
     def stage_weights(self) -> Array:
-        """Weights (s, s + 2, 3) of M, hC and h²K in the equation of a stage, for each stage acceleration and
-        for q and h v."""
+        """Weights (s, s + 2, 3) of M, hC and h²K in the equation of each of s stages: for each of the s stage
+        accelerations, for q and for h v."""
         s, A = len(self.c), self.A
         rows = np.zeros((s, 3, s + 2))
         rows[:, 0, :s] = np.eye(s)
@@ -201,9 +209,11 @@ class Collocation:
         return Steps(maps[..., :-1], maps[..., -1])
 
     def maps(self, h: Array, a: Array, first_order: int = 0) -> Array:
-        """State (q, v) at the ends of the steps as affine functions (P, m, N, N+r) of (q, v) at the starts
-        and of r loads, from stage accelerations (P, m, s, n, N+r). For the last `first_order` coordinates,
-        the stage accelerations are rates."""
+        """Affine maps (P, m, N, N+r) from the state (q, v) at the start of a step, and r loads, to the state
+        at its end.
+
+        a (P, m, s, n, N+r): stage accelerations. For the last `first_order` coordinates, they are rates.
+        """
         P, m, s, n = a.shape[:4]
         p, N = n - first_order, 2 * n - first_order
         weights = np.stack((self.b @ self.A, self.b))
@@ -217,8 +227,8 @@ class Collocation:
         return maps
 
     def curve(self, nodes: Array, x: Array, a_start: Array, a: Array, a_end: Array) -> Curve:
-        """Piecewise polynomials through the states x (P, m+1, N) at the nodes and the accelerations at the
-        starts of steps (P, m, n), the stages (P, m, s, n) and the ends (P, m, n)."""
+        """Piecewise polynomials through the states x (P, m+1, N) at the nodes, with accelerations a_start (P,
+        m, n) and a_end (P, m, n) at the starts and ends of the steps, and a (P, m, s, n) at the stages."""
         n, p = a.shape[-1], x.shape[-1] - a.shape[-1]
         h = np.diff(nodes)[:, None]
         accelerations = [a_start, *np.moveaxis(a, 2, 0), a_end][: len(self.curve_nodes)]
@@ -231,7 +241,7 @@ class Collocation:
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:
-    """Values (…) of a polynomial, highest power first, by Horner's scheme."""
+    """Values (…) of a polynomial at x, by Horner's scheme. Coefficients are in order of decreasing powers."""
     first, *others = coefficients.tolist()
     value = np.full(x.shape, first, dtype=x.dtype)
     for coefficient in others:
@@ -241,7 +251,7 @@ def _polynomial(coefficients: Array, x: Array) -> Array:
 
 
 def lagrange(nodes: Array, theta: Array) -> Array:
-    """Lagrange polynomials (Q, k) of k nodes, evaluated at θ (Q,)."""
+    """Lagrange polynomials of k nodes, evaluated at θ (Q,), as an array (Q, k)."""
     k = len(nodes)
     others = ~np.eye(k, dtype=bool)
     factors = np.where(others, theta[:, None, None] - nodes, 1.0)
@@ -250,5 +260,5 @@ def lagrange(nodes: Array, theta: Array) -> Array:
 
 @cache
 def _of_rows(method: Collocation, stage: int, n: int) -> Array:
-    """Weights (3n, (s + 2) n) of a stage, for whole rows of M, hC, h²K."""
+    """Weights (3n, (s + 2) n) of a stage for whole rows of M, hC and h²K."""
     return np.kron(method.stage_weights[stage].T, np.eye(n))

@@ -1,4 +1,4 @@
-"""Harmonic balance by collocation on the full periodic matrices (thesis 6.4; W. L. Cleghorn,
+"""Harmonic balance by collocation with the full periodic matrices (section 6.4 of the thesis; W. L. Cleghorn,
 R. G. Fenton, B. Tabarrok, Mech. Mach. Theory 19 (1984) 417-423)."""
 
 import math
@@ -25,31 +25,33 @@ _QUICK = 500
 """Size up to which a dense eigenvalue problem takes less than a second."""
 
 _SINGULAR = 1e14
-"""Condition number of the harmonic balance above which it counts as singular. Chosen by judgement."""
+"""Condition number above which the equations of the harmonic balance count as singular. Chosen by
+judgement."""
 
 _DEFECTIVE = 1e4
 """Condition number of the matrix of eigenvectors above which it is not inverted. Chosen by judgement."""
 
 _CLUSTER = 1e-3
-"""Largest distance, relative to the rotation, to which round-off may split a multiple exponent. Chosen by
-judgement."""
+"""Largest distance between the parts of a multiple exponent that round-off has split, relative to the
+rotation 2π/T. Chosen by judgement."""
 
 _SHIFT, _MOST_ITERATIONS = 0.125, 40
 """Distance of the shift from a cluster of exponents, as a fraction of the distance to the nearest other
-exponent, and maximum number of iterations. The other exponent is seven times as far from the shift as the
-cluster."""
+exponent; and maximum number of iterations. The nearest other exponent is seven times as far from the shift as
+the cluster."""
 
 _CONVERGED = 1e-6
-"""Residual of an invariant subspace, relative to the width of a cluster, below which the iteration has
-converged."""
+"""Residual of an invariant subspace, relative to the width of the cluster of exponents, below which the
+iteration has converged."""
 
 
 @dataclass(frozen=True)
 class Fourier(Method):
-    """Trigonometric polynomial that satisfies the equation of motion at m uniform phases; m is odd.
+    """Trigonometric polynomial that satisfies the equation of motion at m uniform phases, m odd.
 
-    Multipliers come from the same collocation of x = exp(λφ) p(φ) with periodic p. The method converges
-    faster than any power of m if m/2 exceeds the highest relevant harmonic. Its cost is proportional to m³.
+    Multipliers are computed by the same collocation, of x = exp(λφ) p(φ) with periodic p. If m/2 exceeds the
+    highest relevant harmonic, the error decreases faster than any power of 1/m. The cost is proportional to
+    m³.
     """
 
     name = "fourier"
@@ -57,7 +59,7 @@ class Fourier(Method):
     order = math.inf
     curve_order = math.inf
     spectral = True
-    # Two samples per cycle of the fastest mode: the Nyquist limit.
+    # The Nyquist limit: two samples per cycle of the fastest mode.
     follows = np.pi
 
     def most_steps(self, n: int, first_order: int = 0) -> int:
@@ -81,8 +83,8 @@ class Fourier(Method):
         return Solutions(odd, Phi[None], curve, np.array([condition]), rounding=np.array([rounding]))
 
     def multiplied(self, point: Points, grid: Grid) -> tuple[Array, float]:
-        """Monodromy matrix Φ, and its round-off error, from the solutions exp(λφ) p(φ) with p′ = P p - λ p at
-        the samples."""
+        """Return the monodromy matrix Φ and its round-off error. Φ follows from the solutions exp(λφ) p(φ)
+        with p′ = P p - λ p at the samples."""
         P, D = state_rate(point, grid.nodes[:-1])[0, ..., :-1], differentiation(grid)
         m, N = P.shape[:2]
         A = -np.einsum("jk,ab->jakb", D, np.eye(N))
@@ -90,15 +92,15 @@ class Fourier(Method):
         return from_exponents(A.reshape(m * N, m * N), lambda p: p.reshape(m, N, -1), grid.period)
 
     def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
-        """Curve (1, n, …) of the periodic orbit through m uniform nodes, and the condition number of the
-        linear system."""
+        """Return the curve (1, n, …) of the periodic orbit through m uniform nodes, and the condition number
+        of its linear system."""
         q, condition = self.collocated(point, grid.nodes[:-1])
         return FourierCurve.through(grid.nodes, q)[None], condition
 
     def collocated(self, point: Points, phases: Array) -> tuple[Array, float]:
-        """Coordinates q (m, n) at the phases, and the condition number of the linear system.
+        """Return the coordinates q (m, n) at the phases, and the condition number of the linear system.
 
-        The unknowns are u = q - q″; with q, the condition number would increase with m².
+        The unknowns are u = q - q″. With the unknowns q, the condition number would be proportional to m².
         """
         from scipy.linalg import circulant
 
@@ -119,15 +121,16 @@ class Fourier(Method):
 
 
 def in_balance(sizes: Array) -> tuple[Array, Array]:
-    """Factors of the equations and units of the coordinates (n,) that scale coefficients of sizes (n, n) to 1
-    on the diagonal and to similar sizes elsewhere."""
+    """Return factors (n,) of the equations and units (n,) of the coordinates. They scale coefficients with
+    moduli `sizes` (n, n) to 1 on the diagonal and to similar sizes elsewhere."""
     diagonal = np.where(np.diag(sizes) > 0, np.diag(sizes), 1.0)
     units = balance_matrices(sizes / diagonal[:, None])[1]
     return 1.0 / (diagonal * units), units
 
 
 def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
-    """Solution of the harmonic balance, and its condition number. Raises ResonanceError."""
+    """Return the solution of the equations of the harmonic balance, and their condition number. Raises
+    ResonanceError."""
     # NumPy 2.0 returns a complex condition number for a complex matrix.
     condition = float(np.real(np.linalg.cond(matrix, 1)))
     if not condition < _SINGULAR:
@@ -136,8 +139,8 @@ def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
 
 
 def differentiation(grid: Grid) -> Array:
-    """Differentiation matrix (m, m) with respect to the phase of the trigonometric interpolant through m
-    uniform nodes; m is odd."""
+    """Matrix (m, m) for differentiation with respect to the phase of the trigonometric interpolant through m
+    uniform nodes, m odd."""
     m = grid.steps
     offset = np.arange(m)[:, None] - np.arange(m)
     with np.errstate(divide="ignore"):
@@ -146,18 +149,21 @@ def differentiation(grid: Grid) -> Array:
 
 
 def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -> tuple[Array, float]:
-    """Monodromy matrix Φ (N, N), and the relative error of its eigenvalues, from the eigenpairs (λ, p) of A.
+    """Return the monodromy matrix Φ (N, N) and the relative error of its eigenvalues, from the eigenpairs (λ,
+    p) of A.
 
     samples: function that converts columns p to their values (m, N, r) at m uniform phases from 0. Each
-    multiplier exp(λT) belongs to a family of pairs with exponents λ + 2πik/T. Truncation affects pairs with p
-    at the highest harmonics. Therefore, the pair with p nearest to harmonic 0 is used from each family."""
+    multiplier exp(λT) belongs to a family of eigenpairs with exponents λ + 2πik/T. Truncation affects
+    eigenpairs whose p contains the highest harmonics. Therefore, the eigenpair whose p is nearest to harmonic
+    0 is used from each family.
+    """
     from scipy.linalg import qr
 
     exponents, vectors = np.linalg.eig(A)
     p = samples(vectors)
     N = p.shape[1]
     distance = _mean_order(p)
-    # All p(0) of a family are parallel. Pivoting selects the one nearest to harmonic 0, then one of another
+    # All p(0) of a family are parallel. Pivoting selects the p nearest to harmonic 0, then one of another
     # family.
     central = p[0] / np.linalg.norm(p[0], axis=0) * 10.0**-distance
     chosen = qr(central, mode="r", pivoting=True)[-1][:N]
@@ -176,25 +182,25 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
 
 
 def _mean_order(p: Array) -> Array:
-    """Mean distance (r,) of the spectrum of p (m, N, r) from the zeroth harmonic."""
+    """Mean harmonic number (r,), in modulus, in the spectrum of each column p (m, N, r)."""
     weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
     return np.abs(np.fft.fftfreq(len(p), 1.0 / len(p))) @ weight / weight.sum(axis=0)
 
 
 def _alike(exponents: Array, rotation: float) -> bool:
-    """Whether two of the exponents (N,) differ by nearly a multiple of i·rotation. They may then belong to
-    the same solution, with p(0) changed by truncation."""
+    """Whether the difference between two of the exponents (N,) is nearly a multiple of i·rotation. The two
+    may then belong to the same solution, with p(0) changed by truncation."""
     return any((~_apart(exponents[at + 1 :] - exponents[at], rotation)).any() for at in range(len(exponents)))
 
 
 def _apart(differences: Array, rotation: float) -> Array:
-    """Whether exponents with these differences (r,) belong to different solutions."""
+    """Whether exponents that have these differences (r,) belong to different solutions."""
     left = differences - 1j * rotation * np.round(np.imag(differences) / rotation)
     return np.abs(left) >= _CLUSTER * rotation
 
 
 def _closed(X: Array, exponent: Array) -> Array:
-    """Monodromy matrix Φ of the solutions p(φ) exp(Tφ) with p(0) = X, for a common matrix exponent T."""
+    """Monodromy matrix Φ of N solutions p(φ) exp(Tφ) with p(0) = X, where T is a matrix (`exponent`)."""
     from scipy.linalg import expm
 
     return np.real(X @ expm(exponent) @ np.linalg.inv(X))
@@ -203,12 +209,13 @@ def _closed(X: Array, exponent: Array) -> Array:
 def _invariant_subspaces(
     A: Array, exponents: Array, vectors: Array, N: int, rotation: float
 ) -> tuple[Array, Array]:
-    """Matrices Z and T with A Z = Z T, for the first N exponents that do not differ by a multiple of
+    """Matrices Z and T with A Z = Z T, for the first N exponents of which no two differ by a multiple of
     i·rotation.
 
-    Exponents and eigenvectors are given in order of preference. Multiple exponents are treated together, so
+    Exponents and eigenvectors are in order of preference. Multiple exponents are treated as a cluster, so
     that Z has N columns even with fewer eigenvectors. If truncation has split a multiple exponent, the number
-    of columns differs from N."""
+    of columns differs from N.
+    """
     from scipy.linalg import block_diag
 
     near = _CLUSTER * rotation
@@ -228,12 +235,12 @@ def _invariant_subspaces(
 
 
 def _invariant_subspace(A: Array, exponents: Array, every: Array, near: float) -> tuple[Array, Array]:
-    """Orthonormal Z, and T, with A Z = Z T for a cluster of exponents, by block inverse iteration; empty if
-    it does not converge."""
+    """Orthonormal Z, and T, with A Z = Z T for a cluster of exponents, computed by block inverse iteration.
+    Both are empty if the iteration does not converge."""
     from scipy.linalg import lu_factor, lu_solve
 
     centre = exponents.mean()
-    # With a shift too near to the exponents, the iteration would only return their eigenvectors.
+    # If the shift were too near to the exponents, the iteration would only return their eigenvectors.
     shift = _SHIFT * min(np.abs(np.setdiff1d(every, exponents) - centre), default=8 * near)
     factors = lu_factor(A - (centre + shift) * np.eye(len(A)))
     Z = np.random.default_rng(0).standard_normal((len(A), len(exponents)))

@@ -1,5 +1,5 @@
-"""Solution of free machines: a method solves the anchored system, from which the motion of the machine
-follows."""
+"""Solution of free machines. A method solves the anchored system; the motion of the machine follows from its
+solution."""
 
 from dataclasses import replace
 
@@ -27,15 +27,15 @@ _IN_A_PIECE = 8
 """Number of additional phases at which K is tested in each interval between two jumps."""
 
 _FURTHER = 509
-"""Number of additional phases of the period, in golden-section spacing, at which K is tested: features longer
-than 1/200 of the period are detected."""
+"""Number of further phases of the period at which K is tested. Their spacing follows the golden section, so
+that features longer than 1/200 of the period are detected."""
 
 _SECTION = 0.6180339887498949
-"""Golden section; its multiples modulo 1 are distributed most evenly."""
+"""Golden section. The most uniform sequence of phases consists of its multiples modulo 1."""
 
 _PANELS, _PLACES = 256, 4
-"""Number of intervals of the period and of Gauss points per interval for the mean of a load: harmonics up to
-200 are integrated to 1e-9 of their amplitude."""
+"""Number of intervals of the period, and of Gauss points per interval, for the mean of a load. Harmonics up
+to 200 are integrated with an error of 1e-9 of their amplitude."""
 
 _MOST_SHOWN = 8
 """Number of components of a rigid-body mode in a message."""
@@ -44,8 +44,8 @@ _SMALLEST = float(np.finfo(float).tiny)
 
 
 def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
-    """Rigid-body modes of the points; None if no point has one. modes: frozen modes of the points, if
-    available."""
+    """Rigid-body modes and mean masses of the points; None if no point has a rigid-body mode. modes: frozen
+    modes of the points, if available."""
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
         if not rigid_body_modes(K, C, M).any.any():
@@ -80,9 +80,11 @@ def _further(points: Points) -> Array:
 def solutions_on(
     method: Method, points: Points, grid: Grid, orbit: bool, engine: str, held: Free | None
 ) -> Solutions:
-    """Solutions by a method for points, some of which may have rigid-body modes. For points with such modes,
-    the monodromy matrices are those of the motion relative to the modes, see `Anchored.quotient`, and the
-    orbits have zero mean along the modes."""
+    """Solve points, some of which may have rigid-body modes, by a method on a grid.
+
+    For points with rigid-body modes, the monodromy matrices are those of the motion relative to the modes,
+    see `Anchored.quotient`, and the orbits have zero mean along the modes.
+    """
     method.require_order(points)
     if held is None:
         return method.solutions(points, grid, orbit, engine)
@@ -92,7 +94,7 @@ def solutions_on(
     with np.errstate(all="ignore"):
         found = method.solutions(anchored, grid, orbit, engine)
         if found.curve is not None and (held.modes.damped & held.modes.present).any():
-            # A drift may be far larger than the vibration and would reduce its accuracy.
+            # A drift may be far larger than the vibration, and would reduce the accuracy of the vibration.
             drift = anchored.motion(found.curve, held.mass)[0].drift
             anchored = replace(anchored, drift=drift)
             found = found if drift is None else method.solutions(anchored, grid, orbit, engine)
@@ -110,18 +112,19 @@ def solutions_on(
 
 
 def anchored_for(method: Method, points: Points, held: Free) -> Anchored:
-    """Points with anchored rigid-body modes. The matrices remain symmetric if the method requires symmetric
-    matrices."""
+    """Points with anchored rigid-body modes. If the method requires symmetric matrices, the anchored ones are
+    symmetric."""
     weights = held.modes.weighted(held.mass) if method.symmetric else None
     return Anchored(points, held.modes, weights=weights)
 
 
 def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:
-    """Orbits of points that conserve a momentum μ although C e ≠ 0, so that one multiplier of the anchored
-    points remains +1.
+    """Orbits of points that conserve a momentum μ although C e ≠ 0. One multiplier of the anchored points is
+    then +1.
 
-    A jump at phase 0 makes two solutions periodic, with μ = 0 and μ = 1 after the jump. The result is the
-    combination of both that has no drift."""
+    If the momentum may jump at phase 0, there are two periodic solutions: with μ = 0 and with μ = 1 after the
+    jump. The orbit is the combination of both that has no drift.
+    """
     if not isinstance(method, OneStep):
         raise MatricesError(
             f"{method.name} cannot solve a machine that rotates freely if inertia or gyroscopic forces "
@@ -133,7 +136,7 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
         rows, units = anchored.momentum()
         states, condition, gained = _by_momentum(chain.steps, rows, units)
         first, second = states[..., 0], states[..., 1]
-        # Velocities along the mode. The combination of the two solutions must have velocity 0.
+        # These are velocities along the mode. The combination of the two solutions must have velocity 0.
         without, along = (
             anchored.motion(chain.curve(x), mass)[1].sum(axis=1) for x in (first, first + second)
         )
@@ -151,10 +154,13 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
 
 
 def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array, Array]:
-    """States (P, m+1, N, 2) of two solutions that become periodic by a jump of the momentum at phase 0. After
-    the jump the momentum is 0 in the first (with loads) and 1 in the second (without loads). Also returned
-    are the condition number (P,), and the momentum (P,) that the first solution gains per period. rows, units
-    (P, N): see `Anchored.momentum`."""
+    """Return states, condition numbers and gained momenta of solutions that a jump of the momentum at phase 0
+    makes periodic.
+
+    The states (P, m+1, N, 2) are those of two solutions. After the jump, the momentum is 0 in the first
+    solution (with loads) and 1 in the second (without loads). The gained momentum (P,) is that of the first
+    solution per period. rows, units (P, N): see `Anchored.momentum`.
+    """
     A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
     loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
     kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]
@@ -167,8 +173,8 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
 
 
 def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
-    """Maximum accelerations (P, r), with respect to the phase, of the coordinates moved by a mode, divided by
-    their components in the mode."""
+    """Largest acceleration (P, r), with respect to the phase, of a coordinate moved by a mode, divided by its
+    component in the mode."""
     rate = 1.0 / float(curve.nodes[-1])
     sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
     along = np.abs(modes.vectors)
@@ -178,7 +184,7 @@ def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
 
 def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
     """Mean over the period (r,) of the generalised force gᵀd along each rigid-body mode of one point, with
-    gᵀK = 0 (g = e if K is symmetric)."""
+    gᵀK = 0. If K is symmetric, g = e."""
     grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
     nodes, weights = np.polynomial.legendre.leggauss(_PLACES)
     M, C, K, d = matrices(point, grid.stages((nodes + 1) / 2).ravel())
@@ -192,7 +198,7 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
 
 
 def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
-    """Exception for a point that has no periodic vibration, because its load drives a rigid-body mode."""
+    """Exception for a point without periodic vibration, because its load drives a rigid-body mode."""
     loads = mean_loads(point, modes)
     loads = np.where(modes.present[0] & ~modes.dragged[0], loads, 0.0)
     at = int(np.abs(loads).argmax())
@@ -206,8 +212,8 @@ def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
 
 
 def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
-    """Weights (r, n) of the coordinates in the mean motion along each rigid-body mode of one point, with the
-    reference coordinates of the given modes."""
+    """Weights (r, n) of the coordinates in the mean motion along each rigid-body mode of one point. The modes
+    have the same reference coordinates as `modes`."""
     found = free(point)
     if found is None:
         return np.zeros((modes.references.shape[1], point.n))

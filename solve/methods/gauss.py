@@ -11,7 +11,7 @@ from solve.methods.collocated import Collocated
 
 @dataclass(frozen=True)
 class Gauss(Collocated):
-    """Collocation at the Gauss points. A-stable, but not L-stable: |R(∞)| = 1.
+    """Gauss methods: collocation at the Gauss points. They are A-stable, but not L-stable: |R(∞)| = 1.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class Gauss(Collocated):
 
     def _state_facts(self) -> None:
         super()._state_facts()
-        # A step is the diagonal Padé approximant of exp (Hairer, Wanner, IV.3).
+        # The stability function is the diagonal Padé approximant of exp (Hairer, Wanner, IV.3).
         s = self.order // 2
         self._set(phase_constant=factorial(s) ** 2 / (factorial(2 * s) * factorial(2 * s + 1)))
 

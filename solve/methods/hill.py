@@ -1,5 +1,5 @@
 """Multipliers and stability boundaries from Hill's truncated infinite determinant (G. W. Hill, Acta Math. 8
-(1886) 1-36; V. V. Bolotin, 1964; thesis 7.2.1)."""
+(1886) 1-36; V. V. Bolotin, 1964; section 7.2.1 of the thesis)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,15 +20,16 @@ from solve.system import PeriodicSystem
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128
 
 Problem = Callable[[float], tuple[PeriodicSystem, float]]
-"""Type of functions that return the system and the speed in rad/s for a value of a parameter."""
+"""Type of functions of the value of a parameter that return a system and a speed in rad/s."""
 
 
 @dataclass(frozen=True)
 class Hill(Fourier):
-    """Hill's method: Galerkin's method with Fourier series of the matrices and the solution. N harmonics
+    """Hill's method: Galerkin's method with Fourier series of the matrices and of the solution. N harmonics
     correspond to m = 2N+1 steps.
 
-    Multipliers are computed from the eigenvalues of Hill's matrix, and the orbit from the forced balance."""
+    Multipliers are computed from the eigenvalues of Hill's matrix. The orbit is computed by harmonic balance.
+    """
 
     name = "hill"
 
@@ -42,7 +43,8 @@ class Hill(Fourier):
         return from_exponents(_hill_matrix(point, orders // 2), samples, grid.period)
 
     def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
-        """Periodic orbit from the harmonic balance Σ_k [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
+        """Return the periodic orbit and the condition number of its equations, the harmonic balance Σ_k
+        [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
         N, n = grid.steps // 2, point.n
         orders = np.arange(-N, N + 1)
         rates = 2j * np.pi / point.period * orders
@@ -61,9 +63,10 @@ class Hill(Fourier):
 def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: int = 1) -> float:
     """Hill's determinant with the harmonics -orders … orders, for a multiplier +1 or -1.
 
-    It is real, and 0 on a stability boundary with this multiplier. Its modulus is raised to the power 1/size
-    to avoid overflow and underflow. `boundaries` finds its zeros for any parameter. Raises
-    ValueOutOfBoundsError for another multiplier."""
+    It is real, and 0 on a stability boundary with this multiplier. To avoid overflow and underflow, its
+    modulus is raised to the power 1/size, where size is that of the matrix. `boundaries` finds the zeros for
+    any parameter. Raises ValueOutOfBoundsError for another multiplier.
+    """
     sign, logarithm, size = _sign_and_logarithm(system, speed, orders, multiplier)
     return sign * float(np.exp(logarithm / size))
 
@@ -71,8 +74,8 @@ def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: i
 def _sign_and_logarithm(
     system: PeriodicSystem, speed: float, orders: int, multiplier: int
 ) -> tuple[float, float, int]:
-    """Sign and logarithm of the modulus of Hill's determinant for a multiplier +1 or -1, and the size of the
-    matrix."""
+    """Return the sign and the logarithm of the modulus of Hill's determinant for a multiplier +1 or -1, and
+    the size of the matrix."""
     if multiplier not in (1, -1):
         raise ValueOutOfBoundsError(f"multiplier is {multiplier}; allowed: 1 (period T) or -1 (period 2T)")
     matrix = _hill_matrix(SinglePoint(system, speed), orders, 0.0 if multiplier == 1 else 0.5)
@@ -103,20 +106,21 @@ class Boundary:
 def boundaries(
     problem: Problem, values: Sequence[float], multiplier: int = 1, rtol: float = 1e-10
 ) -> list[Boundary]:
-    """Values of a parameter at which a Floquet multiplier passes +1 or -1 (thesis 7.2.1).
+    """Find values of a parameter at which a Floquet multiplier passes through +1 or -1 (section 7.2.1 of the
+    thesis).
 
     Parameters
     ----------
     problem : callable
-        Function that returns the system and the speed in rad/s for a value of the parameter.
+        Function of the value of the parameter that returns the system and the speed in rad/s.
     values : sequence of float
-        Ascending values between which boundaries are sought. Two boundaries between neighbouring values are
-        found only if the determinant is nearly zero between them.
+        Ascending values between which boundaries are sought. Two boundaries between two neighbouring values
+        are found only if the determinant is nearly zero between the boundaries.
     multiplier : int
-        1 (period T) or -1 (period 2T).
+        Multiplier at the boundary: 1 (period T) or -1 (period 2T).
     rtol : float
-        Tolerance relative to the range of values. The number of harmonics is doubled until no boundary
-        changes by more than the tolerance.
+        Tolerance of the boundaries, relative to the range of `values`. The number of harmonics is doubled
+        until no boundary changes by more than the tolerance.
 
     Returns
     -------
@@ -126,7 +130,7 @@ def boundaries(
     Raises
     ------
     ValueOutOfBoundsError
-        For fewer than two values, values that do not ascend, or another multiplier.
+        If `values` has fewer than two elements or is not ascending, or if `multiplier` is neither 1 nor -1.
 
     Notes
     -----
@@ -163,7 +167,7 @@ def boundaries(
 
 
 def _zeros(problem: Problem, multiplier: int, orders: int, values: Array, tolerance: float) -> Array:
-    """Zeros of Hill's determinant between the values, including close pairs."""
+    """Zeros of Hill's determinant between the values, including pairs of close zeros."""
     from scipy.optimize import brentq, minimize_scalar
 
     @cache
@@ -195,8 +199,8 @@ def _zeros(problem: Problem, multiplier: int, orders: int, values: Array, tolera
 
 
 def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
-    """Blocks P_{j-k} - i(j + shift)ω0 δ_jk of x′ = P x for harmonics j, k = -N … N. With the shift 1/2 the
-    harmonics are -N … N-1, so that they remain symmetric about 0."""
+    """Blocks P_{j-k} - i(j + shift)ω0 δ_jk of x′ = P x for harmonics j, k = -N … N. With the shift 1/2, the
+    harmonics are -N … N-1, and j + 1/2 is symmetric about 0."""
     orders = np.arange(-N, N + 1) if shift == 0.0 else np.arange(-N, N)
     P = _spectrum(state_rate(point, _samples(point, 2 * N))[0, ..., :-1], 2 * N)
     size = P.shape[-1]
@@ -208,19 +212,19 @@ def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
 
 
 def toeplitz(spectrum: Array, rows: Array, columns: Array) -> Array:
-    """Blocks (j, k, …) P_{row - column} for harmonics (j,) and (k,), from a spectrum with P_0 in the
-    middle."""
+    """Blocks P_{row - column}, as an array (j, k, …), for the harmonics `rows` (j,) and `columns` (k,). In
+    `spectrum`, P_0 is in the middle."""
     return spectrum[len(spectrum) // 2 + rows[:, None] - columns]
 
 
 def together(blocks: Array) -> Array:
-    """Matrix (j a, k b) from blocks (j, k, a, b)."""
+    """Join blocks (j, k, a, b) to a matrix (j a, k b)."""
     j, k, a, b = blocks.shape
     return np.swapaxes(blocks, 1, 2).reshape(j * a, k * b)
 
 
 def _samples(point: Points, orders: int) -> Array:
-    """Phases (k,) for sampling, twice as many as the harmonics require."""
+    """Phases (k,) at which coefficients are sampled: twice as many as the harmonics require."""
     count = 4 * orders + 4
     return np.arange(count) * (point.period / count)
 

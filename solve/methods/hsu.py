@@ -1,5 +1,5 @@
 """Piecewise-constant transition matrices (L. A. Pipes, J. Appl. Phys. 24 (1953) 902-910; C. S. Hsu,
-J. Math. Anal. Appl. 45 (1974) 234-251; thesis 7.2.2)."""
+J. Math. Anal. Appl. 45 (1974) 234-251; section 7.2.2 of the thesis)."""
 
 from dataclasses import dataclass
 
@@ -12,10 +12,11 @@ from solve.period.points import Points, state_rate, state_size
 
 @dataclass(frozen=True)
 class Hsu(OneStep):
-    """Hsu's method: x′ = P x + f with P and f frozen at the middle of each step is solved exactly by matrix
-    exponentials.
+    """Hsu's method. On each step, P and f of x′ = P x + f are frozen at the middle of the step, and the
+    equations are solved exactly by matrix exponentials.
 
-    The order is 2. With piecewise-constant coefficients the method is exact."""
+    The order is 2. For piecewise-constant coefficients, the method is exact.
+    """
 
     name = "hsu"
     first_order = True

@@ -20,10 +20,10 @@ from solve.period.points import Points
 class March(OneStep):
     """Newmark's method from rest over successive periods, until the transient has decayed to `tolerance`.
 
-    The criterion is ‖x - x_s‖ ≤ tolerance ‖x_s‖ at the start of a period, with the state x_s of the periodic
-    solution (thesis 6.8: 10⁻⁴). A note states the number of periods. The map of one period is applied
-    repeatedly: the result equals that of marching at a lower cost. A mode with |ρ| < 1 takes about
-    ln(tolerance)/ln|ρ| periods.
+    The criterion at the start of a period is ‖x - x_s‖ ≤ tolerance ‖x_s‖, where x_s is the state of the
+    periodic solution (section 6.8 of the thesis: 10⁻⁴). A note states the number of periods. The map of one
+    period is applied repeatedly, which has the same result as marching at a lower cost. A mode with |ρ| < 1
+    takes about ln(tolerance)/ln|ρ| periods.
     """
 
     tolerance: float = 1e-4
@@ -78,10 +78,10 @@ class March(OneStep):
         )
 
     def marched(self, steps: Steps, limit: Array, radius: float) -> tuple[Array, int]:
-        """State at the start of the last period of a motion from rest towards the limit (N,), and the number
-        of preceding periods.
+        """Return the state at the start of the last period of a motion from rest towards the limit (N,), and
+        the number of preceding periods.
 
-        Raises StepsError if the transient does not decay within `most_turns`.
+        Raises StepsError if the transient does not decay within `most_turns` periods.
         """
         if radius >= 1.0 or math.log(self.tolerance) < self.most_turns * math.log(max(radius, 1e-300)):
             raise StepsError(

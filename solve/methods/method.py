@@ -1,4 +1,4 @@
-"""Base classes of methods. A method solves one period of many points on one grid."""
+"""Base classes of methods. A method solves one period for many points on one grid."""
 
 from collections.abc import Callable, Mapping
 from copy import copy
@@ -28,24 +28,26 @@ MOST_STEPS = 2**40
 """Upper limit of the number of steps, larger than any memory permits."""
 
 _LARGE_SYSTEMS, _ENOUGH_STEPS = 4, 2**13
-"""Factor by which large systems may exceed the memory limit, and number of steps up to which this is
-permitted, because fewer steps would not suffice. Chosen by judgement."""
+"""Factor by which large systems may exceed the memory limit, and number of steps up to which they may exceed
+it, because fewer steps would not suffice. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Solutions:
-    """Solutions of one method on one grid, for P points.
+    """Solutions of P points by one method on one grid.
 
-    Phi: monodromy matrices (P, N, N), zero at failed points. curve: the periodic solutions, if requested.
-    steps: the one-step maps whose product is Φ, if the method computes them. condition (P,): condition
+    Phi (P, N, N): monodromy matrices; zero for failed points. curve: curves of the periodic solutions, if
+    requested. steps: one-step maps whose product is Φ, if the method computes them. condition (P,): condition
     numbers of the linear systems for the curves; NaN without curves. defect (P,): relative error of the curve
     that a finer grid does not reduce. rounding (P,): relative error of the multipliers from the computation
-    of Φ, in addition to the round-off of Φ itself; 1 where the grid does not determine Φ. notes: notes of the
-    method, none or one per point. failures: reasons of failures, by position. units (P, N): powers of 2 that
-    balance Φ, if they are known. engine: engine for the eigenvalues of Φ. free: rigid-body modes, if there
-    are any; Φ and `steps` then describe the motion relative to the modes. secular (P, r): with respect to the
-    phase, steady velocities of modes with C e ≠ 0 and accelerations of the other modes; driven (P,): the
-    largest of these accelerations relative to the accelerations of the motion.
+    of Φ, in addition to the round-off of Φ itself; 1 if the grid does not determine Φ. notes: notes of the
+    method, none or one per point. failures: mapping from indices of failed points to reasons. units (P, N):
+    powers of 2 that balance Φ, if known. engine: engine for the eigenvalues of Φ. free: rigid-body modes, if
+    there are any; Φ and `steps` then describe the motion relative to the modes.
+
+    secular (P, r): steady velocity of each mode with C e ≠ 0, or acceleration of each other mode, with
+    respect to the phase. driven (P,): largest of these accelerations, relative to the accelerations of the
+    motion.
     """
 
     grid: Grid
@@ -103,7 +105,7 @@ class Solutions:
         return np.flatnonzero(has_solution)
 
     def checked(self) -> "Solutions":
-        """These solutions. Raises the SolveError of the first failed point."""
+        """Return these solutions, or raise the SolveError of the first failed point."""
         for reason in self.failures.values():
             raise reason
         return self
@@ -137,13 +139,15 @@ class Method:
     order: order of convergence at the nodes and of the multipliers; infinite for spectral convergence
     (`spectral`). curve_order: order of the continuous curve. converges: False for an approximation that does
     not converge with finer steps. l_stable: whether unresolved stiff modes are damped rather than preserved.
-    follows: ω_max h up to which the steps resolve the fastest mode. samples_evenly: whether all samples of a
-    grid are equidistant, so that harmonics of the matrices can alias. phase_constant: c, if a step preserves
-    the amplitude of a mode with a phase error c (ω h)^(order + 1); 0 if the method damps modes before the
-    phase error matters. stages: number of stages of a collocation method; with_another_stage: the method of
-    its family with one more stage; None for other methods. warnings: warnings about the method's settings.
-    symmetric: whether the method requires symmetric matrices, which modes diagonalise. first_order: whether
-    the method solves systems with first-order coordinates.
+    follows: largest ω_max h for which the steps resolve the fastest mode. samples_evenly: whether all samples
+    of a grid are equidistant, so that harmonics of the matrices can alias. phase_constant: c, if a step
+    preserves the amplitude of a mode with a phase error c (ω h)^(order + 1); 0 if the method damps modes
+    before the phase error becomes important.
+
+    stages: number of stages of a collocation method; None for other methods. with_another_stage: collocation
+    method of the same family with one more stage; None for other methods. warnings: warnings about the
+    settings of the method. symmetric: whether the method requires symmetric matrices, which real modes
+    diagonalise. first_order: whether the method solves systems with first-order coordinates.
     """
 
     name: str
@@ -163,21 +167,22 @@ class Method:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Settings of the method by name: the fields of its dataclass."""
+        """Mapping from names to values of the settings, which are the fields of the dataclass."""
         return {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
 
     def _set(self, **facts: Any) -> None:
-        """Set attributes of a frozen dataclass that follow from its settings."""
+        """Set attributes that follow from the settings. The dataclass is frozen."""
         for name, value in facts.items():
             object.__setattr__(self, name, value)
 
     @property
     def linear(self) -> bool:
-        """Whether the method solves points directly, without linearisation along an orbit."""
+        """Whether the method solves the equations of points directly, without linearisation about an
+        orbit."""
         return True
 
     def linearised(self, points: Points, solutions: "Solutions") -> Points:
-        """Linear equations that the solutions of points satisfy. Linear points are returned unchanged."""
+        """Points with linear equations that the solutions satisfy. Linear points are returned unchanged."""
         return points
 
     @property
@@ -186,19 +191,19 @@ class Method:
         return self
 
     def in_phase(self, steps: Array, error: float) -> Array:
-        """Largest phase advance (…) in rad per period for which the phase error of a mode on these steps is
-        at most `error` (rad)."""
+        """Largest phase advance (…) of a mode per period, in rad, for which its phase error on `steps` steps
+        (…) is at most `error` (rad)."""
         if not self.phase_constant:
             return np.full(np.shape(steps), np.inf)
         return steps * (error / (self.phase_constant * steps)) ** (1 / (self.order + 1))
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Smallest number of steps per period (P,) for which the method can be stable, from the frozen modes
-        of points; 1 without a stability limit."""
+        """Smallest number of steps per period (P,) for which the method can be stable; 1 without a stability
+        limit. modes: frozen modes of the points."""
         return np.ones(len(modes), dtype=int)
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = NUMPY) -> int:
-        """Approximate peak memory per step for n coordinates."""
+        """Approximate peak memory in bytes per step, for n coordinates."""
         return 80 * (2 * n + 1) ** 2
 
     def most_steps(self, n: int, first_order: int = 0) -> int:
@@ -216,8 +221,7 @@ class Method:
             )
 
     def require_steps(self, steps: Any, points: Points) -> None:
-        """Raise StepsError for a number of steps with which no error can be estimated at one of the
-        points."""
+        """Raise StepsError for a number of steps for which the error at some point cannot be estimated."""
         require_steps(steps, max(1, len(points.breaks)))
         most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
         if steps > most:
@@ -227,7 +231,7 @@ class Method:
             )
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
-        """Monodromy matrices, and periodic solutions if `orbit` is true."""
+        """Compute monodromy matrices and, if `orbit` is true, periodic solutions."""
         raise NotImplementedError
 
     def _no_map(self, point: Points, grid: Grid) -> SolveError:
@@ -255,8 +259,9 @@ class Method:
 class Discretisation:
     """Discretisation of P points by a one-step method on a grid.
 
-    steps: affine maps of the state. curve: function from states at the nodes (P, m+1, N) to continuous curves
-    of q over the phase."""
+    steps: affine maps of the state. curve: function that converts states at the nodes (P, m+1, N) to
+    continuous curves of q.
+    """
 
     steps: Steps
     curve: Callable[[Array], PeriodicCurve]
@@ -265,11 +270,12 @@ class Discretisation:
     def of_rates(
         cls, grid: Grid, maps: Array, start: Array, end: Array, first_order: int = 0
     ) -> "Discretisation":
-        """Discretisation for the states x = (q, q′). Its curves pass through q, q′ and q″ at both ends of
-        every step; for the last `first_order` coordinates, through q and q′.
+        """Discretisation for the states x = (q, q′). Its curves interpolate q, q′ and q″ at both ends of
+        every step or, for the last `first_order` coordinates, q and q′.
 
-        maps: (A | b) of the steps. start, end: rates (P | f) of x′ = P x + f at both ends of every step. All
-        are (P, m, N, N+1)."""
+        maps: (A | b) of the steps. start, end: rates (P | f) of x′ = P x + f at the start and at the end of
+        every step. All are (P, m, N, N+1).
+        """
         n = (maps.shape[-2] + first_order) // 2
         p = n - first_order
 
@@ -286,10 +292,10 @@ class Discretisation:
 
 
 class OneStep(Method):
-    """Base class of methods that represent a period as a chain of affine maps, returned by `discretise`."""
+    """Base class of methods that represent a period as a chain of affine maps, which `discretise` returns."""
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
-        """One-step maps and curves of the points on a grid."""
+        """Compute one-step maps and curves of the points on a grid."""
         raise NotImplementedError
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
@@ -311,7 +317,7 @@ class OneStep(Method):
         units: Array | None = None,
         engine: str = NUMPY,
     ) -> Solutions:
-        """Solutions, with the reason of failure for each point without a finite, unique solution."""
+        """Assemble solutions. Points without a finite, unique solution have the reason of their failure."""
         is_unique = succeeds = is_finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
         if curve is not None and condition is not None:
             is_unique = is_finite & (condition < 1 / SINGULAR)
@@ -343,7 +349,7 @@ def singular_inertia_error(where: str, first_order: int) -> MatricesError:
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:
-    """Solutions of points on one grid, computed one point at a time by the function `solve_one`."""
+    """Solve points on one grid one at a time, with the function `solve_one`."""
     solved: list[Solutions] = []
     failures: dict[int, SolveError] = {}
     for at in range(len(points)):
@@ -356,7 +362,7 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
         return Solutions(Grid.uniform(1, points.period), zeros, None, zeros[:, 0, 0], failures=failures)
     if len(points) == 1:
         return solved[0]
-    # Failed points contain the values of another point, except for Φ.
+    # Failed points contain the values of another point; only their Φ is zero.
     positions = np.cumsum([at not in failures for at in range(len(points))]) - 1
     parts = [solved[max(place, 0)] for place in positions.tolist()]
 

@@ -1,5 +1,5 @@
 """Approximation by modal decoupling with the modes at each position (A. Midha, A. G. Erdman, D. A. Frohrib,
-J. Mech. Des. 101 (1979) 154-162; thesis 6.3)."""
+J. Mech. Des. 101 (1979) 154-162; section 6.3 of the thesis)."""
 
 from dataclasses import dataclass
 
@@ -17,10 +17,11 @@ from solve.period.points import Points, Tables, matrices
 
 @dataclass(frozen=True)
 class Modal(OneStep):
-    """Method that decouples each step by the modes at its middle, normalised to unit modal masses.
+    """Modal decoupling: each step uses the modes at its middle, normalised to unit modal masses.
 
-    Damping between modes is neglected, and each modal coordinate continues in the next step as if the modes
-    were constant."""
+    Damping between modes is neglected. From one step to the next, each modal coordinate continues as if the
+    modes were constant.
+    """
 
     name = "modal"
     order = 0
@@ -46,7 +47,7 @@ class Modal(OneStep):
             values, rates, second = (np.moveaxis(spline(nodes, nu=order), 0, 1) for order in range(3))
             return Curve.quintic(grid.nodes, values, rates, second[:, :-1], second[:, 1:])
 
-        # Rigid-body modes are removed from states in physical coordinates.
+        # The states must be in physical coordinates, because rigid-body modes are removed from them.
         A = to_physical[:, None] @ modal.steps.A @ to_modal[:, None]
         b = np.squeeze(to_physical[:, None] @ modal.steps.b[..., None], -1)
         return Discretisation(Steps(A, b), curve)
@@ -63,9 +64,10 @@ class Modal(OneStep):
 class _Uncoupled:
     """Points in modal coordinates at ascending phases (k,): M = I, C = diag δ, K = diag ω², and loads.
 
-    Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis (6.12)) and continuous signs. They are
-    NaN at points with `complex` (P,) modes. state_bases (P, 2n, 2n): constant maps between physical and modal
-    states, from the modes at the first phase."""
+    Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis, Eq. (6.12)) and continuous signs. They
+    are NaN at points with complex modes, for which the mask `complex` (P,) is true. state_bases (P, 2n, 2n):
+    constant maps between physical and modal states, from the modes at the first phase.
+    """
 
     breaks = ()
     bytes_a_phase = 0
@@ -108,7 +110,7 @@ class _Uncoupled:
 
 
 def _of_states(coordinates: Array) -> Array:
-    """Maps (P, 2n, 2n) of states, from maps (P, n, n) of coordinates."""
+    """Maps (P, 2n, 2n) of states from maps (P, n, n) of coordinates."""
     n = coordinates.shape[-1]
     states = np.zeros((len(coordinates), 2 * n, 2 * n))
     states[:, :n, :n] = states[:, n:, n:] = coordinates

@@ -1,9 +1,9 @@
 """Newmark's method (N. M. Newmark, ASCE J. Eng. Mech. Div. 85 (1959)) as a period map, and its stability
-limits for the undamped oscillator η″ + ω²η = 0 (thesis 6.2.3, Fig. 6.1).
+limits for the undamped oscillator η″ + ω²η = 0 (section 6.2.3 of the thesis, Fig. 6.1).
 
 Chapter Eqs. (23)-(40) use the state x = (q, q′, q″). The predictor z = (q*, q′*) of chapter Eq. (27) is an
-equivalent state with 2n components: z_{k+1} = B z_k + …. Its map has the spectrum of the map of x except for
-n zeros, and needs no inverse of M."""
+equivalent state with 2n components: z_{k+1} = B z_k + …. The spectrum of its map is that of the map of x
+without n zeros. The map does not require the inverse of M."""
 
 import math
 from dataclasses import dataclass
@@ -27,7 +27,8 @@ class Newmark(OneStep):
     Parameters
     ----------
     gamma, beta : float
-        γ and β. γ = 1/2, β = 1/4: average acceleration; γ = 1/2, β = 1/6: linear acceleration.
+        Parameters γ and β. With γ = 1/2, β = 1/4, the acceleration is averaged over a step; with γ = 1/2, β =
+        1/6, it varies linearly.
     """
 
     gamma: float = 0.5
@@ -44,7 +45,7 @@ class Newmark(OneStep):
         order = 2 if self.gamma == 0.5 else 1
         self._set(order=order, curve_order=order)
         if order == 2:
-            # The period of a mode is lengthened by the fraction (β - 1/12) (ωh)²/2.
+            # The relative increase of the period of a mode is (β - 1/12) (ωh)²/2.
             self._set(phase_constant=abs(self.beta - 1 / 12) / 2)
         if self.gamma < 0.5:
             self._set(
@@ -55,10 +56,10 @@ class Newmark(OneStep):
             )
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Smallest number of steps per period, from the stability limit for the undamped oscillator.
+        """Smallest number of steps per period (P,), from the stability limit for the undamped oscillator.
 
-        For γ < 1/2 every step is unstable. A warning is then issued instead of rejecting the number of
-        steps."""
+        For γ < 1/2, every step is unstable. The number of steps is then not limited, but a warning is issued.
+        """
         limit = stability_limit(self.gamma, self.beta)
         if self.gamma < 0.5 or np.isinf(limit):
             return super().least_steps(modes)
@@ -93,7 +94,7 @@ class Newmark(OneStep):
 
     @staticmethod
     def _restart(points: Points, grid: Grid, q: Array, v: Array, a: Array) -> None:
-        """Recompute the acceleration after each jump of the matrices, at which it is discontinuous."""
+        """Recompute the acceleration after each jump of the matrices, because it is discontinuous there."""
         into = np.flatnonzero(np.roll(grid.at_break, -1))
         behind = np.roll(grid.stages(np.zeros(1))[:, 0], -1)[into]
         M, C, K, d = matrices(points, behind)
@@ -104,7 +105,7 @@ class Newmark(OneStep):
 
 def spectral_radius(gamma: float, beta: float, angle: Array | float) -> Array:
     """Largest |λ| of a step with phase advance ω h of the undamped oscillator, from the characteristic
-    equation, thesis (6.10)."""
+    equation (thesis, Eq. (6.10))."""
     mu2 = np.square(angle) / (1 + beta * np.square(angle))
     half_sum, product = 1 - (gamma + 0.5) * mu2 / 2, 1 - (gamma - 0.5) * mu2
     root = np.sqrt(np.asarray(half_sum**2 - product, dtype=complex))
@@ -112,10 +113,12 @@ def spectral_radius(gamma: float, beta: float, angle: Array | float) -> Array:
 
 
 def stability_limit(gamma: float, beta: float) -> float:
-    """Largest ω h for which a step is stable: 1/sqrt(γ/2 - β), where an eigenvalue passes -1.
+    """Largest ω h for which a step is stable: 1/sqrt(γ/2 - β). At this value, an eigenvalue passes through
+    -1.
 
-    It is infinite for 2β ≥ γ ≥ 1/2, and 0 for γ < 1/2, where every step is unstable. The condition of the
-    thesis (6.11), β ≥ (γ + 1/2)²/4, is stronger: the eigenvalues remain complex."""
+    It is infinite for 2β ≥ γ ≥ 1/2. It is 0 for γ < 1/2, because every step is unstable. The condition β ≥ (γ
+    + 1/2)²/4 of the thesis, Eq. (6.11), is stronger: it requires the eigenvalues to remain complex.
+    """
     if gamma < 0.5:
         return 0.0
     return math.inf if 2 * beta >= gamma else 1 / math.sqrt(gamma / 2 - beta)

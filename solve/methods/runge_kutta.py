@@ -1,7 +1,7 @@
 """Classical Runge–Kutta method of order 4 as a period map (chapter Eqs. (15)-(21)).
 
 The affine maps follow from the stages, chapter Eq. (16), applied to unit states. Their closed forms in the
-chapter, Eqs. (18) and (19), have two wrong coefficients and are not used."""
+chapter, Eqs. (18) and (19), contain two wrong coefficients and are not used."""
 
 from dataclasses import dataclass
 
@@ -22,11 +22,11 @@ class RungeKutta4(OneStep):
     first_order = True
     order = 4
     curve_order = 4
-    # Far below the stability limit; near the limit RK4 damps undamped modes.
+    # This is far below the stability limit; near the limit, RK4 damps undamped modes.
     follows = 0.5
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Smallest number of steps for which |R(hλ)| ≤ 1 holds for every frozen eigenvalue λ of a mode that
+        """Smallest number of steps (P,) for which |R(hλ)| ≤ 1 for every frozen eigenvalue λ of a mode that
         does not grow.
 
         R(z) = 1 + z + z²/2 + z³/6 + z⁴/24.

@@ -1,4 +1,4 @@
-"""Systems from named arrays over the azimuth: M, C, K and d, or A, B, C, D and b."""
+"""Systems from arrays over the azimuth, identified by name: M, C, K and d, or A, B, C, D and b."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from solve.errors import FileError
 from solve.readers.sampled import SampledMixed, SampledStates, SampledSystem, Source
 
 _TEXTS = "coordinates", "states", "inputs", "outputs"
-"""Names of the arrays that contain texts."""
+"""Names of arrays that contain texts."""
 
 _KNOWN = "M, C (or Cq), K, d; A, B, C, D, b; phase, phase_period, speed, " + ", ".join(_TEXTS)
 
@@ -19,9 +19,9 @@ Read = SampledSystem | SampledStates | SampledMixed
 
 
 def system_of(arrays: Mapping[str, Any], file: str, speed: float | None = None) -> Read:
-    """System from the arrays of a file, whose first index is the azimuth.
+    """Create a system from the arrays of a file, whose first index is the azimuth.
 
-    The arrays contain M and K for a system of second order, or A for a system of first order. speed: in
+    The arrays must contain M and K for a second-order system, or A for a first-order system. speed: speed in
     rad/s, by default the speed in the file. Raises FileError and MatricesError.
     """
     phase = _phases(arrays, file)
@@ -64,7 +64,7 @@ def _second_order(
 
 
 def _first_order(arrays: Mapping[str, Any], source: Source, options: Mapping[str, Any]) -> SampledStates:
-    """First-order system from A, b and, if present, B, C and D."""
+    """First-order system from A and b and, if present, B, C and D."""
     A = _matrix(arrays, "A", source.name)
     N = A.shape[-1]
     _require_shapes({"A": A}, (N, N), source.name)
@@ -89,7 +89,8 @@ def _first_order(arrays: Mapping[str, Any], source: Source, options: Mapping[str
 
 
 def _matrix(arrays: Mapping[str, Any], name: str, file: str) -> Array:
-    """Array (k, …, …) with the given name; a two-dimensional array is a constant matrix. Raises FileError."""
+    """Array (k, …, …) of this name, over k azimuths. A two-dimensional array is a constant matrix, with k =
+    1. Raises FileError."""
     if name not in arrays:
         raise FileError(f"'{file}' has no {name}; give M and K, or A")
     values = _real(arrays[name], name, file)
@@ -102,11 +103,11 @@ def _matrix(arrays: Mapping[str, Any], name: str, file: str) -> Array:
 
 
 def _vector(arrays: Mapping[str, Any], name: str, count: int, size: int, file: str) -> Array:
-    """Array (k, n) with the given name; zero if it is missing. Raises FileError."""
+    """Array (k, n) of this name, over k azimuths; zero if it is missing. Raises FileError."""
     if name not in arrays:
         return np.zeros((count, size))
     values = _real(arrays[name], name, file)
-    # A vector (in MATLAB a row) is constant over the azimuth.
+    # A single vector, in MATLAB a row or column, is constant over the azimuth.
     if values.size == size and values.shape in ((size,), (size, 1)):
         values = values.reshape(1, -1)
     if values.ndim == 3 and values.shape[-1] == 1:
@@ -117,7 +118,7 @@ def _vector(arrays: Mapping[str, Any], name: str, count: int, size: int, file: s
 
 
 def _real(values: Any, name: str, file: str) -> Array:
-    """Return the values. Raises FileError unless they are finite real numbers."""
+    """Values as an array. Raises FileError unless they are finite real numbers."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiub":
         raise FileError(f"'{file}': {name} contains {array.dtype}; expected real numbers")
@@ -128,7 +129,7 @@ def _real(values: Any, name: str, file: str) -> Array:
 
 
 def _require_shapes(arrays: Mapping[str, Array], shape: tuple[int, int], file: str) -> None:
-    """Raise FileError unless the matrices have the given shape."""
+    """Raise FileError unless the matrices at each azimuth have this shape."""
     for name, array in arrays.items():
         if array.shape[1:] != shape:
             raise FileError(
@@ -138,12 +139,12 @@ def _require_shapes(arrays: Mapping[str, Array], shape: tuple[int, int], file: s
 
 
 def _repeated(array: Array, count: int) -> Array:
-    """Array in which constant values are repeated at every azimuth."""
+    """Repeat a constant array at every azimuth; return other arrays unchanged."""
     return np.repeat(array, count, axis=0) if len(array) == 1 else array
 
 
 def _phases(arrays: Mapping[str, Any], file: str) -> Array | None:
-    """Azimuths in rad; None if the file contains no azimuths, or only one."""
+    """Azimuths in rad; None if the file contains at most one azimuth."""
     if "phase" not in arrays:
         return None
     phases = _real(arrays["phase"], "phase", file).ravel()
@@ -151,7 +152,7 @@ def _phases(arrays: Mapping[str, Any], file: str) -> Array | None:
 
 
 def _number(arrays: Mapping[str, Any], name: str, file: str) -> float | None:
-    """Number with the given name; None if it is missing. Raises FileError."""
+    """Number of this name; None if it is missing. Raises FileError."""
     if name not in arrays:
         return None
     values = _real(arrays[name], name, file).ravel()
@@ -161,7 +162,7 @@ def _number(arrays: Mapping[str, Any], name: str, file: str) -> float | None:
 
 
 def _texts(arrays: Mapping[str, Any], name: str, file: str) -> list[str]:
-    """Texts with the given name; empty if they are missing. Raises FileError."""
+    """Texts in the array of this name; empty if it is missing. Raises FileError."""
     if name not in arrays:
         return []
     texts = [np.asarray(text).ravel() for text in np.asarray(arrays[name]).ravel()]
@@ -171,7 +172,7 @@ def _texts(arrays: Mapping[str, Any], name: str, file: str) -> list[str]:
 
 
 def _checked_names(names: Sequence[str], count: int, kind: str, file: str) -> Sequence[str]:
-    """Return the names. Raises FileError unless their number is as expected."""
+    """Return the names. Raises FileError unless there are `count` of them."""
     if len(names) != count:
         raise FileError(f"'{file}' names {len(names)} {kind}; expected {count}, one for each row")
     return names

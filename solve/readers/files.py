@@ -10,15 +10,15 @@ from solve.array_files import require_file
 from solve.errors import FileError
 
 ENDINGS = ".lin", ".mat", ".npz", ".nc", ".mtx", ".op4", ".fmu"
-"""Endings of files of matrices, and of functional mock-up units."""
+"""Endings of the names of files with matrices, and of functional mock-up units."""
 
 _MOST_FILES = 10_000
-"""Maximum number of files of a pattern. Chosen by judgement."""
+"""Largest number of files that a pattern may match. Chosen by judgement."""
 
 
 def matching_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
-    """Files matched by paths and patterns. Files of a pattern are ordered by the numbers in their names.
-    Raises FileError if no file matches.
+    """Find the files that match paths and patterns. Files of one pattern are ordered by the numbers in their
+    names. Raises FileError if no file matches.
     """
     given = list(paths) if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
     found: list[Path] = []
@@ -40,15 +40,17 @@ def matching_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
 
 
 def checked_path(path: object) -> str | Path:
-    """Convert to a path. Raises FileError for objects that are not paths."""
+    """Return the object if it is a path or a text. Raises FileError otherwise."""
     if not isinstance(path, str | Path):
         raise FileError(f"path is {path!r}; give the path of a file")
     return path
 
 
 def is_system_file(text: str) -> bool:
-    """Whether a text is the path or pattern of files of matrices, of an FMU, or of Python code that defines
-    `system` instead of a mechanism. The code is not executed.
+    """Whether a text is the path of a file from which a system is read, or a pattern of such files.
+
+    The files contain matrices, an FMU, or Python code that defines `system` and not a mechanism. The code is
+    not executed.
 
     >>> is_system_file("run.*.lin"), is_system_file("cam"), is_system_file("cam.py")
     (True, False, False)

@@ -1,4 +1,4 @@
-"""Functional mock-up unit for model exchange, FMI 2 or 3, run by FMPy (https://fmi-standard.org)."""
+"""Functional mock-up unit for model exchange (FMI 2 or 3, https://fmi-standard.org), run by FMPy."""
 
 import ctypes
 from collections.abc import Callable, Mapping
@@ -13,22 +13,22 @@ from solve.arrays import Array
 from solve.errors import FileError, MissingLibraryError, SolveError, require_name
 
 _MOST_UPDATES = 100
-"""Maximum number of updates of the discrete states during initialisation. Chosen by judgement."""
+"""Largest number of updates of the discrete states during initialisation. Chosen by judgement."""
 
 
 class Unit:
-    """Instance of an FMU in continuous-time mode; a context manager that removes the instance at the end.
+    """Instance of an FMU in continuous-time mode. As a context manager, it removes the instance at the end.
 
     Attributes
     ----------
     states, inputs, outputs : list of str
         Names of the continuous variables.
     labels : mapping of str to (str, str)
-        Unit and description of each variable.
+        Mapping from variables to units and descriptions.
     start : (N,) array
         States after initialisation.
     event : float
-        Time in s of the next time event; infinite without one.
+        Time of the next time event in s; infinite if there is none.
     """
 
     def __init__(self, path: Path, values: Mapping[str, float]):
@@ -38,7 +38,8 @@ class Unit:
             raise MissingLibraryError.of_extra(f"'{path}'", "fmpy", "fmu") from None
         self.path, self._instance, self._folder = path, None, TemporaryDirectory()
         try:
-            # Not validated, because tools write descriptions that violate details of the schema.
+            # The description is not validated, because tools write descriptions that violate details of the
+            # schema.
             self._declare(fmpy.read_model_description(path, validate=False))
             self._initialise(str(fmpy.extract(path, self._folder.name)), values)
         except BaseException as error:
@@ -139,7 +140,7 @@ class Unit:
 
     @staticmethod
     def _filled(getter: Callable[..., Any], count: int) -> Array:
-        """Array (count,) filled by an FMI getter."""
+        """Call an FMI getter that fills an array (count,), and return the array."""
         values = (ctypes.c_double * count)()
         getter(values, count)
         return np.array(values)
@@ -155,14 +156,14 @@ class Unit:
         return self._filled(self._get_rates, len(x))
 
     def products(self, time: float, x: Array, seeds: Array) -> Array:
-        """Directional derivatives (N, k) of ẋ in the directions (N, k) of the states."""
+        """Directional derivatives (N, k) of ẋ in k directions of the states, `seeds` (N, k)."""
         self._set(time, x)
         known = self._known[: len(x)]
         columns = [self._derivative(self._rates, known, seed) for seed in seeds.T]
         return np.stack(columns, axis=1)
 
     def jacobian(self, time: float, x: Array) -> Array:
-        """Derivatives (N + y, N + r) of ẋ and the outputs with respect to the states and the inputs."""
+        """Derivatives (N + y, N + r) of ẋ and of the outputs, with respect to the states and the inputs."""
         self._set(time, x)
         columns = [self._derivative(self._unknown, [known], [1.0]) for known in self._known]
         return np.stack(columns, axis=1)
@@ -171,7 +172,7 @@ class Unit:
         return np.array(self._instance.getDirectionalDerivative(unknown, known, list(seed)))  # type: ignore[union-attr]
 
     def indicators(self, time: float, x: Array) -> Array:
-        """Event indicators at a time in s for states (N,); their signs change where the equations switch."""
+        """Event indicators at a time in s for states (N,). Their signs change if the equations switch."""
         count = int(self.description.numberOfEventIndicators or 0)
         self._set(time, x)
         return self._filled(self._instance.getEventIndicators, count) if count else np.zeros(0)  # type: ignore[union-attr]

@@ -21,15 +21,15 @@ from solve.samples import checked_period
 from solve.units import speed_in_si
 
 _FEWEST_AZIMUTHS, _MOST_AZIMUTHS = 64, 4096
-"""Number of azimuths of the first and of the last sampling. Chosen by judgement."""
+"""Smallest and largest number of azimuths. Chosen by judgement."""
 
 _TAIL = 1e-9
-"""Amplitude of the upper quarter of the harmonics, relative to the largest entry of their matrix, above which
-the number of azimuths is doubled. Chosen by judgement: several times the error of the motion."""
+"""Amplitude of the upper quarter of the harmonics, relative to the largest entry of the matrix, above which
+the number of azimuths is doubled. Chosen by judgement: it is several times the error of the motion."""
 
 _COUPLED = 1e-9
-"""Derivative of an excluded state with respect to a remaining state, relative to the largest derivative of
-the FMU, up to which it counts as round-off. Chosen by judgement."""
+"""Derivative of the rate of an excluded state with respect to a remaining state, relative to the largest
+derivative of the FMU, up to which it counts as round-off. Chosen by judgement."""
 
 
 @matches_annotations
@@ -42,47 +42,47 @@ def read_fmu(
     period: float = 2 * np.pi,
     drive: str | None = None,
 ) -> SampledStates | UnitSystem:
-    """Linearise a functional mock-up unit, FMI 2 or 3 for model exchange, along a periodic motion.
+    """Linearise a functional mock-up unit (FMI 2 or 3, model exchange) along a periodic motion.
 
-    A unit contains compiled code, which is executed. Read only units from sources that you trust.
+    The compiled code in the unit is executed. Read only units from sources that you trust.
 
     Parameters
     ----------
     path : str or Path
         File (.fmu) with directional derivatives. Requires the extra `fmu` (FMPy).
     speed : float or str, optional
-        Speed Ω in rad/s or with unit; the motion has the period `period`/Ω in time. Without a speed, the
-        motion is found at each speed at which the system is used, as in a sweep.
+        Speed Ω in rad/s or with unit. The motion has the period `period`/Ω in time. If the speed is omitted,
+        the motion is found at each speed at which the system is used, as in a sweep.
     exclude : sequence of str
-        States with a prescribed motion, which need not be periodic, such as the angle of the drive and its
-        speed. Their rows and columns are omitted.
+        States with a prescribed motion, such as the angle and the speed of the drive. Their motion need not
+        be periodic. Their rows and columns are omitted.
     values : mapping of str to float, optional
-        Parameters and start values of the FMU, in the units that it declares.
+        Mapping from names to values of parameters, and to start values, in the units that the FMU declares.
     motion : mapping of str to (k,) array, optional
-        Periodic motion of all states at k ≥ 3 uniform times from 0 without the end of the period. By default
-        it is found by shooting, from the start values of the FMU.
+        Periodic motion of all states at k ≥ 3 uniform times from 0, without the end of the period. By
+        default, it is found by shooting from the start values of the FMU.
     period : float
         Period in phase.
     drive : str, optional
-        Variable of the FMU that is set to the speed in rad/s: a parameter, or a state with a prescribed
-        motion, whose start value is set.
+        Variable of the FMU that is set to the speed in rad/s. If it is a state, which must have a prescribed
+        motion, its start value is set; otherwise, it is a parameter.
 
     Returns
     -------
     FirstOrderSystem
         System of small deviations from the motion, without load, with the inputs and outputs of the unit.
-        `source.operating_points` contains the motion; without `speed`, the motion is contained in the result
-        of `at_speed(speed)`.
+        The motion is in `source.operating_points`; if `speed` is omitted, it is in the result of
+        `at_speed(speed)`.
 
     Raises
     ------
     FileError
-        For an FMU that cannot be read or run, has no directional derivatives, switches its equations within
-        the period, or has no periodic motion near its start values.
+        If the FMU cannot be read or run, has no directional derivatives, switches its equations within the
+        period, or has no periodic motion near its start values.
     UnknownNameError, ValueOutOfBoundsError
-        For unknown or unsuitable names and values.
+        If a name is unknown, or a value is not allowed.
     MissingLibraryError
-        Without FMPy.
+        If FMPy is not installed.
 
     Notes
     -----
@@ -124,8 +124,8 @@ def _linearised(
     motion: Mapping[str, Array] | None,
     period: float,
 ) -> tuple[SampledStates, bool]:
-    """Linearisation at a speed in rad/s, and whether its azimuths resolve the matrices. values: a value NaN
-    is replaced by the speed."""
+    """Return the linearisation at a speed in rad/s, and whether its azimuths resolve the matrices. values:
+    variables that are set; NaN is replaced by the speed."""
     duration = period / speed
     with Unit(file, {name: speed if math.isnan(value) else value for name, value in values.items()}) as unit:
         kept, is_resolved = _kept(unit, exclude), True
@@ -143,7 +143,7 @@ def _linearised(
 
 
 def _kept(unit: Unit, exclude: Sequence[str]) -> Array:
-    """Positions of the states that are not excluded. Raises UnknownNameError, ValueOutOfBoundsError."""
+    """Indices of the states that are not excluded. Raises UnknownNameError, ValueOutOfBoundsError."""
     for name in exclude:
         require_name(f"state of '{unit.path}'", name, unit.states)
     kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
@@ -153,8 +153,8 @@ def _kept(unit: Unit, exclude: Sequence[str]) -> Array:
 
 
 def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[Array, Array, bool]:
-    """States (k, N) and Jacobians (k, …) at azimuths whose number is doubled until the harmonics are
-    resolved, and whether they were resolved."""
+    """Return the states (k, N), the Jacobians (k, …), and whether the azimuths resolve the harmonics. The
+    number k of azimuths is doubled until they do, or until its maximum."""
     count = _FEWEST_AZIMUTHS
     while True:
         states = motion(np.arange(count) * (duration / count)).T
@@ -172,7 +172,7 @@ def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[
 
 
 def _jacobians(unit: Unit, states: Array, duration: float) -> Array:
-    """Jacobians (k, N + y, N + r) at uniform times. Raises FileError."""
+    """Jacobians (k, N + y, N + r) at k uniform times. Raises FileError."""
     times = np.arange(len(states)) * (duration / len(states))
     found = np.array([unit.jacobian(t, x) for t, x in zip(times, states, strict=True)])
     if not np.isfinite(found).all():
@@ -181,7 +181,7 @@ def _jacobians(unit: Unit, states: Array, duration: float) -> Array:
 
 
 def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
-    """States (k, N) of the motion given by the user. Raises UnknownNameError, ValueOutOfBoundsError."""
+    """States (k, N) of the motion that the user provides. Raises UnknownNameError, ValueOutOfBoundsError."""
     for name in motion:
         require_name(f"state of '{unit.path}'", name, unit.states)
     missing = [name for name in unit.states if name not in motion]
@@ -207,7 +207,7 @@ def _require_one_set_of_equations(unit: Unit, states: Array, duration: float) ->
 
 
 def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
-    """Raise ValueOutOfBoundsError if an excluded state depends on the remaining states."""
+    """Raise ValueOutOfBoundsError if the rate of an excluded state depends on a remaining state."""
     others = np.setdiff1d(np.arange(len(unit.states)), kept)
     influence = np.abs(jacobians[:, others][:, :, kept]).max(axis=0)
     acting = np.argwhere(influence > _COUPLED * np.abs(jacobians).max())
@@ -220,13 +220,13 @@ def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
 
 
 def _names(unit: Unit, kept: Array) -> tuple[list[str], list[str], list[str]]:
-    """Unique names of the remaining states, of the inputs and of the outputs."""
+    """Return unique names of the remaining states, of the inputs and of the outputs."""
     states = [unit.states[k] for k in kept]
     return states, unit.inputs, [f"{name}_output" if name in states else name for name in unit.outputs]
 
 
 def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> SampledStates:
-    """System of the states that are not excluded."""
+    """System for the states that are not excluded."""
     N = len(unit.states)
     A, B = jacobians[:, kept][:, :, kept], jacobians[:, kept, N:]
     names, inputs, outputs = _names(unit, kept)
@@ -239,7 +239,7 @@ def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> Sampled
 
 
 def _source(unit: Unit, file: Path, speed: float | None = None, states: Array | None = None) -> Source:
-    """Origin of the samples: the FMU. states (k, N): motion about which the FMU was linearised, if known."""
+    """Origin of the samples: the FMU. states (k, N): motion about which it was linearised, if known."""
     units, meanings = ({name: pair[k] for name, pair in unit.labels.items()} for k in (0, 1))
     points = {} if states is None else dict(zip(unit.states, states.T, strict=True))
     return Source(file.name, unit.description.description or "", speed, units, meanings, (), points)

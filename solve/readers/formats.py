@@ -1,4 +1,4 @@
-"""Named arrays in files: MATLAB .mat, NumPy .npz, netCDF and NASTRAN .op4."""
+"""Files that contain named arrays: MATLAB .mat, NumPy .npz, netCDF and NASTRAN .op4."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from solve.readers.files import checked_path
 from solve.units import speed_in_si
 
 _OVER_AZIMUTH = frozenset({"M", "C", "Cq", "K", "d", "A", "B", "D", "b"})
-"""Names of arrays whose last index in .mat files is the azimuth, the page of an array in MATLAB."""
+"""Names of arrays whose last index in .mat files is the azimuth. MATLAB calls this index the page."""
 
 
 @matches_annotations
@@ -22,10 +22,11 @@ def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
     Parameters
     ----------
     path : str or Path
-        File (.mat, version 4 to 7.2) with the variables M, K and, if there is damping or a load, C (or Cq)
-        and d; or A and, if there are inputs, outputs or a load, B, C, D and b. The azimuth is the last index:
-        `M(:,:,k)` and `d(:,k)`. Further variables: `phase` (azimuths in rad, by default uniform from 0
-        without the end), `phase_period` (2π), `speed` (rad/s), and cells of names `coordinates`, `states`,
+        File (.mat, version 4 to 7.2). Variables of a second-order system are M and K, and optionally C (or
+        Cq) for damping and d for a load. Variables of a first-order system are A, and optionally B, C, D for
+        inputs and outputs and b for a load. The azimuth is the last index: `M(:,:,k)` and `d(:,k)`. Further
+        variables are `phase` (azimuths in rad; by default uniform from 0, without the end of the period),
+        `phase_period` (by default 2π), `speed` (rad/s), and the cell arrays of names `coordinates`, `states`,
         `inputs` and `outputs`.
     speed : float or str, optional
         Speed in rad/s or with unit at which the matrices were sampled; by default the speed in the file.
@@ -34,7 +35,7 @@ def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
     -------
     PeriodicSystem
         System of second order from M and K, or FirstOrderSystem from A. M and K take precedence if a file
-        contains both, like the files written by `solve.export`.
+        contains all three, like the files written by `solve.export`.
 
     Raises
     ------
@@ -59,8 +60,9 @@ def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     Parameters
     ----------
     path : str or Path
-        File (.npz) with the arrays of `read_mat`, the azimuth first: M (k, n, n), d (k, n). Names are arrays
-        of texts. Arrays of objects are rejected, because they can be stored only as pickles.
+        File (.npz) with the arrays of `read_mat`, but with the azimuth as the first index: M (k, n, n), d (k,
+        n). Names are arrays of texts. Arrays of objects are rejected, because they can be stored only as
+        pickles.
     speed : float or str, optional
         As in `read_mat`.
 
@@ -125,10 +127,10 @@ def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
     Parameters
     ----------
     path : str or Path
-        File (.op4), text or binary, dense or sparse. It contains mass and stiffness of one set of
-        coordinates, such as MAA and KAA, or M and K; and for viscous damping BAA or CAA.
+        File (.op4), text or binary, dense or sparse. It contains the mass and stiffness matrices of one set
+        of coordinates, such as MAA and KAA, or M and K. For viscous damping, it also contains BAA or CAA.
     speed : float or str, optional
-        Speed in rad/s or with unit, used by default for results.
+        Speed in rad/s or with unit, used for results if they do not state one.
 
     Returns
     -------
@@ -138,7 +140,7 @@ def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
     Raises
     ------
     FileError
-        For a file that cannot be read, or matrices that do not fit.
+        If the file cannot be read, or matrices have different sizes.
 
     Examples
     --------
@@ -156,7 +158,7 @@ def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
 
 
 def _read(path: str | Path, ending: str, speed: float | str | None) -> Read:
-    """System from the arrays of a file. Raises FileError."""
+    """Create a system from the arrays of a file. Raises FileError."""
     file = Path(checked_path(path))
     arrays = named_arrays(file, ending)
     if ending == ".mat":
@@ -165,8 +167,11 @@ def _read(path: str | Path, ending: str, speed: float | str | None) -> Read:
 
 
 def _azimuth_first(name: str, values: Array) -> Array:
-    """MATLAB array with the azimuth moved from the last index to the first. A two-dimensional array is
-    changed only if its name is d or b (vectors over the azimuth); otherwise it is a constant matrix."""
+    """Move the azimuth of a MATLAB array from the last index to the first.
+
+    A two-dimensional array is a constant matrix and is returned unchanged, unless its name is d or b (vectors
+    over the azimuth).
+    """
     if name not in _OVER_AZIMUTH or (values.ndim == 2 and name not in "db"):
         return values
     return np.moveaxis(values, -1, 0)

@@ -1,5 +1,5 @@
-"""Reader of one OpenFAST linearisation file (`.lin`, format of versions 2 to 4): operating points and A, B,
-C, D."""
+"""Reader of a linearisation file of OpenFAST (`.lin`, format of versions 2 to 4): operating point and
+matrices A, B, C, D."""
 
 import itertools
 import math
@@ -19,7 +19,8 @@ _FACT = re.compile(
 )
 _SECTION = re.compile(r"\s*Order of (continuous states|inputs|outputs):")
 _ROW = re.compile(r"\s*(\d+)\s+(.+?)\s+([TF])\s+(?:(\d+)\s+)?(\S.*?)\s*$")
-"""Row of a section: number, operating point, rotating frame, order of the derivative, description."""
+"""Row of a section: number, operating point, rotating frame (T or F), order of the derivative,
+description."""
 
 _MATRIX = re.compile(r"\s*([A-Za-z]\w*):\s+(\d+)\s+x\s+(\d+)\s*$")
 _KEPT = "ABCD"
@@ -27,7 +28,7 @@ _COUNTS = {"continuous states": "states", "inputs": "inputs", "outputs": "output
 
 
 class Signal(NamedTuple):
-    """State, input or output: description with unit, operating point, and whether it refers to the rotating
+    """State, input or output: description with unit, operating point, and whether it is in the rotating
     frame."""
 
     description: str
@@ -37,7 +38,8 @@ class Signal(NamedTuple):
 
 @dataclass
 class LinFile:
-    """Content of a file: azimuth (rad) and rotor speed (rad/s) as printed, signals, and matrices by name."""
+    """Content of a file: azimuth (rad) and rotor speed (rad/s) as printed, signals by kind, and matrices by
+    name."""
 
     path: Path
     title: str = ""
@@ -49,7 +51,7 @@ class LinFile:
 
     @classmethod
     def read(cls, path: Path) -> "LinFile":
-        """Read a file. Raises FileError, which names the file and the line."""
+        """Read a file. Raises FileError with the file and the line in the message."""
         try:
             lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError as error:
@@ -60,7 +62,7 @@ class LinFile:
 
 
 class _Parser:
-    """Parser of the numbered lines of a file."""
+    """Parser of a file, line by line."""
 
     def __init__(self, file: LinFile, lines: Iterator[tuple[int, str]]):
         self.file, self.lines, self.number = file, lines, 0
@@ -124,7 +126,7 @@ class _Parser:
         self.file.matrices[name] = values
 
     def _shape(self, name: str) -> tuple[int, int]:
-        """Shape of a matrix according to the numbers of states, inputs and outputs."""
+        """Shape of a matrix, from the numbers of states, inputs and outputs."""
         states, inputs, outputs = (self.file.counts.get(kind, 0) for kind in _COUNTS.values())
         return {
             "A": (states, states),
@@ -149,7 +151,7 @@ class _Parser:
         return int(text)
 
     def _check(self) -> None:
-        """Raise FileError if the file lacks data that a system requires."""
+        """Raise FileError if the file lacks data that are required for a system."""
         file, missing = self.file, "is not a linearisation file of OpenFAST, or is truncated: it has no"
         for name, value in (("'Azimuth'", file.azimuth), ("'Rotor Speed'", file.speed)):
             if math.isnan(value):

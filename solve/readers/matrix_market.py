@@ -1,4 +1,4 @@
-"""Matrices in Matrix Market files, with one file per matrix and azimuth."""
+"""Matrices in Matrix Market files. There is one file per matrix and azimuth."""
 
 import re
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from solve.readers.files import matching_files
 from solve.units import speed_in_si
 
 _SYMBOL = re.compile(r"(?:^|[._-])(M|Cq|C|K|d|A|B|D|b)(?:[._-]?(\d+))?\.mtx$")
-"""End of a file's name: the symbol of the matrix, and the number of the azimuth."""
+"""End of the name of a file: the symbol of the matrix and the number of the azimuth."""
 
 
 @matches_annotations
@@ -31,13 +31,13 @@ def read_matrix_market(
     Parameters
     ----------
     paths : str, Path or sequence of these
-        Files (.mtx) or a pattern such as "run.*.mtx". Names end with the symbol of the matrix (M, C, K, d or
-        A, B, C, D, b) and the number of the azimuth, such as `run.K.007.mtx`. Without a number, the matrix is
-        constant.
+        Files (.mtx), or a pattern such as "run.*.mtx". Each name ends with the symbol of the matrix (M, C, K,
+        d or A, B, C, D, b) and the number of the azimuth, for example `run.K.007.mtx`. Without a number, the
+        matrix is constant.
     speed : float or str, optional
         Speed in rad/s or with unit at which the matrices were sampled.
     phases : sequence of float, optional
-        Azimuths in rad, by default uniform from 0 without the end of the period.
+        Azimuths in rad; by default uniform from 0, without the end of the period.
     coordinates : sequence of str, optional
         Names of the coordinates or states.
 
@@ -49,7 +49,7 @@ def read_matrix_market(
     Raises
     ------
     FileError
-        For files that cannot be read, names without the symbol of a matrix, or matrices that do not fit.
+        If a file cannot be read, a name lacks the symbol of a matrix, or matrices do not fit together.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def read_matrix_market(
 
 
 def _stacked(numbers: dict[int, Path]) -> Array:
-    """Matrices (k, …) stacked in ascending order of their numbers. Raises FileError."""
+    """Stack the matrices as (k, …), in ascending order of their numbers. Raises FileError."""
     matrices = [matrix_market(numbers[number]) for number in sorted(numbers)]
     first = next(iter(numbers.values()))
     if len({matrix.shape for matrix in matrices}) > 1:

@@ -17,11 +17,11 @@ from solve.readers.lin_file import LinFile, Signal
 from solve.readers.sampled import SampledStates, Source
 
 _SAME_SPEED = 0.01
-"""Relative difference up to which rotor speeds of a set of files count as one operating point: in a periodic
-steady state the rotor speed varies within a revolution. Chosen by judgement."""
+"""Relative difference between the rotor speeds of files up to which they count as one operating point. In a
+periodic steady state, the rotor speed varies within a revolution. Chosen by judgement."""
 
 _PRINTED = 6e-4
-"""Allowed difference in rad between a printed azimuth, which has three or four decimals, and the azimuth
+"""Allowed difference in rad between the printed azimuth, which has three or four decimals, and the azimuth
 computed from the states."""
 
 _DOF = re.compile(r"\(internal DOF index = DOF_([^()]*(?:\([^()]*\))?)\)")
@@ -37,31 +37,32 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
     Parameters
     ----------
     paths : str, Path or sequence of these
-        Files (`.lin`), or a pattern such as "run.*.lin". A pattern does not include files of single modules,
+        Files (`.lin`), or a pattern such as "run.*.lin". A pattern does not match files of single modules,
         such as "run.1.ED.lin".
     exclude : sequence of str
-        Names of states that are omitted, with their rows and columns, such as "GeAz", the azimuth of the
-        generator, and its rate "GeAz_rate".
+        Names of states whose rows and columns are omitted, for example the azimuth of the generator, "GeAz",
+        and its rate "GeAz_rate".
 
     Returns
     -------
     FirstOrderSystem
-        System of small deviations from the periodic motion, without load. States, inputs and outputs have
-        names derived from their descriptions, which are in `meanings`; `units` contains the units in the
-        file. `source` contains the rotor speed, the states in the rotating frame and the operating points.
+        System of small deviations from the periodic motion, without load. The names of states, inputs and
+        outputs are derived from their descriptions, which `meanings` contains. `units` contains the units in
+        the file. `source` contains the rotor speed, the names of the states in the rotating frame, and the
+        operating points.
 
     Raises
     ------
     FileError
-        For a file that cannot be read or is malformed, and for files that do not belong together.
+        If a file cannot be read or is malformed, or the files do not belong to one run and operating point.
     MatricesError
-        For fewer than three azimuths, and for azimuths that coincide.
+        If there are fewer than three azimuths, or azimuths coincide.
 
     Notes
-    -----
-    Azimuths are printed with four decimals. If the states in the file include the angle of the generator and
-    the twist of the drive train, the azimuth is their sum, with twelve digits. Matrices between the azimuths
-    are the trigonometric interpolant, whose error is included in the error estimates of the results.
+    ----- Azimuths are printed with four decimals. If the states in the file include the angle of the
+    generator and the twist of the drive train, the azimuth is computed as their sum, with twelve digits.
+    Between the azimuths, the matrices are interpolated by trigonometric polynomials. The error estimates of
+    results include the interpolation error.
 
     Examples
     --------
@@ -88,13 +89,13 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
 
 
 def _whole_turbine(paths: Sequence[Path]) -> list[Path]:
-    """Paths without the files of individual modules, unless there are no other files."""
+    """Paths without the files of individual modules, unless all files are of this kind."""
     whole = [path for path in paths if not re.search(r"\.\d+\.[A-Za-z]\w*\.lin$", path.name)]
     return whole or list(paths)
 
 
 def _require_same(files: Sequence[LinFile]) -> None:
-    """Raise FileError for files from different models or operating points."""
+    """Raise FileError for files of different models or operating points."""
     first = files[0]
     for file in files[1:]:
         for kind in ("states", "inputs", "outputs"):
@@ -124,7 +125,7 @@ def _require_same(files: Sequence[LinFile]) -> None:
 
 
 def _names(signals: Sequence[Signal], kind: str) -> list[str]:
-    """Unique short names of signals, from their descriptions."""
+    """Unique short names of signals, derived from their descriptions."""
     names: list[str] = []
     for signal in signals:
         name = _name(signal.description)
@@ -135,7 +136,8 @@ def _names(signals: Sequence[Signal], kind: str) -> list[str]:
 
 
 def _name(description: str) -> str:
-    """Short name from a description: the label of the degree of freedom, or its first words.
+    """Short name derived from a description: the label of the degree of freedom or, without a label, the
+    first words.
 
     >>> _name("ED First time derivative of 1st tower mode (internal DOF index = DOF_TFA1), m/s")
     'TFA1_rate'
@@ -163,7 +165,8 @@ def _kept(states: Sequence[str], exclude: Sequence[str]) -> list[int]:
 
 
 def _azimuth(file: LinFile) -> float:
-    """Azimuth in rad within a revolution, computed from the states if they agree with the printed value."""
+    """Azimuth in rad within a revolution. It is computed from the states if they agree with the printed
+    value."""
     angles = []
     for text in _AZIMUTH_STATES:
         angles += [
@@ -171,15 +174,15 @@ def _azimuth(file: LinFile) -> float:
             for signal in file.signals["states"]
             if text in signal.description and _RATE not in signal.description
         ]
-    # ElastoDyn measures the azimuth of blade 1 from the vertical; the angle of the generator lags by a
-    # quarter revolution.
+    # ElastoDyn measures the azimuth of blade 1 from the vertical. The angle of the generator is smaller by a
+    # quarter of a revolution.
     exact = sum(angles) + math.pi / 2
     is_same = angles and abs(math.remainder(exact - file.azimuth, 2 * math.pi)) < _PRINTED
     return (exact if is_same else file.azimuth) % (2 * math.pi)
 
 
 def _signals(matrices: dict[str, Array], names: dict[str, list[str]], kept: Sequence[int]) -> Signals | None:
-    """Matrices B, C, D for the states that are kept, with names; None unless all three are present."""
+    """Matrices B, C, D for the remaining states, with names; None unless all three are present."""
     if not {"B", "C", "D"} <= matrices.keys() or not (names["inputs"] or names["outputs"]):
         return None
     states = {names["states"][k] for k in kept}

@@ -1,4 +1,4 @@
-"""Systems from paths of files, which `solve.load` and commands accept in place of a model."""
+"""Systems from paths of files. `solve.load` and commands accept such paths in place of a model."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -21,20 +21,21 @@ READERS: dict[str, Callable[..., Any]] = {
     ".op4": read_op4,
     ".fmu": read_fmu,
 }
-"""Readers by the ending of a path or pattern."""
+"""Mapping from the ending of a path or pattern to the reader."""
 
 _OPTIONS: Mapping[str, Sequence[str]] = {".lin": ("exclude",), ".fmu": ("exclude", "drive")}
-"""Names of options by ending: excluded states, and the variable that is set to the speed."""
+"""Mapping from endings to the names of options: excluded states, and the variable that is set to the
+speed."""
 
 
 def read(
     text: str, options: Mapping[str, Any], parameters: Mapping[str, float | str], **others: Any
 ) -> PeriodicSystem:
-    """System read from a path or pattern.
+    """Read a system from a path or pattern.
 
-    options: options of the reader. parameters: variables of an FMU or arguments of a Python function; may
-    also contain options. others: arguments for models only; rejected unless None. Raises SolveError
-    subclasses.
+    options: options of the reader. parameters: variables of an FMU or arguments of a Python function; options
+    are also accepted here. others: arguments that apply only to models, and must be None. Raises subclasses
+    of SolveError.
     """
     ending = Path(text).suffix.lower()
     allowed = _OPTIONS.get(ending, ())
@@ -60,11 +61,12 @@ def read(
 
 
 _ABSENT = {".lin": "parameters or cases", ".fmu": "cases", ".py": "cases or options"}
-"""Text that names the arguments that do not apply, by ending. Files of matrices accept none of them."""
+"""Mapping from endings to a text that names the arguments that do not apply. For files of matrices, none
+apply."""
 
 
 def _numbers(text: str, parameters: Mapping[str, float | str]) -> dict[str, float]:
-    """Values of variables of an FMU. Raises ValueOutOfBoundsError for texts."""
+    """Mapping from variables of an FMU to values. Raises ValueOutOfBoundsError for texts."""
     for name, value in parameters.items():
         if isinstance(value, str):
             raise ValueOutOfBoundsError(

@@ -1,4 +1,4 @@
-"""Systems that a file of Python code defines."""
+"""Systems that are defined by a file of Python code."""
 
 import inspect
 import math
@@ -12,11 +12,12 @@ from solve.system import PeriodicSystem, built_by, relabelled
 
 
 def read_python(file: Path, parameters: Mapping[str, float | str] | None = None) -> PeriodicSystem:
-    """System that a file defines by the name `system`: a system, or a function that returns one.
+    """Execute a file and return the system that it defines under the name `system`: a system, or a function
+    that returns one.
 
-    The code is executed. The arguments of a function are the parameters of the system, with their defaults as
-    values. Raises ModelFileError if the code fails or defines no system, and UnknownNameError,
-    MissingValueError, ValueOutOfBoundsError for unsuitable parameters.
+    The arguments of the function become the parameters of the system, with the defaults as values. Raises
+    ModelFileError if the code fails or defines no system; raises UnknownNameError, MissingValueError,
+    ValueOutOfBoundsError for parameters that are not allowed.
     """
     names: dict[str, Any] = {"__name__": file.stem, "__file__": str(file)}
     try:
@@ -38,7 +39,7 @@ _ALLOWED = "give a PeriodicSystem, FirstOrderSystem or MixedSystem, or a functio
 
 
 def _built(file: Path, function: Callable[..., Any], values: Mapping[str, float]) -> PeriodicSystem:
-    """System that a function returns for values of its arguments. The arguments remain parameters of the
+    """System that `function` returns for the values of its arguments. The arguments become parameters of the
     system."""
     system = _called(file, partial(function, **values))
     if not isinstance(system, PeriodicSystem):
@@ -48,13 +49,13 @@ def _built(file: Path, function: Callable[..., Any], values: Mapping[str, float]
 
 
 def _labelled(system: PeriodicSystem, file: Path) -> PeriodicSystem:
-    """System, named after its file unless it already has a name."""
+    """Name the system after its file, unless it already has a name."""
     is_labelled = system.labels.name != PeriodicSystem.labels.name
     return system if is_labelled else relabelled(system, name=file.stem)
 
 
 def _values(file: Path, function: Callable[..., Any], given: Mapping[str, float | str]) -> dict[str, float]:
-    """Values of all arguments of a function: the given ones, or their defaults."""
+    """Values of all arguments of a function: those in `given` and, for the others, the defaults."""
     defaults = {name: each.default for name, each in inspect.signature(function).parameters.items()}
     for name in given:
         require_name(f"parameter of '{file}'", name, defaults)
@@ -71,7 +72,8 @@ def _values(file: Path, function: Callable[..., Any], given: Mapping[str, float 
 
 
 def _called(file: Path, function: Callable[[], Any]) -> Any:
-    """Result of a function of the file. Raises ModelFileError with the line at which it fails."""
+    """Call a function of the file and return its result. Raises ModelFileError with the line at which it
+    fails."""
     try:
         return function()
     except SolveError:

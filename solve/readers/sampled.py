@@ -1,4 +1,4 @@
-"""Systems that another program sampled at one speed."""
+"""Systems whose matrices were sampled by another program at one speed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,28 +13,29 @@ from solve.labels import Labels
 from solve.system import PeriodicSystem
 
 _SAME_SPEED = 1e-3
-"""Relative difference from the speed of the samples above which a warning is issued. Files state the
-speed with four digits or more."""
+"""Relative difference from the speed of the samples above which a warning is issued. Files state speeds with
+at least four digits."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """Origin of samples: file, program and speed.
+    """Origin of samples: the file, its description and the speed.
 
     Attributes
     ----------
     name : str
-        Name of the file or files.
+        Name of the file, or common name of the files.
     title : str
         Description in the file.
     speed : float or None
         Speed in rad/s at which the matrices were sampled.
     units, meanings : mapping of str to str
-        Units and descriptions of coordinates, states and outputs.
+        Mappings from coordinates, states and outputs to units and to descriptions.
     rotating : sequence of str
-        States, inputs and outputs in the rotating frame.
+        Names of the states, inputs and outputs in the rotating frame.
     operating_points : mapping of str to (k,) array
-        Values of states, inputs and outputs about which the matrices were linearised, by azimuth.
+        Mapping from states, inputs and outputs to the values at k azimuths about which the matrices were
+        linearised.
     """
 
     name: str
@@ -47,13 +48,14 @@ class Source:
 
 
 class OfSource:
-    """Mixin that adds the labels of a source, and a warning at speeds other than the speed of the source."""
+    """Mixin for systems with a source. It adds the labels of the source, and a warning at speeds that differ
+    from that of the source."""
 
     source: Source
     labels: Labels
 
     def of_source(self, source: Source) -> None:
-        """Set the labels of the source. Returns the system."""
+        """Set the labels of the source, and return the system."""
         if source.speed is not None and not (np.isfinite(source.speed) and source.speed > 0):
             raise FileError(f"{source.name}: speed is {source.speed:g} rad/s; allowed: a finite speed > 0")
         self.source = source
@@ -87,4 +89,4 @@ class SampledStates(OfSource, FirstOrderSystem, Validity):
 
 
 class SampledMixed(OfSource, MixedSystem, Validity):
-    """System with coordinates and states from a file."""
+    """System with coordinates and first-order states from a file."""

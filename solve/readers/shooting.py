@@ -9,15 +9,15 @@ from solve.errors import FileError
 from solve.readers.fmi import Unit
 
 _CLOSED = 1e-10
-"""Difference of a state over a period, relative to its largest modulus, up to which a motion counts as
-periodic. Chosen by judgement: several times the error of the integration."""
+"""Change of a state over a period, relative to its largest modulus, up to which the motion counts as
+periodic. Chosen by judgement: it is several times the error of the integration."""
 
 _INTEGRATION, _MONODROMY = 1e-12, 1e-8
-"""Relative tolerances of LSODA for the motion and for the monodromy matrix. The latter is used in Newton
-corrections only, so that it may be less accurate. Chosen by judgement."""
+"""Relative tolerances of LSODA for the motion and for the monodromy matrix. The monodromy matrix may be less
+accurate, because it is used only in Newton corrections. Chosen by judgement."""
 
 _MOST_CORRECTIONS = 20
-"""Maximum number of Newton corrections. Chosen by judgement: quadratic convergence takes five."""
+"""Largest number of Newton corrections. Chosen by judgement: quadratic convergence requires about five."""
 
 _SLOW = 0.1
 """Ratio of successive residuals above which the monodromy matrix is computed again. Chosen by judgement."""
@@ -27,15 +27,14 @@ _SINGULAR = 1e-10
 choice."""
 
 Motion = Callable[[Array], Array]
-"""Function of times (k,) in s that returns all states (N, k)."""
+"""Type of functions that return all states (N, k) at times (k,) in s."""
 
 
 def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
-    """Motion over a period, found by Newton's method, on which the states with indices `kept` (k,) are
-    periodic.
+    """Find, by Newton's method, a motion of which the states with indices `kept` (k,) are periodic.
 
-    The other states begin at their start values. Raises FileError if the motion cannot be integrated, is not
-    isolated, or is not found.
+    The other states start from their start values. Raises FileError if the motion cannot be integrated, is
+    not isolated, or is not found.
     """
     x, Phi, before = unit.start.copy(), None, np.inf
     for _ in range(_MOST_CORRECTIONS):
@@ -55,7 +54,7 @@ def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
 
 
 def _solved(unit: Unit, Phi: Array, residual: Array, sizes: Array) -> Array:
-    """Solution of (I - Φ) x = residual. Raises FileError for a multiplier +1."""
+    """Solution x of (I - Φ) x = residual. Raises FileError for a multiplier +1."""
     scaled = np.eye(len(Phi)) - Phi * sizes / sizes[:, None]
     singular = np.linalg.svd(scaled, compute_uv=False)
     if singular[-1] <= _SINGULAR * singular[0]:
@@ -67,8 +66,8 @@ def _solved(unit: Unit, Phi: Array, residual: Array, sizes: Array) -> Array:
 
 
 def _integrated(unit: Unit, x: Array, duration: float) -> tuple[Motion, Array, Array]:
-    """Motion from initial states (N,), the states at the end, and the largest moduli of the states, 1 for
-    states that remain zero."""
+    """Return the motion from initial states (N,), the states (N,) at its end, and the largest moduli (N,) of
+    the states. The last are 1 for states that remain zero."""
     from scipy.integrate import solve_ivp
 
     found = solve_ivp(
@@ -87,12 +86,13 @@ def _integrated(unit: Unit, x: Array, duration: float) -> tuple[Motion, Array, A
 
 
 def _nonzero(sizes: Array) -> Array:
-    """Sizes (N,) with 1 in place of 0."""
+    """Replace zeros in `sizes` (N,) by 1."""
     return np.where(sizes > 0, sizes, 1.0)
 
 
 def _monodromy(unit: Unit, x: Array, kept: Array, duration: float) -> Array:
-    """Derivatives (k, k) of the states `kept` at the end of a period with respect to those at its start."""
+    """Derivatives (k, k) of the k states `kept` at the end of a period, with respect to the same states at
+    its start."""
     from scipy.integrate import solve_ivp
 
     N, k = len(x), len(kept)

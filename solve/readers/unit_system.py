@@ -1,4 +1,4 @@
-"""A functional mock-up unit whose motion is found at each speed at which it is used."""
+"""System of a functional mock-up unit, whose motion is found at each speed at which the system is used."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,12 +8,12 @@ from solve.first_order import FirstOrderSystem
 from solve.readers.sampled import OfSource, SampledStates, Source
 
 _MOST_SPEEDS = 256
-"""Maximum number of speeds whose matrices are cached. Chosen by judgement: a few hundred MB for ten
-states."""
+"""Largest number of speeds whose matrices are cached. Chosen by judgement: for ten states, they require a few
+hundred MB."""
 
 
 class UnitSystem(OfSource, FirstOrderSystem, Validity):
-    """Small deviations of an FMU from its periodic motion at any speed.
+    """Equations of small deviations of an FMU from its periodic motion, at any speed.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class UnitSystem(OfSource, FirstOrderSystem, Validity):
     states : sequence of str
         Names of the states.
     signals : tuple
-        Names of the inputs, and of the outputs.
+        Names of the inputs, and names of the outputs.
     period : float
         Period in phase.
     source : Source
@@ -44,7 +44,7 @@ class UnitSystem(OfSource, FirstOrderSystem, Validity):
         self.of_source(source)
 
     def at_speed(self, speed: float) -> SampledStates:
-        """Linearisation at a speed in rad/s. Raises FileError where no periodic motion is found."""
+        """Linearisation at a speed in rad/s. Raises FileError if no periodic motion is found."""
         return self._at(speed)[0]
 
     def _at(self, speed: float) -> tuple[SampledStates, bool]:
