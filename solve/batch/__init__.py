@@ -1,2 +1,2 @@
-"""Batch solution of many points, that is, of systems that differ only in parameter values, with shared tables
-and grids."""
+"""Batch solution of many points with shared tables and grids. The points are systems that differ only in
+parameter values and speed."""

@@ -1,5 +1,5 @@
-"""Batch solution of the points of a family, with shared tables if the entries separate into functions of
-phase and of point."""
+"""Batch solution of the points of a family. Tables are shared if the entries can be separated into functions
+of the phase and coefficients of the point."""
 
 from collections.abc import Generator, Iterator
 from contextlib import suppress
@@ -22,26 +22,30 @@ from solve.terminal import progress
 from solve.threads import one_thread
 
 POINTS = "points"
-"""Name of the unit in progress reports."""
+"""Unit of progress reports."""
 
 _MIN_GROUP = 4
-"""Minimum number of points with equal parameters from which shared terms are computed for the speed alone. A
-choice."""
+"""Minimum number of points with equal parameters for which shared terms are computed as functions of the
+speed alone. Chosen by judgement."""
 
 
 class Batch:
     """Solver of the points of a family by a method, with shared tables."""
 
     def __init__(self, family: Family, region: Array, method: Rule, request: SolveRequest):
-        """region: points (T, v) from which shared tables are computed; their range contains the points to be
-        solved."""
+        """Prepare the solution.
+
+        region: points (T, v) from which shared tables are computed. Their range must contain the points to be
+        solved.
+        """
         self.family, self.method, self.request = family, method, request
         self.region = region
         self._separation: Separation | None = None
         self._is_checked = False
 
     def solved(self, points: Array) -> Iterator[Certified | Failed]:
-        """Yield solutions of points (k, v) in groups, with their positions among the points."""
+        """Solve points (k, v) in groups. Yield the solutions of each group, with the indices of its
+        points."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 yield chunk
@@ -59,8 +63,8 @@ class Batch:
                     yield from (Failed(position, error) for position in positions.tolist())
 
     def solutions(self, points: Array, *grids: int) -> Iterator[tuple[int, Array, Solutions]]:
-        """Yield steps, positions and solutions of points (k, v), on grids with given numbers of steps,
-        without error estimates. Failed points are omitted."""
+        """Solve points (k, v) on grids with the given numbers of steps, without error estimates. Yield the
+        number of steps, the indices of the points and their solutions. Failed points are omitted."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 continue
@@ -71,8 +75,8 @@ class Batch:
                         yield steps, chosen[at[index]], solutions
 
     def multipliers(self, points: Array, steps: int) -> Array:
-        """Multipliers (k, N) of points (k, v) on one grid, without error estimates; zero for failed
-        points."""
+        """Multipliers (k, N) of points (k, v) on one grid of `steps` steps, without error estimates; zero for
+        failed points."""
         values = np.zeros((len(points), multiplier_count(self.family.example)), dtype=complex)
         with one_thread(self.family.example.n), progress.task(POINTS, len(points)) as count:
             for _, positions, solutions in self.solutions(points, steps):
@@ -81,13 +85,13 @@ class Batch:
         return values
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:
-        """Reason why a point (v,) failed: the exception raised on construction of its system, otherwise the
-        given reason."""
+        """Reason why a point (v,) failed: the exception raised when its system is built or, if none is
+        raised, `reason`."""
         single = self._single(point[None], 0)
         return single.reason if isinstance(single, Failed) else reason
 
     def _chunks(self, points: Array) -> Iterator[tuple[Array, Points | Failed]]:
-        """Groups of points for batch solution, and single points, each with their positions (k,)."""
+        """Yield groups of points for batch solution, and single points, each with their indices (k,)."""
         all_positions = np.arange(len(points))
         single = all_positions
         if self._supports_batches(points):
@@ -95,7 +99,7 @@ class Batch:
         yield from ((all_positions[at : at + 1], self._single(points, at)) for at in single.tolist())
 
     def _groups(self, points: Array) -> Generator[tuple[Array, Points], None, Array]:
-        """Groups of points with the same breaks. Returns the positions of points without a valid system.
+        """Yield groups of points with the same breaks. Return the indices of points without a valid system.
 
         Generated code is checked at the first point only.
         """
@@ -125,7 +129,7 @@ class Batch:
         return np.sort(np.concatenate(left))
 
     def _single(self, points: Array, at: int) -> Points | Failed:
-        """Point with the index `at`, with its own system; Failed if this system is invalid."""
+        """Point with index `at`, represented by its own system; Failed if this system is invalid."""
         try:
             system, speed = self.family.system(points[at])
             check(system, speed)
@@ -147,8 +151,8 @@ class Batch:
     def _with_tables(
         self, shared: Separation, points: Array, positions: Array
     ) -> Iterator[tuple[Array, Points]]:
-        """Points with shared terms (for all quantities, or for the speed only), followed by all other
-        points."""
+        """Yield points with shared terms, which are functions of all quantities or of the speed alone; then
+        yield all other points."""
         others = yield from _represented(shared, points, positions)
         for group in self._by_parameters(points, others):
             if len(group) >= _MIN_GROUP:
@@ -162,7 +166,8 @@ class Batch:
             yield others, Sampled(self.family, points[others], shared.engine, shared.breaks)
 
     def _by_parameters(self, points: Array, positions: Array) -> list[Array]:
-        """Groups of positions of points with equal parameters, if both speed and parameters vary."""
+        """Groups of indices of points with equal parameters. The list is empty unless both speed and
+        parameters vary."""
         free = [k for k, name in enumerate(self.family.names) if name != SPEED]
         if len(positions) == 0 or not 0 < len(free) < len(self.family.names):
             return []
@@ -174,8 +179,8 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """Yield positions and points for which the shared terms represent the entries; return all other
-    positions."""
+    """Yield the indices of points whose entries the shared terms represent, and these points. Return the
+    indices of all other points."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])

@@ -1,4 +1,4 @@
-"""Families of systems over the speed and over parameters."""
+"""Families of systems whose speed or parameters vary."""
 
 import copy
 from collections.abc import Callable, Sequence
@@ -20,15 +20,15 @@ from solve.period.points import SpeedPoints
 from solve.system import PeriodicSystem
 
 _CACHED_SYSTEMS = 8
-"""Number of cached systems, for the latest values of the parameters. Chosen by judgement."""
+"""Number of cached systems, those with the most recent values of the parameters. Chosen by judgement."""
 
 
 class Family:
-    """Family of systems over points (P, v). Each row contains the values of the quantities `names`.
+    """Family of systems. A point (v,) contains the values of the v quantities `names`.
 
-    speed: speed in rad/s, if it is not among the names. example: one system of the family; all systems have
-    the same coordinates, outputs, units and period. A copied or unpickled family builds its functions anew,
-    because CasADi functions belong to one thread of one process.
+    speed: speed in rad/s, if it is not one of the quantities. example: one system of the family; all systems
+    have the same coordinates, outputs, units and period. A copied or unpickled family builds its functions
+    anew, because CasADi functions belong to one thread of one process.
     """
 
     names: tuple[str, ...]
@@ -36,7 +36,7 @@ class Family:
     example: PeriodicSystem
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
-        """System and speed (rad/s) at a point (v,). Raises SolveError subclasses."""
+        """Return the system and the speed (rad/s) at a point (v,). Raises subclasses of SolveError."""
         raise NotImplementedError
 
     def speeds(self, points: Array) -> Array:
@@ -46,18 +46,19 @@ class Family:
         return np.full(len(points), self.speed)
 
     def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
-        """Entries (P, k, 3n² + n) of Ω²M, ΩC, K by rows and d at phases (k,); NaN at points without a
-        system."""
+        """Entries (P, k, 3n² + n) of Ω²M, ΩC and K in row order, and of d, at phases (k,). They are NaN for
+        points without a system."""
         entries = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
         for rows, point in zip(entries, points, strict=True):
-            # Entries are NaN at points without a system; their solution then fails and reports the reason.
+            # Entries are NaN at points without a system. The solution of these points fails and reports the
+            # reason.
             with suppress(SolveError):
                 system, speed = self.system(point)
                 rows[:] = entries_of(system, phase, speed)
         return entries
 
     def exist(self, points: Array) -> Array:
-        """Whether (P,) the fundamental motion exists at points (P, v)."""
+        """Whether (P,) the fundamental motion exists at each of the points (P, v)."""
         return np.ones(len(points), dtype=bool)
 
     @property
@@ -66,13 +67,13 @@ class Family:
         return True
 
     def at_speeds(self, points: Array) -> SpeedPoints | None:
-        """Points (P, v) as one system at several speeds, if only the speed varies and the system provides
-        `terms`; otherwise None."""
+        """Represent points (P, v) by one system at several speeds. None unless only the speed varies and the
+        system provides `terms`."""
         return None
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
-        """Breaks and positions (k,) of groups of points (P, v) with the same breaks; the breaks are None for
-        points without a system."""
+        """Divide points (P, v) into groups with the same breaks. Return the breaks and the indices (k,) of
+        each group. The breaks are None for points without a system."""
         groups: dict[tuple[float, ...] | None, list[int]] = {}
         for position, breaks in enumerate(self._breaks(points)):
             groups.setdefault(breaks, []).append(position)
@@ -88,8 +89,8 @@ class Family:
     def outputs(
         self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs (P, o, k) with these names at phases (P, k) and states (P, n, k). Derivatives are with
-        respect to time."""
+        """Outputs (P, o, k) named `names` at phases (P, k), for states q, qd, qdd (P, n, k). Derivatives are
+        with respect to time."""
         by_point = []
         for point, *state in zip(points, phase, q, qd, qdd, strict=True):
             system, speed = self.system(point)
@@ -98,16 +99,20 @@ class Family:
         return np.array(by_point).reshape(len(points), -1, phase.shape[1])
 
     def output_formulas(self, points: Array) -> Formulas | None:
-        """Output formulas with the parameters (P, p) of the points; None if unavailable."""
+        """Formulas of the outputs, with the parameters (P, p) of the points; None if there are no
+        formulas."""
         return None
 
 
 class SystemFamily(Family):
-    """Family of a system over its speed, its parameters, or both."""
+    """Family of one system with varying speed, parameters, or both."""
 
     def __init__(self, system: PeriodicSystem, names: Sequence[str], speed: float | None = None):
-        """speed (rad/s): required unless it is among the names. Raises UnknownNameError,
-        ValueOutOfBoundsError."""
+        """Store the system and the names of the quantities.
+
+        speed (rad/s): required unless `names` contains the speed. Raises UnknownNameError,
+        ValueOutOfBoundsError.
+        """
         quantities = [SPEED, *system.labels.parameters]
         for name in names:
             require_name(f"quantity of {system.labels.name}", name, quantities)
@@ -186,7 +191,7 @@ class SystemFamily(Family):
         return None if formulas is None else self._with_values(formulas, points)
 
     def _with_values(self, formulas: Formulas, points: Array) -> Formulas:
-        """Formulas with the parameters (P, p) of the points."""
+        """Formulas with the parameters (P, p) of the points inserted."""
         values = np.tile(formulas.values, (len(points), 1))
         values[:, [formulas.names.index(name) for name in self._free]] = self._values(points)[1]
         return formulas._replace(values=values)
@@ -203,12 +208,12 @@ class SystemFamily(Family):
         return self._recent[key]
 
     def _values(self, points: Array) -> tuple[Array, Array]:
-        """Speeds (P,) and free parameters (P, v)."""
+        """Return the speeds (P,) and the free parameters (P, v) of the points."""
         return self.speeds(points), points[:, [self.names.index(name) for name in self._free]]
 
 
 class BuiltFamily(Family):
-    """Family of systems that a function builds from values by name."""
+    """Family of systems that a function builds. Values are passed to the function as keyword arguments."""
 
     def __init__(
         self,
@@ -217,8 +222,11 @@ class BuiltFamily(Family):
         points: Array,
         speed: float | None = None,
     ):
-        """points (P, v): the first point with a valid system provides the example. speed (rad/s): required
-        unless it is among the names."""
+        """Build the example.
+
+        points (P, v): the first one with a valid system provides the example. speed (rad/s): required unless
+        `names` contains the speed.
+        """
         self.names, self.speed = tuple(names), speed
         self._build = build
         self.example, self._point = self._first(points)
@@ -246,5 +254,5 @@ class BuiltFamily(Family):
 
 
 def over_speed(system: PeriodicSystem) -> Family:
-    """Family of one system over its speed."""
+    """Family of one system with varying speed."""
     return SystemFamily(system, [SPEED])

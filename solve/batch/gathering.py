@@ -29,7 +29,7 @@ _CHUNK_BYTES = 2**25
 
 
 def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:
-    """Results of points (P, v), solved in batches."""
+    """Solve points (P, v) in batches, and return their results."""
     n = batch.family.example.n
     results = PointResults.blank(len(points), multiplier_count(batch.family.example), kept or Kept())
     size = chunk_size(n)
@@ -41,8 +41,8 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
 
 
 def on_one_grid(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResults:
-    """Multipliers and statistics of points (P, v) on one grid, without error estimates. All verdicts are
-    "undetermined"."""
+    """Compute multipliers and statistics of points (P, v) on one grid, without error estimates. All verdicts
+    are "undetermined"."""
     n = batch.family.example.n
     results = PointResults.blank(len(points), multiplier_count(batch.family.example), kept)
     size = chunk_size(n)
@@ -61,15 +61,15 @@ def on_one_grid(batch: Batch, points: Array, steps: int, kept: Kept) -> PointRes
 
 def chunk_size(n: int) -> int:
     """Number of points with n coordinates per chunk."""
-    # With several coordinates, further memory is required for frozen matrices, derived arrays of the same
-    # size, and solutions of points that await the next grid.
+    # With several coordinates, memory is also required for frozen matrices, for derived arrays of the same
+    # size, and for solutions of points that await the next grid.
     copies = 1 if n == 1 else 4
     return max(_MIN_POINTS, _CHUNK_BYTES // (copies * 8 * PHASES * (3 * n**2 + n)))
 
 
 @dataclass(frozen=True)
 class _ResultWriter:
-    """Writer of results of points to positions from `start`."""
+    """Object that solves points and writes their results into `results`, from index `start`."""
 
     batch: Batch
     points: Array
@@ -77,7 +77,7 @@ class _ResultWriter:
     start: int
 
     def write(self) -> Iterator[int]:
-        """Solve all points in groups and write their results. Yields the number of points of each group."""
+        """Solve all points in groups and write their results. Yield the number of points of each group."""
         for result in self.batch.solved(self.points):
             if isinstance(result, Certified):
                 self._write(result)
@@ -109,7 +109,7 @@ class _ResultWriter:
             self.write_figures(found.positions, solutions.curve)
 
     def _system_of(self, found: Certified) -> Callable[[int], tuple[PeriodicSystem, float]]:
-        """Function that returns the system and speed (rad/s) of the point with a given index in `found`."""
+        """Function that returns the system and the speed (rad/s) of a point, given its index in `found`."""
         return lambda at: self.batch.family.system(self.points[found.positions[at]])
 
     def _write_warnings(self, found: Certified) -> None:
@@ -121,7 +121,7 @@ class _ResultWriter:
                 self.results.warnings[self.start + point] = texts
 
     def write_figures(self, positions: Array, curve: PeriodicCurve) -> None:
-        """Write statistics and amplitudes of the points at positions (k,)."""
+        """Write statistics and amplitudes of the points with indices `positions` (k,)."""
         kept, points, family = self.results.kept, self.points[positions], self.batch.family
         if not (kept.names or kept.spectra):
             return
@@ -142,7 +142,7 @@ class _ResultWriter:
             self._write_exceeded_limits(at if judged_quantities(system) else at[~finite])
 
     def _write_exceeded_limits(self, at: Array) -> None:
-        """Write warnings about limits of the model exceeded at positions (k,)."""
+        """Write warnings for the points with indices `at` (k,) that exceed limits of the model."""
         names, figures = self.results.kept.names, self.results.figures[at]
         for limit in limits_of(self.batch.family.example, names):
             of_quantity = figures[:, names.index(limit.quantity)]

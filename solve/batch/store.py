@@ -1,8 +1,8 @@
-"""Store of results of many points in a folder. Results are written in chunks, so that interrupted work can
-resume.
+"""Store of results of many points in a folder. Results are written in chunks, so that interrupted work can be
+resumed.
 
-The folder is a group of zarr arrays; `xarray.open_dataset(folder, engine="zarr", consolidated=False)` reads
-it, complete or not. A chunk is complete if its checksum, written last, agrees with its data.
+The folder is a group of zarr arrays. `xarray.open_dataset(folder, engine="zarr", consolidated=False)` reads
+it, complete or not. A chunk is complete if its data agree with its checksum, which is written last.
 """
 
 import json
@@ -21,11 +21,11 @@ from solve.results.folder import is_empty, locked, require_same, store_errors
 from solve.results.points import Kept, PointResults
 
 _WORK, _FINISHED = "work", "finished"
-"""Attributes of the group: the description of the calculation, and whether it is complete. The second
-attribute identifies a folder as a store."""
+"""Names of attributes of the group: the description of the calculation, and whether it is complete. A folder
+with the second attribute is a store."""
 
 _CODE = np.int8
-"""Integer type of the index of a method among the method names of its chunk."""
+"""Type of the index of a method in the list of method names of a chunk."""
 
 _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "figures": ("point", "quantity", "figure"),
@@ -41,8 +41,8 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
 
 
 class Store:
-    """Results of points with N multipliers each, in chunks of `size` points (the last chunk may be
-    shorter)."""
+    """Results of points with N multipliers, in chunks of `size` points. The last chunk may have fewer
+    points."""
 
     def __init__(self, group: Any, N: int, kept: Kept, size: int):
         self._N, self._kept, self.size = N, kept, size
@@ -51,7 +51,8 @@ class Store:
         self._texts, self._checksums = group["texts"], group["checksum"]
 
     def read(self, chunk: Array) -> PointResults | None:
-        """Results of a chunk, given by consecutive positions (k,); None if it is incomplete."""
+        """Results of a chunk, which is given by the consecutive indices (k,) of its points; None if it is
+        incomplete."""
         number = int(chunk[0]) // self.size
         try:
             checksum = int(self._checksums[number])
@@ -60,7 +61,7 @@ class Store:
             values = {name: array[chunk[0] : chunk[-1] + 1] for name, array in self._arrays.items()}
             text = str(self._texts[number])
         except Exception:
-            # Exceptions for damaged files depend on the codec.
+            # The exception for a damaged file depends on the codec.
             return None
         if _checksum(values, text) != checksum:
             return None
@@ -97,8 +98,8 @@ class Store:
 
 
 def made_folder(path: str | Path) -> Path:
-    """Folder for the stores of several calculations; created if necessary. Raises FileError,
-    MissingLibraryError."""
+    """Create a folder for the stores of several calculations, if necessary, and return its path. Raises
+    FileError, MissingLibraryError."""
     _require_zarr()
     with store_errors():
         Path(path).mkdir(exist_ok=True)
@@ -109,11 +110,11 @@ def made_folder(path: str | Path) -> Path:
 def opened(
     folder: str | Path, work: Mapping[str, Any], columns: Mapping[str, Array], N: int, kept: Kept, size: int
 ) -> Iterator[Store]:
-    """Store in a folder for one writer, created if necessary.
+    """Open the store in a folder for one writer; create it if necessary.
 
-    work: description that identifies the calculation, in numbers and texts. columns: values (P,) of the
-    varied quantities. Raises MissingLibraryError; raises FileError if the folder contains other files or
-    another calculation, is in use by another process, or cannot be written.
+    work: numbers and texts that identify the calculation. columns: values (P,) of the varied quantities.
+    Raises MissingLibraryError. Raises FileError if the folder contains other files or another calculation, is
+    used by another process, or cannot be written.
     """
     _require_zarr()
     place = Path(folder)
@@ -131,7 +132,7 @@ def opened(
 
 
 def _require_zarr() -> None:
-    """Raise MissingLibraryError without zarr; called before a folder is created."""
+    """Raise MissingLibraryError if zarr is not installed. This is checked before a folder is created."""
     try:
         import zarr  # noqa: F401
     except ImportError:
@@ -159,7 +160,7 @@ def _create(group: Any, N: int, kept: Kept, size: int, columns: Mapping[str, Arr
     names = {"quantity": kept.names, "spectrum": kept.spectra, "figure": FIGURES}
     names["result"] = ("orbit", "multipliers")
     for name, dimensions in _DIMENSIONS.items():
-        # Indices of the method names; the names are in the texts of the chunk.
+        # These are indices of method names. The names are in the texts of the chunk.
         values = getattr(blank, name, np.zeros(1, dtype=_CODE))
         if values.size:
             group.create_array(
@@ -188,7 +189,7 @@ def _create(group: Any, N: int, kept: Kept, size: int, columns: Mapping[str, Arr
 
 
 def _checksum(values: Mapping[str, Array], text: str) -> int:
-    """Checksum of a chunk; never 0, because 0 marks an incomplete chunk."""
+    """Checksum of a chunk. It is never 0, which marks an incomplete chunk."""
     checksum = zlib.crc32(text.encode())
     for array in values.values():
         checksum = zlib.crc32(np.ascontiguousarray(array).tobytes(), checksum)

@@ -1,11 +1,11 @@
-"""Separation of the entries of M, C, K, d into short sums of functions of the phase with coefficients that
-depend on the point.
+"""Separation of the entries of M, C, K, d into short sums of terms. Each term is a function of the phase with
+a coefficient that depends on the point.
 
-Speeds and most parameters, such as powers of Ω, masses and stiffnesses, are factors of functions of the
-phase. An entry at any phase is then a fixed linear combination of its values at a few phases, and a point is
-sampled at these phases only. The phases are selected by elimination with complete pivoting on samples of some
-points (M. Barrault, Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every point is
-checked at further phases.
+The speed and most parameters, for example masses and stiffnesses, are factors of functions of the phase. An
+entry at any phase is then a fixed linear combination of its values at a few phases, and a point is sampled at
+these phases only. The phases are selected by elimination with complete pivoting, from samples of some points
+(M. Barrault, Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every point is checked at
+further phases.
 """
 
 import numpy as np
@@ -17,24 +17,24 @@ from solve.period.grid import pieces
 from solve.period.points import Tables
 
 _MAX_TERMS = 10
-"""Number of terms per entry above which separation is not used and every point is sampled at every phase. A
-choice."""
+"""Number of terms per entry above which entries are not separated, and every point is sampled at every phase.
+Chosen by judgement."""
 
 _TRAINING_POINTS, _TRAINING_PHASES = 16, 64
-"""Numbers of points and phases from which the terms are computed. Chosen by judgement."""
+"""Number of points and number of phases from which the terms are computed. Chosen by judgement."""
 
 _NEGLIGIBLE = 4e-15
 """Pivot, relative to the largest value of the entry, below which terms are omitted as round-off."""
 
 _REPRESENTED = 1e-12
-"""Relative error at the check phases up to which a point counts as represented. Chosen by judgement."""
+"""Relative error at the check phases up to which the terms represent a point. Chosen by judgement."""
 
 _CACHE_BYTES = 2**26
 """Memory limit of cached tables in bytes. Chosen by judgement."""
 
 _CHECKS = np.array([0.1357, 0.7311])
-"""Phases at which the representation of points is checked, as fractions of each piece between two breaks. A
-choice."""
+"""Phases at which it is checked whether the terms represent a point, as fractions of each piece between two
+breaks. Chosen by judgement."""
 
 _MIN_PHASES = 8
 """Minimum number of training phases per piece. Chosen by judgement."""
@@ -43,8 +43,8 @@ _MIN_PHASES = 8
 class Separation:
     """Terms of the entries of a family, computed from samples at points (T, v); see `training`.
 
-    The j-th term of an entry is 1 at its own phase and 0 at the phases of previous terms. A small term
-    therefore does not reduce the accuracy of the others.
+    Each term of an entry has a phase. The term is 1 at this phase, and 0 at the phases of previous terms.
+    Therefore, a small term does not reduce the accuracy of the others.
     """
 
     def __init__(
@@ -80,8 +80,8 @@ class Separation:
         self.entry, self._stage = np.nonzero(self._active.T)
 
     def _compute_terms(self, samples: Array) -> None:
-        """Compute factors [j][i] (E,) of term i in row j, and terms [i] (T, E) at the phases of all terms,
-        from samples (B, T, E)."""
+        """Compute the terms from samples (B, T, E): factors [j][i] (E,) of term i in row j, and values [i]
+        (T, E) of term i."""
         every = np.arange(samples.shape[2])
         self._factors, self._nested = [], []
         for stage, row in enumerate(self._rows):
@@ -94,7 +94,8 @@ class Separation:
             self._nested.append(rest / factors[-1])
 
     def table(self, phase: Array) -> Array:
-        """Terms (k, R) at phases (k,). The most recent results are cached, up to a memory limit."""
+        """Values (k, R) of the terms at phases (k,). The most recent results are cached, up to a memory
+        limit."""
         key = phase.tobytes()
         if key not in self._cache:
             self._cache[key] = self._terms(phase)
@@ -113,7 +114,7 @@ class Separation:
         return np.ascontiguousarray(self._by_term(terms, len(phase)))
 
     def _by_term(self, stages: list[Array], count: int) -> Array:
-        """Values (count, R) of the terms, from values (count, E) of each stage."""
+        """Values (count, R) of all terms, from values (count, E) of each stage of the elimination."""
         return np.array(stages).reshape(-1, count, len(self._active.T))[self._stage, :, self.entry].T
 
     def tables(self, phase: Array, coefficients: Array) -> Tables:
@@ -121,7 +122,7 @@ class Separation:
         return Tables(self.table(phase), coefficients, self.entry, self.n, self.first_order)
 
     def coefficients(self, points: Array) -> tuple[Array, Array]:
-        """Coefficients (P, R), and whether (P,) the terms represent each point."""
+        """Return the coefficients (P, R) of points, and whether (P,) the terms represent each point."""
         checks = self._checks
         samples = self.family.entries(np.concatenate((self._phases, checks)), points, self.engine)
         every, nested = np.arange(samples.shape[2]), []
@@ -141,7 +142,7 @@ class Separation:
 
 
 class Separated:
-    """Points with separated entries, given by their coefficients (P, R)."""
+    """Points with separated entries, represented by their coefficients (P, R)."""
 
     bytes_a_phase, alone = 0, False
 
@@ -164,7 +165,7 @@ class Separated:
 
 
 class Sampled:
-    """Points (P, v) of a family whose entries are sampled individually at every phase."""
+    """Points (P, v) of a family whose entries are sampled separately at every phase."""
 
     alone = False
 
@@ -188,8 +189,8 @@ class Sampled:
 
 
 def training(points: Array) -> Array:
-    """Selection of points from which the terms are computed: points at the ends of the ranges, equidistant
-    points, and random points."""
+    """Points from which the terms are computed: points at the ends of the ranges, equidistant points, and
+    random points."""
     extremes = [pick(column) for column in points.T for pick in (np.argmin, np.argmax)]
     equidistant = np.linspace(0, len(points) - 1, _TRAINING_POINTS).astype(int)
     random = np.random.default_rng(0).integers(0, len(points), _TRAINING_POINTS)
@@ -197,8 +198,11 @@ def training(points: Array) -> Array:
 
 
 def _scales(largest: Array, n: int) -> Array:
-    """Sizes (P, E) relative to which the entries have round-off. For an entry it is the largest entry of its
-    matrix M, C, K or d, in units in which the diagonal of M is 1, converted to the unit of the entry."""
+    """Sizes (P, E) to which the round-off of the entries is proportional.
+
+    The size for an entry is the largest entry of its matrix M, C, K or d, in units in which the diagonal of M
+    is 1. It is converted to the unit of the entry.
+    """
     units = np.sqrt(largest[:, : n * n : n + 1])
     both = (units[:, :, None] * units[:, None, :]).reshape(len(largest), -1)
     ends = np.arange(n * n, 3 * n * n + 1, n * n)
@@ -211,8 +215,8 @@ def _scales(largest: Array, n: int) -> Array:
 
 
 def _pivots(samples: Array) -> tuple[Array, Array, Array]:
-    """Rows and columns (J, E) of cross approximations of every entry of samples (T, k, E), and a mask (J, E)
-    of significant pivots, relative to the largest value of each row."""
+    """Return rows and columns (J, E) of the pivots of cross approximations, for every entry of samples (T, k,
+    E), and a mask (J, E) of significant pivots. Samples are relative to the largest value of each row."""
     size = np.abs(samples).max(axis=1, keepdims=True)
     rest = samples / np.where(size > 0, size, 1.0)
     T, k, E = samples.shape
@@ -231,6 +235,6 @@ def _pivots(samples: Array) -> tuple[Array, Array, Array]:
 
 
 def _numbered(rows: Array) -> tuple[Array, Array]:
-    """Unique numbers in `rows`, and the index of each row among them."""
+    """Return the unique numbers in `rows`, and for each row its index among them."""
     unique, number = np.unique(rows, return_inverse=True)
     return unique, number.reshape(rows.shape)

@@ -1,4 +1,4 @@
-"""Solution of many points, in this process or by an executor, optionally with a store."""
+"""Solution of many points, in this process or by an executor. Results can be kept in a store."""
 
 import multiprocessing
 import os
@@ -35,17 +35,17 @@ from solve.system import multiplier_count
 from solve.terminal import progress
 
 _CHUNKS, _MIN_CHUNK, _MAX_CHUNK = 32, 8, 2**14
-"""Number of chunks of points, and minimum and maximum number of points per chunk. Chosen by judgement."""
+"""Number of chunks of points; minimum and maximum number of points per chunk. Chosen by judgement."""
 
 _PROBES = 256
-"""Number of phases at which matrices of some points are sampled to identify the calculation in a store, in
-addition to one phase between neighbouring breaks. Chosen by judgement."""
+"""Number of phases at which the matrices of some points are sampled, to identify the calculation in a store.
+One phase between each pair of neighbouring breaks is added. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Family, method, request and selection of stored results, which can be sent to other threads and
-    processes."""
+    """Family, method, request, and selection of the results that are kept. A task can be sent to other
+    threads and processes."""
 
     family: Family
     method: Rule
@@ -53,7 +53,7 @@ class Task:
     kept: Kept
 
     def batch(self, points: Array) -> Batch:
-        """Batch for points (P, v) and for other points in their range."""
+        """Batch for points (P, v), and for other points within their range."""
         return Batch(self.family, training(points), self.method, self.request)
 
     def solved(
@@ -63,9 +63,9 @@ class Task:
         executor: Executor | None = None,
         store: str | Path | None = None,
     ) -> PointResults:
-        """Results of points (P, v), solved in this process, or in chunks by an executor.
+        """Solve points (P, v) in this process, or in chunks by an executor.
 
-        Chunks that the store already contains are read; other chunks are written when they are completed.
+        Chunks that the store already contains are read. Other chunks are written when they are complete.
         Raises FileError, WorkersError, MissingLibraryError.
         """
         if executor is None and store is None:
@@ -129,12 +129,12 @@ class Task:
                 "finished chunks"
             ) from None
         finally:
-            # After a failure or an interruption, the other chunks are not needed.
+            # After a failure or an interruption, the other chunks are not required.
             for future in waiting:
                 future.cancel()
 
     def description(self, region: Array, points: Array) -> dict[str, Any]:
-        """Description of everything that determines the results, which identifies a store."""
+        """Description of all data that determine the results. It identifies a store."""
         family, request, kept = self.family, self.request, self.kept
         example = family.example
         between = np.convolve(example.breaks, (0.5, 0.5), "valid") if len(example.breaks) > 1 else ()
@@ -158,7 +158,7 @@ class Task:
 
 
 def _solve_chunk(task: Task, region: Array, points: Array) -> PointResults:
-    """Results of a chunk of points, with tables computed from a selection (T, v) of all points."""
+    """Solve a chunk of points, with tables computed from a selection `region` (T, v) of all points."""
     # The samplers of a model are not shared between threads.
     family = copy(task.family)
     return gathered(Batch(family, region, task.method, task.request), points, task.kept)
@@ -173,8 +173,8 @@ def task_of(
     steps: int | None = None,
     orbit: bool = True,
 ) -> tuple[Task, list[str]]:
-    """Task for the points of a family, and notes on the engine. Raises SolveError subclasses for an unknown
-    method or engine, and for an invalid tolerance."""
+    """Return the task for the points of a family, and notes about the engine. Raises subclasses of SolveError
+    for an unknown method or engine, and for an invalid tolerance."""
     used, notes = chosen_engine(engine)
     return Task(family, chosen(method), request(steps, rtol, used, orbit), kept or Kept()), notes
 
@@ -182,7 +182,7 @@ def task_of(
 def _missing(
     store: Store, chunks: list[Array], results: PointResults, count: progress.Task
 ) -> Iterator[Array]:
-    """Insert stored chunks into the results, and yield the chunks that are not stored."""
+    """Insert the results of stored chunks, and yield the chunks that are not stored."""
     for index in chunks:
         stored = store.read(index)
         if stored is None:
@@ -193,19 +193,19 @@ def _missing(
 
 
 _MAX_WORKERS = 1024
-"""Maximum number of processes. Chosen by judgement."""
+"""Largest number of worker processes. Chosen by judgement."""
 
 _TIMEOUT = 10.0
-"""Timeout in seconds for a scheduler. Chosen by judgement."""
+"""Time in seconds within which a scheduler must answer. Chosen by judgement."""
 
 _INTERRUPTED = 130
-"""Exit status of an interrupted process: 128 + SIGINT."""
+"""Exit status of an interrupted process: 128 + the number of SIGINT."""
 
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """Context manager with processes of this machine, which end with the block or with this process. Raises
-    ValueOutOfBoundsError."""
+    """Context manager with an executor for processes on this machine. They end with the block, or with this
+    process. Raises ValueOutOfBoundsError."""
     if not 1 <= count <= _MAX_WORKERS:
         raise ValueOutOfBoundsError(
             f"workers is {count}; allowed: 1 … {_MAX_WORKERS}, such as the number of cores"
@@ -223,15 +223,15 @@ def processes(count: int) -> Iterator[Executor]:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """Context manager with the workers of a running dask scheduler, such as "tcp://127.0.0.1:8786". Raises
-    WorkersError if the scheduler does not answer, MissingLibraryError."""
+    """Context manager with an executor for the workers of a running dask scheduler, for example
+    "tcp://127.0.0.1:8786". Raises WorkersError if the scheduler does not answer, and MissingLibraryError."""
     try:
         from distributed import Client
         from distributed.comm.addressing import get_address_host
     except ImportError:
         raise MissingLibraryError.of_extra("a scheduler", "dask.distributed", "cluster") from None
     try:
-        # With an invalid address, the client itself would print a traceback.
+        # For an invalid address, the client would print a traceback.
         get_address_host(address)
         client: Any = Client(address, timeout=_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TypeError):
@@ -241,8 +241,8 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 def _begin() -> None:
-    """Initialise a worker, so that it exits immediately on an interruption and at the end of its parent
-    process."""
+    """Initialise a worker process. It then exits immediately after an interruption, and at the end of its
+    parent process."""
     signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -250,6 +250,6 @@ def _begin() -> None:
 
 
 def _end_with(sentinel: Any) -> None:
-    """Exit when another process ends."""
+    """Exit when another process, represented by its sentinel, ends."""
     wait([sentinel])
     os._exit(_INTERRUPTED)

@@ -1,1 +1,1 @@
-"""Linearised and nonlinear equations in the forms of other tools."""
+"""Export of linearised and nonlinear equations in the formats of other tools."""

@@ -1,4 +1,4 @@
-"""Export of a controller: C code of a table over the phase, and matrices for MATLAB."""
+"""Export of a controller: C code with a table over the phase, and matrices for MATLAB."""
 
 import re
 from io import BytesIO
@@ -11,12 +11,12 @@ from solve.results.contents import versions
 from solve.results.controller import Controller
 
 _STABLE = 2.7
-"""Largest product of time step and decay rate with which the Runge–Kutta method of order 4 is stable: 2.785
-for real eigenvalues, minus a margin."""
+"""Largest product of time step and decay rate for which the Runge–Kutta method of order 4 is stable: 2.785
+for real eigenvalues, reduced by a margin."""
 
 
 class Tables(NamedTuple):
-    """Matrices at uniform phases (m, …) of u = −K x + f and, with an observer, of x̂′ = A x̂ + b + L y."""
+    """Matrices (m, …) at uniform phases, for u = −K x + f and, with an observer, x̂′ = A x̂ + b + L y."""
 
     phase: Array
     K: Array
@@ -41,7 +41,7 @@ def controller_name(result: Controller) -> str:
 
 
 def controller_mat(result: Controller, samples: int) -> bytes:
-    """Content of a .mat file with K, f and, with an observer, A, b and L at `samples` phases; the phase is
+    """Content of a .mat file with K, f and, with an observer, A, b and L at `samples` phases. The phase is
     the last index."""
     from scipy.io import savemat
 
@@ -64,10 +64,11 @@ def controller_mat(result: Controller, samples: int) -> bytes:
 
 
 def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, str, list[str]]:
-    """Text of FILE.c and FILE.h, and warnings.
+    """Return the texts of FILE.c and FILE.h, for FILE = `stem`, and warnings.
 
-    Matrices are interpolated linearly between samples, and the estimates are advanced by the method of Runge
-    and Kutta of order 4 with constant measured quantities."""
+    Matrices are interpolated linearly between samples. Estimates are advanced by the Runge–Kutta method of
+    order 4, with constant measured quantities.
+    """
     period = result.system.period
     phase = np.arange(samples) * (period / samples)
     tables, between = (
@@ -110,7 +111,7 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
 
 
 def table_warnings(result: Controller, samples: int, error: float) -> list[str]:
-    """Warnings about tables of `samples` phases. error: relative error of their interpolation."""
+    """Warnings about tables with `samples` phases. error: relative error of the linear interpolation."""
     jumps = result.system.breaks and error > result.rtol
     doubts = [f"tables of {samples} phases have a relative error of {error:.1e}"] if error > 1e-2 else []
     jump = "the gains may jump; the tables replace a jump with a ramp over one sample"
@@ -118,8 +119,8 @@ def table_warnings(result: Controller, samples: int, error: float) -> list[str]:
 
 
 def interpolation_error(at: Array, between: Array) -> float:
-    """Largest error of linear interpolation relative to the largest entry, from exact values midway between
-    the samples."""
+    """Largest error of linear interpolation, relative to the largest entry. `at` contains the samples,
+    `between` the exact values halfway between them."""
     largest = np.abs(at).max(initial=0.0)
     middle = (at + np.roll(at, -1, axis=0)) / 2
     return float(np.abs(between - middle).max(initial=0.0) / largest) if largest else 0.0

@@ -1,6 +1,6 @@
-"""Export of a controller as a functional mock-up unit, FMI 3.0 for model exchange.
+"""Export of a controller as a functional mock-up unit (FMI 3.0, model exchange).
 
-Its inputs are the phase of the drive and the measured quantities, or the states; its outputs are the inputs
+Its inputs are the phase of the drive, and the measured quantities or the states. Its outputs are the inputs
 of the machine."""
 
 from typing import Any
@@ -14,12 +14,13 @@ from solve.results.controller import Controller
 
 
 def controller_fmu(result: Controller, samples: int) -> tuple[bytes, list[str]]:
-    """FMU as the bytes of an archive, and warnings.
+    """Return the FMU, as the bytes of an archive, and warnings.
 
-    Inputs are the phase of the drive, and the measured quantities or, without an observer, the states;
-    outputs are the inputs of the machine. States are the estimates, which start at 0. Matrices are
-    interpolated linearly between `samples` phases. Raises MissingLibraryError, and ValueOutOfBoundsError for
-    equal names."""
+    Inputs are the phase of the drive, and the measured quantities; without an observer, the states take the
+    place of the measured quantities. Outputs are the inputs of the machine. States are the estimates, which
+    start at 0. Matrices are interpolated linearly between `samples` phases. Raises MissingLibraryError;
+    raises ValueOutOfBoundsError if two names are equal.
+    """
     tools, system, period = Tools.found(), result.system, result.system.period
     phase = np.arange(samples + 1) * (period / samples)
     tables, between = (
@@ -57,7 +58,7 @@ def controller_fmu(result: Controller, samples: int) -> tuple[bytes, list[str]]:
 
 
 def _sizes(result: Controller) -> list[float]:
-    """Nominal sizes of the estimates: their standard deviations. Empty without an observer."""
+    """Nominal sizes of the estimates: their standard deviations. The list is empty without an observer."""
     if result.observer is None:
         return []
     return [float(np.sqrt(each)) or 1.0 for each in np.diagonal(result.observer.riccati(0.0)[0])]
@@ -66,7 +67,7 @@ def _sizes(result: Controller) -> list[float]:
 def _add_equations(
     builder: Any, tables: Tables, period: float, phi: Any, symbols: tuple[list[Any], list[Any], list[Any]]
 ) -> None:
-    """Add u = −K x + f and, for estimates x, x′ = A x + b + L y."""
+    """Add the equations u = −K x + f and, for estimates x, x′ = A x + b + L y."""
     import casadi
 
     y, x, u = symbols

@@ -1,4 +1,4 @@
-"""Export of a system to files for other programs, selected by the ending of the file."""
+"""Export of a system to files for other programs. The ending of the file name selects the format."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -55,16 +55,12 @@ def export(
     Parameters
     ----------
     system : PeriodicSystem or Controller
-        System or controller to export. Formats of a controller: ".c", with a ".h" file: tables over the
-        phase, and functions for the inputs and the observer. ".mat": its matrices at phases. ".fmu": an FMU
-        whose inputs are the phase and the measured quantities or states.
+        System or controller to be exported.
     path : str or Path
-        File whose ending selects the format; formats of a system: ".mat": state space at `samples` phases,
-        and multipliers, for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions
-        of phase, speed, states and parameters. ".fmu": nonlinear equations as a functional mock-up unit
-        (FMI 3.0, model exchange) for this machine, starting on the periodic orbit.
+        File to be written. Its ending selects the format; see Notes.
     speed : float or str, optional
-        Ω in rad/s, or a text with unit; by default that of the case. The C functions take any speed.
+        Speed Ω in rad/s, or a text with unit; by default the speed of the case. The C functions have the
+        speed as an argument.
     samples : int
         Number of phases per period in a .mat file and in the tables of a controller.
 
@@ -78,9 +74,26 @@ def export(
     FileError
         If the file cannot be written.
     LinearModelError
-        For .c and .fmu, if the system has no formulas.
+        If the format is .c or .fmu, and the system has no formulas.
     MissingLibraryError
         If the extra `fmu` or a compiler is missing.
+
+    Notes
+    -----
+    Formats of a system:
+
+    - ".mat": state space at `samples` phases, and multipliers, for MATLAB.
+    - ".c", with a file ".h": linearised and nonlinear equations as functions of phase, speed, states and
+      parameters.
+    - ".fmu": nonlinear equations as a functional mock-up unit (FMI 3.0, model exchange) for this machine,
+      starting on
+      the periodic orbit.
+
+    Formats of a controller:
+
+    - ".mat": matrices at `samples` phases.
+    - ".c", with a file ".h": tables over the phase, and functions for the inputs and the observer.
+    - ".fmu": functional mock-up unit whose inputs are the phase, and the measured quantities or the states.
 
     Examples
     --------
@@ -111,7 +124,7 @@ def _write(content: bytes, stream: BinaryIO) -> None:
 
 
 def mat_file(space: StateSpace, stability: Stability) -> bytes:
-    """Content of a .mat file. In MATLAB the phase is the last index: A(:,:,k) is A at phase(k)."""
+    """Content of a .mat file. In MATLAB, the phase is the last index: A(:,:,k) is A at phase(k)."""
     from scipy.io import savemat
 
     system, matrices, names = space.system, space.coefficients, space.signals
@@ -157,7 +170,7 @@ def mat_file(space: StateSpace, stability: Stability) -> bytes:
 
 
 def _cells(texts: tuple[str, ...]) -> Array:
-    """Texts of different lengths as a column of MATLAB cells."""
+    """Texts of different lengths as a column of a MATLAB cell array."""
     return np.array(texts, dtype=object)
 
 
@@ -186,7 +199,8 @@ def _fmu(system: PeriodicSystem, file: Path, speed: float | str | None, samples:
 def _controller(
     result: Controller, file: Path, speed: float | str | None, samples: int
 ) -> tuple[Mapping[Path, bytes], list[str]]:
-    """Contents of the files of a controller. Raises ValueOutOfBoundsError for a filter alone, or a speed."""
+    """Return the contents of the files of a controller, and warnings. Raises ValueOutOfBoundsError for a
+    filter without a regulator, and if a speed is given."""
     if speed is not None:
         raise ValueOutOfBoundsError(
             f"speed is {speed!r}, but a controller is exported for its design speed; leave speed out"
@@ -209,4 +223,5 @@ ENDINGS: dict[str, Callable[[PeriodicSystem, Path, float | str | None, int], _Co
     ".c": _c,
     ".fmu": _fmu,
 }
-"""Export functions by the ending of the file; they return the contents of the files, and warnings."""
+"""Mapping from endings of file names to export functions. These return the contents of the files, and
+warnings."""

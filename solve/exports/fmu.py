@@ -1,5 +1,5 @@
-"""Export of nonlinear equations as a functional mock-up unit, FMI 3.0 for model exchange, by CasADi
-(J. A. E. Andersson et al., Math. Program. Comput. 11 (2019) 1-36; https://fmi-standard.org)."""
+"""Export of nonlinear equations as a functional mock-up unit (FMI 3.0, model exchange;
+https://fmi-standard.org), by CasADi (J. A. E. Andersson et al., Math. Program. Comput. 11 (2019) 1-36)."""
 
 import shlex
 import xml.etree.ElementTree as ET
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import casadi
 
 _TIME = 1980, 1, 1, 0, 0, 0
-"""Fixed time stamp of the files in the archive, so that archives with equal contents are equal."""
+"""Fixed time stamp of the files in the archive. Archives with equal contents are then identical."""
 
 _WHAT = "an FMU"
 
@@ -37,14 +37,15 @@ _SAMPLES = 512
 """Number of phases per period at which the magnitudes of the states are sampled. Chosen by judgement."""
 
 _NOMINALS = "nominals[i] = 1;"
-"""Placeholder of CasADi 3.8 for the nominal sizes of the states, which tools use to scale errors."""
+"""Code that CasADi 3.8 generates for the nominal sizes of the states, and that is replaced. Tools use these
+sizes to scale errors."""
 
 _ASSIGNED = "__assign__"
 """Prefix of the internal variables of CasADi."""
 
 
 class Variable(NamedTuple):
-    """Scalar variable of the FMU with unit, meaning, start value (None for outputs) and nominal size."""
+    """Scalar variable of the FMU: name, unit, meaning, start value (None for outputs) and nominal size."""
 
     name: str
     unit: str
@@ -54,8 +55,8 @@ class Variable(NamedTuple):
 
 
 class _Variables(NamedTuple):
-    """Variables of a model. drive: phase and speed; inputs: acceleration of the drive, followed by the
-    forces."""
+    """Variables of a model. drive: phase and speed of the drive. inputs: acceleration of the drive, followed
+    by the forces."""
 
     drive: list[Variable]
     coordinates: list[Variable]
@@ -70,16 +71,17 @@ class _Variables(NamedTuple):
 
 
 def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
-    """FMU as the bytes of an archive, and warnings about its initial orbit.
+    """Return an FMU, as the bytes of an archive, and warnings about its initial orbit.
 
-    States are phase and speed of the drive, coordinates and their rates. They start on the periodic orbit of
-    the nonlinear equations at the speed (rad/s). Inputs are the acceleration of the drive and a force along
-    each coordinate, 0 unless connected. Parameters are tunable. The archive contains the C code and a library
-    for this machine. Jumps of the matrices are events; changed parameters do not move their phases.
+    States are the phase and the speed of the drive, the coordinates and their rates. They start on the
+    periodic orbit of the nonlinear equations at the speed (rad/s). Inputs are the acceleration of the drive
+    and a force along each coordinate; they are 0 if they are not connected. Parameters are tunable. The
+    archive contains the C code and a library for this machine. Jumps of the matrices are events; their phases
+    do not follow changes of the parameters.
 
-    Raises LinearModelError for systems without formulas, MissingLibraryError without compiler, headers or
-    CasADi 3.8, ValueOutOfBoundsError if two quantities have the same name, and SolveError subclasses if there
-    is no orbit.
+    Raises LinearModelError for systems without formulas; MissingLibraryError without compiler, headers or
+    CasADi 3.8; ValueOutOfBoundsError if two quantities have the same name; and subclasses of SolveError if
+    there is no orbit.
     """
     model = require_formulas(system, _WHAT)
     tools = Tools.found()
@@ -91,19 +93,20 @@ def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
 
 
 class Tools(NamedTuple):
-    """Folder with the FMI headers, and the command of a C compiler."""
+    """Folder with the FMI headers, and command of a C compiler."""
 
     headers: Path
     compiler: str
 
     @classmethod
     def found(cls) -> "Tools":
-        """Tools found on this machine. Raises MissingLibraryError."""
+        """Find the tools on this machine. Raises MissingLibraryError."""
         return cls(_headers(), _compiler())
 
 
 class Unit(NamedTuple):
-    """Properties of an FMU: name, description, period in s, all scalar variables, and the states."""
+    """Properties of an FMU: name, description, period in s, all scalar variables, and those that are
+    states."""
 
     name: str
     title: str
@@ -112,7 +115,7 @@ class Unit(NamedTuple):
     states: Sequence[Variable]
 
     def packed(self, builder: Any, tools: Tools) -> bytes:
-        """Bytes of the FMU archive with the equations of a `casadi.DaeBuilder`."""
+        """Bytes of the FMU archive for the equations in a `casadi.DaeBuilder`."""
         # CasADi writes into the current folder.
         with TemporaryDirectory() as folder, chdir(folder):
             files = _compiled(builder, self, tools)
@@ -142,7 +145,7 @@ def _compiler() -> str:
 
 
 def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
-    """Variables with start values, and warnings about the orbit from which these are taken."""
+    """Return the variables with start values, and warnings about the orbit that provides the start values."""
     n, names = model.n, signals(model)
     state, sizes, warnings = _start(model, speed)
     meanings = [model.labels.meanings.get(name, "") for name in model.coordinates]
@@ -169,8 +172,8 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
 
 
 def _start(model: Model, speed: float) -> tuple[Array, Array, list[str]]:
-    """Initial q and q̇ (2n,) on the periodic orbit at phase 0, largest moduli on the orbit, and warnings.
-    Without a load, the state is zero and the moduli are one."""
+    """Return the initial q and q̇ (2n,) on the periodic orbit at phase 0, their largest moduli (2n,) on the
+    orbit, and warnings. Without a load, the state is zero and the moduli are one."""
     try:
         require_load(model, speed)
     except NoLoadError as reason:
@@ -194,7 +197,7 @@ def require_different_names(variables: Sequence[Variable]) -> None:
 
 
 def begun(name: str) -> Any:
-    """Builder of an FMU with the time as its only variable."""
+    """Builder of an FMU. Its only variable is the time."""
     import casadi
 
     builder = casadi.DaeBuilder(name)
@@ -203,7 +206,7 @@ def begun(name: str) -> Any:
 
 
 def add(builder: Any, variable: Variable, causality: str, variability: str = "continuous") -> Any:
-    """Add a variable to a builder; returns its symbol."""
+    """Add a variable to a builder and return its symbol."""
     start = {} if variable.start is None else {"start": variable.start}
     attributes = {"unit": _unit(variable.unit), "description": variable.meaning, **start}
     return builder.add(variable.name, causality, variability, attributes)
@@ -230,15 +233,16 @@ def _built(model: Model, variables: _Variables) -> Any:
     for output, value in zip(outputs, casadi.vertsplit(values) if outputs else (), strict=True):
         builder.eq(output, value)
     for jump in model.breaks:
-        # The event indicator crosses zero downwards at the jump, where the integrator restarts.
+        # The event indicator crosses zero downwards at the jump. The integrator restarts there.
         builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - jump)) < 0, [])
     return builder
 
 
 def _compiled(builder: Any, unit: Unit, tools: Tools) -> Mapping[str, str]:
-    """Write the files of the FMU to the current folder. Returns them with their paths in the archive."""
+    """Write the files of the FMU to the current folder. Return a mapping from these files to their paths in
+    the archive."""
     files = builder.export_fmu({"no_warning": True, "with_serialization": False})
-    # Link libm, because the importing tool may not have loaded it.
+    # The library is linked to libm, because the importing tool may not have loaded libm.
     options = {
         "compiler": tools.compiler,
         "linker": tools.compiler,
@@ -264,7 +268,7 @@ def _with_nominals(wrapper: Path, states: Sequence[Variable]) -> None:
 @symbolic
 def _explicit(model: Model) -> "casadi.Function":
     """Function of phase, speed, q, q̇, inputs and parameters that returns the rates of the states and the
-    outputs, from M q̈ = u - r(q̈ = 0)."""
+    outputs. The accelerations follow from M q̈ = u - r(q̈ = 0)."""
     import casadi
 
     n = model.n
@@ -285,7 +289,7 @@ def _explicit(model: Model) -> "casadi.Function":
 
 
 def _described(content: bytes, unit: Unit) -> bytes:
-    """Model description from CasADi, with units, start values of the states and the period added."""
+    """Add units, start values of the states and the period to the model description written by CasADi."""
     root = ET.fromstring(content)
     root.set("description", unit.title)
     root.set("generationTool", "parametric-vibration, CasADi")
@@ -306,7 +310,7 @@ def _described(content: bytes, unit: Unit) -> bytes:
         if name.startswith(_ASSIGNED):
             listed.remove(variable)
         elif name in starts:
-            # CasADi writes six digits only.
+            # CasADi writes only six digits.
             variable.set("start", repr(starts[name]))
             if name in states:
                 variable.set("initial", "exact")
@@ -329,7 +333,7 @@ def _unit(unit: str) -> str:
 
 
 def _packed(files: Mapping[str, str]) -> bytes:
-    """Archive of files in the current folder, with their paths in the archive."""
+    """Pack files in the current folder into an archive. `files` maps them to their paths in the archive."""
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for file, place in sorted(files.items()):

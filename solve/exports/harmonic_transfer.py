@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import control
 
 _PROBE = 0.07 + 0.31j
-"""Point s, in units of 2π/T, at which the truncation error is estimated; not an excitation frequency. A
-choice."""
+"""Point s, in units of 2π/T, at which the truncation error is estimated. It is not an excitation frequency.
+Chosen by judgement."""
 
 _PHASES = 64
 """Number of phases at which the highest natural frequency is sampled. Chosen by judgement."""
@@ -39,8 +39,8 @@ class TransferValues(NamedTuple):
     """Values of a harmonic transfer function.
 
     values (2N+1, p, 2N+1, n), complex: values[i + N, o, k + N, j] maps harmonic k of input j to harmonic i of
-    output o. error: largest estimated error; for each pair of output and input it is relative to the largest
-    value of any harmonics. warnings: warnings about the truncation.
+    output o. error: largest estimated error. For each pair of an output and an input, errors are relative to
+    the largest value over all harmonics. warnings: warnings about the truncation.
     """
 
     values: Array
@@ -58,11 +58,11 @@ class HarmonicTransfer:
     system : PeriodicSystem
         System.
     speed : float
-        Ω in rad/s.
+        Speed Ω in rad/s.
     harmonics : int
-        N.
+        Highest harmonic N of inputs and outputs.
     orders : int
-        Number of harmonics of the states, -orders … orders.
+        Highest harmonic of the states, which have the harmonics -orders … orders.
     rtol : float
         Tolerance of `error`.
     signals : Signals
@@ -70,7 +70,7 @@ class HarmonicTransfer:
 
     Notes
     -----
-    The steady vibration is H(0) excitation + rest, up to harmonic N.
+    The outputs of the steady vibration, up to harmonic N, are H(0) `excitation` + `rest`.
     """
 
     system: PeriodicSystem
@@ -91,8 +91,8 @@ class HarmonicTransfer:
 
     @cached_property
     def error(self) -> float:
-        """Error of H at a point next to the imaginary axis, estimated with twice as many harmonics of the
-        states."""
+        """Error of H at a point near the imaginary axis. It is estimated from a solution with twice as many
+        harmonics of the states."""
         return self.at(_PROBE * self.rotation).error
 
     @property
@@ -113,13 +113,14 @@ class HarmonicTransfer:
 
     @property
     def excitation(self) -> Array:
-        """Fourier coefficients (2N+1, r) of the load d; zero for a first-order system with inputs."""
+        """Fourier coefficients (2N+1, r) of the load d. They are zero for a first-order system with
+        inputs."""
         return self._truncated(self._spectra.d)
 
     @property
     def rest(self) -> Array:
-        """Fourier coefficients (2N+1, p) of the outputs without states and forces. For a first-order system
-        with inputs, the coefficients of its outputs without inputs."""
+        """Fourier coefficients (2N+1, p) of the outputs for zero states and forces. For a first-order system
+        with inputs, they are those of its outputs for zero inputs."""
         return self._truncated(self._spectra.y0) + self._spectra.free_response(
             2 * self.orders, self.harmonics, self.rotation
         )
@@ -186,11 +187,11 @@ class HarmonicTransfer:
         return float(np.linalg.norm(H.reshape(H.shape[0] * H.shape[1], -1), 2))
 
     def lifted(self) -> "control.StateSpace":
-        """Time-invariant state space of python-control that represents the truncated system.
+        """Time-invariant state space (python-control) that represents the truncated system.
 
         The state space is real: each signal is represented by its mean and the amplitudes of cos kφ and sin
         kφ, named q1_0, q1_c1, q1_s1, q1_c2, …. These amplitudes vary slowly if the signal is nearly periodic.
-        The poles include the Floquet exponents ± ikω; those of the outermost harmonics are inaccurate.
+        The poles are the Floquet exponents ± ikω; those of the outermost harmonics are inaccurate.
 
         Returns
         -------
@@ -238,14 +239,14 @@ def harmonic_transfer(
     Parameters
     ----------
     system : PeriodicSystem
-        System; inputs and outputs are those of `solve.state_space`.
+        System. Its inputs and outputs are those of `solve.state_space`.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Speed Ω in rad/s, or a text with unit.
     harmonics : int
-        N: inputs and outputs have harmonics -N … N.
+        Highest harmonic N of inputs and outputs, which have the harmonics -N … N.
     orders : int, optional
-        Number of harmonics of the states. By default it is doubled until the error is at most `rtol`, or up
-        to the limit of dense matrices, with a warning.
+        Highest harmonic of the states. By default, it is doubled until the error is at most `rtol`. If the
+        memory limit of dense matrices is reached before, a warning is issued.
     rtol : float
         Tolerance of the estimated error.
 
@@ -257,7 +258,7 @@ def harmonic_transfer(
     Raises
     ------
     NoMotionError
-        For systems at rest.
+        If the system is at rest.
     SolveError
         Other subclasses for invalid input.
 
@@ -297,13 +298,14 @@ def harmonic_transfer(
 
 
 def _most_orders(system: PeriodicSystem) -> int:
-    """Largest number of harmonics of the states for which twice as many fit into dense matrices."""
+    """Highest harmonic of the states for which dense matrices with twice as many harmonics fit into
+    memory."""
     return (MOST_UNKNOWNS // multiplier_count(system) - 1) // 4
 
 
 def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
-    """Harmonic number of the highest natural frequency at fixed phase. Two truncations with fewer harmonics
-    may agree although both are wrong."""
+    """Number of the harmonic that is nearest to the highest natural frequency at fixed phase. With fewer
+    harmonics, two truncations may agree although both are wrong."""
     phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
     frequency = np.abs(np.linalg.eigvals(coefficients(system, speed, phase).A).imag).max()
     return math.ceil(frequency * system.period / (2 * math.pi * speed))

@@ -1,5 +1,5 @@
-"""Lifted systems: Fourier coefficients of periodic state spaces, and their constant representation for the
-harmonics of the signals."""
+"""Lifted systems: Fourier coefficients of periodic state spaces, and constant state spaces for the harmonics
+of the signals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from solve.period.grid import Grid
 from solve.system import PeriodicSystem
 
 _GAUSS_POINTS = 12
-"""Number of Gauss points per step; a step is one period of the highest harmonic."""
+"""Number of Gauss points per step. The length of a step is one period of the highest harmonic."""
 
 
 @dataclass(frozen=True)
 class Spectra:
-    """Fourier coefficients (2K+1, …) of A, B, C, D, d, y₀ and b for harmonics -K … K."""
+    """Fourier coefficients (2K+1, …) of A, B, C, D, d, y₀ and b for the harmonics -K … K."""
 
     A: Array
     B: Array
@@ -30,7 +30,7 @@ class Spectra:
 
     @classmethod
     def from_system(cls, system: PeriodicSystem, speed: float, highest: int) -> "Spectra":
-        """Spectra by Gauss quadrature in steps that end at the jumps of the matrices."""
+        """Compute the spectra by Gauss quadrature. Steps end at the jumps of the matrices."""
         grid = Grid.uniform(highest + 1, system.period, system.breaks)
         nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         phases = grid.stages((nodes + 1) / 2).ravel()
@@ -41,8 +41,8 @@ class Spectra:
         return cls(*(np.tensordot(waves, matrix, 1) for matrix in matrices[:7]))
 
     def lifted(self, orders: int, harmonics: int, rotation: float) -> tuple[Array, Array, Array, Array]:
-        """Matrices A - N, B, C and D of the lifted system, whose states have the harmonics -orders …
-        orders."""
+        """Return the matrices A - N, B, C and D of the lifted system, whose states have the harmonics -orders
+        … orders."""
         inner, outer = np.arange(-orders, orders + 1), np.arange(-harmonics, harmonics + 1)
         blocks = (
             (self.A, inner, inner),
@@ -56,21 +56,21 @@ class Spectra:
 
     @property
     def units(self) -> Array:
-        """Scales (N,) of the states that balance the mean A, so that round-off affects all states equally."""
+        """Scales (N,) of the states that balance the mean of A. Round-off then affects all states equally."""
         from scipy.linalg import matrix_balance
 
         mean = self.A[len(self.A) // 2].real
         return matrix_balance(mean, permute=False, separate=True)[1][0]
 
     def transfer(self, s: complex, orders: int, harmonics: int, rotation: float) -> Array:
-        """Transfer function C (s - A + N)⁻¹ B + D as (2N+1, p, 2N+1, r); NaN at a pole."""
+        """Transfer function C (s - A + N)⁻¹ B + D, as an array (2N+1, p, 2N+1, r); NaN at a pole."""
         A, B, C, D = self.lifted(orders, harmonics, rotation)
         H = self._response(s, A, B, C) + D
         p, r = self.D.shape[1:]
         return H.reshape(2 * harmonics + 1, p, 2 * harmonics + 1, r)
 
     def free_response(self, orders: int, harmonics: int, rotation: float) -> Array:
-        """Coefficients (2N+1, p) of the outputs due to the load b; zero without this load."""
+        """Fourier coefficients (2N+1, p) of the outputs due to the load b; zero if b is zero."""
         p = self.D.shape[1]
         if not self.b.any():
             return np.zeros((2 * harmonics + 1, p))
@@ -80,7 +80,7 @@ class Spectra:
         return self._response(0.0, A, loads, C).reshape(-1, p)
 
     def _response(self, s: complex, A: Array, B: Array, C: Array) -> Array:
-        """Values C (s - A)⁻¹ B for lifted matrices; NaN at a pole."""
+        """Return C (s - A)⁻¹ B for lifted matrices; NaN at a pole."""
         unit = np.tile(self.units, len(A) // len(self.units))
         try:
             return (C * unit) @ np.linalg.solve(
@@ -91,7 +91,7 @@ class Spectra:
 
 
 def real_matrix(matrix: Array, rows: int, columns: int, height: int, width: int) -> Array:
-    """Lifted matrix converted from complex harmonics to means and amplitudes of cosines and sines."""
+    """Convert a lifted matrix for complex harmonics to one for means and amplitudes of cosines and sines."""
     blocks = matrix.reshape(2 * rows + 1, height, 2 * columns + 1, width)
     forward, backward = _amplitudes(rows), np.linalg.inv(_amplitudes(columns))
     converted = np.einsum("ij,jakb,kl->ialb", forward, blocks, backward, optimize=True)
@@ -99,8 +99,8 @@ def real_matrix(matrix: Array, rows: int, columns: int, height: int, width: int)
 
 
 def _amplitudes(orders: int) -> Array:
-    """Matrix that converts the coefficients of exp(ikφ), k = -orders … orders, to mean, cosine and sine
-    amplitudes."""
+    """Matrix that converts coefficients of exp(ikφ), k = -orders … orders, to the mean and the amplitudes of
+    cosines and sines."""
     matrix = np.zeros((2 * orders + 1, 2 * orders + 1), dtype=complex)
     matrix[0, orders] = 1.0
     for k in range(1, orders + 1):
@@ -110,6 +110,6 @@ def _amplitudes(orders: int) -> Array:
 
 
 def phasors(names: Sequence[str], orders: int) -> list[str]:
-    """Names of the mean and of the cosine and sine amplitudes of signals."""
+    """Names of the mean and of the amplitudes of cosines and sines, for each signal."""
     suffixes = ["0", *(f"{wave}{k}" for k in range(1, orders + 1) for wave in "cs")]
     return labels(f"{name}_{suffix}" for suffix in suffixes for name in names)

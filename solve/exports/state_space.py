@@ -1,6 +1,9 @@
 """State-space form of the linearised equations over the phase: x′ = A x + B (u + d) + b, y = C x + D (u + d)
-+ y₀. Derivatives are with respect to time, x = (q, q̇), and forces u act along the coordinates in addition
-to the load d. The load b is zero except for a first-order system with named inputs u."""
++ y₀.
+
+Derivatives are with respect to time, and x = (q, q̇). The forces u act along the coordinates in addition to
+the load d. The load b is zero except for a first-order system with named inputs u.
+"""
 
 import math
 from collections.abc import Iterable
@@ -28,14 +31,15 @@ SAMPLES = 360
 """Default number of phases per period: one per degree of a revolution."""
 
 _FORCES = {"m": "N", "rad": "N m"}
-"""Units of forces, by the unit of the coordinate."""
+"""Mapping from units of coordinates to units of forces."""
 
 
 class Coefficients(NamedTuple):
     """Coefficients of a state space at k phases.
 
-    A (k, N, N), B (k, N, r), C (k, p, N), D (k, p, r). Loads d (k, r) and b (k, N). y₀ (k, p): outputs
-    without states and forces. mass, damping, stiffness: matrices (k, n, n).
+    A (k, N, N), B (k, N, r), C (k, p, N), D (k, p, r): matrices. d (k, r), b (k, N): loads. y₀ (k, p):
+    outputs for zero states and forces. mass, damping, stiffness (k, n, n): matrices of the equations of
+    motion.
     """
 
     A: Array
@@ -62,9 +66,11 @@ class Signals(NamedTuple):
 
 
 def signals(system: PeriodicSystem) -> Signals:
-    """Signals of a system's state space: states q and q_dot; inputs force_q; outputs: the coordinates and the
-    differentiable outputs of the model. The input load_x acts on a first-order state x, unless the system
-    names its inputs."""
+    """Signals of the state space of a system. States are q and q_dot, inputs force_q, and outputs the
+    coordinates and the differentiable outputs of the model.
+
+    The input load_x acts on a first-order state x, unless the system has named inputs.
+    """
     names = system.coordinates
     units = [system.labels.units.get(name, "") for name in names]
     inertial = len(names) - len(system.states)
@@ -118,7 +124,7 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
 def _with_signals(
     system: FirstOrderSystem, coefficients: Coefficients, phase: Array, speed: float
 ) -> Coefficients:
-    """Coefficients for the named inputs and outputs of a system, if it has any."""
+    """Coefficients for the named inputs and outputs of a system. Without such names, they are unchanged."""
     if not (system.inputs or system.outputs):
         return coefficients
     _, b, B, C, D = system.equations_at(phase, speed)
@@ -134,14 +140,15 @@ def _with_signals(
 
 
 def _coefficient(name: str, description: str) -> Any:
-    """Property that returns one of the coefficients."""
+    """Property that returns the coefficient `name`."""
     return property(lambda space: getattr(space.coefficients, name), doc=description)
 
 
 @dataclass(frozen=True, repr=False)
 class StateSpace:
-    """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period; derivatives are with
-    respect to time.
+    """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period.
+
+    Derivatives are with respect to time.
 
     Parameters
     ----------
@@ -152,9 +159,9 @@ class StateSpace:
     phase : (m,) array
         Equidistant phases from 0, without the end of the period.
     coefficients : Coefficients
-        A (m, N, N), B (m, N, r), C (m, p, N), D (m, p, r); the load d (m, r), which is added to the inputs;
-        the outputs y0 (m, p) without states and forces; the load b (m, N) of a first-order system with
-        inputs. SI units.
+        Matrices A (m, N, N), B (m, N, r), C (m, p, N), D (m, p, r). The load d (m, r) is added to the inputs.
+        The outputs for zero states and forces are y0 (m, p). The load b (m, N) is that of a first-order
+        system with inputs. SI units.
     signals : Signals
         Names and units of states, inputs and outputs.
     """
@@ -174,10 +181,10 @@ class StateSpace:
     b = _coefficient("b", "Constant terms (m, N) of the states.")
 
     def frozen(self, phase: float) -> "control.StateSpace":
-        """Time-invariant state space (python-control) at a fixed phase. At a jump of the matrices, their
-        values just after the jump are used.
+        """Time-invariant state space (python-control) at a fixed phase.
 
-        Its poles do not determine the stability of the periodic system.
+        At a jump of the matrices, their values just after the jump are used. The poles of this state space do
+        not determine the stability of the periodic system.
 
         Parameters
         ----------
@@ -233,14 +240,14 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     Returns
     -------
     StateSpace
-        State space whose inputs are forces along the coordinates. Outputs are the coordinates and, for models
-        with formulas, the outputs linearised about q = 0. A `FirstOrderSystem` with named inputs and outputs
-        keeps its own.
+        State space whose inputs are forces along the coordinates. Its outputs are the coordinates and, for
+        models with formulas, the outputs linearised about q = 0. For a `FirstOrderSystem` with named inputs
+        and outputs, these are used instead.
 
     Raises
     ------
     NoMotionError
-        For systems at rest.
+        If the system is at rest.
     SolveError
         Other subclasses for invalid input.
 
@@ -267,14 +274,14 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:
-    """Phases (k,), in which a phase at a jump of the matrices is moved to just after the jump."""
+    """Phases (k,), moved to just after a jump of the matrices if they are at the jump."""
     period, inset = system.period, SAME_PHASE * system.period
     distance = np.remainder(phase[:, None] - np.array(system.breaks) + period / 2, period) - period / 2
     return phase + 2 * inset * (np.abs(distance) <= inset).any(axis=1)
 
 
 def python_control() -> Any:
-    """Module `control` of python-control. Raises MissingLibraryError."""
+    """Module `control` of the package python-control. Raises MissingLibraryError."""
     try:
         import control
     except ImportError:
@@ -283,7 +290,7 @@ def python_control() -> Any:
 
 
 def labels(names: Iterable[str]) -> list[str]:
-    """Names of signals for python-control, which does not permit dots.
+    """Names of signals for python-control, which permits no dots.
 
     >>> labels(["force_q.1"])
     ['force_q_1']

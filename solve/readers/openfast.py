@@ -59,7 +59,8 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
         If there are fewer than three azimuths, or azimuths coincide.
 
     Notes
-    ----- Azimuths are printed with four decimals. If the states in the file include the angle of the
+    -----
+    Azimuths are printed with four decimals. If the states in the file include the angle of the
     generator and the twist of the drive train, the azimuth is computed as their sum, with twelve digits.
     Between the azimuths, the matrices are interpolated by trigonometric polynomials. The error estimates of
     results include the interpolation error.
