@@ -1,4 +1,4 @@
-"""Trigonometric interpolation of periodic functions, and derivatives by extrapolated differences."""
+"""Trigonometric interpolation of periodic functions, and derivatives by extrapolated finite differences."""
 
 import math
 from collections.abc import Callable
@@ -10,33 +10,33 @@ import numpy as np
 from solve.arrays import EPS, Array
 
 _FIRST_SAMPLES, _MAX_SAMPLES = 64, 1024
-"""Number of samples per period of the first interpolant, and number above which interpolation is abandoned.
-Chosen by judgement."""
+"""Number of samples per period of the first interpolant, and largest number of samples. Above this number,
+the function is not interpolated. Chosen by judgement."""
 
 _MIDPOINT_ERROR = 1e-8
-"""Relative error at the midpoints below which an interpolant of twice as many samples is exact up to
-round-off. For a smooth function the error decreases geometrically, so that doubling the samples squares the
-error."""
+"""Relative error at the midpoints below which an interpolant with twice as many samples is exact up to
+round-off. For a smooth function, the error decreases geometrically; doubling the number of samples squares
+the error."""
 
 _ABOVE_ROUNDOFF = 4.0
-"""Amplitude above which harmonics are retained, relative to the largest of the last eighth of the harmonics.
-The last eighth is round-off: if half as many samples agree to 1e-8, geometric decay reduces these harmonics
-to 1e-14. Measured on the damping of the four-bar with 9 to 198 coordinates: 51 to 68 of 129 harmonics are
-retained."""
+"""Amplitude above which a harmonic is retained, relative to the largest amplitude in the last eighth of the
+harmonics. The last eighth is round-off: if half as many samples agree to 1e-8, geometric decay reduces these
+harmonics to 1e-14. Measured for the damping of the four-bar with 9 to 198 coordinates: 51 to 68 of 129
+harmonics are retained."""
 
 _RELATIVE_STEP = 1e-2
-"""Largest step of the differences, relative to the argument. With four levels of extrapolation, the error is
-of the order of the eighth power of this step, 1e-16."""
+"""Largest step of the finite differences, relative to the argument. With four levels of extrapolation, the
+error is of the order of the eighth power of this step, 1e-16."""
 
 _LEVELS = 4
-"""Number of step sizes, each half of the previous one. Chosen by judgement."""
+"""Number of step sizes. Each is half of the previous one. Chosen by judgement."""
 
 
 class Trigonometric:
     """Trigonometric interpolant of samples (k, …) on a uniform grid over a period, without the end point.
 
-    k samples resolve harmonics below k/2. If `chopped`, harmonics beyond the last one above round-off are
-    omitted.
+    k samples resolve the harmonics below k/2. If `chopped`, the harmonics after the last one that exceeds
+    round-off are omitted.
     """
 
     def __init__(self, samples: Array, period: float, chopped: bool = False):
@@ -54,8 +54,8 @@ class Trigonometric:
         """Values (m, …) at phases (m,)."""
         count = len(self._frequencies)
         base = math.isqrt(count)
-        # Each frequency is written as the sum of a low frequency and a multiple of `base`, so that few
-        # cosines and sines are computed.
+        # Each frequency is the sum of a low frequency and a multiple of `base`, so that only a few cosines
+        # and sines are computed.
         low, multiples = (
             _exponentials(phase, frequencies)
             for frequencies in (self._frequencies[:base], self._frequencies[::base])
@@ -65,8 +65,10 @@ class Trigonometric:
         return (waves.view(float) @ self._amplitudes).reshape(len(waves), *self._shape)
 
     def at(self, phase: Any, cos: Callable[[Any], Any], sin: Callable[[Any], Any]) -> list[Any]:
-        """Values at a symbolic phase. Harmonics that are round-off in every entry are omitted. Round-off is
-        relative to the largest harmonic of each entry, because entries may have different units."""
+        """Values at a symbolic phase, without harmonics that are round-off in every entry.
+
+        Round-off is relative to the largest harmonic of each entry, because entries may have different units.
+        """
         cosines, sines = self._amplitudes[::2], self._amplitudes[1::2]
         sizes = np.maximum(np.abs(cosines), np.abs(sines))
         significant = (sizes > EPS * sizes.max(axis=0)).any(axis=1)
@@ -79,7 +81,7 @@ class Trigonometric:
 
 
 def _exponentials(phase: Array, frequencies: Array) -> Array:
-    """Values (m, k) of exp(i frequency phase)."""
+    """Values of exp(i f φ) for frequencies f (k,) and phases φ (m,), as an array (m, k)."""
     angle = np.outer(phase, frequencies)
     values = np.empty(angle.shape, dtype=complex)
     values.real, values.imag = np.cos(angle), np.sin(angle)
@@ -87,9 +89,9 @@ def _exponentials(phase: Array, frequencies: Array) -> Array:
 
 
 def interpolated(function: Callable[[Array], Array], period: float) -> Callable[[Array], Array]:
-    """Trigonometric interpolant, exact to round-off, of a function with values (m, …) at phases (m,).
+    """Trigonometric interpolant of a function with values (m, …) at phases (m,), exact to round-off.
 
-    Returns the function itself if it is not smooth enough.
+    If the function is not smooth enough, it is returned unchanged.
     """
     phase = np.linspace(0.0, period, _FIRST_SAMPLES, endpoint=False)
     samples = function(phase)
@@ -105,18 +107,18 @@ def interpolated(function: Callable[[Array], Array], period: float) -> Callable[
 
 
 def _resolved_harmonics(spectrum: Array) -> int:
-    """Number of harmonics in a spectrum (k, …) up to the last one above round-off."""
+    """Number of harmonics in a spectrum (k, …), up to the last one that exceeds round-off."""
     size = np.abs(spectrum).reshape(len(spectrum), -1).max(axis=1)
     roundoff = _ABOVE_ROUNDOFF * size[-(len(size) // 8) :].max()
     return int(np.flatnonzero(size > roundoff)[-1:].sum()) + 1
 
 
 def slope(function: Callable[[float], Array], x: float, largest_step: float | None = None) -> Array:
-    """Derivative of a smooth function of one variable, by central differences extrapolated to zero step (L.
-    F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357).
+    """Derivative of a smooth function of one variable, by central differences that are extrapolated to zero
+    step (L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357).
 
-    It is used for assembled matrices, for which there is no automatic differentiation. Without a largest
-    step, x must not be 0.
+    It is used for assembled matrices, for which automatic differentiation is not available. If `largest_step`
+    is omitted, x must not be 0.
     """
     return slopes(function, x, largest_step)[0]
 
@@ -124,9 +126,12 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
 def slopes(
     function: Callable[[float], Array], x: float, largest_step: float | None = None
 ) -> tuple[Array, Array]:
-    """Derivative as from `slope`, and a second value, extrapolated without the smallest step. The second
-    value has a larger truncation error and less round-off; the difference between both values is an error
-    estimate."""
+    """Return the derivative as from `slope`, and a second value that is extrapolated without the smallest
+    step.
+
+    The second value has a larger truncation error and less round-off. The difference between the two values
+    is an error estimate.
+    """
     largest = _RELATIVE_STEP * abs(x) if largest_step is None else largest_step
     steps = [largest / 2**level for level in range(_LEVELS)]
     estimates = [(function(x + step) - function(x - step)) / (2 * step) for step in steps]

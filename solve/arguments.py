@@ -18,11 +18,11 @@ import numpy as np
 from solve.errors import SolveError, StepsError, ValueOutOfBoundsError
 
 MOST = 2**26
-"""Default limit on the number of values in memory at once: half a gigabyte of float64. Chosen by
+"""Default limit on the number of values in memory at any time: half a gigabyte of float64. Chosen by
 judgement."""
 
 SMALL = 40
-"""Largest number of coordinates of a small system. For small systems compiled code is faster than BLAS,
+"""Largest number of coordinates of a small system. For small systems, compiled code is faster than BLAS,
 points are solved in batches, and BLAS uses one thread. Tables for batches of larger systems would exceed the
 memory."""
 
@@ -38,8 +38,8 @@ Result = TypeVar("Result")
 def first_is(
     *types: type, such_as: str, demand: Callable[[Any], None] | None = None
 ) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
-    """Decorator that raises ValueOutOfBoundsError unless the first argument is an instance of `types` and the
-    others match their annotations.
+    """Create a decorator that checks arguments. It raises ValueOutOfBoundsError unless the first argument is
+    an instance of `types` and the others match their annotations.
 
     Wrong arguments are rejected early with a clear message instead of an AttributeError.
 
@@ -50,7 +50,7 @@ def first_is(
     such_as : str
         Example of a valid argument, for the message.
     demand : callable, optional
-        Further check; it raises an exception for unsuitable arguments.
+        Function that checks the first argument further, and raises an exception if it is not suitable.
     """
 
     def decorator(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -77,8 +77,8 @@ def first_is(
 def matches_annotations(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Decorator that raises ValueOutOfBoundsError for arguments that do not match their annotations.
 
-    Text where a sequence is annotated is one name or a range, and any number may be given for an integer; the
-    function itself checks these.
+    Two cases are left to the function itself: a text in place of a sequence, which is a single name or a
+    range, and a number of any type in place of an integer.
 
     >>> @matches_annotations
     ... def halved(values: Sequence[float]) -> list[float]:
@@ -106,7 +106,7 @@ def matches_annotations(function: Callable[Parameters, Result]) -> Callable[Para
 
 @cache
 def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
-    """Types of the parameters by name, except `*args` and `**kwargs`."""
+    """Mapping from parameters to their types; `*args` and `**kwargs` are omitted."""
     collecting = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     kinds = {name: each.kind for name, each in inspect.signature(function).parameters.items()}
     hints = get_type_hints(function)
@@ -114,7 +114,8 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _documented(function: Callable[..., Any], name: str) -> str:
-    """Type of a parameter in the docstring, or the names in its annotation where the docstring has none."""
+    """Type of a parameter as stated in the docstring or, if it is not stated there, the names in its
+    annotation."""
     found = re.search(
         rf"^ *(?:\w+, )*{name}(?:, \w+)* : (.*?)(?:, optional)?$", function.__doc__ or "", re.MULTILINE
     )
@@ -129,12 +130,12 @@ def _documented(function: Callable[..., Any], name: str) -> str:
 
 
 def conforms(value: Any, annotation: Any) -> bool:
-    """Whether a value is of the annotated type, with its entries. Iterators are not consumed.
+    """Whether a value and its entries are of the annotated type. Iterators are not consumed.
 
     >>> conforms({"k1": (1, 2)}, Mapping[str, tuple[float, float]]), conforms([3], Sequence[str])
     (True, False)
     """
-    if type(value) is annotation and annotation is not int:  # Saves half of the time.
+    if type(value) is annotation and annotation is not int:  # This test halves the time.
         return True
     kind, arguments = get_origin(annotation) or annotation, get_args(annotation)
     if kind in (Union, UnionType):
@@ -165,7 +166,7 @@ def conforms(value: Any, annotation: Any) -> bool:
 
 
 def _dimensions(value: Any) -> int | None:
-    """Number of dimensions of an array of NumPy, xarray or pandas, or None."""
+    """Number of dimensions of a NumPy, xarray or pandas array; None for other values."""
     return getattr(value, "ndim", None)
 
 
@@ -180,7 +181,7 @@ def _is_real(value: Any) -> bool:
 
 
 def _is_sequence(value: Any, annotation: Any) -> bool:
-    """Whether a value is a sequence of annotated entries, or a text."""
+    """Whether a value is a text, or a sequence whose entries are of the annotated type."""
     if isinstance(value, str):
         return conforms("", annotation)
     if not isinstance(value, Iterable) or isinstance(value, bytes | Mapping):
@@ -193,8 +194,8 @@ def _is_sequence(value: Any, annotation: Any) -> bool:
 
 
 def described(value: object) -> str:
-    """Short text of a wrong argument in one line; the type for objects whose text would contain a memory
-    address.
+    """Describe a wrong argument in one line. An object whose text would contain a memory address is described
+    by its type.
 
     >>> described([1, 2]), described(object()), described(abs)
     ('[1, 2]', 'of type object', 'of type builtin_function_or_method')
@@ -205,14 +206,14 @@ def described(value: object) -> str:
 
 
 def unique_names(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names without repetitions, in the order given. A string counts as a single name."""
+    """Names without repetitions, in their original order. A string counts as a single name."""
     return tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
 
 
 def require_integer(
     name: str, value: object, least: int = 1, hint: str = "", error: type[SolveError] = ValueOutOfBoundsError
 ) -> None:
-    """Raise `error` unless the value is an integer >= `least`. hint: appended to the message."""
+    """Raise `error` unless the value is an integer >= `least`. hint: text at the end of the message."""
     if isinstance(value, bool) or not (isinstance(value, int | np.integer) and value >= least):
         raise error(f"{name} is {value!r}; allowed: whole numbers of at least {least}{hint}")
 
@@ -224,8 +225,8 @@ def require_steps(steps: object, least: int = 1) -> None:
 
 @contextmanager
 def limited(limit: float | None) -> Iterator[None]:
-    """Context manager that limits the number of values in memory at once; None keeps the current limit.
-    Raises ValueOutOfBoundsError outside 1 … 1e15."""
+    """Context manager that limits the number of values in memory; None keeps the current limit. Raises
+    ValueOutOfBoundsError for limits outside 1 … 1e15."""
     if limit is not None and not 1 <= limit <= 1e15:
         raise ValueOutOfBoundsError(f"limit is {limit:g}; allowed: 1 … 1e15 numbers, such as {MOST}")
     token = _numbers_limit.set(_numbers_limit.get() if limit is None else limit)
@@ -236,12 +237,12 @@ def limited(limit: float | None) -> Iterator[None]:
 
 
 def most_numbers() -> float:
-    """Maximum number of values in memory at once."""
+    """Largest permitted number of values in memory."""
     return _numbers_limit.get()
 
 
 def require_size(what: str, count: float, each: float = 1) -> None:
-    """Raise ValueOutOfBoundsError if `count` items with `each` numbers per item exceed the memory limit.
+    """Raise ValueOutOfBoundsError if `count` items, with `each` numbers per item, exceed the memory limit.
 
     >>> require_size("points", 1000, each=20)
     >>> require_size("points", 1e9, each=20)

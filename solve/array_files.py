@@ -13,14 +13,14 @@ from solve.errors import FileError
 from solve.op4 import op4_matrices
 
 _LARGEST = 5000
-"""Maximum number of rows of a Matrix Market file, because matrices are stored as dense arrays. Chosen by
-judgement."""
+"""Largest number of rows of a matrix in a Matrix Market file. It is limited because matrices are stored as
+dense arrays. Chosen by judgement."""
 
 
 def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
-    """Arrays of a file by name, without conversion.
+    """Mapping from names to the arrays of a file, without conversion.
 
-    ending: the only allowed ending; by default any of `ENDINGS`. Raises FileError.
+    ending: the only permitted ending; by default, any of `ENDINGS`. Raises FileError.
     """
     allowed = [ending] if ending else [*ENDINGS]
     if file.suffix.lower() not in allowed:
@@ -34,7 +34,7 @@ def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
         raise FileError(message if str(file) in message else f"'{file}': {message}") from None
     except PermissionError:
         raise FileError(f"'{file}' cannot be read; change its permissions") from None
-    except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
+    except Exception:  # For a damaged file, libraries raise exceptions of many kinds.
         raise FileError(f"'{file}' cannot be read: it is damaged, or is not a {kind} file") from None
 
 
@@ -98,4 +98,4 @@ ENDINGS: dict[str, Callable[[Path], Mapping[str, Any]]] = {
     ".nc": _nc_arrays,
     ".op4": op4_matrices,
 }
-"""Endings of files with named arrays."""
+"""Mapping from endings of files with named arrays to the functions that read them."""

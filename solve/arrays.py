@@ -13,14 +13,15 @@ Array = NDArray[Any]
 Value = TypeVar("Value")
 
 Plane = NDArray[np.complex128]
-"""Points, velocities, accelerations or directions in the plane, x + iy."""
+"""Array of points, velocities, accelerations or directions in the plane, each as x + iy."""
 
 EPS = float(np.finfo(float).eps)
 """Distance from 1 to the next larger float64, 2.2e-16."""
 
 
 def covers_all(selection: Array, count: int) -> bool:
-    """Whether indices (k,), or a mask, select all of `count` points in order, so that no copy is needed."""
+    """Whether `selection`, indices (k,) or a mask, selects all of `count` points in order. No copy is then
+    necessary."""
     if len(selection) != count:
         return False
     if count == 1:
@@ -51,7 +52,7 @@ def others(count: int, positions: Sequence[int]) -> Array:
 
 
 def runs(flags: Array) -> Array:
-    """First and last index (r, 2) of each run of true values among flags (k,).
+    """First and last index, as an array (r, 2), of each run of true values in `flags` (k,).
 
     >>> runs(np.array([True, False, True, True])).tolist()
     [[0, 0], [2, 3]]
@@ -61,23 +62,24 @@ def runs(flags: Array) -> Array:
 
 
 _MANY_ROWS = 256
-"""Number of rows above which `across` reduces column by column, because NumPy's reduction over a short last
-axis is slow for many rows."""
+"""Number of rows above which `across` reduces column by column. For many rows, NumPy's reduction over a short
+last axis is slow."""
 
 _SMALLEST = 4
-"""Number of rows of a matrix up to which simultaneous elimination in all matrices is faster than LAPACK for
-each matrix."""
+"""Number of rows of a matrix up to which elimination in all matrices at the same time is faster than LAPACK,
+which treats one matrix at a time."""
 
 
 def across(operation: np.ufunc, values: Array, axis: int = -1) -> Array:
-    """Result of `operation.reduce` over a short axis, also fast for many rows."""
+    """Result of `operation.reduce` over a short axis. Unlike NumPy's function, it is also fast for many
+    rows."""
     if len(values) < _MANY_ROWS:
         return operation.reduce(values, axis=axis)
     return reduce(operation, np.moveaxis(values, axis, 0))
 
 
 def solved(A: Array, b: Array) -> Array:
-    """Solution x of A x = b for matrices A (…, n, n) and b (…, n, k); NaN where A is singular."""
+    """Solution x of A x = b for matrices A (…, n, n) and b (…, n, k); NaN if A is singular."""
     try:
         return np.linalg.solve(A, b)
     except np.linalg.LinAlgError:
@@ -87,8 +89,8 @@ def solved(A: Array, b: Array) -> Array:
 
 
 def definite_solved(A: Array, b: Array) -> Array:
-    """Solution x of A x = b as in `solved`, for symmetric positive definite matrices (k, n, n). It is faster
-    for many small matrices, because elimination requires no pivoting."""
+    """Solution x of A x = b for symmetric positive definite matrices A (k, n, n). For many small matrices it
+    is faster than `solved`, because elimination requires no pivoting."""
     k, n, _ = A.shape
     if k < _MANY_ROWS or n > _SMALLEST or not (np.swapaxes(A, 1, 2) == A).all():
         return solved(A, b)
@@ -106,7 +108,7 @@ def definite_solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """Array-valued function of phases with a cache of its latest values, up to a number of bytes.
+    """Array-valued function of phases. Its most recent values are cached, up to `max_bytes` bytes.
 
     The next solution often uses the phases of the same grid. Cached values must not be modified.
     """
@@ -131,7 +133,7 @@ class Recent:
 
 
 class Latest(Generic[Value]):
-    """Function of phases (m,) whose last value is cached, because successive speeds use the same grid.
+    """Function of phases (m,). Its most recent value is cached, because successive speeds use the same grid.
 
     The value must not be modified.
     """
@@ -148,7 +150,7 @@ class Latest(Generic[Value]):
 
 
 class LazyMapping(Mapping[str, Array]):
-    """Mapping of names to values, each computed on access."""
+    """Mapping from names to values. Each value is computed on access."""
 
     def __init__(self, names: Sequence[str], value: Callable[[str], Array]):
         self._names, self._value = names, value
@@ -166,7 +168,8 @@ class LazyMapping(Mapping[str, Array]):
 
 
 def symmetric_of(triangle: Array) -> Array:
-    """Symmetric matrices (k, N, N) from their upper triangles (N (N + 1) / 2, k), stored by rows."""
+    """Symmetric matrices (k, N, N) from their upper triangles (N (N + 1) / 2, k), which are stored in row
+    order."""
     N = int(np.sqrt(2 * len(triangle)))
     rows, columns = np.triu_indices(N)
     X = np.empty((triangle.shape[1], N, N))

@@ -26,17 +26,20 @@ class Outputs(Protocol):
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        """Outputs (k,) by name at phases (k,). speed: Ω in rad/s, one number or (k,). q, qd, qdd (n, k):
-        coordinates and their derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
+        """Mapping from outputs to their values (k,) at phases (k,).
+
+        speed: Ω in rad/s, a number or (k,). q, qd, qdd (n, k): coordinates and their derivatives with respect
+        to time. acceleration: Ω̇ in rad/s².
+        """
         ...
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
-        """C code of the outputs, with the parameters `varied` as inputs; None if unavailable."""
+        """C code of the outputs, with the parameters `varied` as inputs; None if it is not available."""
         return None
 
 
 class Validity(Protocol):
-    """Limits within which the equations hold."""
+    """Limits of the validity of the equations."""
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:
@@ -44,19 +47,22 @@ class Validity(Protocol):
         return ()
 
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
-        """Limits of validity of the given quantities. linear: whether the linearised equations are solved."""
+        """Limits of validity of these quantities. linear: whether the linearised equations are solved."""
         return []
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
-        """Warnings about the equations at a speed (rad/s), for any solution. linear: as in `limits`."""
+        """Warnings about the equations at a speed (rad/s) that apply to any solution. linear: as in
+        `limits`."""
         ...
 
 
 class Evaluation(Protocol):
-    """Evaluation of entries that is faster than evaluation of the matrices; None where it is unavailable."""
+    """Evaluation of entries that is faster than the evaluation of matrices. Methods return None if it is not
+    available."""
 
     def entries(self, phase: Array, speed: float) -> Array | None:
-        """Entries (m, 3n² + n): Ω²M, ΩC and K by rows, and d, for derivatives with respect to the phase."""
+        """Entries (m, 3n² + n) of Ω²M, ΩC and K in row order, and of d, for derivatives with respect to the
+        phase."""
         return None
 
     def entries_over(self, phase: Array, speeds: Array) -> Array | None:
@@ -65,13 +71,14 @@ class Evaluation(Protocol):
         return None
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Decomposition of the entries into products: terms (k, R) at phases (k,), coefficients (P, R) at
-        speeds (P,), and the ascending index (R,) of the entry to which each term belongs."""
+        """Decompose the entries into sums of products. Return the terms (k, R) at phases (k,), the
+        coefficients (P, R) at speeds (P,), and the index (R,), ascending, of the entry to which each term
+        belongs."""
         return None
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array] | None:
-        """Values (m, R) of the entries that may differ from zero, and the ascending indices (R,) of these
-        entries."""
+        """Return the values (m, R) of the entries that may be nonzero, and the indices (R,) of these entries,
+        ascending."""
         return None
 
 
@@ -89,11 +96,11 @@ class Variation(Protocol):
         ...
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
-        """Raise ValueOutOfBoundsError for values outside the bounds of their parameters."""
+        """Raise ValueOutOfBoundsError if a value is outside the bounds of its parameter."""
         ...
 
     def many_points(self, names: Sequence[str]) -> Any:
-        """Vectorised evaluation, `ModelPoints`, at points where parameters of these names vary; None if each
+        """Vectorised evaluation, `ModelPoints`, at points where the parameters `names` vary. None if each
         point requires its own system."""
         ...
 
@@ -106,19 +113,23 @@ class Nonlinear(Protocol):
 
         M = ∂r/∂q̈, C = ∂r/∂q̇, K = ∂r/∂q and d = M q̈_k + C q̇_k + K q_k - r(q_k), so that the periodic
         solution is the next iterate of Newton's method (U. Ascher, R. Mattheij, R. Russell, Numerical
-        Solution of Boundary Value Problems, 2.3.4). compiled: optional compiled evaluation of formulas.
+        Solution of Boundary Value Problems, 2.3.4). compiled: evaluation of formulas by compiled code, if
+        available.
         """
         ...
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> Any:
-        """System as from `along`, with additional breaks at the phases at which the motion passes switches at
+        """System as from `along`, with additional breaks: the phases at which the motion passes switches, at
         a speed in rad/s."""
         return self.along(motion, compiled)
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
-        """Integrator of the equations of motion from any state, one period at a time, with `count` states per
-        period. sizes (n,): scales of the coordinates, to which rtol is relative. Raises TransientError
-        without generated code."""
+        """Integrator of the equations of motion, one period at a time from any state, with `count` states per
+        period.
+
+        sizes (n,): scales of the coordinates; rtol is relative to them. Raises TransientError if there is no
+        generated code.
+        """
         raise TransientError(
             "the system has no generated equations of motion that can be integrated in time; write it as a "
             "mechanism file, and generate its equations with python -m derive FILE"
@@ -132,19 +143,22 @@ class Linearisation(Protocol):
     """Phases at which the motion passes switches."""
 
     def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
-        """Derivatives (k, 1 + 2n + r) of the switches that a motion passes at its k events, at a speed in
-        rad/s. They are with respect to phase, q, dq/dφ and r named parameters (the name "speed" is the
-        speed); derivatives with respect to the speed are at constant q and dq/dφ."""
+        """Derivatives (k, 1 + 2n + r) of switching functions at the k events of a motion, at a speed in
+        rad/s. At each event, the function that is zero there is differentiated.
+
+        The derivatives are with respect to the phase, q, dq/dφ and r named parameters; the name "speed" is
+        the speed. Those with respect to the speed are at constant q and dq/dφ.
+        """
         ...
 
     def roundoff(self, phase: Array, speed: float) -> Array:
-        """Bounds (k, n), as multiples of the machine precision, on the round-off in the load d at phases
-        (k,). Terms of d may cancel."""
+        """Bounds (k, n) on the round-off of the load d at phases (k,), in units of the machine precision.
+        Terms of d may cancel."""
         ...
 
 
 class Capabilities(NamedTuple):
-    """Capabilities of a system; None where absent.
+    """Capabilities of a system. Those that it does not have are None.
 
     Attributes
     ----------
@@ -153,13 +167,13 @@ class Capabilities(NamedTuple):
     samples : Samples or None
         Samples from which the matrices are interpolated.
     input_matrix : callable or None
-        Function of phases (m,) and a speed in rad/s that returns the arrays of B (m, n, r).
+        Function of phases (m,) and a speed in rad/s that returns a sequence with the array B (m, n, r).
     domain : callable or None
         Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
         exist at one of these speeds.
     sketch : callable or None
-        Function of phases (k,), a speed, q (n, k) and the fraction of the default number of points of curves.
-        It returns the lines of the sketch by name, as points x + iy (points, k).
+        Function of phases (k,), a speed, q (n, k), and a factor for the default number of points of curves.
+        It returns a mapping from lines of the sketch to points x + iy (points, k).
     varying : callable or None
         Function of phases (m,), speeds (m,) and an acceleration in rad/s² that returns the matrices, for
         derivatives with respect to time.

@@ -12,7 +12,7 @@ Matrices = tuple[Array, Array, Array, Array]
 
 
 class Statistics(NamedTuple):
-    """Statistics over a period of the continuous curve of a quantity.
+    """Statistics of the continuous curve of a quantity over a period.
 
     Attributes
     ----------
@@ -36,8 +36,8 @@ class Statistics(NamedTuple):
 class Limit(NamedTuple):
     """Limit on the statistics of a quantity.
 
-    exceeded: function of the statistics of one solution, or of arrays of the statistics of many, that returns
-    whether they violate the limit. message: function that returns the warning for one solution.
+    exceeded: function that returns whether statistics violate the limit; its argument contains numbers for
+    one solution, or arrays for many. message: function that returns the warning for one solution.
     """
 
     quantity: str
@@ -52,11 +52,11 @@ class Limit(NamedTuple):
 
 
 class ModeShape(NamedTuple):
-    """Mode shape with its frequency (rad/s), scaled so that its largest displacement is 1.
+    """Mode shape and its frequency in rad/s. It is scaled so that its largest displacement is 1.
 
-    places: positions x, y along each link, (points, 2), in m. displacements: displacements x, y at these
-    positions, relative to the largest displacement. transverse: displacements perpendicular to each link,
-    (points,). modal_mass: kg.
+    places: for each link, positions x, y in m, (points, 2). displacements: for each link, displacements x, y
+    at these positions, relative to the largest displacement. transverse: for each link, displacements
+    (points,) perpendicular to it. modal_mass: modal mass in kg.
     """
 
     frequency: float
@@ -67,20 +67,23 @@ class ModeShape(NamedTuple):
 
 
 class DrawnLink(NamedTuple):
-    """Name of a link, and supports of its start and end. A support is "pinned" or "clamped" to the ground,
-    "joined" to other links by a pin, or "" if the end is welded to other links or free."""
+    """Name of a link, and the supports of its start and end.
+
+    A support is "pinned" or "clamped" if it is on the ground, "joined" if a pin connects the end with other
+    links, or "" if the end is free or welded to other links.
+    """
 
     name: str
     ends: tuple[str, str]
 
 
 class Formulas(NamedTuple):
-    """C function `void formulas(const lane *const *in, lane *out)` of a model, and names and values of its
+    """C function `void formulas(const lane *const *in, lane *out)` of a model, and the values of its
     parameters.
 
-    text: source. outputs: number of outputs. names, values (p,), or (P, p) at many points: names and values
-    of the parameters, which are the last input. The other inputs are phase, speed and, for the outputs of a
-    model, q, q̇, q̈. `lane` is a vector of doubles, one per point.
+    text: source code. outputs: number of outputs. names: names of the parameters, which are the last input.
+    values: values of the parameters, (p,), or (P, p) for P points. The other inputs are phase, speed and, for
+    the outputs of a model, q, q̇, q̈. `lane` is a vector of doubles, one per point.
     """
 
     text: str
@@ -90,33 +93,40 @@ class Formulas(NamedTuple):
 
 
 Columns = Callable[..., Array | None]
-"""Type of functions that evaluate formulas by compiled code for inputs (width, k), one column per evaluation.
-They return values (outputs, k) or weighted sums (outputs, c); None where compiled code is unavailable. See
-`solve.kernel.formulas.columns`."""
+"""Type of functions that evaluate formulas by compiled code.
+
+Inputs are (width, k) each, with one column per evaluation. The functions return values (outputs, k), or
+weighted sums (outputs, c) of the values; None without compiled code. See `solve.kernel.formulas.columns`.
+"""
 
 
 class Integrator(Protocol):
-    """Protocol of time integration of a system over a period, with states at nodes (k,) from 0 to the period.
+    """Protocol of the time integration of a system over one period, with states at `nodes` (k,) from 0 to the
+    period.
 
-    Derivatives are with respect to time multiplied by the mean speed, which is the phase at constant speed.
+    The independent variable of the derivatives is the mean speed times time. At constant speed, this is the
+    phase.
     """
 
     @property
     def nodes(self) -> Array: ...
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """Integrate q, v, a (3, n, k) over a period, including both ends, from the state (q, v) (2n,) at the
-        phase `start`. The speed changes linearly in time to `last` (default: constant speed). Raises
-        TransientError if the integration fails."""
+        """Integrate over one period, from the state (q, v) (2n,) at the phase `start`. Return q, v and a, as
+        an array (3, n, k), at the k nodes, which include both ends.
+
+        The speed varies linearly in time from `speed` to `last`; by default, it is constant. Raises
+        TransientError if the integration fails.
+        """
         ...
 
 
 class Dependence(Protocol):
     """Derivatives of the equations and outputs of a system with respect to quantities θ (r,).
 
-    States (k, 3, n) at phases (k,) are q″, q′ and q, with derivatives with respect to the phase. They are
-    held constant unless stated otherwise. linear: whether the equations are linear. partial_outputs: whether
-    `output` is available.
+    States (k, 3, n) at phases (k,) are q″, q′ and q, with derivatives with respect to the phase. The
+    derivatives with respect to θ are at constant states unless stated otherwise. linear: whether the
+    equations are linear. partial_outputs: whether `output` is available.
     """
 
     linear: bool
@@ -124,7 +134,7 @@ class Dependence(Protocol):
 
     @property
     def less_accurate(self) -> "Dependence":
-        """Derivatives by differences of lower order, for error estimates; the object itself if its
+        """Derivatives by finite differences of lower order, for error estimates. The object itself if its
         derivatives are exact."""
         ...
 
@@ -133,22 +143,27 @@ class Dependence(Protocol):
         ...
 
     def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        """Sums (r, c), over phases and rows with weights (k, n, c), of the derivatives that `residual`
-        returns."""
+        """Sums (r, c), over phases and rows, of the derivatives that `residual` returns, with weights (k, n,
+        c)."""
         ...
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        """Derivatives of the sum of the entries of M, C and K with weights (k, 3, n, n), where M, C and K are
-        the derivatives of the residual with respect to the states. Returns derivatives with respect to θ
-        (r,), and with respect to the states (k, 3, n); the latter are 0 for linear equations."""
+        """Derivatives of a sum of the entries of M, C and K with weights (k, 3, n, n). M, C and K are the
+        derivatives of the residual with respect to the states.
+
+        Return the derivatives with respect to θ (r,), and those with respect to the states (k, 3, n). The
+        latter are 0 for linear equations.
+        """
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        """Partial derivatives of an output: with respect to θ (k, r), and to the states (k, 3, n)."""
+        """Return the partial derivatives of an output with respect to θ, (k, r), and to the states, (k, 3,
+        n)."""
         ...
 
     def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
-        """Total derivatives (k, r) of an output. moved (k, 3, n, r): derivatives of the states."""
+        """Total derivatives (k, r) of an output with respect to θ. moved (k, 3, n, r): derivatives of the
+        states."""
         ...
 
 
@@ -161,18 +176,21 @@ class ParameterDerivatives(Protocol):
         ...
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Derivatives (b, r) of the phases of the breaks with respect to parameters or, for the name "speed",
-        the speed."""
+        """Derivatives (b, r) of the phases of the breaks, with respect to the named parameters or, for the
+        name "speed", to the speed."""
         ...
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives with respect to the named parameters or, for the name "speed", the speed. compiled:
-        compiled evaluation of formulas, if available. Raises UnknownNameError, NoDerivativeError."""
+        """Derivatives with respect to the named parameters or, for the name "speed", to the speed.
+
+        compiled: evaluation of formulas by compiled code, if available. Raises UnknownNameError,
+        NoDerivativeError.
+        """
         ...
 
 
 class Structure(Protocol):
-    """Beam structure of a mechanism held at given positions."""
+    """Beam structure of a mechanism at rest in given positions."""
 
     @property
     def freedoms(self) -> int:
@@ -189,34 +207,37 @@ class Structure(Protocol):
         ...
 
     def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
-        """Mode shapes of the links at a position, for the lowest frequencies (k,)."""
+        """Mode shapes of the links at a position, for the lowest k frequencies, `frequencies` (k,)."""
         ...
 
     def pinned_frequencies(self) -> dict[str, float]:
-        """Lowest bending frequency (rad/s) of each separate link, pinned at both ends."""
+        """Mapping from links to the lowest bending frequency (rad/s) of the single link with pinned ends."""
         ...
 
 
 def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]:
-    """Phase within a period, speed and acceleration (rad, rad/s, rad/s²) of a drive whose speed changes
-    linearly in time from `first` to `last`. s: time multiplied by the mean speed, from 0 to the period; a
-    number or a symbol."""
+    """Return the phase within a period, the speed and the acceleration (rad, rad/s, rad/s²) of a drive whose
+    speed varies linearly in time from `first` to `last`.
+
+    s: time multiplied by the mean speed, from 0 to the period. It may be a number or a symbol.
+    """
     mean, slope = (first + last) / 2, (last - first) / period
     return (first * s + slope * s**2 / 2) / mean, first + slope * s, slope * mean
 
 
 @runtime_checkable
 class Motion(Protocol):
-    """Periodic motion over phases from 0 to the last of its nodes (m+1,).
+    """Periodic motion. Its `nodes` (m+1,) are phases from 0 to the period.
 
-    An optional method `states` returns q, q′, q″ (n, k) at phases (k,) at once.
+    An optional method `states` returns q, q′ and q″, (n, k) each, at phases (k,).
     """
 
     @property
     def nodes(self) -> Array: ...
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        """q (n, k), or its derivative with respect to the phase, at phases (k,) of any period."""
+        """Coordinates q (n, k), or their derivative with respect to the phase, at phases (k,) in any
+        period."""
         ...
 
 
@@ -224,15 +245,15 @@ class Reduction(Protocol):
     """Reduction of a system to fewer coordinates.
 
     modes_a_link: number of modes retained per link. full_coordinates: number of coordinates before the
-    reduction. discarded: lowest frequency of the discarded modes, rad/s. enriched: larger reduced system, for
-    the error estimate.
+    reduction. discarded: lowest frequency of the discarded modes in rad/s. enriched: reduced system with more
+    coordinates, for the error estimate.
     """
 
     modes_a_link: int
 
     @property
     def sentence(self) -> str:
-        """Sentence on the error of the natural frequencies."""
+        """Sentence about the error of the natural frequencies."""
         ...
 
     @property
@@ -245,15 +266,18 @@ class Reduction(Protocol):
     def enriched(self) -> Any: ...
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array) -> Any:
-        """State in all coordinates at phases (k,), from q, q̇, q̈ (n, k). Its `q` has the shape
+        """State in all coordinates at phases (k,), from q, q̇, q̈ (n, k). The attribute `q` of the result is
         (full_coordinates, k)."""
         ...
 
 
 class Events(NamedTuple):
-    """Phases (rad) at which a motion passes switches of the equations, such as stops, and phases at which the
-    motion grazes a switch. sides: sides of each switch on which the motion lies, as the signs of the smallest
-    and largest value of the switch."""
+    """Phases in rad at which a motion passes switches of the equations, such as stops, and phases at which it
+    grazes a switch.
+
+    sides: for each switch, the signs of the smallest and the largest value of its switching function. They
+    show on which sides of the switch the motion lies.
+    """
 
     phases: tuple[float, ...] = ()
     grazing: tuple[float, ...] = ()

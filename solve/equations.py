@@ -1,5 +1,5 @@
-"""Functions for the equations of any system. They use capabilities of the system if available, and otherwise
-defaults."""
+"""Functions for the equations of any system. They use a capability of the system if it is available, and
+otherwise a default."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -37,7 +37,8 @@ judgement."""
 
 
 def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """Entries (m, 3n² + n): Ω²M, ΩC and K by rows, and d, for derivatives with respect to the phase."""
+    """Entries (m, 3n² + n) of Ω²M, ΩC and K in row order, and of d, for derivatives with respect to the
+    phase."""
     evaluation, n = system.capabilities.evaluation, system.n
     entries = None if evaluation is None else evaluation.entries(phase, speed)
     if entries is None:
@@ -48,35 +49,36 @@ def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
 
 
 def used_entries_of(system: PeriodicSystem, phase: Array, speed: float) -> tuple[Array, Array]:
-    """Values (m, R) of the entries that may differ from zero, and the ascending indices (R,) of these
-    entries."""
+    """Return the values (m, R) of the entries that may be nonzero, and the indices (R,) of these entries,
+    ascending."""
     evaluation = system.capabilities.evaluation
     used = None if evaluation is None else evaluation.used_entries(phase, speed)
     return used or (entries_of(system, phase, speed), np.arange(3 * system.n**2 + system.n))
 
 
 def terms_of(system: PeriodicSystem, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-    """Decomposition of the entries into products, `Evaluation.terms`; None if unavailable."""
+    """Result of `Evaluation.terms`, the decomposition of the entries into sums of products; None if it is not
+    available."""
     evaluation = system.capabilities.evaluation
     return None if evaluation is None else evaluation.terms(phase, speeds)
 
 
 def entries_over(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
-    """Entries (P, k, 3n² + n), as from `entries_of`, at phases (k,) and speeds (P,); NaN at speeds without
-    matrices."""
+    """Entries (P, k, 3n² + n), as from `entries_of`, at phases (k,) and speeds (P,); NaN at speeds for which
+    there are no matrices."""
     evaluation = system.capabilities.evaluation
     entries = None if evaluation is None else evaluation.entries_over(phase, speeds)
     return entries_one_by_one(system, phase, speeds) if entries is None else entries
 
 
 def entries_one_by_one(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
-    """Entries as in `entries_over`, evaluated for one speed after another."""
+    """Entries as from `entries_over`, evaluated at one speed after another."""
     entries = np.full((len(speeds), len(phase), 3 * system.n**2 + system.n), np.nan)
     for rows, speed in zip(entries, speeds, strict=True):
         try:
             rows[:] = entries_of(system, phase, float(speed))
         except SolveError:
-            # The solution at this speed fails and reports the reason.
+            # The solution at this speed will fail and report the reason.
             continue
     return entries
 
@@ -97,21 +99,23 @@ def input_matrix(system: PeriodicSystem, phase: Array, speed: float) -> Array:
 def output_values(
     system: PeriodicSystem, phase: Array, speed: Array | float, *state: Any
 ) -> Mapping[str, Array]:
-    """Outputs (k,) by name at phases (k,), for a state q, q̇, q̈ (n, k) and an optional acceleration; see
-    `Outputs.output_values`. Empty for a system without outputs."""
+    """Mapping from outputs to their values (k,) at phases (k,); empty for a system without outputs.
+
+    state: q, q̇, q̈ (n, k), and optionally an acceleration; see `Outputs.output_values`.
+    """
     outputs = system.capabilities.outputs
     return {} if outputs is None else outputs.output_values(phase, speed, *state)
 
 
 def output_formulas(system: PeriodicSystem, varied: Sequence[str] = ()) -> Formulas | None:
-    """C code of the outputs, with the parameters `varied` as inputs; None if unavailable."""
+    """C code of the outputs, with the parameters `varied` as inputs; None if it is not available."""
     outputs = system.capabilities.outputs
     return None if outputs is None else outputs.output_formulas(varied)
 
 
 def warnings_of(system: PeriodicSystem, speed: float, linear: bool = True) -> list[str]:
-    """Warnings about the equations at a speed (rad/s), for any solution. linear: whether the linearised
-    equations are solved."""
+    """Warnings about the equations at a speed (rad/s) that apply to any solution. linear: whether the
+    linearised equations are solved."""
     validity = system.capabilities.validity
     return list(system.labels.equation_warnings) if validity is None else validity.warnings(speed, linear)
 
@@ -123,7 +127,7 @@ def judged_quantities(system: PeriodicSystem) -> tuple[str, ...]:
 
 
 def limits_of(system: PeriodicSystem, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
-    """Limits of these quantities within which a solution is valid. linear: as in `warnings_of`."""
+    """Limits of validity of these quantities. linear: as in `warnings_of`."""
     names, validity = list(quantities), system.capabilities.validity
     stated = [] if validity is None else validity.limits(names, linear)
     return [*map(Limit.finite, names), *stated]
@@ -132,20 +136,21 @@ def limits_of(system: PeriodicSystem, quantities: Iterable[str], linear: bool = 
 def exceeded_limits(
     system: PeriodicSystem, figures: Mapping[str, Statistics], linear: bool = True
 ) -> list[str]:
-    """Warnings about exceeded limits, from the statistics of a solution by quantity. linear: as in
+    """Warnings about exceeded limits. `figures` maps quantities to their statistics. linear: as in
     `warnings_of`."""
     pairs = ((limit, figures[limit.quantity]) for limit in limits_of(system, figures, linear))
     return [limit.message(values) for limit, values in pairs if limit.exceeded(values)]
 
 
 def require_bounds(system: PeriodicSystem, parameters: Mapping[str, float]) -> None:
-    """Raise ValueOutOfBoundsError for values outside the bounds of their parameters."""
+    """Raise ValueOutOfBoundsError if a value is outside the bounds of its parameter."""
     if system.capabilities.variation is not None:
         system.capabilities.variation.require_bounds(parameters)
 
 
 def require_desired_motion(system: PeriodicSystem, speeds: Array) -> None:
-    """Raise DesiredMotionError if the fundamental motion does not exist at one of the speeds (P,), rad/s."""
+    """Raise DesiredMotionError if the fundamental motion does not exist at one of the speeds (P,) in
+    rad/s."""
     domain = system.capabilities.domain
     if domain is not None:
         domain(speeds)
@@ -154,8 +159,11 @@ def require_desired_motion(system: PeriodicSystem, speeds: Array) -> None:
 def sketched(
     system: PeriodicSystem, phase: Array, speed: float, q: Array, fineness: float = 1.0
 ) -> Mapping[str, Plane]:
-    """Lines of the sketch by name, `Capabilities.sketch`, for q (n, k) at phases (k,). fineness: fraction of
-    the default number of points of curves. Raises NoSketchError without a sketch."""
+    """Mapping from lines of the sketch to points, as `Capabilities.sketch` returns it, for q (n, k) at phases
+    (k,).
+
+    fineness: factor for the default number of points of curves. Raises NoSketchError if there is no sketch.
+    """
     sketch = system.capabilities.sketch
     lines = {} if sketch is None else sketch(phase, speed, q, fineness)
     if not lines:
@@ -182,7 +190,7 @@ def nonlinear_of(system: PeriodicSystem) -> Nonlinear:
 
 
 def varying_of(system: PeriodicSystem) -> Callable[[Array, Array, float], Matrices]:
-    """Function of phases, speeds and an acceleration, `Capabilities.varying`. Raises TransientError for
+    """Function of phases, speeds and an acceleration; see `Capabilities.varying`. Raises TransientError for
     systems without this function."""
     if system.capabilities.varying is None:
         raise TransientError(
@@ -193,13 +201,15 @@ def varying_of(system: PeriodicSystem) -> Callable[[Array, Array, float], Matric
 
 
 def events_of(system: PeriodicSystem) -> Events:
-    """Phases at which the motion passes switches, for systems linearised about a motion."""
+    """Events of the motion about which the system is linearised: the phases at which the motion passes
+    switches. Empty for other systems."""
     linearisation = system.capabilities.linearisation
     return Events() if linearisation is None else linearisation.events
 
 
 def event_normals(system: PeriodicSystem, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
-    """Derivatives (k, 1 + 2n + r) of the switches, `Linearisation.event_normals`; none without events."""
+    """Result of `Linearisation.event_normals`, derivatives (k, 1 + 2n + r) of switching functions; empty if
+    there are no events."""
     linearisation = system.capabilities.linearisation
     if linearisation is None:
         return np.zeros((0, 1 + 2 * system.n + len(names)))
@@ -207,7 +217,8 @@ def event_normals(system: PeriodicSystem, motion: Motion, speed: float, names: S
 
 
 def roundoff_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """Bounds (k, n) on the round-off in the load, `Linearisation.roundoff`; zero without a bound."""
+    """Result of `Linearisation.roundoff`, bounds (k, n) on the round-off of the load; zero if there is no
+    bound."""
     linearisation = system.capabilities.linearisation
     return np.zeros((len(phase), system.n)) if linearisation is None else linearisation.roundoff(phase, speed)
 
@@ -219,14 +230,14 @@ def freedoms_of(system: PeriodicSystem) -> int:
 
 
 def most_frequencies(system: PeriodicSystem) -> int:
-    """Maximum number of natural frequencies that can be computed."""
+    """Largest number of natural frequencies that can be computed."""
     structure = system.capabilities.structure
     return system.n if structure is None else structure.most_frequencies
 
 
 def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
-    """Derivatives of the equations with respect to parameters. Raises NoDerivativeError without generated
-    equations."""
+    """Derivatives of the equations with respect to parameters. Raises NoDerivativeError if there are no
+    generated equations."""
     if system.capabilities.variation is None:
         raise NoDerivativeError(
             f"{system.labels.name} has no generated equations that can be differentiated; write it as a "
@@ -245,7 +256,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
 
 
 def require_load(system: PeriodicSystem, speed: float) -> None:
-    """Raise NoLoadError if d, and hence the periodic vibration, is zero over the entire period."""
+    """Raise NoLoadError if d, and hence the periodic vibration, is zero at all phases."""
     phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
     if not system.at(phase, speed)[3].any():
         raise NoLoadError(f"{system.labels.name} has no load: its periodic vibration is zero at every speed")

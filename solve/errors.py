@@ -5,11 +5,12 @@ from collections.abc import Collection, Iterable
 from typing import Self
 
 _MOST_NAMES = 12
-"""Maximum number of known names listed in a message. Chosen by judgement."""
+"""Largest number of known names that a message lists. Chosen by judgement."""
 
 
 class SolveError(Exception):
-    """Base class of all exceptions of this package; commands print one line and exit with status 2."""
+    """Base class of all exceptions of this package. Commands print the message in one line and exit with
+    status 2."""
 
 
 class UnknownNameError(SolveError):
@@ -101,7 +102,7 @@ class NoOrbitError(SolveError):
 
 
 class ChatterError(SolveError):
-    """Motion that passes switches of the equations more often than events are located."""
+    """Motion that passes switches of the equations so often that the events cannot be located."""
 
 
 class ControlError(SolveError):
@@ -130,7 +131,8 @@ class MissingLibraryError(SolveError):
 
     @classmethod
     def of_extra(cls, what: str, library: str, extra: str) -> Self:
-        """Exception for a missing library that `what` requires; an extra of this package installs it."""
+        """Exception for a missing library that `what` requires. The library is installed by an extra of this
+        package."""
         return cls(
             f'{what} requires {library}; install {library} with: pip install "parametric-vibration[{extra}]"'
         )
@@ -169,7 +171,8 @@ def cause(error: Exception) -> str:
 
 
 def counted(count: object, one: str, more: str = "") -> str:
-    """Number followed by a noun or phrase in the singular or plural; by default the plural adds an s.
+    """Number followed by a noun or phrase in the singular or plural. By default, the plural is formed with an
+    s.
 
     >>> counted(1, "point"), counted(0, "point"), counted(1, "mode has", "modes have")
     ('1 point', '0 points', '1 mode has')

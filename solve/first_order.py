@@ -18,8 +18,8 @@ from solve.samples import sampled
 from solve.system import PeriodicSystem, require_own_names
 
 Signals = tuple[Array, Array, Array, Sequence[str], Sequence[str]]
-"""Samples B (k, N, r), C (k, y, N) and D (k, y, r) of a first-order system, and the names of its inputs and
-outputs."""
+"""Samples B (k, N, r), C (k, y, N) and D (k, y, r) of a first-order system, followed by the names of its
+inputs and of its outputs."""
 
 
 class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
@@ -43,7 +43,7 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     Raises
     ------
     ValueOutOfBoundsError
-        For invalid names, period or breaks.
+        If names, period or breaks are invalid.
 
     Notes
     -----
@@ -94,12 +94,12 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
         states : sequence of str
             Names of the N states.
         phases : (k,) array, optional
-            Azimuths in rad, by default uniform from 0 without the end of the period.
+            Azimuths in rad. By default, they are uniform from 0, without the end of the period.
         period : float
             Period in phase.
         signals : tuple, optional
-            Samples B (k, N, r), C (k, y, N) and D (k, y, r), and the names of inputs and outputs: (B, C, D,
-            inputs, outputs).
+            Tuple (B, C, D, inputs, outputs): samples B (k, N, r), C (k, y, N) and D (k, y, r), and the names
+            of the inputs and outputs.
 
         Returns
         -------
@@ -124,10 +124,11 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
         return cls(samples, states, samples.period, (), inputs, outputs)
 
     def equations_at(self, phase: Array, speed: float) -> list[Array]:
-        """Matrices A (m, N, N) and b (m, N) at phases (m,). If inputs or outputs are named, also B (m, N, r),
-        C (m, y, N) and D (m, y, r).
+        """Return matrices A (m, N, N) and b (m, N) at phases (m,). If inputs or outputs are named, also
+        return B (m, N, r), C (m, y, N) and D (m, y, r).
 
-        Raises MatricesError if the function does not return real arrays, or NaN or infinite entries.
+        Raises MatricesError if the function `matrices` does not return real arrays, or returns NaN or
+        infinite entries.
         """
         return self._called(phase, speed, self._symbols, "A", "b")
 
@@ -184,7 +185,7 @@ class MixedSystem(PeriodicSystem, Evaluation):
     coordinates : sequence of str
         Names of the coordinates with second derivatives, which are listed first.
     states : sequence of str
-        Names of the first-order states, in matrices and results after the coordinates.
+        Names of the first-order states. In matrices and results, they follow the coordinates.
     period, breaks, inputs : optional
         As for `PeriodicSystem`.
 

@@ -32,14 +32,15 @@ class Labels:
     model_hash: str | None = None
     """Hash of the generated code of the equations."""
     solvable: bool = True
-    """Whether the system has equations; a system read from a result file has labels only."""
+    """Whether the system has equations. A system read from a result file has only labels."""
     options: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Parameters that can be varied, in the units declared by the model."""
     parameter_labels: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Unit and meaning of each parameter."""
+    """Mapping from parameters to units and meanings."""
     parameter_sources: Mapping[str, str] = field(default_factory=dict)
-    """Sources of the values from the case; values set otherwise have no source."""
+    """Mapping from parameters to sources of their values, for values from the case. Other values have no
+    source."""
     equations: tuple[str, ...] = ()
     """Equations as HTML elements with MathML."""
     links: tuple[DrawnLink, ...] = ()
@@ -53,9 +54,10 @@ class Labels:
     outputs_apart: bool = False
     """Whether outputs are computed individually on access, rather than all together."""
     equation_warnings: tuple[str, ...] = ()
-    """Warnings about the equations that hold at any speed: neglected terms, errors of fitted series."""
+    """Warnings about the equations that apply at any speed: neglected terms, errors of fitted series."""
     largest_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names of quantities that are the largest of several outputs, such as the stress on either surface."""
+    """Mapping from quantities to the outputs of which they are the largest, for example the stresses on both
+    surfaces."""
     units: Mapping[str, str] = field(default_factory=dict)
     meanings: Mapping[str, str] = field(default_factory=dict)
     speed_unit: ShownUnit = RPM
@@ -83,8 +85,8 @@ def unit_of(system: Labelled, name: str) -> ShownUnit:
 
 
 def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
-    """Value of a parameter in its declared unit, from a number or a text such as "30 mm". Raises
-    UnknownNameError, UnitError, and ValueOutOfBoundsError for what is not a number."""
+    """Convert a value of a parameter, a number or a text such as "30 mm", to the declared unit of the
+    parameter. Raises UnknownNameError, UnitError, and ValueOutOfBoundsError if the value is not a number."""
     labels = system.labels
     if isinstance(value, str):
         require_name(f"parameter of {labels.name}", name, labels.parameters)
@@ -95,8 +97,8 @@ def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
 def bounds_in_own_unit(
     system: Labelled, name: str, ends: tuple[float | str, float | str]
 ) -> tuple[float, float]:
-    """Lower and upper bounds of a parameter in its declared unit. The initial value of the parameter must lie
-    between the bounds. Raises UnknownNameError, UnitError, ValueOutOfBoundsError."""
+    """Return the lower and the upper bound of a parameter in its declared unit. The initial value of the
+    parameter must lie between them. Raises UnknownNameError, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     require_name(f"parameter of {labels.name}", name, labels.parameters)
     low, high = (in_own_unit(system, name, end) for end in ends)
@@ -124,8 +126,8 @@ def known_quantities(system: Labelled, names: str | Iterable[str] | None = None)
 
 
 def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
-    """Coordinates or outputs of a quantity: the quantity itself, or the outputs of which it is the largest.
-    Raises UnknownNameError."""
+    """Names of the coordinates or outputs that a quantity consists of: the quantity itself or, if it is the
+    largest of several outputs, these outputs. Raises UnknownNameError."""
     largest_of = system.labels.largest_of
     allowed = (*system.coordinates, *system.outputs, *largest_of)
     require_name(f"coordinate or output of {system.labels.name}", quantity, allowed)
@@ -133,8 +135,8 @@ def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
 
 
 def speed_or_usual(system: Labelled, speed: float | str | None) -> float:
-    """Ω in rad/s from a speed (rad/s, or a text with unit), by default the speed of the case. Raises
-    MissingValueError if neither is given, UnitError, ValueOutOfBoundsError."""
+    """Convert a speed, a number in rad/s or a text with unit, to rad/s. By default, it is the speed of the
+    case. Raises MissingValueError if there is neither, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     chosen = labels.case_speed if speed is None else speed
     if chosen is None:

@@ -25,7 +25,7 @@ from solve.system import PeriodicSystem, shown_in
 
 @runtime_checkable
 class Derivable(Protocol):
-    """Protocol of an object that generates its own code, such as a `derive.Mechanism`."""
+    """Protocol of objects that generate their own code, such as a `derive.Mechanism`."""
 
     def code(self) -> str: ...
 
@@ -69,8 +69,8 @@ def load(
 ) -> Model: ...
 
 
-# A name results in a Model, a file of matrices in another system. With Any in the union, callers need no
-# cast.
+# For the name of a model, the result is a Model; for a file of matrices, it is another system. With Any in
+# the union, callers require no cast.
 @overload
 def load(
     model: str | Path,
@@ -94,14 +94,16 @@ def load(
     Parameters
     ----------
     model : str, Path, Mechanism or callable
-        Name of a model or path of a mechanism file; or a `derive.Mechanism`, or a function that returns one,
-        which is derived once. Also the path or pattern of files of matrices, of an FMU, or of a Python file
-        that defines a system with the name `system`. The code of FMUs and of Python files is executed.
+        Name of a model, or path of a mechanism file. Also a `derive.Mechanism`, or a function that returns
+        one; its equations are derived once. Also the path or pattern of files of matrices, of an FMU, or of a
+        Python file that defines a system with the name `system`. The code of FMUs and of Python files is
+        executed.
     case : str or int, optional
-        Case of the case file; the first by default.
+        Name of a case in the case file; by default, the first case.
     options : mapping of str to value, optional
         Options of the model, which may also be given as keyword arguments. Files `.lin` and `.fmu` have the
-        option "exclude", with names of states; FMUs also have "drive", see `read_fmu`.
+        option "exclude", whose value is the names of states. FMUs also have the option "drive"; see
+        `read_fmu`.
     reduce : int, optional
         Number of modes retained per link of a beam structure. Results then state the error of the reduction.
     **parameters : float or str
@@ -110,14 +112,15 @@ def load(
     Returns
     -------
     Model or PeriodicSystem
-        Model with values of its parameters, or system from a file: a `PeriodicSystem` or `FirstOrderSystem`.
+        Model with values of its parameters; or the system read from a file, a `PeriodicSystem` or
+        `FirstOrderSystem`.
 
     Raises
     ------
     FileError
-        For files of matrices and FMUs that cannot be read.
+        If a file of matrices or an FMU cannot be read.
     UnknownNameError, CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError
-        For invalid names, files or values.
+        If names, files or values are invalid.
     ModelFileError
         If the generated code is missing or out of date.
 
@@ -151,7 +154,7 @@ def setup_of(
     parameters: Mapping[str, float | str],
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Setup:
-    """Setup of a model: generated module, case and options.
+    """Create the setup of a model: generated module, case and options.
 
     cases: path of another case file. otherwise: default values of parameters. Raises the exceptions of
     `load`.
@@ -161,7 +164,7 @@ def setup_of(
 
 
 def model_of(setup: Setup) -> Model:
-    """Model of a setup. The class of the model depends on the kind of the generated module."""
+    """Create the model of a setup. Its class depends on the kind of the generated module."""
     if kind_of(setup.module) == EQUATIONS:
         return Model.from_setup(setup) if setup.module.COORDINATES else RigidModel.from_setup(setup)
     from solve.beams.reduced import ReducedStructure
@@ -171,7 +174,8 @@ def model_of(setup: Setup) -> Model:
 
 
 def _module_and_cases(model: str | Derivable | Callable[[], Derivable]) -> tuple[ModuleType, Path | None]:
-    """Generated module of a model, and its case file, if any."""
+    """Return the generated module of a model, and the path of its case file; None if there is no case
+    file."""
     if isinstance(model, str):
         files = model_files(model)
         return model_module(files.generated), files.cases
@@ -196,14 +200,14 @@ def case_numbers(
     cases: str | Path | None = None,
     parameters: Mapping[str, float | str] | None = None,
 ) -> Case:
-    """Read the parameter values of a model's case.
+    """Read the parameter values of a case of a model.
 
     Parameters
     ----------
     model : str
         Name, or path of a mechanism file.
     case : str or int, optional
-        Case of the case file; the first by default.
+        Name of a case in the case file; by default, the first case.
     cases : str or Path, optional
         Path of another case file.
     parameters : mapping of str to float or str, optional
@@ -228,15 +232,15 @@ def case_numbers(
 def missing_parameters(
     model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
 ) -> list[str]:
-    """Parameters of a model that have a value neither in its case nor in `parameters`. Raises the exceptions
-    of `load`."""
+    """Names of parameters of a model that have a value neither in the case nor in `parameters`. Raises the
+    exceptions of `load`."""
     unset = dict.fromkeys(parameter_units(model), math.nan)
     _, chosen = _module_and_case(model, case, cases, parameters, unset)
     return [name for name in unset if chosen.parameters[name] is math.nan]
 
 
 def parameter_units(model: str) -> dict[str, str]:
-    """Units of the parameters declared by a model. Raises the exceptions of `load`."""
+    """Mapping from the parameters of a model to their declared units. Raises the exceptions of `load`."""
     module, _ = _module_and_cases(model)
     return {name: unit for name, unit, *_ in module.PARAMETERS}
 
@@ -248,7 +252,7 @@ def _module_and_case(
     parameters: Mapping[str, float | str],
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> tuple[ModuleType, Case]:
-    """Generated module and chosen case of a model."""
+    """Return the generated module of a model, and the chosen case."""
     module, file = _module_and_cases(model)
     if cases:
         file = Path(cases)

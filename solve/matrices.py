@@ -1,4 +1,4 @@
-"""Entries of M, C, K and d, and checks of their periodicity and inertia."""
+"""Entries of M, C, K and d, and checks of periodicity and inertia."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,24 +10,23 @@ from solve.contracts import Matrices
 from solve.errors import MatricesError
 
 PERIODIC = 1e-9
-"""Relative difference between the matrices at the two ends of the period, below which they count as periodic.
+"""Relative difference between the matrices at the two ends of the period, up to which they count as periodic.
 Chosen by judgement."""
 
 SAME_PHASE = 1e-12
-"""Distance between phases, relative to the period, within which the phases coincide up to round-off. A
-choice."""
+"""Distance between two phases, relative to the period, up to which they count as equal within round-off.
+Chosen by judgement."""
 
 _ROUNDOFF = 64 * EPS
-"""Round-off of an entry relative to the largest term of the equations. Chosen by judgement."""
+"""Round-off of an entry, relative to the largest term of the equations. Chosen by judgement."""
 
 _SINGULAR = 0.1 / EPS
-"""Condition number of the scaled M above which M counts as singular, because only one digit remains
-accurate."""
+"""Condition number of the scaled M above which M counts as singular: only one accurate digit remains."""
 
 
 def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]:
-    """Arrays of floats, one per symbol. Raises MatricesError for values that are not arrays of real
-    numbers."""
+    """Arrays of floats, one per symbol in `symbols`. Raises MatricesError for values that are not arrays of
+    real numbers."""
     try:
         pairs = zip(arrays, symbols, strict=True)
         return [np.asarray(array).astype(float, casting="same_kind", copy=False) for array, _ in pairs]
@@ -37,7 +36,7 @@ def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]
 
 
 def require_finite_entries(arrays: Sequence[Array], symbols: str, phase: Array) -> None:
-    """Raise MatricesError for NaN or infinite entries of arrays (m, …) at phases (m,)."""
+    """Raise MatricesError if arrays (m, …) at phases (m,) have NaN or infinite entries."""
     for symbol, array in zip(symbols, arrays, strict=True):
         if not np.isfinite(array).all():
             first = int(np.argmin(np.isfinite(array).reshape(len(array), -1).all(axis=1)))
@@ -48,8 +47,8 @@ def require_finite_entries(arrays: Sequence[Array], symbols: str, phase: Array) 
 
 
 def require_shapes(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, ...]], names: str) -> None:
-    """Raise MatricesError unless arrays at m phases have the shapes (m, …) of their symbols. names: names of
-    the coordinates, for the message."""
+    """Raise MatricesError unless each array has the shape (m, …) that `shapes` states for its symbol. names:
+    names of the coordinates, for the message."""
     for symbol, array in arrays.items():
         if array.shape != shapes[symbol]:
             raise MatricesError(
@@ -59,14 +58,17 @@ def require_shapes(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, 
 
 
 def split_entries(entries: Array, n: int) -> Matrices:
-    """M, C, K (…, n, n) and d (…, n) from entries (…, 3n² + n): M, C and K, each row by row, then d."""
+    """M, C, K (…, n, n) and d (…, n) from entries (…, 3n² + n), which contain M, C and K in row order, and
+    then d."""
     M, C, K = (entries[..., k * n**2 : (k + 1) * n**2].reshape(*entries.shape[:-1], n, n) for k in range(3))
     return M, C, K, entries[..., 3 * n**2 :]
 
 
 def leading(M: Array, C: Array, first_order: int) -> Array:
-    """Coefficient matrices (…, n, n) of the highest derivatives: columns of M, and columns of C for the last
-    `first_order` coordinates, which have no second derivatives.
+    """Coefficient matrices (…, n, n) of the highest derivatives.
+
+    Their columns are those of M or, for the last `first_order` coordinates, which have no second derivatives,
+    of C.
 
     >>> leading(np.diag([2.0, 0.0]), np.diag([5.0, 3.0]), 1).tolist()
     [[2.0, 0.0], [0.0, 3.0]]
@@ -77,12 +79,11 @@ def leading(M: Array, C: Array, first_order: int) -> Array:
 
 
 def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Array, Array]:
-    """Matrices M, C and K (…, n, n) for equations in which the rates of the last `first_order` coordinates
-    are unknowns. For these coordinates, columns of C become columns of M, and columns of K become columns of
-    C.
-
-    λ²M + λC + K then has the same eigenvalues as before, and an additional zero for each of these
+    """Matrices M, C and K (…, n, n) of equations in which the unknowns are rates for the last `first_order`
     coordinates.
+
+    For these coordinates, columns of C become columns of M, and columns of K become columns of C. λ²M + λC +
+    K then has the same eigenvalues as before, and an additional zero for each of these coordinates.
     """
     if not first_order:
         return M, C, K
@@ -93,7 +94,7 @@ def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Arr
 
 
 def inertia_units(M: Array) -> Array:
-    """Units (…, n) of coordinates in which the diagonal of M (…, n, n) is ±1."""
+    """Units (…, n) of the coordinates for which the diagonal of M (…, n, n) is ±1."""
     return 1 / np.sqrt(np.abs(np.einsum("...ii->...i", M)))
 
 
@@ -106,7 +107,8 @@ def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
 
 
 def checked_phases(period: float, breaks: Sequence[float]) -> Array:
-    """Four phases of a period at which periodicity is checked; inside the period if there are breaks."""
+    """Four phases of a period at which periodicity is checked. If there are breaks, the phases are inside the
+    period."""
     phase, inset = np.array([0.0, 0.281, 0.618, 1.0]) * period, SAME_PHASE * period
     if breaks:
         phase[[0, -1]] += [inset, -inset]
@@ -119,18 +121,18 @@ def jumps_at_zero(period: float, breaks: Sequence[float]) -> bool:
 
 
 def with_neighbours(phase: Array, later: Array, period: float) -> Array:
-    """Phases (3k,): the phases (k,), the phases `later` (about one period later), and neighbours of the
-    former at the distance of the round-off of the period."""
+    """Phases (3k,): the phases (k,), the phases `later` (k,), about one period later, and neighbours of the
+    first ones. The distance of the neighbours is the round-off of the period."""
     distance = np.maximum(np.abs(later - phase - period), 8 * EPS * period)
     return np.concatenate((phase, later, phase + distance))
 
 
 def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
-    """Symbols of the matrices that change over one period, with the changes.
+    """Find the matrices that change over one period. Return their symbols and the changes.
 
-    matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Changes are significant if they exceed
-    three limits: 1e-9 of the size of a matrix; the round-off of the whole equation, up to which a load with
-    cancelling terms is zero; and the effect of a rounded phase within a narrow pulse.
+    matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. A change is significant if it exceeds three
+    limits: 1e-9 of the size of the matrix; the round-off of the whole equation, below which a load with
+    cancelling terms counts as zero; and the effect of the round-off of the phase within a narrow pulse.
     """
     rates = speed**2, speed, 1.0, 1.0
     now, later, beside = zip(*(np.split(array, 3) for array in matrices), strict=True)
@@ -143,7 +145,7 @@ def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
 
 
 def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
-    """Negligible changes (n, n) and (n,) of M, C, K (m, n, n) and d (m, n), as used in `changes`."""
+    """Changes of M, C, K (m, n, n) and d (m, n) that `changes` neglects, as arrays (n, n) and (n,)."""
     rates = speed**2, speed, 1.0, 1.0
     allowed = _negligible([rate * array for rate, array in zip(rates, matrices, strict=True)])
     M, C, K, d = (array / rate for rate, array in zip(rates, allowed, strict=True))
@@ -151,8 +153,8 @@ def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
 
 
 def _negligible(matrices: Sequence[Array]) -> list[Array]:
-    """Negligible changes of M, C, K and d in a common unit: 1e-9 of their size plus the round-off of the
-    whole equation."""
+    """Negligible changes of M, C, K and d in a common unit: 1e-9 of the size of the matrix, or the round-off
+    of the whole equation if that is larger."""
     inertia = np.abs(np.einsum("kii->ki", matrices[0])).max(axis=0)
     unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
     scales = [unit[:, None] * unit] * 3 + [unit]
@@ -165,12 +167,12 @@ def _negligible(matrices: Sequence[Array]) -> list[Array]:
 
 def require_inertia(M: Array, states: Sequence[str] = ()) -> None:
     """Raise MatricesError if one of the matrices M (k, n, n) is singular. states: names of first-order
-    coordinates; their columns are taken from C."""
+    coordinates, whose columns are taken from C."""
     diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))
     diagonal[diagonal == 0.0] = 1.0
     scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
     singular = np.linalg.cond(scaled) > _SINGULAR
-    # Rows are scaled, because equations may be multiplied by factors with units.
+    # Rows are scaled, because equations may have been multiplied by factors with units.
     for axis in (2, 1, 2, 1) if singular.any() else ():
         largest = np.abs(scaled).max(axis=axis, keepdims=True)
         scaled = scaled / np.where(largest > 0, largest, 1.0)

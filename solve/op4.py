@@ -2,9 +2,9 @@
 
 A matrix has a header and one record per nonzero column. A record begins with the number of the column, the
 row of the first value (0 for a sparse column), and the number of values or words. A sparse column consists of
-strings of consecutive rows. The header of a string contains a length in words and a row, in one integer, or
-in two for matrices with a negative number of rows (BIGMAT). A record with a column number above that of the
-last column ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
+strings of consecutive rows. The header of a string contains a length in words and a row. They are stored in
+one integer or, for matrices with a negative number of rows (BIGMAT), in two. A record with a column number
+above that of the last column ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
 """
 
 import re
@@ -19,29 +19,30 @@ from solve.arrays import Array
 from solve.errors import FileError
 
 _MOST_ROWS = 5000
-"""Maximum number of rows or columns, because matrices are stored as dense arrays. Chosen by judgement."""
+"""Largest number of rows or columns. It is limited because matrices are stored as dense arrays. Chosen by
+judgement."""
 
 _FULL = 1, 2, 6
-"""Matrix forms for which the file contains all entries: square, rectangular and symmetric."""
+"""Forms of matrices for which the file contains all entries: square, rectangular and symmetric."""
 
 _SHIFT = 16
-"""Number of bits of the row in the header of a string that consists of one integer."""
+"""Number of bits for the row, in the header of a string that consists of one integer."""
 
 _FORMAT = re.compile(r"(\d+)[ED](\d+)\.\d+")
-"""Pattern of the count and the width of numbers per line, in a format such as 1P,3E23.16."""
+"""Pattern of the number of values per line and of their width, in a format such as 1P,3E23.16."""
 
 _RECORD_LENGTHS = {24: 4, 48: 8}
-"""Size of an integer in bytes, by the length in bytes of the header of a binary matrix; the header consists
-of six integers."""
+"""Mapping from the length in bytes of the header of a binary matrix to the size of an integer in bytes. The
+header consists of six integers."""
 
 
 _STIFFNESS = re.compile(r"K([A-Z]{0,2})")
-"""Pattern of the name of a stiffness matrix; the suffix is the set of coordinates, as in KAA."""
+"""Pattern of the name of a stiffness matrix. The suffix is the set of coordinates, as in KAA."""
 
 
 class _Header(NamedTuple):
-    """Header of a matrix. kind: 1 and 2 for real numbers of single and double precision, 3 and 4 for complex
-    numbers."""
+    """Header of a matrix. kind: 1 or 2 for real numbers of single or double precision, 3 or 4 for complex
+    numbers of single or double precision."""
 
     columns: int
     rows: int
@@ -73,7 +74,7 @@ class _Header(NamedTuple):
 
     @property
     def integers_per_string(self) -> int:
-        """Integers in the header of a string."""
+        """Number of integers in the header of a string."""
         return 2 if self.rows < 0 else 1
 
 
@@ -86,7 +87,8 @@ class _Column(Protocol):
 
 
 def op4_arrays(file: Path) -> dict[str, Array]:
-    """Matrices of a file by name. Raises FileError, and other exceptions for a damaged file."""
+    """Mapping from names to the matrices of a file. Raises FileError, and other exceptions for a damaged
+    file."""
     content = file.read_bytes()
     for order in "<>":
         integer = _RECORD_LENGTHS.get(int(np.frombuffer(content[:4], f"{order}i4")[0]))
@@ -96,10 +98,11 @@ def op4_arrays(file: Path) -> dict[str, Array]:
 
 
 def op4_matrices(file: Path) -> dict[str, Array]:
-    """Matrices M, K and, if present, C of one set of coordinates, such as MAA, KAA and BAA. Without a pair of
-    M and K, all matrices by name.
+    """Mapping from M, K and, if present, C to the matrices of one set of coordinates, such as MAA, KAA and
+    BAA.
 
-    Raises FileError for pairs of several sets, and other exceptions for a damaged file.
+    If the file contains no pair of M and K, the mapping contains all matrices with their names. Raises
+    FileError for pairs of several sets, and other exceptions for a damaged file.
     """
     arrays = op4_arrays(file)
     suffixes = [found[1] for name in arrays if (found := _STIFFNESS.fullmatch(name))]
@@ -115,9 +118,11 @@ def op4_matrices(file: Path) -> dict[str, Array]:
 
 
 def _put(matrix: Array, column: int, first: int, count: int, words: tuple[int, int], source: _Column) -> None:
-    """Write the values of a column into the matrix. first: first row of the values, 0 for a sparse column.
-    words: number of words per value, and per header of a string. Raises ValueError for rows outside the
-    matrix."""
+    """Write the values of a column into the matrix. Raises ValueError for rows outside the matrix.
+
+    first: first row of the values, or 0 for a sparse column. words: number of words per value, and number of
+    words per header of a string.
+    """
     if first > 0:
         _place(matrix, column, first, source.numbers(count))
         return
@@ -180,7 +185,7 @@ def _read_text(lines: Iterator[str]) -> dict[str, Array]:
 
 
 class _Record:
-    """Content of a binary record. integer, real: data types of integers and of real numbers."""
+    """Content of a binary record. integer, real: NumPy types of integers and of real numbers."""
 
     def __init__(self, content: bytes, integer: np.dtype, real: np.dtype):
         self.content, self.integer, self.real, self.place = content, integer, real, 0
@@ -198,7 +203,8 @@ class _Record:
 
 
 def _records(content: bytes, order: str) -> Iterator[bytes]:
-    """Records of a FORTRAN file, each preceded and followed by its length in bytes. Raises ValueError."""
+    """Yield the records of a FORTRAN file. Each record is preceded and followed by its length in bytes.
+    Raises ValueError."""
     place = 0
     while place < len(content):
         length = int(np.frombuffer(content, f"{order}i4", 1, place)[0])
@@ -210,8 +216,8 @@ def _records(content: bytes, order: str) -> Iterator[bytes]:
 
 
 def _read_binary(content: bytes, order: str, size: int) -> dict[str, Array]:
-    """Matrices of a binary file. order: byte order. size: size in bytes of an integer, and of a number of
-    single precision."""
+    """Matrices of a binary file. order: byte order. size: size in bytes of an integer, and of a real number
+    of single precision."""
     integer, matrices = np.dtype(f"{order}i{size}"), {}
     records = _records(content, order)
     for record in records:

@@ -1,4 +1,4 @@
-"""Matrices sampled at azimuths: their trigonometric interpolant, and its harmonics."""
+"""Matrices sampled at azimuths, their trigonometric interpolant and its harmonics."""
 
 import itertools
 import math
@@ -14,35 +14,35 @@ from solve.errors import MatricesError, ValueOutOfBoundsError, counted
 from solve.matrices import real_arrays
 
 _SAME_AZIMUTH = 1e-9
-"""Distance between azimuths, as a fraction of the period, below which the azimuths coincide. Chosen by
+"""Distance between two azimuths, as a fraction of the period, below which they count as equal. Chosen by
 judgement."""
 
 _MOST_PERIODS = 20
-"""Range of azimuths, in periods, above which azimuths are assumed to be in degrees: a revolution in degrees
-spans 57 periods of 2π. Chosen by judgement."""
+"""Range of azimuths, in periods, above which they are assumed to be in degrees. A revolution in degrees would
+be 57 periods of 2π. Chosen by judgement."""
 
 _MAX_CONDITION = 30.0
-"""Condition number of the fit of a series to non-uniform azimuths above which fewer harmonics are fitted. The
-condition number amplifies the errors of the samples and the unresolved harmonics. Chosen by judgement: for
-uniform azimuths the condition number is √2."""
+"""Condition number of the fit of a series to nonuniform azimuths above which fewer harmonics are fitted.
+Errors of the samples and unresolved harmonics are amplified by the condition number. Chosen by judgement: for
+uniform azimuths, it is √2."""
 
 _FLATTENING = 0.7
-"""Logarithmic decay in the last quarter of the harmonics, relative to that in the previous quarter, below
-which the decay counts as flattening. Chosen by judgement: the ratio is 1 for geometric decay and below 0.6
-for powers."""
+"""Ratio between the logarithmic decays in the last and in the previous quarter of the harmonics, below which
+the decay counts as flattening. Chosen by judgement: the ratio is 1 for geometric decay, and below 0.6 for
+decay as a power."""
 
 _FEWEST_FOR_POWER = 8
-"""Smallest number of harmonics for which flattening is tested. Chosen by judgement: each quarter then has two
-harmonics."""
+"""Smallest number of harmonics for which flattening is tested. Chosen by judgement: with this number, each
+quarter has two harmonics."""
 
 _SIGNIFICANT = 64 * EPS
-"""Amplitude of a harmonic, relative to the largest entry of its matrix, below which it is round-off. Chosen
-by judgement that allows for about ten operations."""
+"""Amplitude of a harmonic, relative to the largest entry of its matrix, up to which it counts as round-off.
+Chosen by judgement: about ten operations have this round-off."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Arrays sampled at several phases of a period, interpolated by harmonics 0 … `resolved`.
+    """Arrays sampled at several phases of a period. The interpolants have the harmonics 0 … `resolved`.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Samples:
     azimuths : int
         Number of sampled phases.
     amplification : float
-        Factor by which the fit amplifies errors of the samples: 1 for uniform azimuths.
+        Factor by which the fit amplifies errors of the samples; 1 for uniform azimuths.
     given : tuple of arrays, optional
         Ascending non-uniform azimuths (k,), and the arrays sampled at these azimuths.
     """
@@ -68,7 +68,7 @@ class Samples:
     def from_arrays(
         cls, arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
     ) -> "Samples":
-        """Samples at uniform azimuths from 0, or at other `phases` (k,).
+        """Samples at azimuths that are uniform from 0, or at other azimuths `phases` (k,).
 
         Raises MatricesError if the arrays have different numbers of azimuths, if azimuths coincide, if there
         are fewer than three, or if a gap between them is half of the period or longer.
@@ -91,13 +91,13 @@ class Samples:
 
     @classmethod
     def _fitted(cls, azimuths: Array, arrays: Sequence[Array], most: int, period: float) -> "Samples":
-        """Samples at ascending azimuths (k,) that are not uniform, with up to `most` harmonics."""
+        """Samples at ascending nonuniform azimuths (k,), with at most `most` harmonics."""
         values, amplification = _fit(azimuths, most, period)
         fitted = [(values @ array.reshape(len(array), -1)).reshape(-1, *array.shape[1:]) for array in arrays]
         return cls(tuple(fitted), period, len(azimuths), amplification, (azimuths, tuple(arrays)))
 
     def __call__(self, phase: Array, speed: float) -> list[Array]:
-        """Interpolants (m, …) at phases (m,), at any speed."""
+        """Interpolated arrays (m, …) at phases (m,), for any speed."""
         first, varies, curves = self._columns
         every = np.tile(first, (len(phase), 1))
         if varies.any():
@@ -108,7 +108,7 @@ class Samples:
 
     @cached_property
     def _columns(self) -> tuple[Array, Array, Trigonometric]:
-        """First value of each entry, whether each entry varies, and the interpolant of the varying
+        """Return the first value of each entry, whether each entry varies, and the interpolant of the varying
         entries."""
         columns = np.concatenate([array.reshape(len(array), -1) for array in self.arrays], axis=1)
         varies = (columns != columns[0]).any(axis=0)
@@ -116,12 +116,13 @@ class Samples:
 
     @property
     def resolved(self) -> int:
-        """Highest harmonic of which the azimuths determine both the cosine and the sine coefficient."""
+        """Highest harmonic for which the azimuths determine both the cosine and the sine coefficient."""
         return (len(self.arrays[0]) - 1) // 2
 
     @cached_property
     def envelope(self) -> Array:
-        """Largest amplitude (h,) of each harmonic from 0 on, relative to the largest entry of its matrix."""
+        """Amplitude (h,) of each harmonic from 0 on, relative to the largest entry of its matrix, maximal
+        over all entries."""
         envelope = np.zeros(len(self.arrays[0]) // 2 + 1)
         for array in self.arrays:
             amplitudes = np.abs(np.fft.rfft(array, axis=0)).reshape(len(envelope), -1)
@@ -131,7 +132,7 @@ class Samples:
 
     @property
     def significant(self) -> Array:
-        """Numbers (h,) of the harmonics above 0 that exceed round-off in some entry."""
+        """Numbers (h,) of those harmonics above 0 that exceed round-off in some entry."""
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
     def decay(self, first: float, last: float) -> float:
@@ -145,8 +146,8 @@ class Samples:
         if most < 4:
             return 1.0
         ends = np.linspace(0, most, 5).round().astype(int)
-        # Each quarter includes the last harmonic of the previous quarter, because a single harmonic may
-        # vanish.
+        # Each quarter includes the last harmonic of the previous quarter, because a single harmonic may be
+        # zero.
         quarters = (self.envelope[max(a, 1) : b + 1] for a, b in itertools.pairwise(ends))
         sizes = [max(float(quarter.max()), EPS) for quarter in quarters]
         early, late = math.log(sizes[2] / sizes[0]) / 2, math.log(sizes[3] / sizes[2])
@@ -158,8 +159,8 @@ class Samples:
         return math.exp(min(slope, 0.0) * (last - first) / (most / 4))
 
     def shifted(self) -> "Samples":
-        """Samples with all entries shifted by the amplitude that aliases to the mean. This amplitude is
-        extrapolated from the last quarter of the harmonics."""
+        """Samples with all entries shifted by the estimated amplitude of the harmonic that aliases to the
+        mean. The amplitude is extrapolated from the last quarter of the harmonics."""
         most = len(self.envelope) - 1
         ratio = self.decay(3 / 4 * most, self.azimuths)
         arrays = []
@@ -170,13 +171,13 @@ class Samples:
 
     @property
     def spacing(self) -> int:
-        """Greatest common divisor of the numbers of the significant harmonics; 1 without significant
-        harmonics."""
+        """Greatest common divisor of the numbers of the significant harmonics; 1 if there are none."""
         return max(1, math.gcd(*self.significant.tolist()))
 
     @property
     def ends(self) -> bool:
-        """Whether all harmonics are resolved: the next multiple of their spacing is resolved and zero."""
+        """Whether all harmonics are resolved. This is assumed if the next multiple of their spacing is
+        resolved and zero."""
         last = int(self.significant.max(initial=0))
         return last == 0 or last + self.spacing <= self.resolved
 
@@ -189,9 +190,11 @@ class Samples:
         return self._fitted(azimuths, arrays, (len(azimuths) - 1) // 2, self.period)
 
     def truncated(self, harmonics: int) -> "Samples":
-        """Samples of the interpolants without harmonics above `harmonics`. With non-uniform azimuths, higher
-        harmonics alias to all lower ones; interpolants through fewer azimuths, with comparable errors, are
-        then used."""
+        """Samples of the interpolants without harmonics above `harmonics`.
+
+        For nonuniform azimuths, higher harmonics alias to all lower ones. Interpolants through fewer
+        azimuths, which have comparable errors, are used instead.
+        """
         if self.given is not None:
             azimuths, arrays = self.given
             if not harmonics:
@@ -248,9 +251,11 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
 
 
 def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
-    """Matrix (2H+1, k) that converts samples at azimuths (k,) to values of the fitted series at uniform
-    phases, and the amplification of errors. The number of harmonics, H, is the largest for which the fit is
-    well conditioned, and at most `most`."""
+    """Return a matrix (2H+1, k) that converts samples at azimuths (k,) to values of the fitted series at
+    uniform phases, and the amplification of errors.
+
+    The number of harmonics H is the largest for which the fit is well conditioned, but at most `most`.
+    """
     for harmonics in range(most, 0, -1):
         design = _waves(azimuths, harmonics, period)
         singular = np.linalg.svd(design, compute_uv=False)
@@ -266,7 +271,7 @@ def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
 
 
 def _waves(phase: Array, harmonics: int, period: float) -> Array:
-    """Values (m, 2H+1) of 1 and of the cosines and sines at phases (m,)."""
+    """Values of 1 and of the cosines and sines of the harmonics at phases (m,), as an array (m, 2H+1)."""
     angles = np.outer(phase, np.arange(1, harmonics + 1)) * (2 * math.pi / period)
     return np.concatenate((np.ones((len(phase), 1)), np.cos(angles), np.sin(angles)), axis=1)
 
@@ -274,7 +279,7 @@ def _waves(phase: Array, harmonics: int, period: float) -> Array:
 def sampled(
     arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
 ) -> Samples:
-    """Samples of matrices with these symbols. Raises MatricesError, ValueOutOfBoundsError."""
+    """Samples of matrices with the symbols `symbols`. Raises MatricesError, ValueOutOfBoundsError."""
     return Samples.from_arrays(
         real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases
     )

@@ -38,29 +38,29 @@ def periodic(
     method : str or Method
         Name of a method, a method object, or "auto".
     steps : int, optional
-        Number of steps per period. The error is then estimated from a solution with one more stage, or with
-        twice as many steps. By default steps are refined until the estimated errors are at most `rtol`.
+        Number of steps per period. The error is then estimated from a second solution, with one more stage or
+        twice as many steps. By default, steps are refined until the estimated errors are at most `rtol`.
     rtol : float
-        Relative tolerance of max|error|/max|q| over the period for each coordinate, and of |error| divided by
-        the spectral radius for multipliers.
+        Relative tolerance. For each coordinate, it applies to max|error|/max|q| over the period; for
+        multipliers, to |error| divided by the spectral radius.
     engine : str
-        "compiled", "numpy", or "auto" for compiled code if a C compiler is available. The first solution of
-        a kind then includes the compilation, once per machine.
+        "compiled", "numpy", or "auto" for compiled code if a C compiler is available. The code is compiled
+        once per machine, when it is first used.
     all_multipliers : bool
         Whether to apply `rtol` to each multiplier, however small; this requires more steps.
 
     Returns
     -------
     Orbit
-        Periodic solution. For a mechanism without coordinates it contains outputs over the revolution, but
-        neither multipliers nor a verdict.
+        Periodic solution. For a mechanism without coordinates, it contains the outputs over the revolution,
+        but neither multipliers nor a verdict.
 
     Raises
     ------
     ResonanceError
         If a multiplier is +1.
     SolveError
-        Other subclasses for bad input, matrices or steps.
+        Other subclasses for invalid input, matrices or steps.
 
     Notes
     -----
@@ -118,7 +118,7 @@ def floquet(
     Raises
     ------
     SolveError
-        A subclass for bad input, matrices or steps.
+        A subclass, for invalid input, matrices or steps.
 
     Notes
     -----
@@ -142,8 +142,8 @@ def floquet(
 
 
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
-    """Settings for the solution of points: steps, tolerance, engine COMPILED or NUMPY, and reference methods
-    for error estimates. Raises ValueOutOfBoundsError."""
+    """Settings for the solution of points: steps, tolerance, engine, and the reference methods for error
+    estimates. The engine is COMPILED or NUMPY. Raises ValueOutOfBoundsError."""
     return SolveRequest(orbit, checked_rtol(rtol), steps, engine, RADAU, auto)
 
 
@@ -154,8 +154,8 @@ def _solve(
     solve_request: SolveRequest,
     all_multipliers: bool,
 ) -> tuple[Certified, Spectrum]:
-    """Certified solution of a point, and its multipliers. With `all_multipliers`, each multiplier meets the
-    tolerance."""
+    """Return the certified solution of a point, and its multipliers. With `all_multipliers`, each multiplier
+    meets the tolerance."""
     rule = chosen(method)
     check(system, omega)
     point = SinglePoint(system, omega)

@@ -43,13 +43,13 @@ class PeriodicSystem:
         Phases at which the matrices jump. Steps always end at breaks, and the matrices are sampled on both
         sides.
     inputs : sequence of str
-        Names of the r inputs u of M q̈ + C q̇ + K q = d + B u. If there are any, `matrices` returns M, C, K,
-        d and B of shape (m, n, r). Results are for u = 0; `solve.lqr` computes feedback.
+        Names of the r inputs u of M q̈ + C q̇ + K q = d + B u. If there are inputs, `matrices` returns M, C,
+        K, d and B, where B has the shape (m, n, r). Results are for u = 0; `solve.lqr` computes feedback.
 
     Raises
     ------
     ValueOutOfBoundsError
-        For invalid names, period or breaks.
+        If names, period or breaks are invalid.
 
     Notes
     -----
@@ -67,7 +67,7 @@ class PeriodicSystem:
 
     _builder: Callable[[Mapping[str, float]], Any] | None = None
     """Function that builds the system from values of its parameters. None for systems without parameters, and
-    for models, which vary their setup."""
+    for models, which change their setup instead."""
 
     _FEWEST = 1
     """Smallest number of coordinates."""
@@ -76,7 +76,7 @@ class PeriodicSystem:
     """Names, parameter values, units and meanings."""
 
     states: tuple[str, ...] = ()
-    """Coordinates without second derivatives, which are the last ones."""
+    """Names of the coordinates without second derivatives, which are the last ones."""
     inputs: tuple[str, ...] = ()
     """Names of the inputs u, such as forces of drives, which are zero unless a controller sets them."""
     outputs: tuple[str, ...] = ()
@@ -118,8 +118,10 @@ class PeriodicSystem:
         period: float = 2 * math.pi,
         phases: Sequence[float] | Array | None = None,
     ) -> Self:
-        """Create a system from samples at azimuths of the period. Between them, the matrices are interpolated
-        by a Fourier series. Results state the interpolation error and the sufficient number of azimuths.
+        """Create a system from samples of the matrices at azimuths of the period.
+
+        Between the azimuths, the matrices are interpolated by a Fourier series. Results state the
+        interpolation error, and the number of azimuths that would suffice.
 
         Parameters
         ----------
@@ -132,7 +134,7 @@ class PeriodicSystem:
         period : float
             Period in phase.
         phases : (k,) array, optional
-            Azimuths in rad, in any order; by default uniform from 0 without the end of the period.
+            Azimuths in rad, in any order. By default, they are uniform from 0, without the end of the period.
 
         Returns
         -------
@@ -141,7 +143,7 @@ class PeriodicSystem:
         Raises
         ------
         MatricesError
-            For samples that are not real arrays of equal length, and for unsuitable azimuths.
+            If the samples are not real arrays of equal length, or the azimuths do not determine the matrices.
 
         Examples
         --------
@@ -155,7 +157,7 @@ class PeriodicSystem:
 
     @property
     def capabilities(self) -> Capabilities:
-        """Abilities that only some systems have; None where absent."""
+        """Abilities that only some systems have. Those that this system does not have are None."""
         samples = self._matrices if isinstance(self._matrices, Samples) else None
         return Capabilities(samples=samples, input_matrix=self._inputs_at if self.inputs else None)
 
@@ -167,19 +169,23 @@ class PeriodicSystem:
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives with respect to time.
 
-        Raises MatricesError if the function does not return real arrays, or NaN or infinite entries.
+        Raises MatricesError if the function `matrices` does not return real arrays, or returns NaN or
+        infinite entries.
         """
         M, C, K, d, *_ = self._called(phase, speed, self._symbols, "M, C, K", "d")
         return M, C, K, d
 
     def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
-        """B (m, n, r) at phases (m,), as the only element of a tuple."""
+        """Sequence that contains only the array B (m, n, r) at phases (m,)."""
         return self._called(phase, speed, self._symbols, "M, C, K", "d")[4:]
 
     def _called(self, phase: Array, speed: float, symbols: str, square: str, vector: str) -> list[Array]:
-        """Finite real arrays of the function `matrices` at phases (m,), one per symbol. square, vector:
-        symbols of the arrays of shape (m, n, n) and (m, n). Raises MatricesError."""
-        # The user's function may modify its argument, so a read-only array is copied.
+        """Call the function `matrices` at phases (m,), and return finite real arrays, one per symbol in
+        `symbols`. Raises MatricesError.
+
+        square, vector: symbols of the arrays of shape (m, n, n) and (m, n), for the message.
+        """
+        # A read-only array is copied, because the user's function may modify its argument.
         argument = phase if phase.flags.writeable else phase.copy()
         try:
             values = self._matrices(argument, speed)
@@ -215,7 +221,8 @@ class PeriodicSystem:
         require_inertia(matrices["M"])
 
     def _require_periodicity(self, phase: Array, speed: float, symbols: str) -> None:
-        """Raise MatricesError unless M, C, K and d, with these symbols in messages, are periodic."""
+        """Raise MatricesError unless M, C, K and d are periodic. symbols: mapping from these letters to the
+        symbols in messages."""
         if jumps_at_zero(self.period, self.breaks):
             return
         ends = in_phase(self, with_neighbours(phase[:1], phase[-1:], self.period), speed)
@@ -237,8 +244,8 @@ def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) ->
 
 
 def multiplier_count(system: PeriodicSystem) -> int:
-    """Number of Floquet multipliers: one per coordinate without second derivatives, two per coordinate with
-    second derivatives."""
+    """Number of Floquet multipliers: two per coordinate with second derivatives, one per coordinate
+    without."""
     return 2 * system.n - len(system.states)
 
 
@@ -255,14 +262,16 @@ def relabelled(system: System, **labels: Any) -> System:
 def built_by(
     system: System, builder: Callable[[Mapping[str, float]], Any], parameters: Mapping[str, float]
 ) -> System:
-    """Copy of a system, with the function that builds it and the values of its parameters."""
+    """Copy of a system, with the values of its parameters and the function that builds the system from such
+    values."""
     built = relabelled(system, parameters=dict(parameters))
     built._builder = builder
     return built
 
 
 def shown_in(system: System, speed: float) -> System:
-    """Copy of a system that displays speeds in the unit of a given speed, if it has one."""
+    """Copy of a system that displays speeds in the unit in which `speed` was given, if it was given with a
+    unit."""
     unit = unit_given(speed, system.labels.speed_unit)
     if unit == system.labels.speed_unit:
         return system
@@ -275,7 +284,8 @@ def shown_in(system: System, speed: float) -> System:
 
 
 def _agree(copied: PeriodicSystem, system: PeriodicSystem) -> bool:
-    """Whether a copy and a system have equal attributes, except for the unit and cached values."""
+    """Whether a copy and a system have equal attributes. The display unit and cached values are not
+    compared."""
     return replace(copied.labels, speed_unit=system.labels.speed_unit) == system.labels and all(
         vars(copied).get(name) is value
         for name, value in vars(system).items()
@@ -285,7 +295,7 @@ def _agree(copied: PeriodicSystem, system: PeriodicSystem) -> bool:
 
 def in_phase(system: PeriodicSystem, phase: Array, speed: float) -> Matrices:
     """Ω²M, ΩC, K (m, n, n) and d (m, n), for derivatives with respect to the phase. Raises the exceptions of
-    `at`."""
+    `PeriodicSystem.at`."""
     M, C, K, d = system.at(phase, speed)
     return speed**2 * M, speed * C, K, d
 
@@ -304,7 +314,7 @@ def with_samples(system: System, samples: Samples) -> System:
 
 
 of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
-"""Decorator of public functions of a system."""
+"""Decorator for public functions of a system."""
 
 of_system = first_is(PeriodicSystem, such_as="solve.load('cam')", demand=require_vibration)
-"""Decorator of public functions that require a vibrating system."""
+"""Decorator for public functions that require a system that can vibrate."""

@@ -1,4 +1,5 @@
-"""Control of threads: BLAS threads for small matrices, interruptible calls, and symbolic operations."""
+"""Control of threads: number of BLAS threads for small matrices, interruptible calls, and symbolic
+operations."""
 
 import atexit
 import sys
@@ -17,15 +18,15 @@ Arguments = ParamSpec("Arguments")
 
 _lock = threading.Lock()
 _active_calls: list[Any] = []
-"""Active calls of `one_thread`: the thread limiter for the first call, None for each further call."""
+"""Active calls of `one_thread`: the thread limiter of the first call, and None for each further call."""
 
 
 @contextmanager
 def one_thread(coordinates: int) -> Iterator[None]:
     """Context manager in which BLAS uses one thread if a system with this number of coordinates is small.
 
-    For small matrices, BLAS threads spend more time waiting than computing. The previous number of threads is
-    restored when the last of several overlapping calls ends."""
+    For small matrices, BLAS threads spend more time waiting than computing. If calls overlap, the previous
+    number of threads is restored when the last call ends."""
     if coordinates > SMALL:
         yield
         return
@@ -59,11 +60,12 @@ def _libraries(loaded: tuple[bool, ...]) -> Any:
 
 
 def interruptible(work: Callable[[], Value]) -> Value:
-    """Result of `work`, which runs in a separate thread while the current thread waits, so that an
+    """Return the result of `work`. It runs in a separate thread while the current thread waits, so that an
     interruption takes effect before a long LAPACK call returns.
 
-    After an interruption the call continues in the background. A regular exit of the process waits for this
-    call, because the libraries in use must not be unloaded earlier."""
+    After an interruption, the call continues in the background. A regular exit of the process waits for this
+    call, because the libraries that it uses must not be unloaded earlier.
+    """
     done: Future[Value] = Future()
     context = copy_context()
 
@@ -86,11 +88,12 @@ _building = threading.RLock()
 
 
 def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]:
-    """Decorator of functions that build CasADi expressions: only one thread at a time runs them.
+    """Decorator for functions that build CasADi expressions. It permits only one thread at a time to run
+    them.
 
-    CasADi releases Python's global lock, but its symbolic operations are not thread-safe: run in two threads,
-    they crashed the process within 20 s (versions 3.7.0 and 3.8.2). Evaluation of CasADi functions is
-    thread-safe."""
+    CasADi releases Python's global lock, but its symbolic operations are not thread-safe. In a test with two
+    threads, they crashed the process within 20 s (versions 3.7.0 and 3.8.2). The evaluation of CasADi
+    functions is thread-safe."""
 
     @wraps(function)
     def alone(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Value:

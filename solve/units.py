@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 LARGEST = 1e60
-"""Largest permitted modulus of a number, and inverse of the smallest, so that products of five numbers remain
+"""Largest permitted modulus of a number; the smallest is its inverse. Products of five such numbers remain
 within the range of float64, 1e±308."""
 
 _POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2}(\.\d{1,2})?)?"
@@ -23,8 +23,8 @@ _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
 _PRODUCT = rf"{_NAME}((\s*[*/]\s*|\s+){_NAME})*+"
 _FACTOR = rf"({_NAME}|\({_PRODUCT}\){_POWER})"
 _UNIT = re.compile(rf"{_FACTOR}((\s*[*/]\s*|\s+){_FACTOR})*+")
-"""Pattern of units: products and quotients of names with small powers and at most one level of groups;
-nothing else is evaluated."""
+"""Pattern of units: products and quotients of names with small powers, with at most one level of parentheses.
+Nothing else is evaluated."""
 
 _PREFIXES = {"G": 9, "M": 6, "k": 3, "c": -2, "m": -3, "u": -6, "µ": -6, "n": -9}
 _DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W)(?P<power>\^[2-4])?")
@@ -32,16 +32,16 @@ _DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _LONGEST_UNIT = 80
-"""Maximum number of characters of a unit. Chosen by judgement."""
+"""Largest number of characters of a unit. Chosen by judgement."""
 
 _MOST_RANGES = 4
-"""Maximum number of ranges of speeds listed in a sentence. Chosen by judgement."""
+"""Largest number of ranges of speeds that a sentence lists. Chosen by judgement."""
 
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
 
 class ShownUnit(NamedTuple):
-    """Display unit and its size in SI units."""
+    """Display unit, and its size in SI units."""
 
     name: str
     size: float
@@ -52,7 +52,7 @@ class ShownUnit(NamedTuple):
 
     @property
     def per_second(self) -> "ShownUnit":
-        """Unit of acceleration that corresponds to a unit of speed.
+        """Unit of acceleration that corresponds to this unit of speed.
 
         >>> RPM.per_second.name, RAD_PER_S.per_second.name
         ('rpm/s', 'rad/s²')
@@ -60,7 +60,7 @@ class ShownUnit(NamedTuple):
         return ShownUnit("rad/s²" if self.name == RAD_PER_S.name else f"{self.name}/s", self.size)
 
     def text(self, value: float, form: str = ".6g") -> str:
-        """Text of a number in SI units, converted to the display unit, with the unit.
+        """Text of a number in SI units, after conversion to the display unit, followed by the unit.
 
         >>> RPM.text(math.pi)
         '30 rpm'
@@ -68,7 +68,7 @@ class ShownUnit(NamedTuple):
         return f"{self.from_si(value):{form}} {self.name}".removesuffix(" 1").rstrip()
 
     def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
-        """Text of a range between two numbers in SI units, with enough digits to distinguish both.
+        """Text of a range between two numbers in SI units, with enough digits to distinguish them.
 
         >>> RPM.span(math.pi, 2 * math.pi), RPM.span(math.pi, 1.00001 * math.pi)
         ('30 to 60 rpm', '30 to 30.0003 rpm')
@@ -78,7 +78,7 @@ class ShownUnit(NamedTuple):
         return f"{self.from_si(low):{form}} {word} {self.text(high, form)}"
 
     def spans(self, ranges: Iterable[tuple[float, float]]) -> str:
-        """Text of several ranges of numbers in SI units; only the first few are listed. A range with equal
+        """Text of several ranges of numbers in SI units. Only the first few are listed. A range with equal
         ends is written as one number.
 
         >>> RPM.spans([(math.pi, 2 * math.pi), (3 * math.pi, 3 * math.pi)])
@@ -98,11 +98,11 @@ RPM, RAD_PER_S, _ = USUAL
 
 
 _SAME_SPEED = 1e-9
-"""Relative difference below which two speeds count as equal and form no range. Chosen by judgement."""
+"""Relative difference up to which two speeds count as equal and not as a range. Chosen by judgement."""
 
 
 class GivenSpeed(float):
-    """Speed in rad/s, with the unit in which it was given (None for a number without unit)."""
+    """Speed in rad/s, with the unit in which it was given; None for a number without unit."""
 
     __slots__ = ("unit",)
     unit: ShownUnit | None
@@ -117,7 +117,7 @@ class GivenSpeed(float):
 
 
 def raised(unit: str) -> str:
-    """Unit with superscript powers.
+    """Unit with powers as superscripts.
 
     >>> raised("kg m^2/s^3"), raised("1/s^10"), raised("N/m^1.5")
     ('kg m²/s³', '1/s¹⁰', 'N/m^1.5')
@@ -126,15 +126,16 @@ def raised(unit: str) -> str:
 
 
 def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:
-    """Unit in which a speed was given; `otherwise` if it had no unit."""
+    """Unit in which a speed was given, or `otherwise` if it was given without unit."""
     return getattr(speed, "unit", None) or otherwise
 
 
 def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
-    """Ω in rad/s, with its unit, from a number in rad/s or a text such as "600 rpm", "62.8 rad/s", "10 Hz".
+    """Convert a number in rad/s, or a text such as "600 rpm", "62.8 rad/s" or "10 Hz", to a speed in rad/s
+    with its unit.
 
-    Raises UnitError for a text without a unit of rotation, ValueOutOfBoundsError unless finite and > 0, or,
-    with `zero`, ≥ 0.
+    Raises UnitError for a text without a unit of rotation. Raises ValueOutOfBoundsError unless the speed is
+    finite and > 0 (with `zero`, ≥ 0).
 
     >>> round(speed_in_si("600 rpm"), 6)
     62.831853
@@ -143,7 +144,7 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
 
 
 def _in_si(speed: float | str, zero: bool) -> GivenSpeed:
-    """Result of `speed_in_si`, cached for texts."""
+    """Result of `speed_in_si`. It is cached for texts."""
     unit = getattr(speed, "unit", None)
     try:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
@@ -163,8 +164,8 @@ _text_in_si = lru_cache(_in_si)
 
 
 def require_size_of_number(what: str, value: float) -> None:
-    """Raise ValueOutOfBoundsError for a finite number, in SI units, with a magnitude that is too large or too
-    small for computations."""
+    """Raise ValueOutOfBoundsError for a finite number in SI units whose modulus is too large or too small for
+    computations."""
     if math.isfinite(value) and value != 0 and not 1 / LARGEST <= abs(value) <= LARGEST:
         raise ValueOutOfBoundsError(
             f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in magnitude, in SI units"
@@ -172,8 +173,8 @@ def require_size_of_number(what: str, value: float) -> None:
 
 
 def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed]:
-    """Speeds in rad/s from a number in rad/s, a text with unit, a sequence of these, or one text with several
-    speeds, such as "1:3:3 rad/s".
+    """Convert speeds to rad/s. They are a number in rad/s, a text with unit, a sequence of these, or one text
+    with several speeds, such as "1:3:3 rad/s".
 
     Raises UnitError, ValueOutOfBoundsError.
 
@@ -195,8 +196,8 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed
 
 
 def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> list[GivenSpeed]:
-    """Distinct speeds in rad/s in ascending order. Raises ValueOutOfBoundsError for fewer than two. what:
-    name, in the message, of the calculation that requires two speeds."""
+    """Distinct speeds in rad/s, in ascending order. Raises ValueOutOfBoundsError for fewer than two speeds.
+    what: name of the calculation that requires two speeds, for the message."""
     distinct = sorted(set(speeds_given(speeds)))
     if len(distinct) < 2:
         raise ValueOutOfBoundsError(
@@ -206,7 +207,8 @@ def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> li
 
 
 def speeds_in_si(text: str) -> list[GivenSpeed]:
-    """Speeds in rad/s from "A:B:N unit" (N points, both ends) or "600 900 1200 rpm"."""
+    """Convert a text to speeds in rad/s. The text is "A:B:N unit", for N speeds from A to B, or a list such
+    as "600 900 1200 rpm"."""
     *numbers, unit = apart(text).split() or [""]
     usage = f"speeds are '{text}'; give 'A:B:N unit' or numbers with one unit, such as '600 900 1200 rpm'"
     if len(numbers) == 1 and ":" in numbers[0]:
@@ -224,10 +226,10 @@ def speeds_in_si(text: str) -> list[GivenSpeed]:
 
 
 def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
-    """First and last speed in rad/s of a ramp, from "A:B unit", or from two numbers in rad/s or texts with
-    unit.
+    """Return the first and the last speed of a ramp, in rad/s. `speeds` is a text "A:B unit", or two numbers
+    in rad/s or texts with unit.
 
-    One of the speeds may be 0; the relative difference between the speeds exceeds 1e-9. Raises UnitError,
+    One of the speeds may be 0. The relative difference between the speeds must exceed 1e-9. Raises UnitError,
     ValueOutOfBoundsError.
 
     >>> ramp_in_si("0:60 rad/s"), ramp_in_si((0, "60 rad/s"))
@@ -257,9 +259,9 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
 
 
 def evenly(text: str, name: str) -> list[float] | list[str]:
-    """Values from A to B, both included: N numbers from a text "A:B:N", or texts from "A:B:N unit".
+    """Return N equidistant values from A to B: numbers for a text "A:B:N", or texts for "A:B:N unit".
 
-    name: quantity in messages. Raises ValueOutOfBoundsError.
+    name: name of the quantity in messages. Raises ValueOutOfBoundsError.
 
     >>> evenly("0.2:0.6:3", "L2"), evenly("200:600:3 mm", "L2")
     ([0.2, 0.4, 0.6], ['200.0 mm', '400.0 mm', '600.0 mm'])
@@ -281,9 +283,10 @@ def evenly(text: str, name: str) -> list[float] | list[str]:
 
 
 def in_unit(value: float | str, unit: str, name: str) -> float:
-    """Number in `unit` from a number, or from a text with or without a unit.
+    """Convert a number, or a text with or without a unit, to a number in `unit`.
 
-    name: quantity in messages. Raises UnitError, and ValueOutOfBoundsError for what is not a number.
+    name: name of the quantity in messages. Raises UnitError, and ValueOutOfBoundsError if the value is not a
+    number.
 
     >>> in_unit("30 mm", "m", "r"), in_unit("0.03", "m", "r"), in_unit(0.03, "m", "r")
     (0.03, 0.03, 0.03)
@@ -311,7 +314,8 @@ def apart(text: str) -> str:
 
 
 def quantity(text: str) -> float | str:
-    """Number from a text, or the text itself if it has a unit. Raises ValueError for other texts.
+    """Convert a text without unit to a number; return a text with unit unchanged. Raises ValueError for other
+    texts.
 
     >>> quantity("1.5e3"), quantity("30mm")
     (1500.0, '30mm')
@@ -321,8 +325,8 @@ def quantity(text: str) -> float | str:
 
 
 def spaced(low: float, high: float, count: int) -> list[float]:
-    """Equidistant numbers from `low` to `high`, both included. Raises ValueOutOfBoundsError above the memory
-    limit."""
+    """Equidistant numbers from `low` to `high`, both included. Raises ValueOutOfBoundsError if the memory
+    limit is exceeded."""
     require_size("values in one range", count, NUMBERS_A_POINT)
     return [*(low + (high - low) * i / (count - 1) for i in range(count - 1)), high]
 
@@ -337,7 +341,7 @@ def is_number(text: str) -> bool:
 
 
 def with_unit(text: str, unit: str) -> float:
-    """Number in `unit` from a text such as "70 deg". Raises UnitError."""
+    """Convert a text such as "70 deg" to a number in `unit`. Raises UnitError."""
     number, _, text_unit = apart(text).partition(" ")
     example = {"rad/s": "'600 rpm'", "rad": "'70 deg'"}.get(unit, f"'1 {unit}'")
     try:
@@ -356,14 +360,14 @@ def with_unit(text: str, unit: str) -> float:
 def conversion(given: str, unit: str) -> float:
     """Size of the unit `given`, expressed in `unit`. One hertz is one revolution per second.
 
-    Raises UnitError for units of different dimensions, with different zero points (degC), or ambiguous
-    between revolutions and radians (1/min).
+    Raises UnitError for units of different dimensions, units with different zero points (degC), and units
+    that may count revolutions or radians (1/min).
     """
     decimal = _DECIMAL.fullmatch(given)
     if given == unit:
         return 1.0
     if decimal and unit == decimal["base"] + (decimal["power"] or ""):
-        # Loading the registry takes longer than many commands.
+        # Loading Pint's registry takes longer than many commands.
         return float(f"1e{_PREFIXES[decimal['prefix']] * int((decimal['power'] or '^1')[1:])}")
     registry = _registry()
     try:

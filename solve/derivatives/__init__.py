@@ -1,2 +1,2 @@
-"""Exact derivatives of orbits and multipliers with respect to parameters and the speed, on the grid of the
-solution."""
+"""Exact derivatives of orbits and multipliers with respect to parameters and speed, computed on the grid of
+the solution."""

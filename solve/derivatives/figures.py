@@ -1,8 +1,8 @@
 """Derivatives of statistics of coordinates and outputs: extrema, means, root mean squares, harmonics.
 
-The derivative of an extremum equals the derivative of the quantity at fixed phase, since the derivative with
-respect to the phase is zero at the extremum (envelope theorem). If the extremum is a corner of an output at a
-jump of the matrices, it moves with the jump.
+The derivative of an extremum equals the derivative of the quantity at fixed phase, because the derivative
+with respect to the phase is zero at the extremum (envelope theorem). An extremum at a corner of an output,
+which is due to a jump of the matrices, moves with the jump.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,45 +19,47 @@ from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.quantities import enough_samples
 
 EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
-"""Relative difference up to which two extrema count as equally large; and difference of their derivatives,
-relative to the largest derivative over the period, up to which the derivative of either may be returned.
-Chosen by judgement."""
+"""Relative difference up to which two extrema count as equally large; and difference of their derivatives up
+to which one of the derivatives is returned, relative to the largest derivative over the period. Chosen by
+judgement."""
 
 _OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
-"""Additional phases at which the size of the derivative is sampled, as fractions of a period after an
-extremum. They are multiples of the golden section, to avoid zeros of low harmonics."""
+"""Further phases at which the size of the derivative is sampled, as fractions of a period after an extremum.
+They are related to the golden section, and thus avoid zeros of low harmonics."""
 
 _CANDIDATE_RANGE = 1e-3
 """Distance below the largest sample, relative to the range of the quantity, within which other local maxima
-of samples may be the global maximum. Chosen by judgement."""
+of the samples may be near the global maximum. Chosen by judgement."""
 
 _NEWTON_STEPS, _MAX_EXTREMA = 3, 64
-"""Number of Newton steps that refine the phase of an extremum, and maximum number of candidates. Chosen by
-judgement."""
+"""Number of Newton steps that refine the phase of an extremum, and largest number of candidates for extrema.
+Chosen by judgement."""
 
 _SPACING = 0.03
-"""Spacing of the values about an extremum, relative to the spacing of the samples. Chosen by judgement:
-truncation and round-off of the second difference are both small."""
+"""Spacing of the phases near an extremum at which values are computed, relative to the spacing of the
+samples. Chosen by judgement: both truncation and round-off of the second difference are small."""
 
 _FIRST_DERIVATIVE, _SECOND_DERIVATIVE = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
-"""Weights of five values in the first and second difference of fourth order."""
+"""Weights of five values in the fourth-order differences for the first and the second derivative."""
 
 _EXTRAPOLATION = np.array([[3, -3, 1], [-5 / 2, 4, -3 / 2]])
-"""Weights of the values at one, two and three spacings from a point in the quadratic extrapolation of value
-and derivative to the point."""
+"""Weights for quadratic extrapolation of a value and a derivative to a point, from the values at distances of
+one, two and three spacings."""
 
 _SIDE = 2e-12
-"""Distance from a jump of the matrices, relative to the period, at which quantities on both sides of the jump
-are evaluated. Chosen by judgement: far above round-off of the phase."""
+"""Distance from a jump of the matrices, relative to the period, at which quantities on its two sides are
+evaluated. Chosen by judgement: far above the round-off of the phase."""
 
 _SIGNS = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}
-"""Signs with which an extremum becomes a maximum, by statistic."""
+"""Mapping from statistics to the signs by which the quantity is multiplied, so that the extremum is a
+maximum."""
 
 Starts = dict[tuple[str, str], tuple[Array, Array]]
 
 
 class _Quadrature(NamedTuple):
-    """Phases (k,) at the same fractions of every step, and their weights (k,) in a mean over the period."""
+    """Quadrature for means over the period: phases (k,) and their weights (k,). The phases are at the same
+    `fractions` of every step."""
 
     phases: Array
     weights: Array
@@ -65,10 +67,11 @@ class _Quadrature(NamedTuple):
 
 
 class Figures:
-    """Statistics of an orbit as weighted sums.
+    """Statistics of an orbit, expressed as weighted sums.
 
-    starts: approximate phases of extrema and their signs, by name and statistic, from another grid or from
-    this grid. nodes (m, r): derivatives of the starts of steps with respect to the quantities θ."""
+    starts: mapping from names and statistics to approximate phases of extrema and their signs, from this or
+    another grid. nodes (m, r): derivatives of the starts of steps with respect to the quantities θ.
+    """
 
     def __init__(self, orbit: GridOrbit, starts: Starts, nodes: Array):
         self.orbit, self._starts, self._nodes = orbit, starts, nodes
@@ -83,7 +86,7 @@ class Figures:
         return cache(partial(self._of_even, self._even))
 
     def sums(self, quantity: Named) -> WeightedSums:
-        """Weighted sums that define a statistic. Raises NoDerivativeError."""
+        """Weighted sums from which a statistic follows. Raises NoDerivativeError."""
         name, figure = quantity.subject, quantity.figure
         self.find_extrema([quantity])
         if not ((name, figure) in self._extrema if figure in _SIGNS else self._finite(name)):
@@ -102,7 +105,8 @@ class Figures:
         return WeightedSums(name, phases, weights[:, None], _first, fractions)
 
     def harmonic(self, name: str, number: int) -> tuple[complex, WeightedSums]:
-        """Complex amplitude A exp(iψ) of a harmonic of a coordinate or output; for number 0, the mean."""
+        """Return the complex amplitude A exp(iψ) of a harmonic of a coordinate or output, and its weighted
+        sums. For number 0, the amplitude is the mean."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
         is_sampled = count == self.orbit.samples
         even = self._even if is_sampled else self._quadrature(count)
@@ -113,7 +117,7 @@ class Figures:
         return complex(wave @ values), WeightedSums(name, phases, both, _complex, fractions)
 
     def _of_even(self, even: _Quadrature, name: str) -> Array:
-        """Values (k,) of a coordinate or output at the phases of a quadrature."""
+        """Values (k,) of a coordinate or output at the k phases of a quadrature."""
         if name not in self.orbit.system.coordinates:
             return self.orbit.signal(name)(even.phases)
         row = self.orbit.system.coordinates.index(name)
@@ -121,9 +125,11 @@ class Figures:
         return (coefficients @ even.fractions ** np.arange(coefficients.shape[-1])[:, None]).ravel()
 
     def _quadrature(self, count: int) -> _Quadrature:
-        """Quadrature for means over the period with at least `count` samples. Samples are evenly spaced, with
-        exact means up to their Nyquist harmonic. If jumps cause kinks, Gauss's rule is used within each
-        step."""
+        """Quadrature for means over the period with at least `count` samples.
+
+        The samples are evenly spaced, so that means are exact up to the Nyquist harmonic. If jumps cause
+        kinks, Gauss's rule is used within each step instead.
+        """
         period, nodes = self.orbit.system.period, self.orbit.problem.grid.nodes
         a_step = -(-count // (len(nodes) - 1))
         if self.orbit.system.breaks:
@@ -140,7 +146,7 @@ class Figures:
         return bool(np.isfinite(self._sampled(name)).all())
 
     def find_extrema(self, quantities: Sequence[Named]) -> None:
-        """Find all extrema among the requested statistics in one computation."""
+        """Find all extrema among the statistics in one computation."""
         wanted = dict.fromkeys(
             (quantity.subject, quantity.figure) for quantity in quantities if quantity.figure in _SIGNS
         )
@@ -174,8 +180,11 @@ class Figures:
             self._starts.setdefault(pair, found[:2])
 
     def _in_corners(self, names: Array, phases: Array, signs: Array) -> Array:
-        """Phases (k,) of extrema. A phase next to a jump of the matrices is moved to the jump if the output
-        has a corner or a one-sided extremum at the jump."""
+        """Phases (k,) of extrema, moved to the jumps of the matrices if necessary.
+
+        A phase near a jump is moved to one side of the jump if the output has a corner or a one-sided
+        extremum there.
+        """
         breaks, distance = self._nearest_break(phases)
         width = self.orbit.system.period / self.orbit.samples
         near = np.flatnonzero((np.abs(distance) < width) & ~np.isin(names, self.orbit.system.coordinates))
@@ -194,8 +203,8 @@ class Figures:
         return found
 
     def _nearest_break(self, phases: Array) -> tuple[Array, Array]:
-        """Steps that start at the jump nearest to each phase (k,), and distances of the phases after these
-        jumps; infinite without jumps."""
+        """For each phase (k,), return the step that starts at the nearest jump, and the distance of the phase
+        after this jump. Distances are infinite if there are no jumps."""
         grid, period = self.orbit.problem.grid, self.orbit.system.period
         steps = np.flatnonzero(grid.at_break)
         if not len(steps):
@@ -205,14 +214,14 @@ class Figures:
         return steps[nearest], distance[np.arange(len(phases)), nearest]
 
     def _beside(self, names: Array, phases: Array, side: int) -> Array:
-        """Values, and derivatives with respect to the phase, (2, k) of quantities (k,) just before (-1) or
-        after (1) phases."""
+        """Values of k quantities, and derivatives with respect to the phase, as an array (2, k). They are
+        extrapolated to the phases from just before (side -1) or after them (side 1)."""
         distance = side * _SPACING * self.orbit.system.period / self.orbit.samples
         values = self._values_at(names, phases[:, None] + distance * np.arange(1, 4))
         return _EXTRAPOLATION @ values.T / np.array([[1.0], [distance]])
 
     def _carried(self, name: str, phases: Array) -> Array:
-        """Derivatives (r, k) of an output at phases (k,) with respect to θ, due to the shift of the jump just
+        """Derivatives (r, k) of an output with respect to θ at k phases, due to the shift of the jump just
         before each phase."""
         breaks, distance = self._nearest_break(phases)
         moved = (distance > 0) & (distance < 2 * _SIDE * self.orbit.system.period)
@@ -222,7 +231,7 @@ class Figures:
         return self._nodes[breaks].T * (moved * slope)
 
     def _values_at(self, names: Array, phases: Array) -> Array:
-        """Values (k, j) of quantities (k,) at phases (k, j), one row of phases per quantity."""
+        """Values (k, j) of k quantities, each at its own j phases. `phases` is (k, j)."""
         values, coordinates = np.empty(phases.shape), self.orbit.system.coordinates
         coordinate_values = self.orbit.problem.curve(phases.ravel()).reshape(-1, *phases.shape)
         for name in dict.fromkeys(names.tolist()):
@@ -234,8 +243,8 @@ class Figures:
         return values
 
     def _candidates(self, name: str, figure: str) -> tuple[Array, Array]:
-        """Phases (k,) of samples near which the extremum may lie, and signs (k,) of the values at these
-        phases."""
+        """Return phases (k,) of samples near which the extremum may lie, and signs (k,) by which the values
+        are multiplied there."""
         values, signs = self._sampled(name), _SIGNS[figure]
         maxima = [_candidate_maxima(sign * values) for sign in signs]
         counts = [len(positions) for positions in maxima]
@@ -243,15 +252,18 @@ class Figures:
 
     def _of_extremum(self, quantity: Named) -> WeightedSums:
         """Weighted sums for an extremum. The derivatives are NaN if equally large extrema have different
-        derivatives. The phase is computed as a zero of the slope, because a search for the largest value
-        would yield only half the digits."""
+        derivatives.
+
+        The phase of the extremum is computed as a zero of the slope. A search for the largest value would
+        determine only half of the digits of the phase.
+        """
         name, figure = quantity.subject, quantity.figure
         phases, signs, values = self._extrema[name, figure]
         largest = values >= values.max() - EQUAL * np.abs(values).max()
         phases, signs = phases[largest], signs[largest]
         sign, carried = -1.0 if figure == "min" else 1.0, signs * self._carried(name, phases)
 
-        # The derivative may vanish at the extremum itself, so its size is taken from other phases.
+        # The derivative may be zero at the extremum. Its size is therefore computed at other phases.
         others = phases[0] + _OTHERS * self.orbit.system.period if len(phases) > 1 else phases[:0]
         weights = np.append(signs, np.ones(len(others)))
 
@@ -264,7 +276,7 @@ class Figures:
 
 
 def _candidate_maxima(values: Array) -> Array:
-    """Indices (k,) of local maxima of samples that may be near the global maximum."""
+    """Indices (k,) of local maxima of samples near which the global maximum may lie."""
     level = values.max() - _CANDIDATE_RANGE * np.ptp(values)
     tops = (values >= level) & (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
     return np.flatnonzero(tops if tops.any() else values == values.max())[:_MAX_EXTREMA]
@@ -279,9 +291,10 @@ def _first(slopes: Array) -> Array:
 
 
 def _of_harmonic(quantity: Named, value: complex, weights: Array) -> Array:
-    """Weights (k,) in the derivative of the amplitude or phase angle of a harmonic. Raises NoDerivativeError.
+    """Weights (k,) for the derivative of the amplitude or the phase angle of a harmonic. Raises
+    NoDerivativeError.
 
-    value: complex amplitude. weights (k, 2): weights of the derivatives of its real and imaginary part.
+    value: complex amplitude. weights (k, 2): weights for the derivatives of its real and its imaginary part.
     """
     if quantity.number == 0:
         return weights[:, 0] * (quantity.figure == HARMONIC)

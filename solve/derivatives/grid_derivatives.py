@@ -1,4 +1,4 @@
-"""Derivatives of an orbit's quantities and of its multipliers on one grid."""
+"""Derivatives of quantities of an orbit, and of its multipliers, on one grid."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -28,22 +28,26 @@ from solve.period.quantities import samples_a_step
 from solve.results.stability import Stability
 
 _JUMP = 1e-9
-"""Jump of an output, relative to its largest value, above which it is discontinuous. Chosen by judgement."""
+"""Jump of an output, relative to its largest value, above which the output counts as discontinuous. Chosen by
+judgement."""
 
 _STEP = 1e-5
-"""Relative step of a parameter for central differences of the inertia weights. The error of the differences
-is about 1e-10."""
+"""Relative step of a parameter in central differences of the inertia weights. The differences have errors of
+about 1e-10."""
 
 
 def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
-    """Dependence of the equations on parameters or "speed", evaluated with the engine of the solution."""
+    """Dependence of the equations on the named parameters or on "speed". It is evaluated with the engine of
+    the solution."""
     return derivatives_of(solved.system).by(names, columns_by(solved.certified.request.engine))
 
 
 @dataclass(frozen=True, eq=False)
 class GridDerivatives:
-    """Derivatives on one grid with respect to quantities given by name. adjoint: whether derivatives of the
-    orbit are computed by adjoint problems; starts: see `Figures`."""
+    """Derivatives on one grid with respect to the quantities `names`.
+
+    adjoint: whether derivatives of the orbit are computed by adjoint problems. starts: see `Figures`.
+    """
 
     solved: Stability
     rule: Collocated
@@ -55,7 +59,7 @@ class GridDerivatives:
 
     @cached_property
     def problem(self) -> PeriodicProblem:
-        """Linear periodic problem of the orbit; for a free machine, of the anchored system."""
+        """Linear periodic problem of the orbit. For a free machine, it is that of the anchored system."""
         system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
         point = SinglePoint(system, self.solved.speed)
@@ -65,14 +69,14 @@ class GridDerivatives:
 
     @cached_property
     def _original(self) -> PeriodicProblem:
-        """Linear periodic problem without anchoring, so that its one-step maps have all multipliers."""
+        """Linear periodic problem without anchoring. The product of its one-step maps has all multipliers."""
         problem = self.problem
         if problem.free is None:
             return problem
         return PeriodicProblem(problem.point, self.rule, problem.grid, self.solved.certified.request.engine)
 
     def _curve(self, grid: Grid, point: SinglePoint, engine: str) -> Curve | None:
-        """Periodic solution on a grid, if it is available or inexpensive to compute; otherwise None."""
+        """Periodic solution on a grid, if it is known or inexpensive to compute; otherwise None."""
         solutions = self.solved.certified.solutions
         if self.steps != self.solved.steps or self.rule != self.solved.certified.method:
             if engine != COMPILED:
@@ -86,7 +90,7 @@ class GridDerivatives:
         finest = self.solved.steps * samples_a_step(self.solved.steps)
         samples = finest * self.steps // self.solved.steps
         if self.rule != self.solved.certified.method:
-            # Twice the number of samples shows the sampling error of sums.
+            # With twice as many samples, the difference between grids includes the sampling error of sums.
             samples *= 2
         return GridOrbit(self.solved.system, self.solved.speed, self.problem, samples)
 
@@ -97,8 +101,10 @@ class GridDerivatives:
 
     @cached_property
     def _level(self) -> Array | None:
-        """Derivatives (modes, r) of the mean motion along rigid-body modes; None without such modes. The
-        inertia-weighted mean is zero, but its weights depend on the parameters."""
+        """Derivatives (modes, r) of the mean motion along rigid-body modes; None if there are no such modes.
+
+        The mean with inertia weights is zero, but the weights depend on the parameters.
+        """
         free, mean = self.problem.free, self.problem.curve.mean
         if free is None:
             return None
@@ -135,8 +141,10 @@ class GridDerivatives:
         return GridMultipliers(self._original, self.solved.spectrum)
 
     def log_multiplier_derivatives(self, at: int, modulus: bool, sizes: bool = False) -> Array:
-        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus`, for the multiplier with index `at`. If
-        `sizes`, sums of the moduli of the terms of the derivatives are returned instead."""
+        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus`, for the multiplier with index `at`.
+
+        If `sizes`, return the sum of the moduli of the terms of each derivative instead.
+        """
         problem, multipliers = self.problem, self._multipliers
         n, phases = problem.point.n, problem.phases[:, problem.stages].ravel()
         vectors = multipliers.vectors(at)
@@ -157,7 +165,7 @@ class GridDerivatives:
         return slopes
 
     def jumps(self, name: str) -> Array:
-        """Whether (r,) each quantity moves a jump of an output."""
+        """Whether (r,) each quantity θ moves a jump of the output `name`."""
         system, speed = self.solved.system, self.solved.speed
         nodes = np.flatnonzero(self.nodes.any(axis=1))
         if name not in system.outputs or not len(nodes):
@@ -171,8 +179,10 @@ class GridDerivatives:
         return (self.nodes[nodes[jumps]] != 0).any(axis=0)
 
     def slopes(self, quantities: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
-        """Derivatives (r,) of each quantity, or the reason why they do not exist. If `sizes`, sums of the
-        moduli of the terms are returned instead."""
+        """For each of `quantities`, the derivatives (r,), or the reason why they do not exist.
+
+        If `sizes`, return the sum of the moduli of the terms of each derivative instead.
+        """
         derivatives: list[Any] = []
         of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
         if of_orbit:
@@ -195,8 +205,10 @@ class GridDerivatives:
         return derivatives
 
     def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
-        """Derivatives (r,) of a quantity that depends on a multiplier. If `sizes`, sums of the moduli of the
-        terms are returned instead. Raises NoDerivativeError."""
+        """Derivatives (r,) of a quantity that depends on a multiplier. Raises NoDerivativeError.
+
+        If `sizes`, return the sum of the moduli of the terms of each derivative instead.
+        """
         at = multiplier_position(self.solved, quantity)
         _require_simple(self.solved, at, quantity)
         modulus = quantity.subject == RADIUS or quantity.figure == "abs"
@@ -204,7 +216,7 @@ class GridDerivatives:
         if sizes:
             return np.real(slopes) * (1 / self.solved.period if quantity.subject == EXPONENT else abs(rho))
         if quantity.subject == EXPONENT:
-            # λ = log ρ Ω / P with the period P in phase.
+            # λ = log ρ Ω / P, where P is the period in phase.
             logarithm = self.solved.spectrum.logarithm(at) / self.solved.speed
             along = np.array([name == SPEED for name in self.names])
             return quantity.part((slopes + logarithm * along) / self.solved.period)
@@ -214,8 +226,8 @@ class GridDerivatives:
 
 
 def multiplier_position(solved: Stability, quantity: Named) -> int:
-    """Index of the multiplier that determines a quantity. For the spectral radius, the largest one that does
-    not belong to a rigid-body mode."""
+    """Index of the multiplier on which a quantity depends. For the spectral radius, it is the first one that
+    does not belong to a rigid-body mode."""
     if quantity.number:
         return quantity.number - 1
     others = np.flatnonzero(~solved.spectrum.rigid)
@@ -223,13 +235,14 @@ def multiplier_position(solved: Stability, quantity: Named) -> int:
 
 
 def _multipliers(solved: Stability, at: int) -> Array:
-    """Leading multipliers, or all multipliers if the index `at` is beyond the leading ones."""
+    """The leading multipliers or, if they do not include index `at`, all multipliers."""
     leading = solved.spectrum.leading
     return leading if at < len(leading) else solved.multipliers
 
 
 def _require_simple(solved: Stability, at: int, quantity: Named) -> None:
-    """Raise NoDerivativeError for a multiplier that is unresolved, of a rigid-body mode, or multiple."""
+    """Raise NoDerivativeError for a multiplier that is unresolved, belongs to a rigid-body mode, or is
+    multiple."""
     if solved.spectrum.rigid[at]:
         raise NoDerivativeError(
             f"{quantity.text} belongs to a rigid-body mode, whose multiplier is +1 for all parameters; "

@@ -3,7 +3,7 @@ period.
 
 Φ is the product of the maps A_k of the steps, so that d log ρ = Σ_k yᴴ_{k+1} dA_k x_k / (yᴴ_{k+1} A_k x_k)
 with the right vectors x_k at the starts of the steps and the left vectors y_{k+1} at their ends. The sum over
-steps corresponds to an integral over the period. The vectors of every step may be scaled independently.
+steps corresponds to an integral over the period. The vectors of each step may be scaled independently.
 """
 
 from functools import cached_property
@@ -22,24 +22,24 @@ from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenva
 
 COALESCENCE = 1e-6
 """Relative distance between two multipliers up to which their derivatives are not computed. Chosen by
-judgement: multipliers that coincide lose half their digits."""
+judgement: multipliers that coincide lose half of their digits."""
 
 _LEADING = 0.1
 """Modulus of a multiplier, relative to the spectral radius, above which its eigenvectors are computed from Φ.
-Chosen by judgement: at this modulus the eigenvectors lose one digit."""
+Chosen by judgement: at this modulus, the eigenvectors lose one digit."""
 
 _PERIODIC, _NEARLY_PERIODIC = 1e-11, 1e-6
-"""Relative difference up to which a vector counts as unchanged after a period. The second value applies if
-the product of the steps does not separate the vector from another, as near the double multiplier +1 of a
+"""Relative difference up to which a vector counts as unchanged after a period. The second value is used if
+the product of the steps does not separate the vector from another one, as near the double multiplier +1 of a
 rigid-body mode. Derivatives are then accurate to about six digits."""
 
 _MIN_MODULUS = 1e-100
-"""Modulus of a multiplier below which numbers may underflow during the period."""
+"""Modulus of a multiplier below which values may underflow during the period."""
 
 
 class Vectors(NamedTuple):
-    """Eigenvectors of a multiplier, in any norm: right vectors (m, N) at the starts of the steps, left
-    vectors (m, N) at their ends."""
+    """Eigenvectors of a multiplier in arbitrary norm: right vectors (m, N) at the starts of the steps, and
+    left vectors (m, N) at their ends."""
 
     right: Array
     left: Array
@@ -52,8 +52,8 @@ class GridMultipliers:
         self._problem, self._spectrum = problem, known
 
     def vectors(self, at: int) -> Vectors:
-        """Eigenvectors of the known multiplier with index `at`. Raises NoDerivativeError if it is too close
-        to another multiplier."""
+        """Eigenvectors of the known multiplier with index `at`. Raises NoDerivativeError if this multiplier
+        is too close to another one."""
         rho = self._spectrum.multiplier(at)
         vectors_of_multiplier = self._leading(rho, _PERIODIC)
         if vectors_of_multiplier is not None:
@@ -67,9 +67,11 @@ class GridMultipliers:
         return vectors_of_multiplier
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
-        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages, in the derivative of log |ρ| or
-        in the derivatives of the real and imaginary part of log ρ. Each array of weights has a factor, 1 or
-        i."""
+        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages, for the derivative of log |ρ|,
+        or for those of the real and the imaginary part of log ρ.
+
+        Each array of weights is preceded by its factor, 1 or i.
+        """
         problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()
         left = left / ((left[:, None] @ problem.A)[:, 0] * right).sum(axis=1, keepdims=True)
         X = problem.stage_states(_parts(right))
@@ -79,13 +81,13 @@ class GridMultipliers:
         return [real] if modulus else [real, (1j, -(a * w + b * v))]
 
     def by_node(self, vectors: Vectors, node: int) -> complex:
-        """Derivative of log ρ with respect to the phase of the start of a step."""
+        """Derivative of log ρ with respect to the phase at which the step with index `node` starts."""
         y, x = vectors.left[node - 1].conj(), vectors.right[node]
         return -complex(y @ self._problem.rate_jump(node) @ x) / complex(y @ x)
 
     def _leading(self, rho: complex, accuracy: float) -> Vectors | None:
-        """Eigenvectors of a multiplier from Φ; None if the map of the period does not reproduce them to this
-        accuracy."""
+        """Eigenvectors of a multiplier, computed from Φ. None if, after one period, they are not reproduced
+        to this accuracy."""
         values, right, left = self._eigenvectors
         at = int(np.abs(values - rho).argmin())
         value, vectors = values[at], []
@@ -102,11 +104,12 @@ class GridMultipliers:
 
     @cached_property
     def _eigenvectors(self) -> tuple[Array, Array, Array]:
-        """Multipliers (N,) of Φ, and its right and left eigenvectors as columns of matrices (N, N)."""
+        """Return the multipliers (N,) of Φ, and its right and left eigenvectors as columns of matrices (N,
+        N)."""
         Phi = self._problem.propagate(np.eye(self._problem.A.shape[-1]))[-1]
         values, right = np.linalg.eig(Phi)
-        # Left vectors from the inverse of the right vectors would be inaccurate if two right vectors are
-        # nearly parallel.
+        # If two right vectors are nearly parallel, left vectors from the inverse of the right vectors would
+        # be inaccurate.
         adjoint_values, left = np.linalg.eig(Phi.conj().T)
         nearest = np.abs(adjoint_values.conj() - values[:, None]).argmin(axis=1)
         return values.astype(complex), right, left[:, nearest]
@@ -136,18 +139,19 @@ class GridMultipliers:
 
     @cached_property
     def _places(self) -> Array:
-        """Indices of the known multipliers among the multipliers of this grid."""
+        """For each known multiplier, its index among the multipliers of this grid."""
         return matched_logarithms(self._known, self._eigenvalues.logarithms[0])
 
     @cached_property
     def _product_vectors(self) -> tuple[Array, Array]:
-        """Right vectors at the starts of the steps and left vectors at their ends, as columns (m, N, N)."""
+        """Return right vectors at the starts of the steps and left vectors at their ends, as columns of
+        arrays (m, N, N)."""
         blocks, product, A = self._blocks, self._eigenvalues, self._problem.A
         assert product.right is not None
         assert product.left is not None
         units = blocks.units[0][:, None]
         right, _ = carried(A, blocks.starts, units * product.right[0])
-        # In the backward direction, a block ends where the previous block begins.
+        # In the backward direction, a block starts at its end and ends where it begins.
         ends = len(A) - np.append(blocks.starts[1:], len(A))[::-1]
         at_ends = np.roll(product.left[0], -1, axis=0)[::-1] / units
         left, _ = carried(np.swapaxes(A, 1, 2)[::-1], ends, at_ends)

@@ -1,4 +1,5 @@
-"""Derivatives of weighted sums over an orbit, from the derivatives of the orbit or by an adjoint problem."""
+"""Derivatives of weighted sums over an orbit. They are computed from the derivatives of the orbit, or by an
+adjoint problem."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,13 +16,17 @@ from solve.results.periodic_motion import PeriodicMotion
 from solve.system import PeriodicSystem
 
 _DRAWS = 2
-"""Number of sums with random signs from which the size of the terms is estimated. Chosen by judgement."""
+"""Number of random choices of signs from which the size of the terms of a sum is estimated. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)
 class GridOrbit(PeriodicMotion):
-    """Orbit of a system on a grid. count: number of samples in sums over the period, proportional to the
-    steps, so that differences between grids include the sampling error."""
+    """Orbit of a system on a grid.
+
+    count: number of samples in sums over the period. It is proportional to the number of steps, so that
+    differences between grids include the sampling error.
+    """
 
     system: PeriodicSystem
     speed: float
@@ -43,7 +48,8 @@ class GridOrbit(PeriodicMotion):
         return q, self.speed * v, self.speed**2 * a
 
     def states(self, phase: Array) -> Array:
-        """States q″, q′, q (k, 3, n) at phases (k,); derivatives are with respect to the phase."""
+        """States q″, q′, q, as an array (k, 3, n), at phases (k,). Derivatives are with respect to the
+        phase."""
         return np.stack([self.problem.curve(phase, order).T for order in (2, 1, 0)], axis=1)
 
     @property
@@ -52,7 +58,7 @@ class GridOrbit(PeriodicMotion):
 
     @property
     def loaded(self) -> tuple[Array, float, Array]:
-        """Phases (k,) at which loads act, the speed, and the states (k, 3, n) at these phases."""
+        """Return the phases (k,) at which loads act, the speed, and the states (k, 3, n) at these phases."""
         problem = self.problem
         phases = problem.phases[:, problem.loaded]
         states = problem.orbit.states[:, problem.loaded]
@@ -60,9 +66,13 @@ class GridOrbit(PeriodicMotion):
 
 
 class WeightedSums(NamedTuple):
-    """Statistic as a function of c weighted sums, with weights (k, c), over the values of a coordinate or
-    output at phases (k,). combine: function that maps the derivatives (r, c) of the sums to the derivatives
-    of the statistic. fractions: positions of the phases within a step, if they are the same in all steps."""
+    """Statistic that is a function of c weighted sums over the values of a coordinate or output at phases
+    (k,).
+
+    weights (k, c): weights of the values. combine: function that converts the derivatives (r, c) of the sums
+    to the derivatives (r,) of the statistic. fractions: positions of the phases within a step, if they are
+    the same in all steps.
+    """
 
     name: str
     phase: Array
@@ -73,10 +83,13 @@ class WeightedSums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """Forward derivatives of the orbit with respect to r quantities θ, used for many statistics. nodes (m,
-    r): derivatives of the starts of steps with respect to θ; where q″ jumps by a, the derivative of q′ jumps
-    by -a times this value. level: derivatives of the means along rigid-body modes, see
-    `PeriodicProblem.solve`."""
+    """Forward derivatives of the orbit with respect to r quantities θ. They are efficient for many
+    statistics.
+
+    nodes (m, r): derivatives of the starts of steps with respect to θ. If q″ jumps by a at the start of a
+    step, the derivative of q′ jumps by -a times this value. level: derivatives of the means along rigid-body
+    modes, see `PeriodicProblem.solve`.
+    """
 
     orbit: GridOrbit
     dependence: Dependence
@@ -85,7 +98,7 @@ class Forward:
 
     @property
     def count(self) -> int:
-        """Number of quantities r."""
+        """Number r of quantities."""
         return self.nodes.shape[1]
 
     @cached_property
@@ -115,8 +128,8 @@ class Forward:
         ).T
 
     def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of each statistic. If `sizes`, estimated sizes (r,) of the terms that are summed
-        for each derivative."""
+        """Derivatives (r,) of each statistic. If `sizes`, return for each derivative the estimated size (r,)
+        of the terms of its sum instead."""
         whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
         from_signal = [whole_outputs and figure.name in self.orbit.system.outputs for figure in figures]
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
@@ -136,15 +149,15 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """Adjoint derivatives of the orbit, from one problem with a column per sum; used for many parameters that
-    do not move jumps."""
+    """Adjoint derivatives of the orbit, from one problem with one column per sum. They are efficient for many
+    parameters. The parameters must not move jumps."""
 
     orbit: GridOrbit
     dependence: Dependence
 
     def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of each statistic. If `sizes`, estimated sizes (r,) of the terms that are summed
-        for each derivative."""
+        """Derivatives (r,) of each statistic. If `sizes`, return for each derivative the estimated size (r,)
+        of the terms of its sum instead."""
         term = np.abs if sizes else np.asarray
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, figures, term)
         gradient = self.orbit.problem.adjoint(data_weights)
@@ -155,8 +168,8 @@ class Adjoint:
 
 
 def term_sizes(summed: Callable[[Array], Array], weights: Array) -> Array:
-    """Estimated size of the terms of sums with weights (k, …): the root of the sum of their squares, which is
-    the standard deviation of a sum with random signs."""
+    """Estimated size of the terms of sums with weights (k, …): the square root of the sum of their squares.
+    This is the standard deviation of the sum if signs are random."""
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWS, *weights.shape))
     squares = np.mean([np.abs(summed(sign * weights)) ** 2 for sign in signs], axis=0)
     return np.sqrt(len(weights) * squares)
@@ -169,16 +182,18 @@ def _combined(figures: Sequence[WeightedSums], sums: Sequence[Array], sizes: boo
 
 
 def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
-    """Split the sums (r, …) of all statistics into sums (r, c) of each statistic."""
+    """Split the sums (r, …) of all statistics into the sums (r, c) of each statistic."""
     return np.split(sums, np.cumsum([figure.weights.shape[1] for figure in figures])[:-1], axis=1)
 
 
 def _direct_and_orbit_terms(
     orbit: GridOrbit, dependence: Dependence, figures: Sequence[WeightedSums], term: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Derivatives (r, c) of all sums with respect to θ at fixed orbit, 0 for coordinates, and weights (m, 2
-    + k, n, c) of the data of the orbit's curve. term: function that is applied to each term, modulus or
-    identity."""
+    """Return the derivatives (r, c) of all sums with respect to θ at fixed orbit, which are 0 for
+    coordinates, and the weights (m, 2 + k, n, c) of the data that define the curve of the orbit.
+
+    term: function applied to each term, the modulus or the identity.
+    """
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])
     (m, k), n = problem.phases.shape, orbit.system.n
     data_weights, direct = np.zeros((m, 2 + k, n, ends[-1])), {}
@@ -191,9 +206,9 @@ def _direct_and_orbit_terms(
             data_weights[..., columns] = problem.data_weights(each.phase, weights)
             direct[columns.start, columns.stop] = term(by).T @ term(each.weights)
             continue
-        # Sums over the same samples are computed together; extrema are also computed together.
+        # Sums over the same samples are computed in one call, and so are all extrema.
         by_samples.setdefault(0 if each.fractions is None else id(each.fractions), []).append((each, columns))
-    # This import takes longer than commands that compute no solutions.
+    # This import takes longer than a command that computes no solution.
     from scipy.linalg import block_diag as block_diagonal
 
     for group in by_samples.values():

@@ -1,4 +1,4 @@
-"""Linear periodic problem on one grid. Its stage systems are factorised once and solved for any number of
+"""Linear periodic problem on one grid. Its stage systems are factorised once, and solved for any number of
 loads.
 
 ∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q, evaluated at the stages
@@ -29,10 +29,13 @@ from solve.period.rigid_body import Free
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ with
-    respect to the phase, at the k phases of each step of a `PeriodicProblem`; compute_states: function that
-    returns the states at these phases; drift (n, r): steady velocities of a free machine, included only in
-    the states at these phases."""
+    """Periodic solutions for r loads.
+
+    x (m+1, 2n, r): states at the nodes. accelerations (m, k, n, r): q″, with respect to the phase, at the k
+    phases of each step of a `PeriodicProblem`. compute_states: function that returns the states at these
+    phases. drift (n, r): steady velocities of a free machine, included only in the states that
+    `compute_states` returns.
+    """
 
     x: Array
     accelerations: Array
@@ -41,7 +44,7 @@ class Motions:
 
     @cached_property
     def states(self) -> Array:
-        """q″, q′ and q (m, k, 3, n, r)."""
+        """States q″, q′ and q at the k phases of each step, as an array (m, k, 3, n, r)."""
         return self.compute_states()
 
 
@@ -49,8 +52,9 @@ class PeriodicProblem:
     """Linear periodic problem of a system at a speed, discretised on a grid by a collocation method.
 
     phases (m, k): start, stages and, if it is not a stage, end of every step. `loaded` selects the l phases
-    at which loads act: only the stages if every step starts at the last stage of the previous step. M, C, K
-    (m, l, n, n) and d (m, l, n) are given at these phases, for derivatives with respect to the phase.
+    at which loads act. These are only the stages if every step starts at the last stage of the previous step.
+    M, C, K (m, l, n, n) and d (m, l, n) are the matrices at these l phases, for derivatives with respect to
+    the phase.
     """
 
     def __init__(
@@ -62,9 +66,11 @@ class PeriodicProblem:
         known: Curve | None = None,
         free: Free | None = None,
     ):
-        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if known; free: rigid-body
-        modes; if given, the anchored system is solved. Raises ValueOutOfBoundsError if the memory limit is
-        exceeded."""
+        """Factorise the problem.
+
+        engine: COMPILED or NUMPY. known: periodic solution on this grid, if known. free: rigid-body modes, if
+        any; the anchored system is then solved. Raises ValueOutOfBoundsError if the memory limit is exceeded.
+        """
         self.point, self.grid, self.rule = point, grid, method.collocation
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
         n, s, m = point.n, len(self.rule.c), grid.steps
@@ -76,7 +82,8 @@ class PeriodicProblem:
         self._tables = (self._anchored or point).tables(self.phases[:, self.loaded].ravel())
         self._engine, self._known = engine, known
         self._systems = stage_systems(self.rule, grid.h, self._tables, self._stages, engine)
-        # Weights of the stage accelerations in q (times h²) and in q′ (times h) at the ends of the steps.
+        # Weights of the stage accelerations at the end of a step: in q, to be multiplied by h², and in q′, to
+        # be multiplied by h.
         self._weights = np.stack((self.rule.b @ self.rule.A, self.rule.b))
         self._step_powers = np.stack((grid.h**2, grid.h), axis=1)[:, :, None]
         self._cache: dict[tuple[bytes, int], tuple[Any, Array]] = {}
@@ -92,7 +99,7 @@ class PeriodicProblem:
         return self._systems.maps
 
     def propagate(self, start: Array, backwards: bool = False) -> Array:
-        """States (m+1, 2n, r) without loads, from the first state (2n, r). If `backwards`, the transposed
+        """States (m+1, 2n, r) without loads, from the first states (2n, r). If `backwards`, the transposed
         maps are applied in reverse order."""
         A = self.A.swapaxes(1, 2)[::-1] if backwards else self.A
         return propagate(A, start, self._engine)
@@ -103,13 +110,14 @@ class PeriodicProblem:
         return (self._step_powers * (self._weights @ a.reshape(m, len(self.rule.c), -1))).reshape(m, -1, r)
 
     def _end_states_transposed(self, y: Array) -> Array:
-        """Transpose of `_end_states`: weights of the accelerations from weights (m, 2n, c) of the states."""
+        """Transpose of `_end_states`: weights (m, s n, c) of the accelerations, from weights (m, 2n, c) of
+        the states."""
         m, _, c = y.shape
         return (self._weights.T @ (self._step_powers * y.reshape(m, 2, -1))).reshape(m, -1, c)
 
     def end_state_gradient(self, weights: Array) -> Array:
-        """Gradients (m, s n, c) of weighted sums of the states at the ends of the steps, with respect to the
-        loads at the stages. weights: (m, 2n, c)."""
+        """Gradients (m, s n, c) of c weighted sums of the states at the ends of the steps, with respect to
+        the loads at the stages. `weights` is (m, 2n, c)."""
         return self._systems.pulled(self._end_states_transposed(weights))
 
     @property
@@ -119,7 +127,7 @@ class PeriodicProblem:
 
     @cached_property
     def orbit(self) -> Motions:
-        """Periodic solution of the system, as `Motions` with r = 1. Raises ResonanceError."""
+        """Periodic solution of the system, with r = 1. Raises ResonanceError."""
         if self._known is None:
             return self.solve(self._matrices[3][..., None])
         (m, k), n = self.phases.shape, self.point.n
@@ -131,7 +139,7 @@ class PeriodicProblem:
         return Motions(np.concatenate((x, x[:1]))[..., None], states[:, :, 0], lambda: states)
 
     def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
-        """Array (m, r) over the starts of steps that contains the values (b, r) of the breaks and is zero
+        """Array (m, r) over the starts of steps. It contains the values (b, r) of the breaks, and is zero
         elsewhere."""
         at_starts, period = np.zeros((self.grid.steps, values.shape[1])), self.grid.period
         for phase, value in zip(breaks, values, strict=True):
@@ -140,11 +148,11 @@ class PeriodicProblem:
         return at_starts
 
     def jump(self, node: int) -> Array:
-        """Jump of q″ (n,) of the periodic solution at the start of a step."""
+        """Jump (n,) of q″ of the periodic solution at the start of the step with index `node`."""
         return self.orbit.states[node, 0, 0, :, 0] - self.orbit.states[node - 1, -1, 0, :, 0]
 
     def rate_jump(self, node: int) -> Array:
-        """Jump of the matrix P (2n, 2n) of x′ = P x + f at the start of a step."""
+        """Jump (2n, 2n) of the matrix P of x′ = P x + f at the start of the step with index `node`."""
         parts = (node, 0), (node - 1, -1)
         after, before = (rate_of(*(part[at] for part in self._matrices)) for at in parts)
         return (after - before)[:, :-1]
@@ -158,14 +166,16 @@ class PeriodicProblem:
         return curve if drift is None else replace(curve, drift=drift[:, 0])
 
     def solve(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
-        """Periodic solutions under loads (m, l, n, r) at the phases at which loads act, with jumps (m, 2n, r)
-        of the states at the starts of steps where the matrices jump. level (modes, r): mean motions along
-        rigid-body modes (default: zero). Raises ResonanceError."""
+        """Periodic solutions for r loads (m, l, n, r) at the phases at which loads act.
+
+        jumps (m, 2n, r): jumps of the states at the starts of steps, where the matrices may jump. level
+        (modes, r): mean motions along rigid-body modes, zero by default. Raises ResonanceError.
+        """
         motions, drift = self._solve(loads, jumps), None
         if self._anchored is None:
             return motions
         if self._anchored.modes.dragged.any():
-            # A drift may be far larger than the vibration and would reduce its accuracy.
+            # A drift may be far larger than the vibration, and would reduce the accuracy of the vibration.
             anchored, held = self._repeated(motions)
             drift = anchored.motion(self.curves(motions), held.mass)[0].drift
         if drift is not None:
@@ -173,7 +183,7 @@ class PeriodicProblem:
         return self._unanchored(motions, drift, level)
 
     def _solve(self, loads: Array, jumps: Array | None) -> Motions:
-        """Periodic solutions; for a free machine, of the anchored system."""
+        """Periodic solutions of the system or, for a free machine, of the anchored system."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
@@ -188,8 +198,10 @@ class PeriodicProblem:
         return Motions(x, a, lambda: self._states(x, ends, a))
 
     def _unanchored(self, motions: Motions, drift: Array | None, level: Array | None) -> Motions:
-        """Motions of the free machine from motions of the anchored system. drift (r, n): steady velocities;
-        the loads already include their drag."""
+        """Motions of the free machine, from motions of the anchored system.
+
+        drift (r, n): steady velocities. The loads already contain their drag.
+        """
         anchored, held = self._repeated(motions)
         curves = self.curves(motions)
         moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
@@ -215,7 +227,7 @@ class PeriodicProblem:
         return Motions(x, motions.accelerations + by_state[:, :, 0], compute_states, velocities)
 
     def _repeated(self, motions: Motions) -> tuple[Anchored, Free]:
-        """Anchored system and rigid-body modes, repeated once per motion."""
+        """Return the anchored system and the rigid-body modes, each repeated once per motion."""
         assert self._anchored is not None
         assert self.free is not None
         rows = np.zeros(motions.x.shape[-1], dtype=int)
@@ -231,12 +243,15 @@ class PeriodicProblem:
 
     @property
     def _ends_apart(self) -> bool:
-        """Whether the ends of the steps are not stages."""
+        """Whether the end of a step is not a stage."""
         return self.phases.shape[1] > len(self.rule.c) + 1
 
     def _states(self, x: Array, ends: Array, a: Array) -> Array:
-        """States q″, q′, q (m, k, 3, n, r) at the k phases of each step, from states x (m+1, 2n, r) at the
-        nodes, states `ends` (m, 2n, r) at the ends of the steps, and accelerations (m, k, n, r)."""
+        """States q″, q′, q at the k phases of each step, as an array (m, k, 3, n, r).
+
+        x (m+1, 2n, r): states at the nodes. ends (m, 2n, r): states at the ends of the steps. a (m, k, n, r):
+        accelerations.
+        """
         m, k, n, r = a.shape
         states = np.empty((m, k, 3, n, r))
         states[:, :, 0], states[:, 0, :0:-1] = a, x[:-1].reshape(m, 2, n, r)
@@ -245,13 +260,13 @@ class PeriodicProblem:
         return states
 
     def stage_states(self, x: Array) -> Array:
-        """States q″, q′, q (m, s, 3, n, r) at the stages, without loads, from states x (m, 2n, r) at the
-        starts of steps."""
+        """States q″, q′, q at the stages, as an array (m, s, 3, n, r), without loads. x (m, 2n, r): states at
+        the starts of the steps."""
         m, N, r = x.shape
         return self._stage_states(x, (self._systems.by_state @ x).reshape(m, -1, N // 2, r))
 
     def _stage_states(self, x: Array, a: Array) -> Array:
-        """States as in `stage_states`, with given accelerations (m, s, n, r)."""
+        """States as from `stage_states`, for accelerations `a` (m, s, n, r)."""
         m, s, n, r = a.shape
         A, a = self.rule.A, a.reshape(m, s, -1)
         h, c = self.grid.h[:, None, None], np.array(self.rule.c)[:, None]
@@ -260,8 +275,8 @@ class PeriodicProblem:
         return states.reshape(m, s, 3, n, r)
 
     def _at_ends(self, place: int, x: Array, loads: Array) -> Array:
-        """Accelerations (m, 1, n, r) for states x (m, 2n, r) at the first or the last phase of each step,
-        from the equation of motion."""
+        """Accelerations (m, 1, n, r) from the equations of motion, for states x (m, 2n, r) at the first or
+        the last phase of each step."""
         q, v = np.split(x, 2, axis=1)
         M, C, K, _ = (part[:, place] for part in self._matrices)
         return solved(M, loads[:, place] - K @ q - C @ v)[:, None]
@@ -272,23 +287,23 @@ class PeriodicProblem:
         return Curve.from_steps(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
 
     def data(self, motions: Motions) -> Array:
-        """Data (m, 2 + k, n, r) that define the curves of solutions: q, h q′ and h² q″ at the phases of each
-        step."""
+        """Data (m, 2 + k, n, r) that define the curves of solutions: for each step, q and h q′ at its start,
+        and h² q″ at its k phases."""
         h = self.grid.h[:, None, None]
         q, v = np.split(motions.x[:-1], 2, axis=1)
         a = h[:, None] ** 2 * motions.accelerations
         return np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
 
     def at(self, data: Array, phase: Array, order: int = 0) -> Array:
-        """Derivatives (p, …), of the given order, at phases (p,), of the curves defined by data (m, 2 + k,
+        """Derivatives (p, …) of order `order` at phases (p,), for the curves defined by `data` (m, 2 + k,
         …)."""
         step, weights = self._basis(phase, order)
         here = data[step]
         return (weights[:, None] @ here.reshape(*here.shape[:2], -1)).reshape(len(step), *here.shape[2:])
 
     def data_weights(self, phase: Array, weights: Array) -> Array:
-        """Weights (m, 2 + k, n, c) of the data that are equivalent to weights (p, 3, n, c) of q″, q′, q of
-        the curve at phases (p,)."""
+        """Weights (m, 2 + k, n, c) of the data, equivalent to `weights` (p, 3, n, c) of q″, q′ and q of the
+        curve at phases (p,)."""
         k, (count, _, n, c) = self.phases.shape[1], weights.shape
         by_phase = np.zeros((count, 2 + k, n * c))
         for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
@@ -297,26 +312,26 @@ class PeriodicProblem:
         return self._sum_in_steps(phase, by_phase).reshape(-1, 2 + k, n, c)
 
     def value_data_weights(self, phase: Array, weights: Array) -> Array:
-        """Weights (m, 2 + k, c) of the data that are equivalent to weights (p, c) of the values of one
-        coordinate."""
+        """Weights (m, 2 + k, c) of the data, equivalent to `weights` (p, c) of the values of one coordinate
+        at phases (p,)."""
         return self._sum_in_steps(phase, self._basis(phase, 0)[1][:, :, None] * weights[:, None])
 
     def even_value_data_weights(self, fractions: Array, weights: Array) -> Array:
-        """Weights of the data as in `value_data_weights`, for values at fractions (a,) of every step with
-        weights (m a, c)."""
+        """Weights as from `value_data_weights`, for values at the fractions (a,) of every step. `weights` is
+        (m a, c)."""
         powers = fractions[:, None] ** np.arange(len(self.rule.curve_powers)) @ self.rule.curve_powers
         return powers.T @ weights.reshape(self.grid.steps, len(fractions), -1)
 
     def _sum_in_steps(self, phase: Array, values: Array) -> Array:
-        """Sums (m, …), for each step, of the values (p, …) at phases (p,) in this step."""
+        """Sums (m, …) of the values (p, …) in each step; `phase` (p,) contains the phases of the values."""
         (inside, firsts), step = self._groups(phase), self._basis(phase, 0)[0]
         sums = np.zeros((self.grid.steps, *values.shape[1:]))
         sums[step[inside][firsts]] = np.add.reduceat(values[inside], firsts)
         return sums
 
     def _groups(self, phase: Array) -> tuple[Any, Array]:
-        """Permutation that sorts phases by steps, and for each step the index of its first phase in the
-        permutation."""
+        """Return a permutation that sorts phases by steps, and for each step the index of its first phase in
+        the permutation."""
         key = phase.tobytes(), -1
         if key not in self._cache:
             step = self._basis(phase, 0)[0]
@@ -325,8 +340,8 @@ class PeriodicProblem:
         return self._cache[key]
 
     def _basis(self, phase: Array, order: int) -> tuple[Array, Array]:
-        """Steps (p,) that contain the phases, and weights (p, 2 + k) of the data of each step in the
-        derivative of the curve."""
+        """Return the steps (p,) that contain the phases, and weights (p, 2 + k): the derivative of the curve
+        at each phase is a weighted sum of the data of the step."""
         key = phase.tobytes(), order
         if key not in self._cache:
             step, powers = self.curve.basis(phase, order)
@@ -334,9 +349,12 @@ class PeriodicProblem:
         return self._cache[key]
 
     def adjoint(self, of_data: Array) -> Array:
-        """Gradients (m, l, n, c), from the adjoint problem, of sums over the data with weights (m, 2 + k, n,
-        c). The gradients are with respect to the loads at the phases at which they act. The cost does not
-        depend on the number of loads."""
+        """Gradients (m, l, n, c) of c sums with respect to the loads, at the phases at which these act. They
+        are computed by the adjoint problem.
+
+        of_data (m, 2 + k, n, c): weights of the data in the sums. The cost does not depend on the number of
+        loads.
+        """
         m, _, n, c = of_data.shape
         loaded, h = self.phases[:, self.loaded].shape[1], self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
@@ -357,8 +375,8 @@ class PeriodicProblem:
         return found
 
     def _adjoint_of_ends(self, place: int, accelerations: Array) -> tuple[Array, Array]:
-        """Weights (m, n, c) of the loads and (m, 2n, c) of the states, from the weights of the accelerations
-        at the first or the last phase of each step."""
+        """Return weights (m, n, c) of the loads and weights (m, 2n, c) of the states, from the weights of the
+        accelerations at the first or the last phase of each step."""
         M, C, K = (part[:, place].swapaxes(1, 2) for part in self._matrices[:3])
         load = solved(M, accelerations[:, place])
         return load, -np.concatenate((K @ load, C @ load), axis=1)
@@ -366,8 +384,11 @@ class PeriodicProblem:
 
 @cache
 def _power_basis(rule: Collocation, k: int) -> Array:
-    """Matrix (3 k, D) that maps coefficients of powers of θ in a step to h² q″, h q′ and q at its k phases.
-    At the stages, the values of the method are used, with which the curve agrees up to its order."""
+    """Matrix (3 k, D) that maps coefficients of powers of θ in a step to h² q″, h q′ and q at the k phases of
+    the step.
+
+    At the stages, the values are those of the method. The curve agrees with them up to its order.
+    """
     data = np.linalg.inv(rule.curve_powers)
     a, basis, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
     at_stages = a[1 : 1 + len(rule.c)]

@@ -1,4 +1,4 @@
-"""Sensitivities at one point: derivatives of quantities of an orbit, or of its stability, on the grid of its
+"""Sensitivities at one point: derivatives of quantities of an orbit or of its stability, on the grid of its
 solution. Errors are estimated by a method with one more stage."""
 
 from collections.abc import Sequence
@@ -25,15 +25,15 @@ from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 
 _COARSENING = 4
-"""Divisor of the number of steps for the coarser grid on which the sizes of the terms of derivatives are
-estimated. Chosen by judgement."""
+"""Ratio between the numbers of steps of the grid and of a coarser grid, on which the sizes of the terms of
+derivatives are estimated. Chosen by judgement."""
 
 _PARAMETERS_PER_ADJOINT = 2
 """Number of parameters for which the forward problems take as long as the adjoint problem of one
 statistic."""
 
 _ROUNDOFF = 1e-13
-"""Round-off error of a derivative relative to the sum of the moduli of its terms. Chosen by judgement, a few
+"""Round-off error of a derivative, relative to the sum of the moduli of its terms. Chosen by judgement: a few
 hundred eps."""
 
 
@@ -50,7 +50,7 @@ def sensitivities(
     nonlinear: bool = False,
     periods: int | None = None,
 ) -> Sensitivities:
-    """Derivatives of quantities of the periodic orbit and of its stability at a speed.
+    """Compute derivatives of quantities of the periodic orbit and of its stability at a speed.
 
     Parameters
     ----------
@@ -60,32 +60,31 @@ def sensitivities(
         Speed in rad/s, or a text with unit.
     of : sequence of str, optional
         Quantities such as "q3.max_abs", "contact_force.harmonic5", "spectral_radius", "rho1" (complex),
-        "rho1.abs", "exponent1.re"; by default max_abs of the coordinates and spectral_radius.
+        "rho1.abs", "exponent1.re". By default, max_abs of the coordinates, and spectral_radius.
     by : sequence of str, optional
-        Names of parameters, "speed" among them; by default all parameters with respect to which derivatives
-        are available.
+        Names of parameters, or "speed". By default, all parameters with respect to which derivatives exist.
     method : str or Method
         "radau", "gauss" or "auto".
     steps, rtol, engine : optional
         As in `periodic`.
     nonlinear : bool
-        Whether to differentiate the orbit of the nonlinear equations, as by `solve.nonlinear`, and its
-        multipliers.
+        Whether to differentiate the orbit of the nonlinear equations, as computed by `solve.nonlinear`, and
+        its multipliers.
     periods : int, optional
-        Number of model periods per period of a nonlinear orbit.
+        Period of a nonlinear orbit, as a number of periods of the model.
 
     Returns
     -------
     Sensitivities
-        Derivatives and their errors; NaN with the reason for a quantity without a derivative, such as a
-        multiple multiplier.
+        Derivatives and their errors. For a quantity without a derivative, such as a multiple multiplier, they
+        are NaN, and the reason is stated.
 
     Raises
     ------
     UnknownNameError
-        For an unknown quantity or parameter.
+        If a quantity or parameter is unknown.
     NoDerivativeError
-        For systems without generated equations, and for parameters that are integers.
+        If the system has no generated equations, or a parameter is an integer.
     SolveError
         Other subclasses, as in `periodic`.
 
@@ -115,8 +114,8 @@ def sensitivities(
 
 
 def periods_of(nonlinear: bool, periods: int | None) -> int:
-    """Number of periods of an orbit (default 1). Raises ValueOutOfBoundsError if it is given for a linear
-    orbit."""
+    """Number of periods of an orbit, by default 1. Raises ValueOutOfBoundsError if `periods` is given for a
+    linear orbit."""
     if periods is not None and not nonlinear:
         raise ValueOutOfBoundsError(
             f"periods is {periods!r}, which requires nonlinear=True; add nonlinear=True, or leave out periods"
@@ -127,8 +126,8 @@ def periods_of(nonlinear: bool, periods: int | None) -> int:
 def quantities_by(
     system: PeriodicSystem, of: Sequence[str] | None, by: Sequence[str] | None
 ) -> tuple[list[Named], list[str]]:
-    """Requested quantities, and names of the parameters with respect to which they are differentiated,
-    without duplicates. Raises UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
+    """Return the quantities, and the names of the parameters with respect to which they are differentiated,
+    both without duplicates. Raises UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
     texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
     quantities = [Named.parse(system, text) for text in texts]
     derivatives_of(system).by(names)
@@ -136,7 +135,7 @@ def quantities_by(
 
 
 def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[str]) -> Sensitivities:
-    """Sensitivities of an existing solution, which must be an orbit if the quantities require one. Raises
+    """Sensitivities of an existing solution. It must be an orbit if the quantities require one. Raises
     ValueOutOfBoundsError for methods without stages."""
     rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
     if not isinstance(rule, Collocated):
@@ -182,9 +181,11 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
 
 
 def _multiplier_error(solved: Stability, quantity: Named) -> float:
-    """Relative error of the multiplier by which the derivative of its logarithm is multiplied; 0 for other
-    quantities. The difference between results with different numbers of stages does not include this
-    error."""
+    """Relative error of the multiplier, a factor in the derivative of the quantity; 0 for quantities without
+    this factor.
+
+    The difference between results with different numbers of stages does not include this error.
+    """
     if quantity.of_orbit or quantity.subject == EXPONENT:
         return 0.0
     at = multiplier_position(solved, quantity)
@@ -200,8 +201,11 @@ def _with_errors(
     grid: GridDerivatives,
     coarse: GridDerivatives,
 ) -> dict[str, Sensitivity]:
-    """Sensitivity of each quantity, with errors from the difference between the derivatives of the method and
-    those with one more stage. Round-off is estimated on a coarse grid."""
+    """Mapping from quantities to sensitivities with errors.
+
+    The error is the difference between the derivatives of the method and those of a method with one more
+    stage. Round-off is estimated on a coarser grid.
+    """
     found = {}
     sizes = coarse.slopes(quantities, sizes=True)
     for quantity, results, size in zip(quantities, slopes, sizes, strict=True):
@@ -218,13 +222,14 @@ def _with_errors(
 
 
 def _without(quantity: Named, reason: str, grid: GridDerivatives) -> Sensitivity:
-    """Entry for a quantity without derivatives, with the reason."""
+    """Sensitivity that contains the reason why the quantity has no derivatives."""
     nothing = np.full(len(grid.names), np.nan)
     return Sensitivity(quantity.value(cast(Solved, grid.solved)), quantity.unit, nothing, nothing, reason)
 
 
 def _sensitivity(quantity: Named, fine: Array, errors: Array, grid: GridDerivatives) -> Sensitivity:
-    """Sensitivity of a quantity, with the reason if it has no derivative with respect to some parameters."""
+    """Sensitivity of a quantity. It contains a reason if the derivatives with respect to some parameters do
+    not exist."""
     moved = grid.jumps(quantity.subject)
     reasons = {
         "several extrema are equally large, and their derivatives differ": np.isnan(fine) & ~moved,

@@ -1,5 +1,5 @@
-"""Stage systems of the collocation steps of a period, factorised once for all loads, and propagation of
-states over the steps, in compiled code or NumPy."""
+"""Stage systems of the collocation steps of a period, and propagation of states over the steps, with compiled
+code or NumPy. The systems are factorised once for all loads."""
 
 from dataclasses import replace
 from typing import Protocol
@@ -31,7 +31,7 @@ class StageSystems(Protocol):
 
 
 class InvertedStageSystems:
-    """Stage systems stored as their inverses, (m, s n, s n)."""
+    """Stage systems that are represented by their inverses (m, s n, s n)."""
 
     def __init__(self, rule: Collocation, h: Array, entries: Array, n: int):
         m, s, _ = entries.shape
@@ -63,7 +63,7 @@ class ScaledStageSystems:
 
 
 def stage_systems(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> StageSystems:
-    """Factorised stage systems of steps of lengths h (m,), from tables with k phases in each step. at:
+    """Factorise the stage systems of steps of lengths h (m,), from tables with k phases in each step. at:
     indices of the stages among these phases. Raises MemoryError."""
     some = tables.table[..., entry_phases(tables.table.shape[-2]), :]
     factors = FrozenModes(replace(tables, table=some), float(h.sum())).equation_factors()
@@ -92,7 +92,7 @@ def close_periodically(A: Array, b: Array, engine: str) -> Array:
 
 
 def propagate(A: Array, start: Array, engine: str) -> Array:
-    """States x (m+1, N, r) of x_{k+1} = A_k x_k from the first state (N, r)."""
+    """States x (m+1, N, r) of x_{k+1} = A_k x_k, from the first states `start` (N, r)."""
     states = chain.followed(A, start) if engine == COMPILED else None
     if states is not None:
         return states

@@ -1,1 +1,1 @@
-"""Command lines and progress reports, for `derive` and `solve`: standard library and Rich only."""
+"""Command lines and progress reports of `derive` and `solve`. Only the standard library and Rich are used."""

@@ -1,7 +1,8 @@
 """Command lines: exit status, messages on standard error, and interruptions.
 
-Exit status 0: completed, or the reader has closed the output pipe. 2: invalid input. 70: internal error.
-130: interrupted. Each failure prints one line on standard error.
+The exit status is 0 if the command is completed, or if the reader has closed the output pipe; 2 for invalid
+input; 70 for an internal error; and 130 after an interruption. Each failure prints one line on standard
+error.
 """
 
 import io
@@ -19,7 +20,7 @@ from typing import Any, NoReturn, TypeGuard
 REFUSED, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
 
 _MAX_MESSAGE = 900
-"""Maximum number of characters of a message. Arguments quoted in it may be much longer."""
+"""Largest number of characters of a message. Arguments quoted in a message may be much longer."""
 
 _OUT_OF_MEMORY = "this machine has too little memory; request fewer points or steps"
 
@@ -32,22 +33,23 @@ _REPEAT_INTERVAL = 0.3
 """Seconds between repetitions of an interruption."""
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
-"""Control characters except tab and line feed, which a terminal would execute (ECMA-48), and characters that
-set the direction of text or end lines, which change how text is displayed (Unicode Standard Annex 9)."""
+"""Pattern of control characters except tab and line feed, which a terminal would execute (ECMA-48). It also
+includes characters that set the direction of text or end lines, because they change how text is displayed
+(Unicode Standard Annex 9)."""
 
 _STYLE = r"\x1b\[[0-9;]*m"
 _OUTPUT = re.compile(rf"({_STYLE})|{_CONTROL.pattern}")
 _ERROR_OUTPUT = re.compile(rf"({_STYLE}|\x1b\[(?:\?25[lh]|2K|1A)|\r)|{_CONTROL.pattern}")
-"""Pattern of control characters. Its group matches the sequences that Rich writes: styles, and on standard
-error the cursor movements of the progress line."""
+"""Pattern of control characters on standard error. Its first group matches the sequences that Rich writes:
+styles, and cursor movements of the progress line."""
 
 
 class UniqueOptions:
-    """Mixin for Typer commands that rejects a second value for a single-value option, and equal values for a
-    repeatable one."""
+    """Mixin for Typer commands. It rejects a second value of an option that takes a single value, and equal
+    values of an option that may be repeated."""
 
     def parse_args(self: Any, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments; raise Typer's usage error for a repeated option or value."""
+        """Parse the arguments. Raises Typer's usage error for a repeated option or value."""
         values, _, given = self.make_parser(ctx).parse_args(args=list(args))
         for option, count in Counter(given).items():
             repeatable = option.multiple or getattr(option, "is_flag", False) or option.nargs != 1
@@ -75,7 +77,7 @@ class _StreamError(Exception):
 class _Stream(io.TextIOBase):
     """Wrapper of a standard stream that escapes control characters and raises _StreamError.
 
-    A closed stream (None) is replaced by the null device. Failures of a `silent` stream are ignored.
+    A closed stream (None) is replaced by the null device. If `silent`, failures are ignored.
     """
 
     def __init__(self, stream: Any, silent: bool):
@@ -114,7 +116,7 @@ class _Stream(io.TextIOBase):
             # Discard the remaining buffer, so that the flush at interpreter exit does not fail.
             with suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
-        # Raised again on every call, because a library may have suppressed the first exception.
+        # The exception is raised on every call, because a library may have suppressed the first one.
         if self._failure is not None and not self._silent:
             raise self._failure
 
@@ -130,13 +132,14 @@ def run_cli(
     Parameters
     ----------
     name : str
-        Program name as the user typed it; messages begin with it.
+        Name of the program as the user typed it. Messages begin with this name.
     work : callable
-        Function that runs the command with the arguments and returns its exit status (None: 0).
+        Function of the arguments that runs the command and returns its exit status; None counts as 0.
     arguments : sequence of str
         Command-line arguments.
     refusals : type
-        Exception class whose message is printed in one line, with status 2, as are Typer's usage errors.
+        Exception class for invalid input. Its message is printed in one line, with exit status 2. Typer's
+        usage errors are treated in the same way.
     """
     with redirect_stdout(_Stream(sys.stdout, False)), redirect_stderr(_Stream(sys.stderr, True)):
         for argument in filter(_CONTROL.search, arguments):
@@ -156,7 +159,7 @@ def run_cli(
         except _StreamError as error:
             return 0 if error.closed_by_reader else _fail(name, str(error))
         except Exception as error:
-            # Libraries may convert an interruption into their own exceptions.
+            # A library may convert an interruption into an exception of its own.
             if interruptions:
                 return _interrupted(name)
             if isinstance(error, refusals):
@@ -173,14 +176,14 @@ def run_cli(
 def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[Exception]) -> NoReturn:
     """Run `sys.argv` as a program and exit with its status; the parameters are those of `run_cli`.
 
-    Warnings of libraries are hidden unless Python was started with -W, because doubtful results carry their
-    own warnings.
+    Warnings of libraries are hidden, because results contain their own warnings. They are shown if Python was
+    started with -W.
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     status = run_cli(name, work, sys.argv[1:], refusals)
     if status == INTERRUPTED and any(thread.daemon for thread in threading.enumerate()):
-        # A daemon thread that still runs library code could hang or crash the interpreter at shutdown.
+        # At shutdown, a daemon thread that still runs library code could block or crash the interpreter.
         with suppress(AttributeError, OSError, ValueError):
             sys.stdout.flush()
         os._exit(status)
@@ -189,8 +192,8 @@ def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[
 
 @contextmanager
 def _repeat_sigint(received: list[object]) -> Iterator[None]:
-    """Repeat an interruption until the block ends, because some libraries suppress interruptions during their
-    import.
+    """Repeat an interruption until the block ends. Some libraries suppress interruptions while they are
+    imported.
 
     received: list that collects the signal numbers.
     """
@@ -210,7 +213,7 @@ def _repeat_sigint(received: list[object]) -> Iterator[None]:
     unraisable_hook = sys.unraisablehook
 
     def ignore_interruption(unraisable: Any) -> None:
-        # An interruption raised in a finaliser or callback would be printed with its traceback.
+        # Python would print the traceback of an interruption that is raised in a finaliser or callback.
         if unraisable.exc_type is not KeyboardInterrupt:
             unraisable_hook(unraisable)
 
@@ -234,7 +237,7 @@ def _is_missing_library(error: Exception) -> TypeGuard[ModuleNotFoundError]:
 
 
 def _interrupted(name: str) -> int:
-    # After an interruption that left code run by exec, Python would end by the signal; exec resets this.
+    # If an interruption has left code run by `exec`, Python ends by the signal. Another `exec` prevents this.
     exec("")
     return _fail(name, "interrupted", INTERRUPTED)
 
@@ -256,7 +259,7 @@ def _internal_error(name: str, error: Exception, debug: bool) -> int:
 
 
 def _escaped(text: str) -> str:
-    """Text with control characters escaped as in JSON, so that JSON remains valid.
+    """Escape control characters in a text as in JSON, so that JSON remains valid.
 
     >>> _escaped("a\x1b[31m")
     'a\\\\u001b[31m'

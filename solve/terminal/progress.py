@@ -1,7 +1,7 @@
-"""Progress of long computations, reported by the code that computes and shown on standard error.
+"""Progress of long computations. The code that computes reports it, and it is shown on standard error.
 
-Tasks nest: a grid within a point within a sweep. Each task counts its own parts only. The overhead without a
-listener is negligible.
+Tasks are nested, for example a grid in a point in a sweep. Each task counts only its own parts. Without a
+listener, the overhead is negligible.
 """
 
 import math
@@ -14,16 +14,16 @@ from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 TERMINAL_DELAY, TERMINAL_INTERVAL = 1.0, 0.25
-"""Seconds until the progress line appears on a terminal, and between two updates of this line. Chosen by
-judgement."""
+"""Seconds until the progress line appears on a terminal, and seconds between two updates of this line. Chosen
+by judgement."""
 
 LOG_DELAY, MAX_LOG_INTERVAL = 10.0, 60.0
-"""Seconds until the first line in a file or pipe. Each interval equals the elapsed time, up to the maximum.
-Chosen by judgement."""
+"""Seconds until the first line in a file or pipe, and largest interval between two lines. The interval equals
+the elapsed time, up to this limit. Chosen by judgement."""
 
 
 class Task:
-    """Task that consists of `total` parts (None: unknown).
+    """Task that consists of `total` parts; None if the number of parts is unknown.
 
     even: whether the parts take about equal times, so that the remaining time can be extrapolated.
     """
@@ -39,18 +39,19 @@ class Task:
         self._report()
 
     def step(self, what: str) -> None:
-        """Begin the next part, with the name `what`, of a task with unequal parts."""
+        """Start the next part, named `what`, of a task with unequal parts."""
         self.what = what
         self.add()
 
     def fraction(self, inner: float) -> float | None:
-        """Completed fraction of the task (None: unknown). inner: completed fraction of the current parts."""
+        """Completed fraction of the task; None if it is unknown. inner: completed fraction of the current
+        parts."""
         if not self.total:
             return None
         return min((self.done + inner * self.under_way) / self.total, 1.0)
 
     def text(self, inner: float) -> str:
-        """Description with the number of parts done."""
+        """Description of the task, with the number of completed parts."""
         if self.total is None:
             return self.what
         if not self.even:
@@ -60,17 +61,17 @@ class Task:
 
 
 class Status(NamedTuple):
-    """Progress as text, and fraction done (None: unknown)."""
+    """Progress as text, and completed fraction; None if the fraction is unknown."""
 
     text: str
     fraction: float | None
 
 
 class Tracker:
-    """Current tasks, the outermost first.
+    """Current tasks, the outermost one first.
 
-    reports: count of reports received. listener: is called with the tracker at each report.
-    idle: is called when the last task ends.
+    reports: number of reports received. listener: function that is called with the tracker at each report.
+    idle: function that is called when the last task ends.
     """
 
     def __init__(self, listener: Callable[["Tracker"], object] | None = None):
@@ -85,13 +86,14 @@ class Tracker:
             self.listener(self)
 
     def status(self, now: float) -> Status | None:
-        """Progress and estimated remaining time at `now` (monotonic clock); None without a task."""
+        """Progress and estimated remaining time at the time `now` (monotonic clock); None if there is no
+        task."""
         tasks = list(self.tasks)
         if not tasks:
             return None
         texts, inner, remaining, known = [], 0.0, "", None
         for task, outer in zip(tasks[::-1], [*tasks[-2::-1], None], strict=True):
-            # Nested tasks that count the same unit are shown once, by the outer one.
+            # Of nested tasks that count the same unit, only the outer one is shown.
             if outer is None or outer.what != task.what or outer.total is None:
                 texts.append(task.text(inner))
             fraction = task.fraction(inner)
@@ -126,7 +128,8 @@ def listen(listener: Callable[[Tracker], object] | None = None) -> Iterator[Trac
     Parameters
     ----------
     listener : callable, optional
-        Function called with the tracker at each report. Without one, an enclosing tracker is reused.
+        Function that is called with the tracker at each report. If it is omitted, an enclosing tracker is
+        reused.
 
     Yields
     ------
@@ -146,16 +149,16 @@ def listen(listener: Callable[[Tracker], object] | None = None) -> Iterator[Trac
 
 @contextmanager
 def steps(total: int) -> Iterator[Callable[[str], None]]:
-    """Context manager for a task of `total` steps of different duration. It yields a function that begins the
-    next step and takes its name."""
+    """Context manager for a task of `total` steps of different duration. It yields a function that starts the
+    next step; its argument is the name of the step."""
     with task("", total, even=False) as uneven:
         yield uneven.step
 
 
 @contextmanager
 def task(what: str, total: float | None = None, even: bool = True) -> Iterator[Task]:
-    """Context manager for a task of `total` parts (None: unknown), such as "speeds". even: whether the parts
-    take about equal times."""
+    """Context manager for a task of `total` parts, named for example "speeds"; None if the number of parts is
+    unknown. even: whether the parts take about equal times."""
     tracker = _tracker.get()
     if tracker is None:
         yield Task(what, total, even, lambda: None)
@@ -174,7 +177,7 @@ def task(what: str, total: float | None = None, even: bool = True) -> Iterator[T
 
 @contextmanager
 def subtask(what: str, parts: float = 1) -> Iterator[None]:
-    """Context manager for a subtask that completes `parts` parts of the innermost task, if that task counts
+    """Context manager for a subtask. It completes `parts` parts of the innermost task if that task counts
     `what`."""
     counting = _innermost(what)
     if counting is None:
@@ -187,7 +190,7 @@ def subtask(what: str, parts: float = 1) -> Iterator[None]:
 
 
 def set_total(what: str, done: float, total: Callable[[], float]) -> None:
-    """Set the number of parts done and the expected total of the innermost task, if that task counts
+    """Set the number of completed parts and the expected total of the innermost task, if that task counts
     `what`."""
     counting = _innermost(what)
     if counting is not None:
@@ -203,14 +206,14 @@ def _innermost(what: str) -> Task | None:
 
 @contextmanager
 def show_progress(name: str) -> Iterator[None]:
-    """Context manager that shows the progress of long work on standard error.
+    """Context manager that shows the progress of long computations on standard error.
 
-    A terminal shows a line that disappears at the end; a file or pipe receives a few lines.
+    On a terminal, a line is shown that disappears at the end. A file or pipe receives a few lines.
 
     Parameters
     ----------
     name : str
-        Program name with which each line in a file or pipe begins.
+        Name of the program. Each line in a file or pipe begins with it.
     """
     with listen() as tracker:
         line, ended = _ProgressLine(), threading.Event()
