@@ -36,8 +36,7 @@ class Trigonometric:
     """Trigonometric interpolant of samples (k, …) on a uniform grid over a period, without the end point.
 
     k samples resolve the harmonics below k/2. If `chopped`, the harmonics after the last one that exceeds
-    round-off are omitted.
-    """
+    round-off are omitted."""
 
     def __init__(self, samples: Array, period: float, chopped: bool = False):
         count = len(samples)
@@ -91,8 +90,7 @@ def _exponentials(phase: Array, frequencies: Array) -> Array:
 def interpolated(function: Callable[[Array], Array], period: float) -> Callable[[Array], Array]:
     """Trigonometric interpolant of a function with values (m, …) at phases (m,), exact to round-off.
 
-    If the function is not smooth enough, it is returned unchanged.
-    """
+    If the function is not smooth enough, it is returned unchanged."""
     phase = np.linspace(0.0, period, _FIRST_SAMPLES, endpoint=False)
     samples = function(phase)
     while 2 * len(phase) <= _MAX_SAMPLES:
@@ -118,8 +116,7 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
     step (L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357).
 
     It is used for assembled matrices, for which automatic differentiation is not available. If `largest_step`
-    is omitted, x must not be 0.
-    """
+    is omitted, x must not be 0."""
     return slopes(function, x, largest_step)[0]
 
 
@@ -130,8 +127,7 @@ def slopes(
     step.
 
     The second value has a larger truncation error and less round-off. The difference between the two values
-    is an error estimate.
-    """
+    is an error estimate."""
     largest = _RELATIVE_STEP * abs(x) if largest_step is None else largest_step
     steps = [largest / 2**level for level in range(_LEVELS)]
     estimates = [(function(x + step) - function(x - step)) / (2 * step) for step in steps]

@@ -20,8 +20,7 @@ dense arrays. Chosen by judgement."""
 def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
     """Mapping from names to the arrays of a file, without conversion.
 
-    ending: the only permitted ending; by default, any of `ENDINGS`. Raises FileError.
-    """
+    ending: the only permitted ending; by default, any of `ENDINGS`. Raises FileError."""
     allowed = [ending] if ending else [*ENDINGS]
     if file.suffix.lower() not in allowed:
         raise FileError(f"'{file}' ends in '{file.suffix}'; allowed: {', '.join(allowed)}")

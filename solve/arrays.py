@@ -110,8 +110,7 @@ def definite_solved(A: Array, b: Array) -> Array:
 class Recent:
     """Array-valued function of phases. Its most recent values are cached, up to `max_bytes` bytes.
 
-    The next solution often uses the phases of the same grid. Cached values must not be modified.
-    """
+    The next solution often uses the phases of the same grid. Cached values must not be modified."""
 
     def __init__(self, function: Callable[[Array], Array], max_bytes: int):
         self._function, self._max_bytes = function, max_bytes
@@ -135,8 +134,7 @@ class Recent:
 class Latest(Generic[Value]):
     """Function of phases (m,). Its most recent value is cached, because successive speeds use the same grid.
 
-    The value must not be modified.
-    """
+    The value must not be modified."""
 
     def __init__(self, function: Callable[[Array], Value]):
         self._function = function

@@ -29,8 +29,7 @@ class Outputs(Protocol):
         """Mapping from outputs to their values (k,) at phases (k,).
 
         speed: Ω in rad/s, a number or (k,). q, qd, qdd (n, k): coordinates and their derivatives with respect
-        to time. acceleration: Ω̇ in rad/s².
-        """
+        to time. acceleration: Ω̇ in rad/s²."""
         ...
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
@@ -114,8 +113,7 @@ class Nonlinear(Protocol):
         M = ∂r/∂q̈, C = ∂r/∂q̇, K = ∂r/∂q and d = M q̈_k + C q̇_k + K q_k - r(q_k), so that the periodic
         solution is the next iterate of Newton's method (U. Ascher, R. Mattheij, R. Russell, Numerical
         Solution of Boundary Value Problems, 2.3.4). compiled: evaluation of formulas by compiled code, if
-        available.
-        """
+        available."""
         ...
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> Any:
@@ -128,8 +126,7 @@ class Nonlinear(Protocol):
         period.
 
         sizes (n,): scales of the coordinates; rtol is relative to them. Raises TransientError if there is no
-        generated code.
-        """
+        generated code."""
         raise TransientError(
             "the system has no generated equations of motion that can be integrated in time; write it as a "
             "mechanism file, and generate its equations with python -m derive FILE"
@@ -147,8 +144,7 @@ class Linearisation(Protocol):
         rad/s. At each event, the function that is zero there is differentiated.
 
         The derivatives are with respect to the phase, q, dq/dφ and r named parameters; the name "speed" is
-        the speed. Those with respect to the speed are at constant q and dq/dφ.
-        """
+        the speed. Those with respect to the speed are at constant q and dq/dφ."""
         ...
 
     def roundoff(self, phase: Array, speed: float) -> Array:

@@ -37,8 +37,7 @@ class Limit(NamedTuple):
     """Limit on the statistics of a quantity.
 
     exceeded: function that returns whether statistics violate the limit; its argument contains numbers for
-    one solution, or arrays for many. message: function that returns the warning for one solution.
-    """
+    one solution, or arrays for many. message: function that returns the warning for one solution."""
 
     quantity: str
     exceeded: Callable[[Statistics], Any]
@@ -56,8 +55,7 @@ class ModeShape(NamedTuple):
 
     places: for each link, positions x, y in m, (points, 2). displacements: for each link, displacements x, y
     at these positions, relative to the largest displacement. transverse: for each link, displacements
-    (points,) perpendicular to it. modal_mass: modal mass in kg.
-    """
+    (points,) perpendicular to it. modal_mass: modal mass in kg."""
 
     frequency: float
     modal_mass: float
@@ -70,8 +68,7 @@ class DrawnLink(NamedTuple):
     """Name of a link, and the supports of its start and end.
 
     A support is "pinned" or "clamped" if it is on the ground, "joined" if a pin connects the end with other
-    links, or "" if the end is free or welded to other links.
-    """
+    links, or "" if the end is free or welded to other links."""
 
     name: str
     ends: tuple[str, str]
@@ -83,8 +80,7 @@ class Formulas(NamedTuple):
 
     text: source code. outputs: number of outputs. names: names of the parameters, which are the last input.
     values: values of the parameters, (p,), or (P, p) for P points. The other inputs are phase, speed and, for
-    the outputs of a model, q, q̇, q̈. `lane` is a vector of doubles, one per point.
-    """
+    the outputs of a model, q, q̇, q̈. `lane` is a vector of doubles, one per point."""
 
     text: str
     outputs: int
@@ -96,8 +92,7 @@ Columns = Callable[..., Array | None]
 """Type of functions that evaluate formulas by compiled code.
 
 Inputs are (width, k) each, with one column per evaluation. The functions return values (outputs, k), or
-weighted sums (outputs, c) of the values; None without compiled code. See `solve.kernel.formulas.columns`.
-"""
+weighted sums (outputs, c) of the values; None without compiled code. See `solve.kernel.formulas.columns`."""
 
 
 class Integrator(Protocol):
@@ -105,8 +100,7 @@ class Integrator(Protocol):
     period.
 
     The independent variable of the derivatives is the mean speed times time. At constant speed, this is the
-    phase.
-    """
+    phase."""
 
     @property
     def nodes(self) -> Array: ...
@@ -116,8 +110,7 @@ class Integrator(Protocol):
         an array (3, n, k), at the k nodes, which include both ends.
 
         The speed varies linearly in time from `speed` to `last`; by default, it is constant. Raises
-        TransientError if the integration fails.
-        """
+        TransientError if the integration fails."""
         ...
 
 
@@ -126,8 +119,7 @@ class Dependence(Protocol):
 
     States (k, 3, n) at phases (k,) are q″, q′ and q, with derivatives with respect to the phase. The
     derivatives with respect to θ are at constant states unless stated otherwise. linear: whether the
-    equations are linear. partial_outputs: whether `output` is available.
-    """
+    equations are linear. partial_outputs: whether `output` is available."""
 
     linear: bool
     partial_outputs: bool
@@ -152,8 +144,7 @@ class Dependence(Protocol):
         derivatives of the residual with respect to the states.
 
         Return the derivatives with respect to θ (r,), and those with respect to the states (k, 3, n). The
-        latter are 0 for linear equations.
-        """
+        latter are 0 for linear equations."""
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
@@ -184,8 +175,7 @@ class ParameterDerivatives(Protocol):
         """Derivatives with respect to the named parameters or, for the name "speed", to the speed.
 
         compiled: evaluation of formulas by compiled code, if available. Raises UnknownNameError,
-        NoDerivativeError.
-        """
+        NoDerivativeError."""
         ...
 
 
@@ -219,8 +209,7 @@ def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]
     """Return the phase within a period, the speed and the acceleration (rad, rad/s, rad/s²) of a drive whose
     speed varies linearly in time from `first` to `last`.
 
-    s: time multiplied by the mean speed, from 0 to the period. It may be a number or a symbol.
-    """
+    s: time multiplied by the mean speed, from 0 to the period. It may be a number or a symbol."""
     mean, slope = (first + last) / 2, (last - first) / period
     return (first * s + slope * s**2 / 2) / mean, first + slope * s, slope * mean
 
@@ -229,8 +218,7 @@ def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]
 class Motion(Protocol):
     """Periodic motion. Its `nodes` (m+1,) are phases from 0 to the period.
 
-    An optional method `states` returns q, q′ and q″, (n, k) each, at phases (k,).
-    """
+    An optional method `states` returns q, q′ and q″, (n, k) each, at phases (k,)."""
 
     @property
     def nodes(self) -> Array: ...
@@ -246,8 +234,7 @@ class Reduction(Protocol):
 
     modes_a_link: number of modes retained per link. full_coordinates: number of coordinates before the
     reduction. discarded: lowest frequency of the discarded modes in rad/s. enriched: reduced system with more
-    coordinates, for the error estimate.
-    """
+    coordinates, for the error estimate."""
 
     modes_a_link: int
 
@@ -276,8 +263,7 @@ class Events(NamedTuple):
     grazes a switch.
 
     sides: for each switch, the signs of the smallest and the largest value of its switching function. They
-    show on which sides of the switch the motion lies.
-    """
+    show on which sides of the switch the motion lies."""
 
     phases: tuple[float, ...] = ()
     grazing: tuple[float, ...] = ()

@@ -101,8 +101,7 @@ def output_values(
 ) -> Mapping[str, Array]:
     """Mapping from outputs to their values (k,) at phases (k,); empty for a system without outputs.
 
-    state: q, q̇, q̈ (n, k), and optionally an acceleration; see `Outputs.output_values`.
-    """
+    state: q, q̇, q̈ (n, k), and optionally an acceleration; see `Outputs.output_values`."""
     outputs = system.capabilities.outputs
     return {} if outputs is None else outputs.output_values(phase, speed, *state)
 

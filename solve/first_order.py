@@ -128,8 +128,7 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
         return B (m, N, r), C (m, y, N) and D (m, y, r).
 
         Raises MatricesError if the function `matrices` does not return real arrays, or returns NaN or
-        infinite entries.
-        """
+        infinite entries."""
         return self._called(phase, speed, self._symbols, "A", "b")
 
     def at(self, phase: Array, speed: float) -> Matrices:

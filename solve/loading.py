@@ -157,8 +157,7 @@ def setup_of(
     """Create the setup of a model: generated module, case and options.
 
     cases: path of another case file. otherwise: default values of parameters. Raises the exceptions of
-    `load`.
-    """
+    `load`."""
     module, chosen = _module_and_case(model, case, cases, parameters, otherwise)
     return Setup.checked(module, chosen, options)
 

@@ -83,8 +83,7 @@ def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Arr
     coordinates.
 
     For these coordinates, columns of C become columns of M, and columns of K become columns of C. λ²M + λC +
-    K then has the same eigenvalues as before, and an additional zero for each of these coordinates.
-    """
+    K then has the same eigenvalues as before, and an additional zero for each of these coordinates."""
     if not first_order:
         return M, C, K
     rates = np.s_[..., -first_order:]
@@ -132,8 +131,7 @@ def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
 
     matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. A change is significant if it exceeds three
     limits: 1e-9 of the size of the matrix; the round-off of the whole equation, below which a load with
-    cancelling terms counts as zero; and the effect of the round-off of the phase within a narrow pulse.
-    """
+    cancelling terms counts as zero; and the effect of the round-off of the phase within a narrow pulse."""
     rates = speed**2, speed, 1.0, 1.0
     now, later, beside = zip(*(np.split(array, 3) for array in matrices), strict=True)
     differing = []

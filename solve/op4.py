@@ -4,8 +4,7 @@ A matrix has a header and one record per nonzero column. A record begins with th
 row of the first value (0 for a sparse column), and the number of values or words. A sparse column consists of
 strings of consecutive rows. The header of a string contains a length in words and a row. They are stored in
 one integer or, for matrices with a negative number of rows (BIGMAT), in two. A record with a column number
-above that of the last column ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)
-"""
+above that of the last column ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)"""
 
 import re
 from collections.abc import Iterator
@@ -102,8 +101,7 @@ def op4_matrices(file: Path) -> dict[str, Array]:
     BAA.
 
     If the file contains no pair of M and K, the mapping contains all matrices with their names. Raises
-    FileError for pairs of several sets, and other exceptions for a damaged file.
-    """
+    FileError for pairs of several sets, and other exceptions for a damaged file."""
     arrays = op4_arrays(file)
     suffixes = [found[1] for name in arrays if (found := _STIFFNESS.fullmatch(name))]
     pairs = [suffix for suffix in suffixes if f"M{suffix}" in arrays]
@@ -121,8 +119,7 @@ def _put(matrix: Array, column: int, first: int, count: int, words: tuple[int, i
     """Write the values of a column into the matrix. Raises ValueError for rows outside the matrix.
 
     first: first row of the values, or 0 for a sparse column. words: number of words per value, and number of
-    words per header of a string.
-    """
+    words per header of a string."""
     if first > 0:
         _place(matrix, column, first, source.numbers(count))
         return

@@ -71,8 +71,7 @@ class Samples:
         """Samples at azimuths that are uniform from 0, or at other azimuths `phases` (k,).
 
         Raises MatricesError if the arrays have different numbers of azimuths, if azimuths coincide, if there
-        are fewer than three, or if a gap between them is half of the period or longer.
-        """
+        are fewer than three, or if a gap between them is half of the period or longer."""
         counts = {len(array) if array.ndim else 0 for array in arrays}
         if len(counts) != 1 or 0 in counts:
             raise MatricesError(
@@ -193,8 +192,7 @@ class Samples:
         """Samples of the interpolants without harmonics above `harmonics`.
 
         For nonuniform azimuths, higher harmonics alias to all lower ones. Interpolants through fewer
-        azimuths, which have comparable errors, are used instead.
-        """
+        azimuths, which have comparable errors, are used instead."""
         if self.given is not None:
             azimuths, arrays = self.given
             if not harmonics:
@@ -254,8 +252,7 @@ def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
     """Return a matrix (2H+1, k) that converts samples at azimuths (k,) to values of the fitted series at
     uniform phases, and the amplification of errors.
 
-    The number of harmonics H is the largest for which the fit is well conditioned, but at most `most`.
-    """
+    The number of harmonics H is the largest for which the fit is well conditioned, but at most `most`."""
     for harmonics in range(most, 0, -1):
         design = _waves(azimuths, harmonics, period)
         singular = np.linalg.svd(design, compute_uv=False)

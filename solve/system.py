@@ -170,8 +170,7 @@ class PeriodicSystem:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives with respect to time.
 
         Raises MatricesError if the function `matrices` does not return real arrays, or returns NaN or
-        infinite entries.
-        """
+        infinite entries."""
         M, C, K, d, *_ = self._called(phase, speed, self._symbols, "M, C, K", "d")
         return M, C, K, d
 
@@ -183,8 +182,7 @@ class PeriodicSystem:
         """Call the function `matrices` at phases (m,), and return finite real arrays, one per symbol in
         `symbols`. Raises MatricesError.
 
-        square, vector: symbols of the arrays of shape (m, n, n) and (m, n), for the message.
-        """
+        square, vector: symbols of the arrays of shape (m, n, n) and (m, n), for the message."""
         # A read-only array is copied, because the user's function may modify its argument.
         argument = phase if phase.flags.writeable else phase.copy()
         try:

@@ -64,8 +64,7 @@ def interruptible(work: Callable[[], Value]) -> Value:
     interruption takes effect before a long LAPACK call returns.
 
     After an interruption, the call continues in the background. A regular exit of the process waits for this
-    call, because the libraries that it uses must not be unloaded earlier.
-    """
+    call, because the libraries that it uses must not be unloaded earlier."""
     done: Future[Value] = Future()
     context = copy_context()
 

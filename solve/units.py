@@ -361,8 +361,7 @@ def conversion(given: str, unit: str) -> float:
     """Size of the unit `given`, expressed in `unit`. One hertz is one revolution per second.
 
     Raises UnitError for units of different dimensions, units with different zero points (degC), and units
-    that may count revolutions or radians (1/min).
-    """
+    that may count revolutions or radians (1/min)."""
     decimal = _DECIMAL.fullmatch(given)
     if given == unit:
         return 1.0

@@ -36,8 +36,7 @@ class Batch:
         """Prepare the solution.
 
         region: points (T, v) from which shared tables are computed. Their range must contain the points to be
-        solved.
-        """
+        solved."""
         self.family, self.method, self.request = family, method, request
         self.region = region
         self._separation: Separation | None = None
@@ -101,8 +100,7 @@ class Batch:
     def _groups(self, points: Array) -> Generator[tuple[Array, Points], None, Array]:
         """Yield groups of points with the same breaks. Return the indices of points without a valid system.
 
-        Generated code is checked at the first point only.
-        """
+        Generated code is checked at the first point only."""
         family, system, all_positions = self.family, self.family.example, np.arange(len(points))
         valid = family.exist(points)
         at_speeds = family.at_speeds(points[valid]) if valid.any() else None

@@ -28,8 +28,7 @@ class Family:
 
     speed: speed in rad/s, if it is not one of the quantities. example: one system of the family; all systems
     have the same coordinates, outputs, units and period. A copied or unpickled family builds its functions
-    anew, because CasADi functions belong to one thread of one process.
-    """
+    anew, because CasADi functions belong to one thread of one process."""
 
     names: tuple[str, ...]
     speed: float | None
@@ -111,8 +110,7 @@ class SystemFamily(Family):
         """Store the system and the names of the quantities.
 
         speed (rad/s): required unless `names` contains the speed. Raises UnknownNameError,
-        ValueOutOfBoundsError.
-        """
+        ValueOutOfBoundsError."""
         quantities = [SPEED, *system.labels.parameters]
         for name in names:
             require_name(f"quantity of {system.labels.name}", name, quantities)
@@ -225,8 +223,7 @@ class BuiltFamily(Family):
         """Build the example.
 
         points (P, v): the first one with a valid system provides the example. speed (rad/s): required unless
-        `names` contains the speed.
-        """
+        `names` contains the speed."""
         self.names, self.speed = tuple(names), speed
         self._build = build
         self.example, self._point = self._first(points)

@@ -2,8 +2,7 @@
 resumed.
 
 The folder is a group of zarr arrays. `xarray.open_dataset(folder, engine="zarr", consolidated=False)` reads
-it, complete or not. A chunk is complete if its data agree with its checksum, which is written last.
-"""
+it, complete or not. A chunk is complete if its data agree with its checksum, which is written last."""
 
 import json
 import zlib
@@ -114,8 +113,7 @@ def opened(
 
     work: numbers and texts that identify the calculation. columns: values (P,) of the varied quantities.
     Raises MissingLibraryError. Raises FileError if the folder contains other files or another calculation, is
-    used by another process, or cannot be written.
-    """
+    used by another process, or cannot be written."""
     _require_zarr()
     place = Path(folder)
     with locked(place):

@@ -5,8 +5,7 @@ The speed and most parameters, for example masses and stiffnesses, are factors o
 entry at any phase is then a fixed linear combination of its values at a few phases, and a point is sampled at
 these phases only. The phases are selected by elimination with complete pivoting, from samples of some points
 (M. Barrault, Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every point is checked at
-further phases.
-"""
+further phases."""
 
 import numpy as np
 
@@ -44,8 +43,7 @@ class Separation:
     """Terms of the entries of a family, computed from samples at points (T, v); see `training`.
 
     Each term of an entry has a phase. The term is 1 at this phase, and 0 at the phases of previous terms.
-    Therefore, a small term does not reduce the accuracy of the others.
-    """
+    Therefore, a small term does not reduce the accuracy of the others."""
 
     def __init__(
         self,
@@ -201,8 +199,7 @@ def _scales(largest: Array, n: int) -> Array:
     """Sizes (P, E) to which the round-off of the entries is proportional.
 
     The size for an entry is the largest entry of its matrix M, C, K or d, in units in which the diagonal of M
-    is 1. It is converted to the unit of the entry.
-    """
+    is 1. It is converted to the unit of the entry."""
     units = np.sqrt(largest[:, : n * n : n + 1])
     both = (units[:, :, None] * units[:, None, :]).reshape(len(largest), -1)
     ends = np.arange(n * n, 3 * n * n + 1, n * n)

@@ -66,8 +66,7 @@ class Task:
         """Solve points (P, v) in this process, or in chunks by an executor.
 
         Chunks that the store already contains are read. Other chunks are written when they are complete.
-        Raises FileError, WorkersError, MissingLibraryError.
-        """
+        Raises FileError, WorkersError, MissingLibraryError."""
         if executor is None and store is None:
             return gathered(batch, points, self.kept)
         size = min(_MAX_CHUNK, max(_MIN_CHUNK, -(-len(points) // _CHUNKS)))

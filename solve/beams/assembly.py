@@ -2,8 +2,7 @@
 
 In ground axes, a local matrix A of a link at angle θ becomes RᵀAR. This is linear in 1, c, s, c², cs with c =
 cos θ, s = sin θ (thesis, Eq. (4.28)). A matrix of the structure is therefore stored as a constant table for
-each link and each of these terms. One matrix product yields its values at all positions.
-"""
+each link and each of these terms. One matrix product yields its values at all positions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,8 +38,7 @@ class Properties:
 
     length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m): one value per link. mass (kg): point masses
     at the joints. damping_ratio: damping ratio of all modes. spring, dashpot: constants of the springs and
-    dashpots to the ground (N/m or N m, N s/m or N m s), one value per degree of freedom that has one.
-    """
+    dashpots to the ground (N/m or N m, N s/m or N m s), one value per degree of freedom that has one."""
 
     length: Array
     E: Array
@@ -96,8 +94,7 @@ class Beams:
     angle: function that returns the angles (m, links) at phases (m,). carried: whether supported joints move
     along the paths that result from the angles of the links; otherwise, they are at rest. Matrices are stored
     as tables (links, 5, n, n): for each link, the coefficients of 1, c, s, c², cs. Exact links have such a
-    table for each of the eight functions of frequency.
-    """
+    table for each of the eight functions of frequency."""
 
     freedoms: Freedoms
     properties: Properties

@@ -3,8 +3,7 @@ corrected).
 
 With l = λL, λ⁴ = ρAω²/EI, and b = βL, β² = ρω²/E, the end forces of a beam vibrating at ω are D times its end
 displacements, with D = K − ω²M and M = −∂D/∂(ω²). All functions are dimensionless. Their arguments are arrays
-of any shape.
-"""
+of any shape."""
 
 import math
 
@@ -56,8 +55,7 @@ def bending(l: Array) -> Array:  # noqa: E741 - λL
     """Functions f1 … f6 as the last axis of an array, with F1 = f1/L, F2 = f2/L, F3 = f3/L², …, F6 = f6/L³
     (thesis, Eqs. (B.1)–(B.6), (B.9)).
 
-    At l = 0, they are 2, 4, 6, −6, −12, 12, as in the static stiffness of a beam.
-    """
+    At l = 0, they are 2, 4, 6, −6, −12, 12, as in the static stiffness of a beam."""
     l = np.maximum(np.asarray(l, dtype=float), _POSITIVE)  # noqa: E741
     hyperbolic = np.minimum(l, _LARGEST)
     S, C, s, c = np.sinh(hyperbolic), np.cosh(hyperbolic), np.sin(l), np.cos(l)
@@ -130,8 +128,7 @@ def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
     respect to ξ.
 
     Instead of cosh and sinh, which are nearly equal for large l, exponentials are used that decay from either
-    end.
-    """
+    end."""
     l, shift = l[..., None], order * math.pi / 2  # noqa: E741
     parts = (
         np.sin(l * xi + shift),

@@ -37,8 +37,7 @@ class Element:
     """Plane beam element with k degrees of freedom, axial ones first.
 
     mass, elongation, bending, geometric, coupling: matrices (k, k) of an element of unit length. coefficients
-    (k, p): coefficients of 1, ξ, ξ², … in the shape functions.
-    """
+    (k, p): coefficients of 1, ξ, ξ², … in the shape functions."""
 
     name: str
     freedoms: tuple[Freedom, ...]
@@ -59,8 +58,7 @@ class Element:
         """Coefficient matrices (3, k, k) of 1, c and s in the rotation R from ground axes to link axes
         (thesis, Eq. (4.26)).
 
-        In ground axes, u and v are replaced by the displacements x and y.
-        """
+        In ground axes, u and v are replaced by the displacements x and y."""
         axes = np.zeros((3, len(self.freedoms), len(self.freedoms)))
         for (i, one), (j, other) in product(enumerate(self.freedoms), repeat=2):
             if one.order > 0:

@@ -5,8 +5,7 @@ the stiffness depends on the frequency (Wittrick and Williams; section 5.3 of th
 frequencies below ω is J(ω) = J0(ω) + s{D(ω)}, where J0 is the number of frequencies below ω of the elements
 with clamped ends, and s is the number of negative eigenvalues of D. At the r-th frequency, eigenvalue number
 r − J0 of D is therefore zero. A bracketing method finds this zero quickly. J0 jumps at frequencies at which
-no joint moves.
-"""
+no joint moves."""
 
 import numpy as np
 
@@ -74,8 +73,7 @@ def near_clamped(positions: Positions, omega: Array) -> Array:
     """Whether (b,) each frequency is close to a pole of D, that is, a frequency of an element with clamped
     ends.
 
-    Such frequencies and modes require divided elements (section 5.4.1 of the thesis).
-    """
+    Such frequencies and modes require divided elements (section 5.4.1 of the thesis)."""
     above, below = (positions.interior_count(omega * (1 + sign * _NEAR)) for sign in (1, -1))
     return above != below
 
@@ -148,8 +146,7 @@ def _exact_mode(
     """Return the positions, the vector (N,) and the modal mass of a mode.
 
     The links are divided so that no element with clamped ends has the natural frequency of the mode. Then
-    every mode moves a node (section 5.4.1 of the thesis), and D has no pole.
-    """
+    every mode moves a node (section 5.4.1 of the thesis), and D has no pole."""
     # All modes of a multiple frequency are computed at its first value. At values with different round-off,
     # their order could change.
     frequency = max(float(frequencies[number]), np.finfo(float).tiny)

@@ -45,8 +45,7 @@ class Freedoms:
     joints: name of each joint, and whether it is fixed. kinds, counts: kind and number of the elements of
     each link. springs, dashpots: degrees of freedom with a spring or dashpot to the ground. A rotation
     belongs to the end of a link, or to several welded ends. A curvature belongs to the end of a link, and is
-    zero at a free pin.
-    """
+    zero at a free pin."""
 
     links: tuple[Link, ...]
     joints: tuple[tuple[str, bool], ...]
@@ -153,8 +152,7 @@ class MemberMatrices:
 
     number: index of the link. start, end: indices of its joints. indices (elements, k): indices of the
     degrees of freedom in the structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m):
-    properties of each element. E (Pa), height (m): properties of the link.
-    """
+    properties of each element. E (Pa), height (m): properties of the link."""
 
     number: int
     link: Link
@@ -200,8 +198,7 @@ class MemberMatrices:
         equations of motion.
 
         T = M J + P and Z = M J² + 2 P J − M, with R′ = J R, shape functions N and the skew-symmetric P = ∫ ρA
-        Nᵀ S N dx, S = [[0, −1], [1, 0]].
-        """
+        Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
         return M @ J + P, M @ J @ J + 2 * P @ J - M
@@ -240,8 +237,7 @@ class Member(MemberMatrices):
         """Return axial and transverse displacements at ξ for unit degrees of freedom of an element, (...,
         points, k) each, or their derivatives of order `order` with respect to x.
 
-        omega (...): frequency of exact elements in rad/s.
-        """
+        omega (...): frequency of exact elements in rad/s."""
         if not self.exact:
             return self.element.shapes(self.L, xi, order)
         frequency = np.asarray(omega, dtype=float)

@@ -8,8 +8,7 @@ Eq. (4.22)). Substitution of δ = R q yields
     C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
 The load is the inertia force of the rigid motion, −M q̈_r. Damping consists of modal or Rayleigh damping with
-a single ratio ζ (section 6.2 of the thesis) , and of dashpots to the ground.
-"""
+a single ratio ζ (section 6.2 of the thesis) , and of dashpots to the ground."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,8 +32,7 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
 
     rate, second (m, links): first and second derivatives of the angles with respect to time. Derivatives with
     respect to the phase yield q̈_r/Ω² at constant Ω. The accelerations of fixed degrees of freedom are
-    included.
-    """
+    included."""
     spans = positions.beams.properties.length * (1j * second - rate**2)
     joints, accelerations = positions.placed(spans * np.exp(1j * positions.angle)), []
     for number, member in enumerate(positions.beams.members):
@@ -111,8 +109,7 @@ class Motion:
     """Matrices M, C, K and load d of moving beams at many phases.
 
     rates: function that returns the first and second derivatives (m, links) of the angles of the links with
-    respect to the phase.
-    """
+    respect to the phase."""
 
     beams: Beams
     rates: Callable[[Array], tuple[Array, Array]]
@@ -179,8 +176,7 @@ class Motion:
         (ascending), and powers of the speed.
 
         The list contains the entries of M, damping, gyroscopic matrix, stiffness, rotational stiffness and
-        load.
-        """
+        load."""
         n, damped = self.beams.freedoms.n, self.beams.properties.damping_ratio != 0
         tables = self.beams.mass, self.beams.stiffness, *self._rotary
         mass, elastic, turning, centrifugal = (np.any(table != 0, axis=(0, 1)) for table in tables)

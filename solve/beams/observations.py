@@ -23,8 +23,7 @@ class Point:
     motion of the link.
 
     Arguments of the methods: angles (k, links) of the links, q (n, k), and for exact elements frequencies
-    omega (k,) in rad/s.
-    """
+    omega (k,) in rad/s."""
 
     member: Member
     fraction: float
@@ -80,8 +79,7 @@ def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array,
     link.
 
     The forces include the inertia forces of the rigid motion and of the deflections. Damping is not included,
-    because it is defined for modes and not for a link.
-    """
+    because it is defined for modes and not for a link."""
     key = member.number, place
     if key not in state.joint_forces:
         state.joint_forces[key] = _joint_force(state, member, place)
@@ -141,8 +139,7 @@ class Contributions:
     """Contributions of the lowest modes to an output. The modes are tracked over the revolution.
 
     values (modes, k): contributions at phases (k,). frequencies (modes, k): frequencies in rad/s. total (k,):
-    sum of the contributions of all modes.
-    """
+    sum of the contributions of all modes."""
 
     output: str
     phase: Array
@@ -155,8 +152,7 @@ def contributions(state: State, output: str, values: Callable[[State], Array], c
     """Contributions of the lowest modes to an output that is linear in q. With the modes φ_i at each
     position, the motion is q = Σ φ_i η_i with η = Φᵀ M q.
 
-    values: function of a state that returns the output (k,). The phases must ascend in small steps.
-    """
+    values: function of a state that returns the output (k,). The phases must ascend in small steps."""
     M, K = state.positions.matrices()
     lowest = tracked_modes(M, K, count)
     eta = np.einsum("kni,knm,mk->ik", lowest.vectors, M, state.q, optimize=True)
@@ -169,8 +165,7 @@ def tracked_modes(M: Array, K: Array, count: int) -> Modes:
     """Lowest modes at the first of the positions (k, n, n), tracked over all positions.
 
     At the next position, a mode is continued by the most similar mode (modal assurance criterion). Signs are
-    chosen so that the mode is continuous.
-    """
+    chosen so that the mode is continuous."""
     from scipy.optimize import linear_sum_assignment
 
     pool = min(count + _EXTRA_MODES, M.shape[1])

@@ -6,8 +6,7 @@ same motion:
     TᵀM T p̈ + (TᵀC T + 2 TᵀM Ṫ) ṗ + (TᵀK T + TᵀC Ṫ + TᵀM T̈) p = Tᵀd
 
 In link axes, the terms of a link are constant, except those of damping and axial forces. These are
-interpolated in the phase.
-"""
+interpolated in the phase."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -173,8 +172,7 @@ class ReducedStructure(StructureModel):
     """Structure of beams with reduced coordinates: displacements of the joints and shared rotations of links
     in ground axes, followed by the modal amplitudes of each link.
 
-    Outputs, deflections, stresses and forces are computed from all degrees of freedom, q = T(φ) p.
-    """
+    Outputs, deflections, stresses and forces are computed from all degrees of freedom, q = T(φ) p."""
 
     static = False
     """Whether the basis also contains the static shapes of the discarded modes."""

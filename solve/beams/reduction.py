@@ -8,8 +8,7 @@ Rᵀ B R_r and Rᵀ B₂ R_r with
 
     B = Jᵀ T_l + T_l J_r        B₂ = Jᵀ B + B J_r
 
-where R_r and J_r are R and J for the retained coordinates; for the modes, they are 1 and 0.
-"""
+where R_r and J_r are R and J for the retained coordinates; for the modes, they are 1 and 0."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,8 +29,7 @@ class Body:
     """Matrices of a link in link axes, for its degrees of freedom that are not fixed.
 
     freedoms (k,): indices of these degrees of freedom in the structure. axes (3, k, k): coefficients of R =
-    axes[0] + c axes[1] + s axes[2]. interface (b,): positions of the retained coordinates in `freedoms`.
-    """
+    axes[0] + c axes[1] + s axes[2]. interface (b,): positions of the retained coordinates in `freedoms`."""
 
     member: Member
     freedoms: Array
@@ -94,8 +92,7 @@ class LinkBasis:
 
     local (k, r): T_l. at (r,): indices of the reduced coordinates of the link among those of the structure.
     frequencies (modes,): frequencies of the retained modes in rad/s. discarded: lowest frequency of the
-    discarded modes; infinite if there are none.
-    """
+    discarded modes; infinite if there are none."""
 
     body: Body
     local: Array
@@ -138,8 +135,7 @@ class Basis:
     """Basis T(φ) of a structure, (n, r) at each position.
 
     retained (b,): indices of the retained degrees of freedom, which are the first reduced coordinates. names,
-    units, meanings (r,): names, units and meanings of the reduced coordinates.
-    """
+    units, meanings (r,): names, units and meanings of the reduced coordinates."""
 
     beams: Beams
     retained: Array
@@ -211,8 +207,7 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
     """Basis with `modes` modes per link; links with fewer modes have all of them.
 
     static: whether the static shapes of the discarded modes are added. Raises ValueOutOfBoundsError if no
-    link has that many modes.
-    """
+    link has that many modes."""
     retained = retained_freedoms(beams.freedoms)
     bodies = [Body.from_member(member, retained) for member in beams.members]
     most = max(len(body.freedoms) - len(body.interface) for body in bodies)

@@ -70,8 +70,7 @@ class StructureModel(Model, Outputs):
         """Assemble the model.
 
         matrices, coordinates: reduced matrices, and name, unit and meaning of each reduced coordinate, if
-        they replace those of the motion. `expanded` then returns all degrees of freedom.
-        """
+        they replace those of the motion. `expanded` then returns all degrees of freedom."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
@@ -313,8 +312,7 @@ class StructureModel(Model, Outputs):
         deflections q (n, k).
 
         along: fraction of the length, 0 … 1. across: distance from the axis in m. The first fixed joint is at
-        0. Raises UnknownNameError and ValueOutOfBoundsError.
-        """
+        0. Raises UnknownNameError and ValueOutOfBoundsError."""
         point, positions = self.point(link, along), self.at_positions(phase)
         q = self.expanded(phase, 0.0, q).q
         number = point.member.number
@@ -331,8 +329,7 @@ class StructureModel(Model, Outputs):
         """Contributions of the lowest modes to a deflection or stress of an orbit or quasi-static solution.
 
         The modes are tracked over the revolution, at `samples` positions. Raises UnknownNameError,
-        ValueOutOfBoundsError.
-        """
+        ValueOutOfBoundsError."""
         kind, link, place = self.require_part_of_modes(output)
         most = self.beams.freedoms.n
         if not 1 <= count <= most:

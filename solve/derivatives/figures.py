@@ -2,8 +2,7 @@
 
 The derivative of an extremum equals the derivative of the quantity at fixed phase, because the derivative
 with respect to the phase is zero at the extremum (envelope theorem). An extremum at a corner of an output,
-which is due to a jump of the matrices, moves with the jump.
-"""
+which is due to a jump of the matrices, moves with the jump."""
 
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
@@ -70,8 +69,7 @@ class Figures:
     """Statistics of an orbit, expressed as weighted sums.
 
     starts: mapping from names and statistics to approximate phases of extrema and their signs, from this or
-    another grid. nodes (m, r): derivatives of the starts of steps with respect to the quantities θ.
-    """
+    another grid. nodes (m, r): derivatives of the starts of steps with respect to the quantities θ."""
 
     def __init__(self, orbit: GridOrbit, starts: Starts, nodes: Array):
         self.orbit, self._starts, self._nodes = orbit, starts, nodes
@@ -128,8 +126,7 @@ class Figures:
         """Quadrature for means over the period with at least `count` samples.
 
         The samples are evenly spaced, so that means are exact up to the Nyquist harmonic. If jumps cause
-        kinks, Gauss's rule is used within each step instead.
-        """
+        kinks, Gauss's rule is used within each step instead."""
         period, nodes = self.orbit.system.period, self.orbit.problem.grid.nodes
         a_step = -(-count // (len(nodes) - 1))
         if self.orbit.system.breaks:
@@ -183,8 +180,7 @@ class Figures:
         """Phases (k,) of extrema, moved to the jumps of the matrices if necessary.
 
         A phase near a jump is moved to one side of the jump if the output has a corner or a one-sided
-        extremum there.
-        """
+        extremum there."""
         breaks, distance = self._nearest_break(phases)
         width = self.orbit.system.period / self.orbit.samples
         near = np.flatnonzero((np.abs(distance) < width) & ~np.isin(names, self.orbit.system.coordinates))
@@ -255,8 +251,7 @@ class Figures:
         derivatives.
 
         The phase of the extremum is computed as a zero of the slope. A search for the largest value would
-        determine only half of the digits of the phase.
-        """
+        determine only half of the digits of the phase."""
         name, figure = quantity.subject, quantity.figure
         phases, signs, values = self._extrema[name, figure]
         largest = values >= values.max() - EQUAL * np.abs(values).max()

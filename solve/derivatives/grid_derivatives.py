@@ -46,8 +46,7 @@ def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
 class GridDerivatives:
     """Derivatives on one grid with respect to the quantities `names`.
 
-    adjoint: whether derivatives of the orbit are computed by adjoint problems. starts: see `Figures`.
-    """
+    adjoint: whether derivatives of the orbit are computed by adjoint problems. starts: see `Figures`."""
 
     solved: Stability
     rule: Collocated
@@ -103,8 +102,7 @@ class GridDerivatives:
     def _level(self) -> Array | None:
         """Derivatives (modes, r) of the mean motion along rigid-body modes; None if there are no such modes.
 
-        The mean with inertia weights is zero, but the weights depend on the parameters.
-        """
+        The mean with inertia weights is zero, but the weights depend on the parameters."""
         free, mean = self.problem.free, self.problem.curve.mean
         if free is None:
             return None
@@ -143,8 +141,7 @@ class GridDerivatives:
     def log_multiplier_derivatives(self, at: int, modulus: bool, sizes: bool = False) -> Array:
         """Derivatives (r,) of log ρ, or of log |ρ| if `modulus`, for the multiplier with index `at`.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead.
-        """
+        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
         problem, multipliers = self.problem, self._multipliers
         n, phases = problem.point.n, problem.phases[:, problem.stages].ravel()
         vectors = multipliers.vectors(at)
@@ -181,8 +178,7 @@ class GridDerivatives:
     def slopes(self, quantities: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
         """For each of `quantities`, the derivatives (r,), or the reason why they do not exist.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead.
-        """
+        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
         derivatives: list[Any] = []
         of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
         if of_orbit:
@@ -207,8 +203,7 @@ class GridDerivatives:
     def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
         """Derivatives (r,) of a quantity that depends on a multiplier. Raises NoDerivativeError.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead.
-        """
+        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
         at = multiplier_position(self.solved, quantity)
         _require_simple(self.solved, at, quantity)
         modulus = quantity.subject == RADIUS or quantity.figure == "abs"

@@ -3,8 +3,7 @@ period.
 
 Φ is the product of the maps A_k of the steps, so that d log ρ = Σ_k yᴴ_{k+1} dA_k x_k / (yᴴ_{k+1} A_k x_k)
 with the right vectors x_k at the starts of the steps and the left vectors y_{k+1} at their ends. The sum over
-steps corresponds to an integral over the period. The vectors of each step may be scaled independently.
-"""
+steps corresponds to an integral over the period. The vectors of each step may be scaled independently."""
 
 from functools import cached_property
 from typing import NamedTuple
@@ -70,8 +69,7 @@ class GridMultipliers:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages, for the derivative of log |ρ|,
         or for those of the real and the imaginary part of log ρ.
 
-        Each array of weights is preceded by its factor, 1 or i.
-        """
+        Each array of weights is preceded by its factor, 1 or i."""
         problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()
         left = left / ((left[:, None] @ problem.A)[:, 0] * right).sum(axis=1, keepdims=True)
         X = problem.stage_states(_parts(right))

@@ -25,8 +25,7 @@ class GridOrbit(PeriodicMotion):
     """Orbit of a system on a grid.
 
     count: number of samples in sums over the period. It is proportional to the number of steps, so that
-    differences between grids include the sampling error.
-    """
+    differences between grids include the sampling error."""
 
     system: PeriodicSystem
     speed: float
@@ -71,8 +70,7 @@ class WeightedSums(NamedTuple):
 
     weights (k, c): weights of the values. combine: function that converts the derivatives (r, c) of the sums
     to the derivatives (r,) of the statistic. fractions: positions of the phases within a step, if they are
-    the same in all steps.
-    """
+    the same in all steps."""
 
     name: str
     phase: Array
@@ -88,8 +86,7 @@ class Forward:
 
     nodes (m, r): derivatives of the starts of steps with respect to θ. If q″ jumps by a at the start of a
     step, the derivative of q′ jumps by -a times this value. level: derivatives of the means along rigid-body
-    modes, see `PeriodicProblem.solve`.
-    """
+    modes, see `PeriodicProblem.solve`."""
 
     orbit: GridOrbit
     dependence: Dependence
@@ -192,8 +189,7 @@ def _direct_and_orbit_terms(
     """Return the derivatives (r, c) of all sums with respect to θ at fixed orbit, which are 0 for
     coordinates, and the weights (m, 2 + k, n, c) of the data that define the curve of the orbit.
 
-    term: function applied to each term, the modulus or the identity.
-    """
+    term: function applied to each term, the modulus or the identity."""
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])
     (m, k), n = problem.phases.shape, orbit.system.n
     data_weights, direct = np.zeros((m, 2 + k, n, ends[-1])), {}

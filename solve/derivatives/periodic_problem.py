@@ -3,8 +3,7 @@ loads.
 
 ∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q, evaluated at the stages
 with the states of the method. The result is the exact derivative of the numerical solution on this grid (A.
-Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15).
-"""
+Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -34,8 +33,7 @@ class Motions:
     x (m+1, 2n, r): states at the nodes. accelerations (m, k, n, r): q″, with respect to the phase, at the k
     phases of each step of a `PeriodicProblem`. compute_states: function that returns the states at these
     phases. drift (n, r): steady velocities of a free machine, included only in the states that
-    `compute_states` returns.
-    """
+    `compute_states` returns."""
 
     x: Array
     accelerations: Array
@@ -54,8 +52,7 @@ class PeriodicProblem:
     phases (m, k): start, stages and, if it is not a stage, end of every step. `loaded` selects the l phases
     at which loads act. These are only the stages if every step starts at the last stage of the previous step.
     M, C, K (m, l, n, n) and d (m, l, n) are the matrices at these l phases, for derivatives with respect to
-    the phase.
-    """
+    the phase."""
 
     def __init__(
         self,
@@ -169,8 +166,7 @@ class PeriodicProblem:
         """Periodic solutions for r loads (m, l, n, r) at the phases at which loads act.
 
         jumps (m, 2n, r): jumps of the states at the starts of steps, where the matrices may jump. level
-        (modes, r): mean motions along rigid-body modes, zero by default. Raises ResonanceError.
-        """
+        (modes, r): mean motions along rigid-body modes, zero by default. Raises ResonanceError."""
         motions, drift = self._solve(loads, jumps), None
         if self._anchored is None:
             return motions
@@ -200,8 +196,7 @@ class PeriodicProblem:
     def _unanchored(self, motions: Motions, drift: Array | None, level: Array | None) -> Motions:
         """Motions of the free machine, from motions of the anchored system.
 
-        drift (r, n): steady velocities. The loads already contain their drag.
-        """
+        drift (r, n): steady velocities. The loads already contain their drag."""
         anchored, held = self._repeated(motions)
         curves = self.curves(motions)
         moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
@@ -250,8 +245,7 @@ class PeriodicProblem:
         """States q″, q′, q at the k phases of each step, as an array (m, k, 3, n, r).
 
         x (m+1, 2n, r): states at the nodes. ends (m, 2n, r): states at the ends of the steps. a (m, k, n, r):
-        accelerations.
-        """
+        accelerations."""
         m, k, n, r = a.shape
         states = np.empty((m, k, 3, n, r))
         states[:, :, 0], states[:, 0, :0:-1] = a, x[:-1].reshape(m, 2, n, r)
@@ -353,8 +347,7 @@ class PeriodicProblem:
         are computed by the adjoint problem.
 
         of_data (m, 2 + k, n, c): weights of the data in the sums. The cost does not depend on the number of
-        loads.
-        """
+        loads."""
         m, _, n, c = of_data.shape
         loaded, h = self.phases[:, self.loaded].shape[1], self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
@@ -387,8 +380,7 @@ def _power_basis(rule: Collocation, k: int) -> Array:
     """Matrix (3 k, D) that maps coefficients of powers of θ in a step to h² q″, h q′ and q at the k phases of
     the step.
 
-    At the stages, the values are those of the method. The curve agrees with them up to its order.
-    """
+    At the stages, the values are those of the method. The curve agrees with them up to its order."""
     data = np.linalg.inv(rule.curve_powers)
     a, basis, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
     at_stages = a[1 : 1 + len(rule.c)]

@@ -184,8 +184,7 @@ def _multiplier_error(solved: Stability, quantity: Named) -> float:
     """Relative error of the multiplier, a factor in the derivative of the quantity; 0 for quantities without
     this factor.
 
-    The difference between results with different numbers of stages does not include this error.
-    """
+    The difference between results with different numbers of stages does not include this error."""
     if quantity.of_orbit or quantity.subject == EXPONENT:
         return 0.0
     at = multiplier_position(solved, quantity)
@@ -204,8 +203,7 @@ def _with_errors(
     """Mapping from quantities to sensitivities with errors.
 
     The error is the difference between the derivatives of the method and those of a method with one more
-    stage. Round-off is estimated on a coarser grid.
-    """
+    stage. Round-off is estimated on a coarser grid."""
     found = {}
     sizes = coarse.slopes(quantities, sizes=True)
     for quantity, results, size in zip(quantities, slopes, sizes, strict=True):

@@ -67,8 +67,7 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
     """Return the texts of FILE.c and FILE.h, for FILE = `stem`, and warnings.
 
     Matrices are interpolated linearly between samples. Estimates are advanced by the Runge–Kutta method of
-    order 4, with constant measured quantities.
-    """
+    order 4, with constant measured quantities."""
     period = result.system.period
     phase = np.arange(samples) * (period / samples)
     tables, between = (

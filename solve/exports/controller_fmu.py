@@ -19,8 +19,7 @@ def controller_fmu(result: Controller, samples: int) -> tuple[bytes, list[str]]:
     Inputs are the phase of the drive, and the measured quantities; without an observer, the states take the
     place of the measured quantities. Outputs are the inputs of the machine. States are the estimates, which
     start at 0. Matrices are interpolated linearly between `samples` phases. Raises MissingLibraryError;
-    raises ValueOutOfBoundsError if two names are equal.
-    """
+    raises ValueOutOfBoundsError if two names are equal."""
     tools, system, period = Tools.found(), result.system, result.system.period
     phase = np.arange(samples + 1) * (period / samples)
     tables, between = (

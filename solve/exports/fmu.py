@@ -81,8 +81,7 @@ def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
 
     Raises LinearModelError for systems without formulas; MissingLibraryError without compiler, headers or
     CasADi 3.8; ValueOutOfBoundsError if two quantities have the same name; and subclasses of SolveError if
-    there is no orbit.
-    """
+    there is no orbit."""
     model = require_formulas(system, _WHAT)
     tools = Tools.found()
     variables, warnings = _variables(model, speed)

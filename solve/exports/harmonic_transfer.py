@@ -40,8 +40,7 @@ class TransferValues(NamedTuple):
 
     values (2N+1, p, 2N+1, n), complex: values[i + N, o, k + N, j] maps harmonic k of input j to harmonic i of
     output o. error: largest estimated error. For each pair of an output and an input, errors are relative to
-    the largest value over all harmonics. warnings: warnings about the truncation.
-    """
+    the largest value over all harmonics. warnings: warnings about the truncation."""
 
     values: Array
     error: float

@@ -2,8 +2,7 @@
 + y₀.
 
 Derivatives are with respect to time, and x = (q, q̇). The forces u act along the coordinates in addition to
-the load d. The load b is zero except for a first-order system with named inputs u.
-"""
+the load d. The load b is zero except for a first-order system with named inputs u."""
 
 import math
 from collections.abc import Iterable
@@ -39,8 +38,7 @@ class Coefficients(NamedTuple):
 
     A (k, N, N), B (k, N, r), C (k, p, N), D (k, p, r): matrices. d (k, r), b (k, N): loads. y₀ (k, p):
     outputs for zero states and forces. mass, damping, stiffness (k, n, n): matrices of the equations of
-    motion.
-    """
+    motion."""
 
     A: Array
     B: Array
@@ -69,8 +67,7 @@ def signals(system: PeriodicSystem) -> Signals:
     """Signals of the state space of a system. States are q and q_dot, inputs force_q, and outputs the
     coordinates and the differentiable outputs of the model.
 
-    The input load_x acts on a first-order state x, unless the system has named inputs.
-    """
+    The input load_x acts on a first-order state x, unless the system has named inputs."""
     names = system.coordinates
     units = [system.labels.units.get(name, "") for name in names]
     inertial = len(names) - len(system.states)

@@ -17,8 +17,7 @@ class Samples(NamedTuple):
     """Terms of the matrix entries, sampled at the phases that a method uses. An entry is a sum of terms.
 
     table: (k, R) if shared by all points, otherwise (P, k, R). coefficients: (P, R). entry (R,): index of the
-    entry to which each term belongs, in ascending order.
-    """
+    entry to which each term belongs, in ascending order."""
 
     table: Array
     coefficients: Array
@@ -51,8 +50,7 @@ class Periods(NamedTuple):
     Phi (P, N, N): monodromy matrices. units (P, N): powers of 2 that balance Φ, for several coordinates.
     curves (P, n, m, D): coefficients of the curves, lowest power first, if orbits are computed. condition
     (P,): condition numbers of the linear systems for the curves; not finite if the curves are not finite.
-    maps (1, m, N, N+1): maps of the steps, for a single point.
-    """
+    maps (1, m, N, N+1): maps of the steps, for a single point."""
 
     Phi: Array
     units: Array | None
@@ -83,8 +81,7 @@ def solved(
     samples at the starts and then at the ends (2m phases), for every method.
 
     Lanes contain different points. If `alone` is true, points are solved one after another, and lanes contain
-    the segments of one point. Raises CompilerError, MemoryError.
-    """
+    the segments of one point. Raises CompilerError, MemoryError."""
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
     if segments and points > 1:

@@ -103,8 +103,7 @@ def _is_valid(library: Path) -> bool:
     """Whether a library exists, belongs to this user, cannot be changed by other users, and has a valid
     checksum.
 
-    A truncated library would crash the process when loaded. Raises CompilerError for files of other users.
-    """
+    A truncated library would crash the process when loaded. Raises CompilerError for files of other users."""
     checksum = library.with_suffix(".sha256")
     for file in (library, checksum):
         if not os.path.lexists(file):
@@ -134,8 +133,7 @@ class Compiler(NamedTuple):
     """C compiler.
 
     command: program and its first arguments. machine: flags for the processor. macros: predefined macros,
-    which identify compiler and flags.
-    """
+    which identify compiler and flags."""
 
     command: tuple[str, ...]
     machine: tuple[str, ...]

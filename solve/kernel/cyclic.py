@@ -29,8 +29,7 @@ def cyclic(blocks: Array, following: Array, right: Array) -> Array:
 
     blocks (r, m, b, b): matrices. following (r, m): scalars. right (r, m, b): right-hand sides. The solution
     is 0 for a system that remains singular after a perturbation by round-off. Elimination with pivots is
-    stable whether x grows or decays along the chain.
-    """
+    stable whether x grows or decays along the chain."""
     x = (_dense if right[0].size <= _FEW else _banded)(blocks, following, right)
     if x is not None:
         return x
@@ -89,8 +88,7 @@ def triangular_bases(blocks: Array) -> Array:
 
     The first column of U_k is an eigenvector of the product that starts at node k. It is computed by inverse
     iteration, in units in which it has the same length at all nodes. Raises LinAlgError if the iteration does
-    not converge.
-    """
+    not converge."""
     w, x = np.empty(blocks.shape[:2], dtype=complex), _START
     for k, block in enumerate(blocks):
         w[k] = x / np.linalg.norm(x)

@@ -73,8 +73,7 @@ def columns(
     without compiled code.
 
     along: weights (rows, c, k), preceded by the index (outputs,) of the row of weights for each output. With
-    `along`, weighted sums (outputs, c) of the values are returned instead.
-    """
+    `along`, weighted sums (outputs, c) of the values are returned instead."""
     widths, count = [len(each) for each in inputs], inputs[0].shape[-1]
     rows, shared = sum(widths), np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("INPUTS", len(inputs)), ("ROWS", rows), ("SHARED", len(shared)), ("OUTPUTS", formulas.outputs)
@@ -122,8 +121,7 @@ def figures(
     extremum, at which each refinement computes values. zooms: numbers of refinements of an extremum and of
     lower candidates; each reduces the interval to a sixteenth. tie: relative difference above which extrema
     are distinct. wanted (k,): indices of the quantities; coordinates are counted first, then formulas.
-    formulas: formulas with the values (P, p) of their parameters.
-    """
+    formulas: formulas with the values (P, p) of their parameters."""
     points, n, m, D = curves.shape
     parameters = np.zeros((points, 0)) if formulas is None else formulas.values
     text, outputs = ("", 0) if formulas is None else formulas[:2]

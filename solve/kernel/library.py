@@ -26,8 +26,7 @@ class Size(NamedTuple):
 
     n: number of coordinates. stages: number of stages. nodes: number of accelerations per step that define
     the curve. stiff: whether a step ends at a stage. orbit: whether orbits are computed. first_order: number
-    of first-order coordinates, which are the last ones.
-    """
+    of first-order coordinates, which are the last ones."""
 
     n: int
     stages: int
@@ -129,8 +128,7 @@ def run(
     """Call a kernel. Arrays and numbers are passed by their names in the C structure `problem`; the kernel
     writes results into the arrays.
 
-    Raises CompilerError, MemoryError.
-    """
+    Raises CompilerError, MemoryError."""
     indices = np.ascontiguousarray(entry, dtype=np.intc)
     problem = _Problem(entry=address(indices), **constants.addresses, **addresses(arrays), **numbers)
     if getattr(library(size), kernel)(ctypes.byref(problem)):

@@ -28,8 +28,7 @@ class Conditioned(NamedTuple):
     values (P, N): eigenvalues in order of decreasing modulus, positive imaginary part first; NaN if the
     iteration does not converge. sizes (P,): Frobenius norms of the balanced matrices; for a 2×2 matrix, the
     smallest norm over all units of the states. norms (P,): spectral norms of the balanced matrices.
-    conditions (P, N): condition numbers of the eigenvalues.
-    """
+    conditions (P, N): condition numbers of the eigenvalues."""
 
     values: Array
     sizes: Array
@@ -41,8 +40,7 @@ def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
     """Compute the eigenvalues of finite matrices (P, N, N), and their condition numbers.
 
     units (P, N): powers of 2 that balance the matrices; required if N > 2. None without compiled code,
-    without required units, and for large N.
-    """
+    without required units, and for large N."""
     P, N, _ = matrices.shape
     if N > 2 * SMALL or (N > 2 and units is None):
         return None

@@ -24,8 +24,7 @@ def product_logarithms(A: Array) -> Array:
     """Logarithms log ρ (N,) of the eigenvalues of the product A_{m-1} … A_0 of real factors (m, N, N), in
     arbitrary order. The real part is -inf for an exact 0.
 
-    Raises LinAlgError if the factors are not finite, or the iteration does not converge.
-    """
+    Raises LinAlgError if the factors are not finite, or the iteration does not converge."""
     from ctrlsys import mb03bz
 
     H, _, _ = _hessenberg(A)
@@ -64,8 +63,7 @@ def _split(H: Array, Q: Array, at: int) -> None:
     """Triangularise in place the 2×2 block in rows `at` and `at` + 1 of factors (N, N, m).
 
     SLICOT's iteration does not converge if two eigenvalues are nearly equal and round-off has made them
-    complex.
-    """
+    complex."""
     if at < 0 or (at > 0 and H[at, at - 1, 0] != 0):
         _check(at + 2, "mb03bz")
     factors, bases, two = np.moveaxis(H, -1, 0), np.moveaxis(Q, -1, 0), slice(at, at + 2)

@@ -36,8 +36,7 @@ class FactorisedStages:
     """Factorised stage systems of m steps.
 
     by_state (m, s n, 2n): accelerations at the stages per unit of q and q′ at the start of the step. maps (m,
-    2n, 2n): maps from the start to the end of each step, without loads.
-    """
+    2n, 2n): maps from the start to the end of each step, without loads."""
 
     def __init__(
         self, library: Any, weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
@@ -86,8 +85,7 @@ def factorised(
     """Factorise the stage systems of one point for steps of lengths h (m,).
 
     weights: coefficients of the method. samples: samples at k phases per step. stages: indices of the stages
-    among these k phases. None without compiled code. Raises MemoryError.
-    """
+    among these k phases. None without compiled code. Raises MemoryError."""
     s = len(weights["c"])
     library = loaded("stages.c", (("N", n), ("S", s))) if s * n <= _MOST_ROWS else None
     return None if library is None else FactorisedStages(library, weights, h, samples, stages, n)

@@ -48,8 +48,7 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
     Gauss is selected if the phase advance ω_max T of the fastest frozen mode per period is at most 512 rad;
     with 512 steps, ω_max h is then at most 1. Otherwise, Radau IIA is selected, because it damps modes that
     it does not resolve. For few coordinates, its order is 13, which requires half as many steps and less time
-    than order 9.
-    """
+    than order 9."""
     is_stiff = frozen(points, _PHASES).exceeds_rate(RESOLVABLE / points.period)
     stiff, others = is_stiff.nonzero()[0], (~is_stiff).nonzero()[0]
     if len(stiff):
@@ -90,8 +89,7 @@ def chosen(method: str | Rule, **settings: Any) -> Rule:
     is a method is returned unchanged.
 
     Raises UnknownNameError for other names. Raises ValueOutOfBoundsError for other objects, and for settings
-    that the method does not have.
-    """
+    that the method does not have."""
     if not isinstance(method, str):
         if not (isinstance(method, Method) or method is auto):
             raise ValueOutOfBoundsError(f"method is {method!r}; give a name or an object such as Radau()")

@@ -76,8 +76,7 @@ class Collocated(OneStep):
     """Base class of the Gauss and Radau methods. The order determines the number of stages.
 
     orders: available orders. follows: value of ω h up to which an undamped mode retains at least about half
-    of its amplitude over a phase advance of 500 rad.
-    """
+    of its amplitude over a phase advance of 500 rad."""
 
     order: int
     orders: range

@@ -39,8 +39,7 @@ class Collocation:
     def _legendre(self) -> Array:
         """Shifted Legendre polynomials P_0 … P_s on [0, 1], evaluated at the s nodes (s, s+1).
 
-        If powers of the nodes were used instead, A would lose three digits at s = 8.
-        """
+        If powers of the nodes were used instead, A would lose three digits at s = 8."""
         return np.polynomial.legendre.legvander(2 * np.array(self.c) - 1, len(self.c))
 
     @cached_property
@@ -66,8 +65,7 @@ class Collocation:
         """Fractions of the step at which the accelerations of the curve are those of the solution.
 
         The end of the step is added only if s ≥ 3: the quadrature must be exact for the curve, so that the
-        integral of the curve agrees with the step.
-        """
+        integral of the curve agrees with the step."""
         return (0.0, *self.c) if self.stiffly_accurate or len(self.c) < 3 else (0.0, *self.c, 1.0)
 
     @cached_property
@@ -126,8 +124,7 @@ class Collocation:
         of r loads.
 
         h (m,): step lengths. M, C, K (P, m, s, n, n) and d (P, m, s, n, r), or (P, m, s, n) for one load:
-        matrices and loads at the stages.
-        """
+        matrices and loads at the stages."""
         P, m, s, n = d.shape[:4]
         a = np.empty((P, m, s * n, 2 * n + d[0, 0, 0, 0].size))
         (self._solve_together if n < _STEP_BY_STEP else self._solve_step_by_step)(a, h, M, C, K, d)
@@ -181,8 +178,7 @@ class Collocation:
         """Matrices (P, m, s n, s n + 2n) of the equations for the stage accelerations: the system matrix,
         followed by the matrices that multiply q and h v.
 
-        All of them are linear combinations of M, hC and h²K with constant weights.
-        """
+        All of them are linear combinations of M, hC and h²K with constant weights."""
         P, m, s, n = M.shape[:4]
         h = h[:, None, None]
         system = np.empty((P, m, s, n, s + 2, n))
@@ -212,8 +208,7 @@ class Collocation:
         """Affine maps (P, m, N, N+r) from the state (q, v) at the start of a step, and r loads, to the state
         at its end.
 
-        a (P, m, s, n, N+r): stage accelerations. For the last `first_order` coordinates, they are rates.
-        """
+        a (P, m, s, n, N+r): stage accelerations. For the last `first_order` coordinates, they are rates."""
         P, m, s, n = a.shape[:4]
         p, N = n - first_order, 2 * n - first_order
         weights = np.stack((self.b @ self.A, self.b))

@@ -51,8 +51,7 @@ class Fourier(Method):
 
     Multipliers are computed by the same collocation, of x = exp(λφ) p(φ) with periodic p. If m/2 exceeds the
     highest relevant harmonic, the error decreases faster than any power of 1/m. The cost is proportional to
-    m³.
-    """
+    m³."""
 
     name = "fourier"
     first_order = True
@@ -100,8 +99,7 @@ class Fourier(Method):
     def collocated(self, point: Points, phases: Array) -> tuple[Array, float]:
         """Return the coordinates q (m, n) at the phases, and the condition number of the linear system.
 
-        The unknowns are u = q - q″. With the unknowns q, the condition number would be proportional to m².
-        """
+        The unknowns are u = q - q″. With the unknowns q, the condition number would be proportional to m²."""
         from scipy.linalg import circulant
 
         m, n = len(phases), point.n
@@ -155,8 +153,7 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
     samples: function that converts columns p to their values (m, N, r) at m uniform phases from 0. Each
     multiplier exp(λT) belongs to a family of eigenpairs with exponents λ + 2πik/T. Truncation affects
     eigenpairs whose p contains the highest harmonics. Therefore, the eigenpair whose p is nearest to harmonic
-    0 is used from each family.
-    """
+    0 is used from each family."""
     from scipy.linalg import qr
 
     exponents, vectors = np.linalg.eig(A)
@@ -214,8 +211,7 @@ def _invariant_subspaces(
 
     Exponents and eigenvectors are in order of preference. Multiple exponents are treated as a cluster, so
     that Z has N columns even with fewer eigenvectors. If truncation has split a multiple exponent, the number
-    of columns differs from N.
-    """
+    of columns differs from N."""
     from scipy.linalg import block_diag
 
     near = _CLUSTER * rotation

@@ -83,8 +83,7 @@ def solutions_on(
     """Solve points, some of which may have rigid-body modes, by a method on a grid.
 
     For points with rigid-body modes, the monodromy matrices are those of the motion relative to the modes,
-    see `Anchored.quotient`, and the orbits have zero mean along the modes.
-    """
+    see `Anchored.quotient`, and the orbits have zero mean along the modes."""
     method.require_order(points)
     if held is None:
         return method.solutions(points, grid, orbit, engine)
@@ -123,8 +122,7 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
     then +1.
 
     If the momentum may jump at phase 0, there are two periodic solutions: with μ = 0 and with μ = 1 after the
-    jump. The orbit is the combination of both that has no drift.
-    """
+    jump. The orbit is the combination of both that has no drift."""
     if not isinstance(method, OneStep):
         raise MatricesError(
             f"{method.name} cannot solve a machine that rotates freely if inertia or gyroscopic forces "
@@ -159,8 +157,7 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
 
     The states (P, m+1, N, 2) are those of two solutions. After the jump, the momentum is 0 in the first
     solution (with loads) and 1 in the second (without loads). The gained momentum (P,) is that of the first
-    solution per period. rows, units (P, N): see `Anchored.momentum`.
-    """
+    solution per period. rows, units (P, N): see `Anchored.momentum`."""
     A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
     loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
     kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]

@@ -15,8 +15,7 @@ class Hsu(OneStep):
     """Hsu's method. On each step, P and f of x′ = P x + f are frozen at the middle of the step, and the
     equations are solved exactly by matrix exponentials.
 
-    The order is 2. For piecewise-constant coefficients, the method is exact.
-    """
+    The order is 2. For piecewise-constant coefficients, the method is exact."""
 
     name = "hsu"
     first_order = True

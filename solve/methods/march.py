@@ -23,8 +23,7 @@ class March(OneStep):
     The criterion at the start of a period is ‖x - x_s‖ ≤ tolerance ‖x_s‖, where x_s is the state of the
     periodic solution (section 6.8 of the thesis: 10⁻⁴). A note states the number of periods. The map of one
     period is applied repeatedly, which has the same result as marching at a lower cost. A mode with |ρ| < 1
-    takes about ln(tolerance)/ln|ρ| periods.
-    """
+    takes about ln(tolerance)/ln|ρ| periods."""
 
     tolerance: float = 1e-4
     most_turns: int = 10**6
@@ -81,8 +80,7 @@ class March(OneStep):
         """Return the state at the start of the last period of a motion from rest towards the limit (N,), and
         the number of preceding periods.
 
-        Raises StepsError if the transient does not decay within `most_turns` periods.
-        """
+        Raises StepsError if the transient does not decay within `most_turns` periods."""
         if radius >= 1.0 or math.log(self.tolerance) < self.most_turns * math.log(max(radius, 1e-300)):
             raise StepsError(
                 f"march: the transient does not decay within {self.most_turns} periods (spectral "

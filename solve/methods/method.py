@@ -47,8 +47,7 @@ class Solutions:
 
     secular (P, r): steady velocity of each mode with C e ≠ 0, or acceleration of each other mode, with
     respect to the phase. driven (P,): largest of these accelerations, relative to the accelerations of the
-    motion.
-    """
+    motion."""
 
     grid: Grid
     Phi: Array
@@ -147,8 +146,7 @@ class Method:
     stages: number of stages of a collocation method; None for other methods. with_another_stage: collocation
     method of the same family with one more stage; None for other methods. warnings: warnings about the
     settings of the method. symmetric: whether the method requires symmetric matrices, which real modes
-    diagonalise. first_order: whether the method solves systems with first-order coordinates.
-    """
+    diagonalise. first_order: whether the method solves systems with first-order coordinates."""
 
     name: str
     order: Any
@@ -260,8 +258,7 @@ class Discretisation:
     """Discretisation of P points by a one-step method on a grid.
 
     steps: affine maps of the state. curve: function that converts states at the nodes (P, m+1, N) to
-    continuous curves of q.
-    """
+    continuous curves of q."""
 
     steps: Steps
     curve: Callable[[Array], PeriodicCurve]
@@ -274,8 +271,7 @@ class Discretisation:
         every step or, for the last `first_order` coordinates, q and q′.
 
         maps: (A | b) of the steps. start, end: rates (P | f) of x′ = P x + f at the start and at the end of
-        every step. All are (P, m, N, N+1).
-        """
+        every step. All are (P, m, N, N+1)."""
         n = (maps.shape[-2] + first_order) // 2
         p = n - first_order
 

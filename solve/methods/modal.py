@@ -20,8 +20,7 @@ class Modal(OneStep):
     """Modal decoupling: each step uses the modes at its middle, normalised to unit modal masses.
 
     Damping between modes is neglected. From one step to the next, each modal coordinate continues as if the
-    modes were constant.
-    """
+    modes were constant."""
 
     name = "modal"
     order = 0
@@ -66,8 +65,7 @@ class _Uncoupled:
 
     Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis, Eq. (6.12)) and continuous signs. They
     are NaN at points with complex modes, for which the mask `complex` (P,) is true. state_bases (P, 2n, 2n):
-    constant maps between physical and modal states, from the modes at the first phase.
-    """
+    constant maps between physical and modal states, from the modes at the first phase."""
 
     breaks = ()
     bytes_a_phase = 0

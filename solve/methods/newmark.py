@@ -117,8 +117,7 @@ def stability_limit(gamma: float, beta: float) -> float:
     -1.
 
     It is infinite for 2β ≥ γ ≥ 1/2. It is 0 for γ < 1/2, because every step is unstable. The condition β ≥ (γ
-    + 1/2)²/4 of the thesis, Eq. (6.11), is stronger: it requires the eigenvalues to remain complex.
-    """
+    + 1/2)²/4 of the thesis, Eq. (6.11), is stronger: it requires the eigenvalues to remain complex."""
     if gamma < 0.5:
         return 0.0
     return math.inf if 2 * beta >= gamma else 1 / math.sqrt(gamma / 2 - beta)

@@ -29,8 +29,7 @@ class RungeKutta4(OneStep):
         """Smallest number of steps (P,) for which |R(hλ)| ≤ 1 for every frozen eigenvalue λ of a mode that
         does not grow.
 
-        R(z) = 1 + z + z²/2 + z³/6 + z⁴/24.
-        """
+        R(z) = 1 + z + z²/2 + z³/6 + z⁴/24."""
         values = modes.eigenvalues()
         values = np.where(np.isfinite(values), values, 0.0)
         size = np.abs(values)

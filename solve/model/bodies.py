@@ -24,8 +24,7 @@ class Body(NamedTuple):
     """Elastic body declared by a generated module.
 
     units: unit of each interface displacement, "m" or "rad". entries: one per parameter, with its name,
-    matrix ("M", "K" or "C"), row and column; rows and columns are counted from 1.
-    """
+    matrix ("M", "K" or "C"), row and column; rows and columns are counted from 1."""
 
     name: str
     units: Sequence[str]
@@ -44,8 +43,7 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
     The matrix file contains M, K and, if declared, C. The matrices are those of the finite-element model or
     already reduced. In the entry, `interface` lists the rows of the interface coordinates, counted from 1. By
     default, these are the first rows.
-    Raises CaseFileError.
-    """
+    Raises CaseFileError."""
     file, where = path.parent / str(entry["file"]), f"{body.name} in {path.name}"
     try:
         arrays, digest = _arrays(file, body.has_damping)

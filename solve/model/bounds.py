@@ -49,8 +49,7 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
     bounds.
 
     values: numbers in the declared units, or texts with a unit such as "30 mm". Raises ValueOutOfBoundsError,
-    UnitError.
-    """
+    UnitError."""
     checked = {}
     for name, unit, meaning, bound in module.PARAMETERS:
         try:

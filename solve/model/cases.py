@@ -73,8 +73,7 @@ class Case:
 
         A series with a replaced parameter no longer counts as fitted. A replaced parameter loses its source
         and its distribution, unless new ones are given. It keeps the unit stated in the file, and its
-        tolerance, which then applies to the new value.
-        """
+        tolerance, which then applies to the new value."""
         old_fits = {
             name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)
         }
@@ -105,8 +104,7 @@ def chosen_case(
 
     path: None for a model in memory. required: whether the file must exist; if it need not, a missing file
     results in a case without name and values. otherwise: default values of parameters. Raises
-    UnknownNameError, CaseFileError and MissingValueError.
-    """
+    UnknownNameError, CaseFileError and MissingValueError."""
     declared = {name: unit for name, unit, *_ in module.PARAMETERS}
     functions = functions_of(module)
     cases = read_cases(path, declared, functions) if path and (required or path.is_file()) else None
@@ -157,8 +155,7 @@ def read_cases(
     [common.parameters] hold for every case.
 
     Raises CaseFileError, UnknownNameError for a misspelt key or parameter, UnitError for a unit of another
-    dimension.
-    """
+    dimension."""
     table = _read(path)
     _require_no_parameters(table, {"parameters", *units}, "", path)
     _require_known_keys(table, {"common", "case"}, f"key of {path.name}")

@@ -54,8 +54,7 @@ def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
     """Whether the matrices are certain to pass `require_valid` at every speed.
 
     The conditions are polynomials in the speed with periodic coefficients, and a positive definite M that
-    does not depend on the speed.
-    """
+    does not depend on the speed."""
     phase = _check_phases(system)
     terms = sampler.terms(with_neighbours(phase, phase + system.period, system.period))
     if terms is None:
@@ -119,8 +118,7 @@ def _steep_intervals(
 
     values: values at the phases, and one period after the first phase. Intervals that contain a break are
     excluded. roundoff (m,): largest variation that counts as round-off. Return the indices (j,) of the
-    intervals and, for each interval, the index of the entry with the largest relative change.
-    """
+    intervals and, for each interval, the index of the entry with the largest relative change."""
     change, variation = np.abs(np.diff(values, axis=0)), np.ptp(values, axis=0)
     neighbours = np.maximum(np.roll(change, 1, axis=0), np.roll(change, -1, axis=0))
     steep = (change >= _STEEP * variation) | (change > _STEEPER_THAN_NEIGHBOURS * neighbours)

@@ -8,8 +8,7 @@ i:
     q = T p,   q_b = p_b,   q_i = Ψ p_b + Φ η,   Ψ = −K_ii⁻¹ K_ib
 
 Φ contains the lowest modes of K_ii and M_ii, that is, of the body with fixed interface. If all modes are
-retained, T is invertible.
-"""
+retained, T is invertible."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -169,8 +168,7 @@ def _lowest(M: Array, K: Array, modes: int) -> tuple[Array, Array]:
     lowest modes with ΦᵀMΦ = I.
 
     The computed eigenvalues are 1/ω², those of the pencil M − (1/ω²) K. Low frequencies then remain accurate
-    for any stiffness of the highest modes.
-    """
+    for any stiffness of the highest modes."""
     from scipy.linalg import eigh
 
     i = len(K)

@@ -91,8 +91,7 @@ class GeneratedSlopes:
     Comput. 11 (2019) 1-36).
 
     Functions are built at their first use. nonlinear: whether the nonlinear equations are differentiated. If
-    not, the equations are those linearised about the fundamental motion.
-    """
+    not, the equations are those linearised about the fundamental motion."""
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):
         self._setup, self._n, self.names, self.nonlinear = setup, n, tuple(names), nonlinear
@@ -172,8 +171,7 @@ class GeneratedDependence:
         """Store the derivatives for the quantities θ.
 
         names: names of θ; `slopes` must contain all of them. compiled: evaluation by compiled code, if
-        available.
-        """
+        available."""
         self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
         self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
@@ -239,8 +237,7 @@ class DampedDependence(GeneratedDependence):
         """Store the derivatives and the damping.
 
         damping: function of changed parameters and of phases (k,). It returns C (k, n, n) for derivatives of
-        q with respect to time.
-        """
+        q with respect to time."""
         super().__init__(slopes, setup, n, names, compiled)
         self._damping, self._varied = cache(partial(_damping_slopes, damping, setup, tuple(names))), names
 
@@ -351,8 +348,7 @@ class AssembledDependence:
         """Interpolants over the phase of the derivatives of Ω²M, ΩC and K in row order, and of d.
 
         Each is paired with a less accurate one for error estimates. All grids use the interpolants, because a
-        varied system takes longer to assemble than to sample.
-        """
+        varied system takes longer to assemble than to sample."""
         if (name, speed) not in self._interpolants:
             n, moved = self._system.n, cache(self._moved(name, speed))
 

@@ -39,8 +39,7 @@ class ModelDerivatives:
 
     assembled: whether the matrices are assembled numerically and therefore differentiated by finite
     differences. slopes: cache of the derivatives of generated functions. Its keys are the names of the
-    parameters, and whether the nonlinear equations are differentiated.
-    """
+    parameters, and whether the nonlinear equations are differentiated."""
 
     def __init__(self, system: PeriodicSystem, setup: Setup, assembled: bool, slopes: SlopesCache):
         self._system, self._setup, self._assembled, self._slopes = system, setup, assembled, slopes
@@ -79,8 +78,7 @@ class ModelDerivatives:
         """Derivatives with respect to the named parameters or, for the name "speed", to the speed.
 
         compiled: evaluation of formulas by compiled code, if available. Raises UnknownNameError,
-        NoDerivativeError.
-        """
+        NoDerivativeError."""
         self._require(names)
         damped = self._setup.ratios is not None
         if self._assembled and not damped:

@@ -67,8 +67,7 @@ class Domain:
         """Store the conditions.
 
         function: generated function that returns the margins. sampler: evaluation of the function for phases,
-        speeds and free parameters. rows: selected conditions of DOMAIN.
-        """
+        speeds and free parameters. rows: selected conditions of DOMAIN."""
         self._rows, self._sampler, self._period = rows, sampler, float(period)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"

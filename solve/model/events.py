@@ -108,8 +108,7 @@ class EventFinder:
         """Derivatives (k, 2 + 2n + p) of switching functions at the events of a motion, with phases (k,).
         They are with respect to the phase, q, q' = dq/dφ, the speed and the parameters.
 
-        At each event, the switching function that is zero there is differentiated.
-        """
+        At each event, the switching function that is zero there is differentiated."""
         period, n = float(motion.nodes[-1]), len(motion(phase[:1]))
         ranges = np.ptp(
             self._values(motion, speed, np.arange(_MIN_SAMPLES) * (period / _MIN_SAMPLES)), axis=0

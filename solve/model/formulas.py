@@ -50,8 +50,7 @@ def c_text(function: "casadi.Function") -> str | None:
     """C code of a function with one output: `void formulas(const lane *const *in, lane *out)`. `lane` is a
     vector of doubles.
 
-    Returns None for functions with unsupported operations, or with too many operations.
-    """
+    Returns None for functions with unsupported operations, or with too many operations."""
     count = function.n_instructions()
     if count > _MAX_INSTRUCTIONS:
         return None
@@ -97,8 +96,7 @@ def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -
 
     It is computed by running error analysis (N. J. Higham, Accuracy and Stability of Numerical Algorithms,
     2nd ed., 3.3): Σ |∂f/∂z| |z| in units of the machine precision. The sum is over the results z of
-    operations, the constants, and the inputs named in `rounded`. Other inputs are exact.
-    """
+    operations, the constants, and the inputs named in `rounded`. Other inputs are exact."""
     import casadi
 
     operations = operation_names()

@@ -28,8 +28,7 @@ class ModelIntegrator:
 
     The integrator is CVODES (A. C. Hindmarsh et al., ACM Trans. Math. Softw. 31 (2005) 363-396), called
     through CasADi. residual: generated `residual_varying`. sizes (n,): scales of the coordinates; rtol is
-    relative to them.
-    """
+    relative to them."""
 
     @symbolic
     def __init__(

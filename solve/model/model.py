@@ -281,8 +281,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         added to C.
 
         In a linearisation about a motion, modal damping does not change d, because C q̇ then also appears in
-        the residual.
-        """
+        the residual."""
         M, C, K, d = split_entries(entries, self.n)
         if isinstance(self.sampler, DampedSampler):
             C = C + self.sampler.damping(phase)
@@ -336,8 +335,7 @@ class LinearisedModel(Model):
     """Model linearised about a motion, as returned by `PeriodicSystem.along`.
 
     The bounds of validity and the neglected terms of the linearisation about the fundamental motion do not
-    apply.
-    """
+    apply."""
 
     @cached_property
     def derivatives(self) -> ModelDerivatives:

@@ -46,8 +46,7 @@ def modes(M: Array, K: Array) -> Modes:
 
     The computed eigenvalues are 1/ω², those of the pencil M − (1/ω²) K. Low frequencies then remain accurate
     for any stiffness of the highest modes. The highest modes lose digits. They are recomputed from the pencil
-    K − ω² M in the space of the modes above the geometric mean of the lowest and the highest frequency.
-    """
+    K − ω² M in the space of the modes above the geometric mean of the lowest and the highest frequency."""
     shift, L, pencil = _pencil(M, K)
     values, vectors = np.linalg.eigh(pencil)
     vectors = np.linalg.solve(np.swapaxes(L, 1, 2), vectors / np.sqrt(values[:, None, :]))
@@ -112,8 +111,7 @@ def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
     """Damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) for damping ratios ζ of the modes of M and K (m, n, n).
 
     ratio: one value for all modes, or k values (…, k) in order of ascending frequency. The last value holds
-    for all higher modes.
-    """
+    for all higher modes."""
     frequencies, vectors = modes(M, K)
     ratios = np.atleast_1d(ratio)
     by_mode = ratios[..., np.minimum(np.arange(M.shape[-1]), ratios.shape[-1] - 1)]
@@ -145,8 +143,7 @@ class DampedSampler(MatrixSampler):
     """Sampler of M, C, K, d of a generated `linearised` function, with modal damping.
 
     ratios (k,): damping ratios of the modes of M and K, which are those at speed 0 and at the phase of the
-    sample. Raises MatricesError if there are no modes.
-    """
+    sample. Raises MatricesError if there are no modes."""
 
     def __init__(self, linearised: "casadi.Function", parameters: Array, ratios: Array):
         super().__init__(linearised, parameters)

@@ -29,8 +29,7 @@ _CACHE_BYTES = 2**24
 class Sampler:
     """Evaluation of a CasADi function with NumPy arrays, for many columns of inputs, in chunks. Thread-safe.
 
-    shared: number of inputs, at the end of the list of inputs, that are the same for all columns.
-    """
+    shared: number of inputs, at the end of the list of inputs, that are the same for all columns."""
 
     @symbolic
     def __init__(self, function: "casadi.Function", shared: int = 0):
@@ -106,8 +105,7 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
     ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r.
 
     The inputs are those of the residual, ending with q, qd and qdd, then the free parameters, if any. Values
-    of the other parameters are substituted.
-    """
+    of the other parameters are substituted."""
     import casadi
 
     inputs, values = list(inputs_of(residual, "p").values()), symbol("values", len(free))
@@ -130,8 +128,7 @@ class MatrixSampler:
     """Sampler of M, C, K (m, n, n) and d (m, n) of a generated `linearised` function with fixed parameters.
 
     For most mechanisms, the entries are polynomials in the speed. The coefficients are then sampled once per
-    grid of phases and cached, and the entries on this grid at any speed are a matrix product.
-    """
+    grid of phases and cached, and the entries on this grid at any speed are a matrix product."""
 
     @symbolic
     def __init__(self, linearised: "casadi.Function", parameters: Array):

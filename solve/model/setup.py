@@ -199,8 +199,7 @@ def stated_lines(
     phases (k,).
 
     fineness: fraction of the default number of points of curves. Raises ValueOutOfBoundsError for a line
-    without finite points.
-    """
+    without finite points."""
     lines: dict[str, Plane] = {}
     if not getattr(setup.module, "SKETCH", ()):
         return lines
@@ -250,8 +249,7 @@ def _text_of(
     """Return the C code of a generated function after `transform`, and its number of outputs.
 
     The parameters at the positions `free` are inputs; all other parameters are 0. count: number of all
-    parameters.
-    """
+    parameters."""
     function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
     return c_text(function), function.size1_out(0)
 

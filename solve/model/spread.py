@@ -24,8 +24,7 @@ class Spread(NamedTuple):
     """Spread of a parameter, in the unit of the model.
 
     normal: whether the distribution is normal; `first` and `second` are then its mean and standard deviation.
-    Otherwise, they are the ends of a uniform distribution.
-    """
+    Otherwise, they are the ends of a uniform distribution."""
 
     text: str
     normal: bool

@@ -30,8 +30,7 @@ class Series(NamedTuple):
 
     form: "cosine-sine" or "amplitude-phase". integrated: whether the parameters are coefficients of the
     derivative of the series. mean: name of the parameter for the mean, or "". first, second: prefixes of the
-    names of the other parameters, FIRST1, … and SECOND1, ….
-    """
+    names of the other parameters, FIRST1, … and SECOND1, …."""
 
     name: str
     form: str
@@ -48,8 +47,7 @@ class Fit:
 
     name: name of the series, followed by ' if its derivative is fitted. angles (m,): angles in rad. values
     (m,): values in `unit`. coefficients (1 + 2 harmonics,): mean, cosine coefficients, sine coefficients.
-    parameters: the corresponding parameters of the model.
-    """
+    parameters: the corresponding parameters of the model."""
 
     name: str
     table: str
@@ -91,8 +89,7 @@ def fitted(
 
     name: name of the series, followed by ' for its derivative. columns: headers of the columns of angles and
     values, with units in brackets. harmonics: number of fitted harmonics, by default all declared harmonics.
-    unit: unit of the parameters. Raises CaseFileError, UnitError.
-    """
+    unit: unit of the parameters. Raises CaseFileError, UnitError."""
     most = series.harmonics
     if harmonics is not None and (type(harmonics) is not int or not 1 <= harmonics <= most):
         raise CaseFileError(

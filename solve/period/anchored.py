@@ -4,8 +4,7 @@ Let s = l q be the amplitude of a rigid-body mode e (K e = 0) in the motion. The
 σ replaces s. Then q̃ = q - e (s - σ) satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d. The
 multiplier +1 of the mode becomes exp(-α T), for any T-periodic M, C and K; all other multipliers are
 unchanged. If C e = 0, the new system again has a multiplier +1 in the direction e, which the same shift with
-β in place of α removes.
-"""
+β in place of α removes."""
 
 from dataclasses import dataclass
 
@@ -30,8 +29,7 @@ class Anchored:
     """Points whose rigid-body modes `modes` are anchored, as described in the docstring of this module.
 
     drift (P, n): prescribed steady velocity w along e, as a derivative with respect to the phase. The drag C
-    w is subtracted from the load. weights (P, r, n): rows l to be used instead of `modes.measures`.
-    """
+    w is subtracted from the load. weights (P, r, n): rows l to be used instead of `modes.measures`."""
 
     points: Points
     modes: RigidBodyModes
@@ -107,8 +105,7 @@ class Anchored:
 
         `Phi` (P, N, N): monodromy matrices of the anchored points. For a mode with C e ≠ 0, the velocity
         along the mode is stored as the rate of the reference coordinate. All other entries of reference
-        coordinates are zero.
-        """
+        coordinates are zero."""
         left, right = self._projection(whole=True)
         return left @ Phi @ right
 
@@ -116,8 +113,7 @@ class Anchored:
         """Return the one-step maps (P, m, N, N) in the coordinates of `quotient`.
 
         `A`: one-step maps of the anchored points. The diagonal is 1 where that of `quotient` is zero; the
-        multipliers of rigid-body modes are then exactly 1.
-        """
+        multipliers of rigid-body modes are then exactly 1."""
         left, right = self._projection(whole=False)
         maps = left[:, None] @ A @ right[:, None]
         ones = 1.0 - (right != 0).any(axis=-2)
@@ -128,8 +124,7 @@ class Anchored:
         the embedding of this motion in the states.
 
         whole: for the map of the whole period, where the velocity of a mode with conserved momentum is also
-        excluded.
-        """
+        excluded."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
         N, p = state_size(self), n - self.first_order
@@ -156,8 +151,7 @@ class Anchored:
         """Return rows and states of the conserved momenta; every point must have one.
 
         The rows (P, 2n) map a state of the anchored points at phase 0 to the momentum. The states (P, 2n) are
-        rigid-body velocities with momentum 1.
-        """
+        rigid-body velocities with momentum 1."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         assert modes.momentum is not None
         rates = modes.momentum[:, None, n:] @ modes.vectors
@@ -173,8 +167,7 @@ class Anchored:
 
         `curve`: q̃ of the anchored points. The mean of q along the modes is zero in the norm of the mass
         matrix `mass` (P, n, n). If C e ≠ 0, the secular motion is a steady velocity, which the returned curve
-        contains as `drift`. Otherwise it is an acceleration, which the curve does not contain.
-        """
+        contains as `drift`. Otherwise it is an acceleration, which the curve does not contain."""
         modes, (alpha, beta) = self.modes, self._rates
         shares = _Shares.from_curve(curve, self.measures)
         first = shares.integrated()
@@ -195,8 +188,7 @@ def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> 
     """Return terms (t,), entries (t,) and coefficients (P, t) for a product of a matrix and factors.
 
     The matrix with entries from index `source` is multiplied by `factors` (P, n, c). The product is to be
-    added to the matrix with entries from index `target`.
-    """
+    added to the matrix with entries from index `target`."""
     of_matrix = np.flatnonzero((tables.entry >= source) & (tables.entry < source + n**2))
     row, column = np.divmod(tables.entry[of_matrix] - source, n)
     terms, entry, coefficients = [], [], []

@@ -20,8 +20,7 @@ class Blocks:
 
     units (P, N): powers of 2. For a right vector x and a left vector y of the factors, the vectors of the
     steps are units · x and y / units. variance (P, m, N, N): squared errors of the entries of the factors.
-    starts (m,): index of the first step of each block.
-    """
+    starts (m,): index of the first step of each block."""
 
     factors: Array
     variance: Array
@@ -45,8 +44,7 @@ def balanced_blocks(steps: Array, first: int = 0, loss: float = LOSS) -> Blocks:
 
     Maps are in order of application. Neighbours are multiplied as long as the product is accurate in every
     direction at every point; the entries of the maps are assumed to have round-off errors. first: index of
-    the first map in the period. loss: see `LOSS`.
-    """
+    the first map in the period. loss: see `LOSS`."""
     starts = first + np.arange(steps.shape[1])
     return _multiplied(Blocks(steps, (EPS / 2 * steps) ** 2, np.ones(steps.shape[::2]), starts), loss)
 
@@ -89,8 +87,7 @@ def carried(steps: Array, starts: Array, vectors: Array) -> tuple[Array, Array]:
     """Propagate vectors through the steps of each block.
 
     `vectors` (b, N, …) apply at the starts (b,) of the blocks, `steps` (m, N, N) are the one-step maps.
-    Return the vectors at the start of every step (m, N, …) and at the end of every block (b, N, …).
-    """
+    Return the vectors at the start of every step (m, N, …) and at the end of every block (b, N, …)."""
     lengths, reached = np.diff(np.append(starts, len(steps))), vectors.copy()
     every = np.empty((len(steps), *vectors.shape[1:]), dtype=vectors.dtype)
     for inner in range(int(lengths.max())):

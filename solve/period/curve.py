@@ -85,8 +85,7 @@ class Curve:
 
     nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether the
     coefficients are finite; None if not yet determined. drift (…, n): steady velocity of a free machine with
-    respect to the phase. It is contained in the first derivative but not in q.
-    """
+    respect to the phase. It is contained in the first derivative but not in q."""
 
     nodes: Array
     coefficients: Array
@@ -157,8 +156,7 @@ class Curve:
         """Return q and its derivatives with respect to the phase, each (…, n, k), at phases (k,) in any
         period.
 
-        beside_nodes: whether phases that differ from a node only by round-off are distinguished from it.
-        """
+        beside_nodes: whether phases that differ from a node only by round-off are distinguished from it."""
         phase, h = np.asarray(phase, dtype=float), self.h
         theta = None if beside_nodes else self._fractions(phase, h)
         if theta is not None:
@@ -336,8 +334,7 @@ def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
     to curves through all states: the errors of q and its first and second derivatives are proportional to the
     sixth, fifth and fourth power of the step length. Only a tenth of the error of the second derivative is
     counted. If the equations have jumps (`jumps`), all errors are assumed proportional to the second power,
-    and second derivatives are not compared.
-    """
+    and second derivatives are not compared."""
     coarse, off = curves_through(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
     for order in range(2 if jumps else 3):
         size = np.abs(motions[:, order]).max(axis=(0, 2), initial=0.0)[:, None]

@@ -1,8 +1,7 @@
 """Eigenvalues of monodromy matrices (…, N, N), with balancing and round-off errors.
 
 Eigenvalues of 2×2 matrices are computed in closed form. Their entries a, b, c, d in row order are arrays (…),
-or one array (4, …). Other matrices are solved by LAPACK or by compiled code.
-"""
+or one array (4, …). Other matrices are solved by LAPACK or by compiled code."""
 
 import math
 
@@ -31,8 +30,7 @@ def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | N
     """Compute the eigenvalues of matrices (P, N, N) and their condition numbers with compiled code.
 
     Return None for another engine, without compiled code, and for large N. units (P, N): units of the states
-    as returned by `balance_matrices`, if known.
-    """
+    as returned by `balance_matrices`, if known."""
     found = kernel.conditioned(Phi, units) if engine == COMPILED else None
     if found is not None and (is_missing := np.isnan(found.values[:, 0])).any():
         matrices, known_units = Phi[is_missing], None if units is None else units[is_missing]
@@ -51,8 +49,7 @@ def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, A
     Of a conjugate pair, the positive imaginary part is first. The norm of a 2×2 matrix is the smallest over
     all units of the states. The norm of a larger matrix is that of the balanced matrix if the smallest
     eigenvalue may be round-off, and otherwise that of the matrix itself, which may be larger. units (…, N):
-    units of the states as returned by `balance_matrices`, if known.
-    """
+    units of the states as returned by `balance_matrices`, if known."""
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         norm = np.asarray(unit * _least_pair_norm(*scaled))
@@ -77,8 +74,7 @@ def multiplier_roundoff(
     The round-off accumulated in `steps` steps is multiplied by the condition number of the eigenvalue. For a
     defective block of k eigenvalues, the k-th root of the round-off is used instead if it is smaller. units
     (…, N): units of the states as returned by `balance_matrices`, if known. known: eigenvalues, if already
-    computed.
-    """
+    computed."""
     if known is None:
         values, unit, norm, conditions = _conditioned(Phi, units)
     else:
@@ -111,8 +107,7 @@ def balance_matrices(matrices: Array) -> tuple[Array, Array]:
 
     Scaled entries are A_ij unit_j / unit_i (E. E. Osborne, J. ACM 7 (1960) 338-345, but with all rows scaled
     at once). Rows and columns of zeros are unchanged. Iteration stops if the squared norms of each row and
-    its column differ by less than a factor of 4, or after 50 sweeps. Both limits are chosen by judgement.
-    """
+    its column differ by less than a factor of 4, or after 50 sweeps. Both limits are chosen by judgement."""
     scaled, powers = matrices, np.zeros(matrices.shape[:-1])
     with np.errstate(all="ignore"):
         for _ in range(50):
@@ -159,8 +154,7 @@ def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, 
     """Return the eigenvalues (…, N) of balanced, scaled matrices, the scales (…), spectral norms (…) and
     condition numbers (…, N).
 
-    The scales are powers of two, by which the matrices were divided.
-    """
+    The scales are powers of two, by which the matrices were divided."""
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         entries = _balanced_pair(*scaled)
@@ -235,8 +229,7 @@ def _balanced_pair(a: Array, b: Array, c: Array, d: Array) -> Array:
     """Entries (4, …) of balanced 2×2 matrices.
 
     At most 8 sweeps are made; they end if norms decrease by less than 5 %. Further scaling could reduce to
-    round-off a small entry without which the matrix would be defective.
-    """
+    round-off a small entry without which the matrix would be defective."""
     for _ in range(8):
         column, row = np.sqrt(np.square(a) + np.square(c)), np.sqrt(np.square(a) + np.square(b))
         is_positive = (row > 0) & (column > 0)

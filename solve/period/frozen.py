@@ -179,8 +179,7 @@ class FrozenModes:
         For a positive definite A scaled to the diagonal 1, relative changes of the entries are amplified by
         the inverse of its smallest eigenvalue (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992)
         1204). This inverse is at most e times the returned measure, because the product of the other
-        eigenvalues is below e.
-        """
+        eigenvalues is below e."""
         M, C, K = self._matrices_at(_FEW).transpose(0, 3, 4, 1, 2)
         rate = rates[:, None, None, None]
         A = rate**2 * M + rate * C + K
@@ -194,8 +193,7 @@ class FrozenModes:
 
         The moduli of the eigenvalues, maximal over the phases, are in ascending order. The mean decay factor
         of a mode over a period is relative to that of the least damped mode, or to `UNDERFLOW` if that is
-        larger.
-        """
+        larger."""
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -215,8 +213,7 @@ class FrozenModes:
         comparable in balanced units of the coordinates.
 
         The factors of a point are 1 if its rows have similar sizes. Return None if this is true of all
-        points.
-        """
+        points."""
         if self.n == 1:
             return None
         entries = self._rates_at(slice(None))
@@ -254,8 +251,7 @@ class FrozenModes:
         stiffness.
 
         The forces are those of the other coordinates, which have amplitudes `sizes` (P, n), and the largest
-        load, in balanced units of the equations.
-        """
+        load, in balanced units of the equations."""
         coupling, load = self._coupling
         units = balance_matrices(coupling)[1]
         largest = units * (load / units).max(axis=1, keepdims=True)
@@ -267,8 +263,7 @@ class FrozenModes:
 
         The conditions are C v = K v = 0 at every phase, within round-off, and Φ (v, 0) = (v, 0); the
         monodromy matrix Φ (k, 2n, 2n) depends on all phases. Then q = v t is a solution, and the multiplier
-        +1 is defective. errors (k,): errors of the multipliers.
-        """
+        +1 is defective. errors (k,): errors of the multipliers."""
         drifts = zip(self._damping_and_stiffness(points), Phi, self.units(points), errors, strict=True)
         return np.array([is_periodic_drift(*arguments) for arguments in drifts], dtype=bool)
 
@@ -290,8 +285,7 @@ class FrozenModes:
         """Units (k, N) that make the states of the points at positions `points` (k,) comparable.
 
         They are the square root of the mean inertia for rates, the square root of the mean stiffness for
-        coordinates (of the inertia if that is larger), and 1 for first-order coordinates.
-        """
+        coordinates (of the inertia if that is larger), and 1 for first-order coordinates."""
         matrices = self._matrices_at(slice(None))[::2][..., points, :]
         diagonals = np.abs(np.einsum("aiipk->apik", matrices)).mean(axis=-1)
         inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
@@ -331,8 +325,7 @@ class FrozenModes:
     def is_within(self, rate: Array | float) -> Array:
         """Whether (P,) bounds prove that, at all phases, no eigenvalue has a modulus above `rate` (P,).
 
-        λ²M + λC + K is regular for all |λ| > r if (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v.
-        """
+        λ²M + λC + K is regular for all |λ| > r if (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v."""
         rate = np.broadcast_to(rate, len(self))
         if not self._is_oscillator:
             rows = np.arange(len(self))

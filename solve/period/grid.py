@@ -36,8 +36,7 @@ class Grid:
 
         If `steps` is doubled, every piece between breaks has more steps. The same is true of an increase by a
         third, if every piece has at least 6 steps. Two grids with equal steps in a piece would agree even if
-        neither resolves it. Raises ValueOutOfBoundsError above the memory limit.
-        """
+        neither resolves it. Raises ValueOutOfBoundsError above the memory limit."""
         require_size("steps", steps)
         return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
 
@@ -100,8 +99,7 @@ class Grid:
         """Phases (m, s) of the stages at the fractions c (s,) of each step.
 
         A stage at a jump is moved slightly into its step, so that the matrices of that side of the jump
-        apply.
-        """
+        apply."""
         if self.steps > _MAX_CACHED:
             return self._stages(c)
         key = c.tobytes()
@@ -135,8 +133,7 @@ def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
     """Return the ends of the pieces between jumps, including 0 and the period, and whether the matrices jump
     at phase 0.
 
-    Breaks that differ by round-off count as one.
-    """
+    Breaks that differ by round-off count as one."""
     same = 0.5 * _INSIDE * period
     ends, jump_at_zero = [0.0], False
     for phase in sorted(b % period for b in breaks):
@@ -151,8 +148,7 @@ def steps_of(steps: int, lengths: Array) -> Array:
     """Distribute `steps` steps over pieces in proportion to their lengths (k,), given as fractions of the
     period.
 
-    Every piece has at least half as many steps as it would have if all pieces had equal length.
-    """
+    Every piece has at least half as many steps as it would have if all pieces had equal length."""
     k = len(lengths)
     least = steps // (2 * k) + 1
     short = steps * lengths < least

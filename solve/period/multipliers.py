@@ -69,8 +69,7 @@ class Multipliers:
         """Eigenvalues of finite monodromy matrices `Phi` (…, N, N).
 
         The bound is 8 eps‖Φ‖, where Φ is balanced and thus independent of units, but at least 1e-100. units:
-        as returned by `balance_matrices`, if known. known: the eigenvalues, if already computed.
-        """
+        as returned by `balance_matrices`, if known. known: the eigenvalues, if already computed."""
         values, norm = sorted_eigenvalues(Phi, units) if known is None else (known.values, known.sizes)
         bound = np.maximum(LOST * norm, NEGLIGIBLE)
         is_resolved = np.abs(values) > bound[..., None]
@@ -135,8 +134,7 @@ class Multipliers:
         """Replace multipliers that are not accurate to one digit by zero.
 
         error (…): error of the multipliers relative to the spectral radius; infinite if all multipliers are
-        below `UNDERFLOW`.
-        """
+        below `UNDERFLOW`."""
         has_no_digit = np.isinf(error)
         absolute = np.where(has_no_digit, 0.0, error) * self.spectral_radius
         bounds = np.maximum(np.where(has_no_digit, UNDERFLOW, absolute), self.bound)
@@ -181,8 +179,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
       and none of them can be defective (chapter Section 2).
     - Undetermined otherwise.
 
-    If two multipliers may coincide, 10 e replaces e in the first condition and 2 e in the second.
-    """
+    If two multipliers may coincide, 10 e replaces e in the first condition and 2 e in the second."""
     values, moduli, e = multipliers.values, multipliers.moduli, _absolute_errors(multipliers, errors)
     result = _by_moduli(moduli, e, e, SURE * e)
     rows, coincide = _coinciding(multipliers, errors, e)
@@ -238,8 +235,7 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
 
     A perturbation splits the double multiplier of a defective block by its square root, which `errors` (P,)
     may not include. Multipliers count as distinct if their distance is more than a thousand times the error,
-    a factor chosen by judgement. e (P, N): error of each multiplier.
-    """
+    a factor chosen by judgement. e (P, N): error of each multiplier."""
     is_near = np.abs(multipliers.moduli - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     rows, N = np.flatnonzero(across(np.add, is_near.astype(int)) > 1), is_near.shape[1]
     if not len(rows):

@@ -1,8 +1,7 @@
 """Quantities selected by name. All commands use the same syntax.
 
 The name is NAME.FIGURE for a coordinate or output, such as q3.max_abs or contact_force.harmonic5. Other names
-are spectral_radius, rho1, exponent1, and their real and imaginary parts, such as rho1.re.
-"""
+are spectral_radius, rho1, exponent1, and their real and imaginary parts, such as rho1.re."""
 
 import re
 from dataclasses import dataclass
@@ -58,8 +57,7 @@ class Named:
 
     subject: name of a coordinate or output, or RHO, EXPONENT or RADIUS. figure, for coordinates and outputs:
     a field of `Statistics`, HARMONIC or PHASE. figure, for multipliers and exponents: "re", "im" or "abs", or
-    "" for the complex number. number: number of the harmonic, or index of the multiplier, counted from 1.
-    """
+    "" for the complex number. number: number of the harmonic, or index of the multiplier, counted from 1."""
 
     text: str
     unit: str

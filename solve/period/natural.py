@@ -29,8 +29,7 @@ class NaturalFrequencies(NamedTuple):
     Modes are in ascending order of the real part of λ in K v = λ M v: growing modes, rigid-body modes, then
     vibrating modes. frequencies (m, k): imaginary part of √−λ in rad/s; NaN where λ < 0. growth_rates (m, k):
     real part of √−λ in 1/s; NaN where λ ≥ 0. A mode with complex λ, which is possible if K is not symmetric,
-    has both.
-    """
+    has both."""
 
     frequencies: Array
     growth_rates: Array
@@ -115,8 +114,7 @@ def _elastic(M: Array, K: Array, vectors: Array, references: list[int], rest: li
 
     `vectors` (m, n, r) are the rigid-body modes; their rows `references` are the identity. With q = E a + x,
     where E contains the modes and x is zero at the references, K acts on x alone, and M is reduced to a Schur
-    complement.
-    """
+    complement."""
     stiffness, moved = K[:, rest][:, :, rest], M @ vectors
     if _symmetric(M, M).all() and _symmetric(K, M).all() and _is_positive(M):
         overlap_inverse = np.linalg.inv(np.swapaxes(vectors, 1, 2) @ moved)
@@ -148,8 +146,7 @@ def _of_symmetric(M: Array, K: Array) -> Array:
 
     If λ is computed, small λ are inaccurate beside large ones; if 1/λ is computed, large λ are. If K is
     positive definite, each λ is taken from the computation with the smaller relative error: eps λmax/λ for λ,
-    or eps λ/λmin for 1/λ.
-    """
+    or eps λ/λmin for 1/λ."""
     found = _reduced(M, K)
     if not _is_positive(K):
         return found

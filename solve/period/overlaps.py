@@ -47,8 +47,7 @@ class Overlaps:
 
     forward (j, k, S), backward (k, j, S): mode p_b of the second point is the sum of forward[a, b, s] p_a
     exp(isφ) over the modes p_a of the first point and the shifts s from -S//2 to S//2. `backward` is the same
-    with the points exchanged.
-    """
+    with the points exchanged."""
 
     forward: Array
     backward: Array
@@ -74,8 +73,7 @@ class Overlaps:
 
         The products do not depend on the lengths of the vectors. Before moduli are taken, their sum over b
         and s is 1. As the points approach each other, a product tends to 1 for the same mode and to 0 for
-        different modes, even if the modes are not orthogonal.
-        """
+        different modes, even if the modes are not orthogonal."""
         return np.abs(self.forward * np.swapaxes(self.backward, 0, 1)[..., ::-1])
 
     def coefficient(self, row: Array, column: Array, shift: Array) -> Array:
@@ -142,8 +140,7 @@ def exceptional_points(
     diag(α, β) and H(1) = W diag(α', β') W⁻¹; H is assumed to be linear in t. Its eigenvalues coincide where
     (h₁₁ - h₂₂)² + 4 h₁₂ h₂₁ = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear
     Operators, II.1.1). If these are complex conjugates with a small imaginary part, the modes veer; if they
-    coincide, the modes cross.
-    """
+    coincide, the modes cross."""
     (now, then), (a, b) = points, pairs
     first, second = np.triu_indices(len(a), 1)
     reach = 2 + int(np.abs(shifts).max(initial=0))

@@ -85,8 +85,7 @@ def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple
     """Return M⁻¹C and M⁻¹K (n, n, P, k), with the rates of the last `first_order` coordinates as unknowns.
 
     For few coordinates they are computed by elimination without pivoting, which is accurate for inertia
-    matrices.
-    """
+    matrices."""
     if first_order == len(M):
         ratio, _ = mass_normalised(M, C, K[:, :0])
         return ratio, np.zeros_like(ratio)
@@ -110,8 +109,7 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
 
     Equations and unknowns are scaled by their largest coefficients. error: error of the states, relative to
     `units` (2n,). Residuals of 12 eps and relative differences of 1e-6 after a period count as zero. Both
-    limits are chosen by judgement.
-    """
+    limits are chosen by judgement."""
     for axis in (1, 0):
         largest = np.abs(rows).max(axis=axis, keepdims=True)
         largest = np.where(largest > 0, largest, 1.0)
@@ -129,8 +127,7 @@ def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) 
     """Amplitude (…) after one period, relative to the start and at most 1, of the least damped fast mode.
     Fast modes have a phase advance above `limit` (…).
 
-    eigenvalues (…, k, 2n): eigenvalues of the system frozen at k phases.
-    """
+    eigenvalues (…, k, 2n): eigenvalues of the system frozen at k phases."""
     moduli = np.abs(eigenvalues)
     is_fast = (moduli * period > limit) | (moduli == moduli.max(axis=-1, keepdims=True))
     rates = np.where(is_fast, np.real(eigenvalues), -np.inf).max(axis=-1)

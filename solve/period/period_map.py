@@ -3,8 +3,7 @@
 Neighbouring maps are multiplied pairwise until `BLOCKS` blocks remain, with one array operation per level of
 pairs. The cyclic system of the blocks is solved by structured orthogonal factorisation (S. J. Wright, SIAM J.
 Sci. Stat. Comput. 13 (1992) 742-764). Single shooting, chapter Eqs. (21), (40), would lose accuracy if a
-solution of the homogeneous system grows over the period.
-"""
+solution of the homogeneous system grows over the period."""
 
 from dataclasses import dataclass
 
@@ -62,8 +61,7 @@ class Steps:
     """Affine maps of the steps of one period, A (..., m, N, N) and b (..., m, N).
 
     Leading axes are points. For `periodic_states`, b may also be (..., m, N, r), for r problems with the same
-    A.
-    """
+    A."""
 
     A: Array
     b: Array
@@ -105,8 +103,7 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
     condition number (...) of the cyclic system.
 
     If the system is singular because a multiplier is +1, the condition number is infinite and the states are
-    NaN.
-    """
+    NaN."""
     columns = steps.b.ndim == steps.A.ndim
     with_columns = steps if columns else Steps(steps.A, steps.b[..., None])
     return _closed_levels(_levels(with_columns, _most_blocks(steps)), columns)
@@ -155,8 +152,7 @@ def _units(A: Array) -> Array:
     """Units (..., N) of the states, powers of 2, in which the maps are balanced.
 
     Orthogonal elimination weights all states equally: beside a state in metres, a state in milliradians would
-    lose digits.
-    """
+    lose digits."""
     size = np.abs(A).sum(axis=-3)
     size = size / np.maximum(size.sum(axis=(-2, -1), keepdims=True), np.finfo(float).tiny)
     return balance_matrices(size)[1]
@@ -167,8 +163,7 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
     relative residual.
 
     The system is solved in units (..., N) of the states. If digits are lost, it is solved again in units that
-    differ between the nodes. It counts as singular only if it is singular in all these units.
-    """
+    differ between the nodes. It counts as singular only if it is singular in all these units."""
     unit = np.broadcast_to(unit[..., None, :], A.shape[:-1])
     x, condition, left = _in_units(A, b, unit, level=False)
     regular = condition < 1 / SINGULAR
@@ -272,8 +267,7 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
 
     Each row G x_k + H x_{k+1} = r is combined with the next one by orthogonal elimination of the state
     between them, until one row G x_0 + H x_B = r remains. level: whether rows are scaled to entries of at
-    most about 1, which is necessary if units differ between the nodes.
-    """
+    most about 1, which is necessary if units differ between the nodes."""
     N, r = blocks.b.shape[-2:]
     unit = np.broadcast_to(-np.eye(N), blocks.A.shape)
     rows, eliminated = np.concatenate((blocks.A, unit, -blocks.b), axis=-1), []

@@ -1,8 +1,7 @@
 """Batches of points, represented by samples of their coefficients over the phase. A point is a system at a
 speed.
 
-A point has 3n² + n entries: Ω²M, ΩC and K in row order, then d. Derivatives are with respect to the phase.
-"""
+A point has 3n² + n entries: Ω²M, ΩC and K in row order, then d. Derivatives are with respect to the phase."""
 
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -128,8 +127,7 @@ class Points(Protocol):
     first_order: number of coordinates without second derivatives, which are the last ones. The state x = (q,
     q′) contains all n coordinates, and the rates of those with second derivatives. bytes_a_phase: bytes per
     point and phase of tables that are not shared. alone: whether this is a single point that is not part of a
-    batch.
-    """
+    batch."""
 
     @property
     def n(self) -> int: ...

@@ -5,8 +5,7 @@ SLICOT's periodic QZ algorithm (A. Bojanczyk, G. Golub, P. Van Dooren, Proc. SPI
 Kressner, BIT 46 (2006) 421-440) finds unitary matrices Q_k for which every Q_{k+1}ᴴ A_k Q_k is upper
 triangular. An eigenvalue is a product of diagonal entries. The backward error of a factor, relative to its
 norm, is a few units of round-off. Even an eigenvalue of 1e-400 is therefore as accurate as the factors
-permit.
-"""
+permit."""
 
 import math
 from dataclasses import dataclass
@@ -30,8 +29,7 @@ class ProductEigenvalues:
     logarithms (P, N): log ρ with imaginary part in (-π, π]; the real part is -inf for an exact 0. errors (P,
     N): estimated relative error of ρ; infinite if ρ is not accurate to one digit. right, left (P, m, N, N) or
     None: eigenvectors x_k and y_k at the start of each factor, as columns, with ‖x_k‖ = 1, y_kᴴ x_k = 1, A_k
-    x_k ∝ x_{k+1} and y_{k+1}ᴴ A_k ∝ y_kᴴ.
-    """
+    x_k ∝ x_{k+1} and y_{k+1}ᴴ A_k ∝ y_kᴴ."""
 
     logarithms: Array
     errors: Array
@@ -46,8 +44,7 @@ def product_eigenvalues(
 
     rounding (P, m): Frobenius norm of the error of each factor; by default, half a unit of round-off times
     the norm of the factor. vectors: whether eigenvectors are also computed. Raises LinAlgError if the
-    iteration does not converge, ImportError without SLICOT.
-    """
+    iteration does not converge, ImportError without SLICOT."""
     factors, power = _scaled(factors)
     if rounding is None:
         sizes = EPS / 2 * np.linalg.norm(factors, axis=(-2, -1))
@@ -110,8 +107,7 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
     matrices X (m, N, N): F_k X_k = X_{k+1} diag F_k.
 
     diagonal (N, m): diagonals of F. The values of one entry of X along the chain solve a cyclic bidiagonal
-    system. Equal eigenvalues are treated as if they differed by one unit of round-off.
-    """
+    system. Equal eigenvalues are treated as if they differed by one unit of round-off."""
     m, N, _ = F.shape
     X = np.zeros((m, N, N), dtype=complex)
     X[:, range(N), range(N)] = 1.0
@@ -132,8 +128,7 @@ def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) ->
 
     The first-order term contains the left and right eigenvectors of the eigenvalue; the second-order term
     also contains those of all other eigenvalues. Only the second-order term includes errors that grow along a
-    part of the chain.
-    """
+    part of the chain."""
     errors = np.empty(len(theta))
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         log_theta = np.maximum(np.log(np.abs(theta)), -1e4)

@@ -89,8 +89,7 @@ def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list
     has the opposite sign.
 
     Each extremum is sought near the largest sample (the first of several equal ones), and near lower samples
-    if the curve may be higher there.
-    """
+    if the curve may be higher there."""
     reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
     firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]
     # One call for maximum and minimum, because twice the phases cost little more.
@@ -121,8 +120,7 @@ def _above(
 
     `centre` and `highest` are the maximum found so far. It is replaced if the curve is higher near other
     samples; these are searched if their upper bound `reach` (…, k) exceeds it. side: the sign, and the
-    largest moduli (…).
-    """
+    largest moduli (…)."""
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
@@ -141,8 +139,7 @@ def _reach(values: Array) -> Array:
     """Upper bounds on the curve near samples (…, k) that are local maxima; -inf for other samples.
 
     The parabola through the sample and its neighbours has a maximum above the sample; the bound exceeds the
-    sample by twice as much.
-    """
+    sample by twice as much."""
     before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
     peak, bend = (values >= before) & (values >= after), 2 * values - before - after
     above = np.square(before - after) / (4 * np.where(bend > 0, bend, np.inf))
@@ -222,8 +219,7 @@ def spectrum(values: Array, count: int) -> tuple[Array, Array]:
     A_k cos(kφ + ψ_k).
 
     `values` (…, m) are samples at m uniform phases from 0. A0 is the signed mean; the others are single-sided
-    peak amplitudes.
-    """
+    peak amplitudes."""
     series = np.fft.rfft(_known(values), axis=-1)[..., : count + 1] / values.shape[-1]
     amplitudes, angles = 2 * np.abs(series), np.angle(series)
     amplitudes[..., 0], angles[..., 0] = series[..., 0].real, 0.0
@@ -253,8 +249,7 @@ class Quantities:
 
     curve (P, n, …): curves of the points. speeds (P,): speeds in rad/s. formulas: formulas of the outputs,
     with parameters (P, p). positions: indices of the outputs among the formulas. outputs: function that
-    computes the same outputs in NumPy.
-    """
+    computes the same outputs in NumPy."""
 
     curve: PeriodicCurve
     speeds: Array

@@ -45,8 +45,7 @@ class RigidBodyModes:
     fewer than r modes. references (P, r): indices of the reference coordinates. damped (P, r): whether C e ≠
     0; undamped modes come first. errors (P, r): largest |K e| over the period, relative to Σ|K_ij e_j|.
     momentum (P, 2n): row ψ of the momentum ψ(q, q′) at phase 0, if it is conserved although C e ≠ 0, for
-    example if C is the rate of a varying M; zero without such a momentum.
-    """
+    example if C is the rate of a varying M; zero without such a momentum."""
 
     vectors: Array
     references: Array
@@ -196,8 +195,7 @@ def with_unit_states(mass: Array, first_order: int) -> Array:
     """Mass matrices (P, n, n) in which the diagonal entry of first-order coordinates, the last ones, is 1.
 
     If the block of the other coordinates is not positive definite, for example because the equations are in
-    another order, it is replaced by the identity.
-    """
+    another order, it is replaced by the identity."""
     if not first_order:
         return mass
     n, p = mass.shape[-1], mass.shape[-1] - first_order
@@ -214,8 +212,7 @@ def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, peri
 
     For g with gᵀK = 0, the product of gᵀ and the equations is a total derivative, (gᵀM q′ + bᵀq)′ = gᵀd, if b
     = Cᵀg - (Mᵀg)′ is constant. If also bᵀe = 0, a rigid-body motion changes this momentum only through its
-    velocity. Only points with a single mode are examined.
-    """
+    velocity. Only points with a single mode are examined."""
     count, phases, n, _ = M.shape
     momentum = np.zeros((count, 2 * n))
     harmonics = np.fft.rfftfreq(phases, 1 / phases)
@@ -250,8 +247,7 @@ def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
 def may_be_singular(K: Array, noise: Array) -> Array:
     """Whether (P,) a relative change of the entries by `BOUND` may make the matrices (P, n, n) singular.
 
-    Such a change alters the determinant by at most n BOUND times the product of the row sums.
-    """
+    Such a change alters the determinant by at most n BOUND times the product of the row sums."""
     with np.errstate(invalid="ignore", over="ignore"):
         sums, noises = np.add.reduce((np.abs(K), noise), axis=-1)
         scale = np.where(sums > 0, sums, 1.0)

@@ -2,8 +2,7 @@
 
 A ball is a midpoint with a radius. Every operation returns a ball that contains the exact results for all
 numbers in its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Bounds are also computed with
-balls, and thus include rounding errors.
-"""
+balls, and thus include rounding errors."""
 
 import copyreg
 import math
@@ -90,8 +89,7 @@ def number(x: float, rounded: bool) -> Ball:
     """Convert a number to a ball.
 
     rounded: whether the ball contains all numbers within two units in the last place. This allows for the
-    several rounding errors of unit conversions and of constants such as π.
-    """
+    several rounding errors of unit conversions and of constants such as π."""
     whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
     return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
 

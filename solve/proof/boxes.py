@@ -7,8 +7,7 @@ at most the factor e^z, z = p√(2δ_x) + q√(2δ_y).
 
 For one coordinate, let t and D be the trace and the determinant of Φ. Both multipliers lie inside the unit
 circle if D < 1 and |t| < 1 + D. One lies outside if D > 1 or |t| > 1 + D (Jury's criterion). With more
-coordinates, the verdict follows from the discs of `spectrum`.
-"""
+coordinates, the verdict follows from the discs of `spectrum`."""
 
 import math
 import time

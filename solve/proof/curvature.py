@@ -6,8 +6,7 @@ for u, λΩ|TW|1 for u̇, and λΩ²κ₂|TW|1 for ü. For all deviations of nor
 
     Λ ≥ max_i Σ_j |(M T W)⁻¹|_ij Σ_ab |∂²r_j/∂v_a∂v_b| s_a s_b / (Ω² λ),
 
-where the divisor Ω² λ is due to the scaling of the equations.
-"""
+where the divisor Ω² λ is due to the scaling of the equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,8 +37,7 @@ class Cell:
 class Curvature:
     """Bounds Λ in tubes around the motion of an equation. The cells cover the period.
 
-    second: second derivatives of the residual, and the residual. sizes: s (3n,).
-    """
+    second: second derivatives of the residual, and the residual. sizes: s (3n,)."""
 
     equation: Equation
     second: Instructions
@@ -51,8 +49,7 @@ class Curvature:
         """Prepare the bounds for the motion of an equation. rate: κ₂.
 
         Raises StepsError if, at some phase, M may be singular or the branch of a piecewise operation is
-        undecided.
-        """
+        undecided."""
         cells = []
         for start, h in zip(turn.starts, turn.lengths, strict=True):
             for k in range(_CELLS):
@@ -64,8 +61,7 @@ class Curvature:
         """Bound Λ for deviations of norm ≤ radius.
 
         It is infinite if no bound exists. It is also infinite if the residual may have a kink or a jump in
-        the tube, because second derivatives then do not bound the remainder N.
-        """
+        the tube, because second derivatives then do not bound the remainder N."""
         tube = [arb(0, (radius * size).upper()) for size in self.sizes]
         return largest(self._on(cell, tube) for cell in self.cells)
 

@@ -7,8 +7,7 @@ component,
     y₁′ = W y₂,    m y₂′ + r (y₁, y₂, 1) = 0,    m = P M T W,    r = P [K T/Ω², C T W/Ω, −d/(Ω² λ)].
 
 T, W, λ and P may contain any exact numbers; W must be diagonal, and P regular. They do not change the
-multipliers, and change the orbit only by known factors.
-"""
+multipliers, and change the orbit only by known factors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -91,8 +90,7 @@ class Equation:
     ) -> "Equation":
         """Equation in scales that balance the mean moduli of its coefficients.
 
-        samples: M, C, K (m, n, n) and d (m, n) at m phases, for derivatives with respect to the phase.
-        """
+        samples: M, C, K (m, n, n) and d (m, n) at m phases, for derivatives with respect to the phase."""
         M, C, K, d = samples
         n = d.shape[1]
         modes = np.linalg.eig(np.linalg.solve(M.mean(axis=0), K.mean(axis=0)))[1]
@@ -142,8 +140,7 @@ class Equation:
         """Upper bounds over an interval of phases on the logarithmic norm μ₂(A) and on Re tr A, with A = [0
         W; −m⁻¹r_y].
 
-        μ₂ is the largest eigenvalue of (A + A*)/2, which is bounded by Gershgorin's discs.
-        """
+        μ₂ is the largest eigenvalue of (A + A*)/2, which is bounded by Gershgorin's discs."""
         n = self.n
         P = self.at(phase.mid(), outcomes)[0].mid().inv().mid()
         m, r = self.at(phase, outcomes, P)
@@ -168,8 +165,7 @@ class Equation:
         """Coefficients m (n, n) and r (n, 2n+1) at real or complex phases.
 
         outcomes: branches of the piecewise operations, or None for all possible branches. P: matrix by which
-        r is multiplied, if given.
-        """
+        r is multiplied, if given."""
         matrix, zero = (acb_mat, acb(0)) if isinstance(phase, acb) else (arb_mat, arb(0))
         found = self._entries(phase, outcomes)
         M, C, K, d = (self._filled(matrix, zero, entries, columns) for entries, columns in found)

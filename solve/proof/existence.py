@@ -26,8 +26,7 @@ derivatives, ‖By‖ ≤ ρΛ max(‖y‖, ‖z‖/κ₂) with z = A₂y + By. 
 Otherwise ‖By‖ ≤ ρΛa₂/(κ₂ − ρΛ) ‖y‖ ≤ ρΛ‖y‖, since ρΛ < 1/Γ. In both cases ‖B‖ ≤ β = ρΛ. It follows from Y* =
 Y + ∫Ψ B Y* that sup‖Y*‖ ≤ κ/(1 − τβ), and
 
-    ‖Φ* − Φ‖ ≤ τβκ/(1 − τβ),    τβ < 1.
-"""
+    ‖Φ* − Φ‖ ≤ τβκ/(1 − τβ),    τβ < 1."""
 
 from dataclasses import dataclass
 
@@ -54,8 +53,7 @@ class Existence:
     """Radii of balls, in the norm |(y, z)|, in which exactly one orbit exists.
 
     radius: radius of a ball that contains the orbit. unique: radius of a ball that contains no other orbit.
-    change: bound on ‖Φ* − Φ‖. rate: κ₂.
-    """
+    change: bound on ‖Φ* − Φ‖. rate: κ₂."""
 
     radius: Ball
     unique: Ball

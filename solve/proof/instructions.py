@@ -3,8 +3,7 @@
 A function of scalars is a list of instructions. The same list is evaluated for real balls, complex balls and
 power series. Piecewise operations (comparisons, |x|, floor, min, max) are analytic only where their outcome
 is constant. The outcomes are determined by an evaluation on a real interval, on which they must not change.
-They are then used in evaluations on discs and with power series.
-"""
+They are then used in evaluations on discs and with power series."""
 
 import operator
 from collections.abc import Callable, Sequence
@@ -229,8 +228,7 @@ class Instructions:
 
     For a line that writes an output, the index of the result consists of the number of the output and of the
     row and column of the entry. The entry is stored immediately, because later lines reuse storage. entries:
-    number of structurally nonzero entries of each output.
-    """
+    number of structurally nonzero entries of each output."""
 
     lines: tuple[tuple[int, tuple[int, ...], Any, Any], ...]
     storage: int

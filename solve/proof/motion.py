@@ -4,8 +4,7 @@ The equations of motion are r(φ, Ω, q, q̇, q̈) = 0. About a motion q̄, the 
 
     ∂r/∂q̈ ü + ∂r/∂q̇ u̇ + ∂r/∂q u = −r(q̄) − N(u),    N(u) = r(q̄ + u) − r(q̄) − Dr(q̄) u.
 
-The coefficients and r(q̄) are known functions of the phase, because q̄ is known exactly.
-"""
+The coefficients and r(q̄) are known functions of the phase, because q̄ is known exactly."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -70,8 +69,7 @@ _DROPPED = 1e-3 * EPS
 class TrigonometricMotion:
     """Motion q(φ) = Σ_k a_k cos(2πkφ/T) + b_k sin(2πkφ/T) with exact coefficients.
 
-    cosines, sines (n, K+1): a_k and b_k. period: T, a ball.
-    """
+    cosines, sines (n, K+1): a_k and b_k. period: T, a ball."""
 
     cosines: Array
     sines: Array
@@ -160,8 +158,7 @@ class TrigonometricMotion:
         remainders.
 
         The variable is the fraction of the interval. After J terms, the remainder is at most Σ_k (|a_k| +
-        |b_k|) (2πkh/T)^J/J!.
-        """
+        |b_k|) (2πkh/T)^J/J!."""
         parts = _PARTS * self.cosines.shape[1]
         length, errors = self.period / parts, []
         with precision(working_bits(), _TERMS):
@@ -207,8 +204,7 @@ def corrected(
     """Apply one Newton correction to the motion.
 
     The defect is evaluated in ball arithmetic of high precision, so that cancellation of forces loses no
-    digits. at: function that returns M, C, K and the defect at a phase.
-    """
+    digits. at: function that returns M, C, K and the defect at a phase."""
     phases = [motion.period * k / (len(nodes) - 1) for k in range(len(nodes) - 1)]
     matrices = [np.array(part) for part in zip(*map(at, phases), strict=True)]
     names = [f"q{i}" for i in range(motion.cosines.shape[0])]

@@ -131,8 +131,7 @@ def _equation(
     coefficients.
 
     The load is the defect. It is scaled by the inertia forces of the motion, because it is far smaller than
-    other forces.
-    """
+    other forces."""
     model, n = system.model, system.n
     numbers = [number(float(x), rounded) for x in (omega, *model.setup.p)]
     instructions = _instructions(model, linearised_about, rounded)
@@ -180,8 +179,7 @@ def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> Pro
     """Radii of existence and uniqueness for each coordinate.
 
     An orbit of norm ≤ ρ has |u_a| ≤ ρ s_a. Conversely, |u_a| ≤ c ρ s_a implies a norm ≤ ρ if c Σ_a |T⁻¹_ia|
-    s_a ≤ λ for every i. The same is true of u̇ and ü with T W instead of T.
-    """
+    s_a ≤ λ for every i. The same is true of u̇ and ü with T W instead of T."""
     equation, motion, proved = found.equation, found.motion, found.existence
     n, sizes = equation.n, sizes_of(equation, proved.rate)
     T = arb_mat(equation.modes.tolist())

@@ -56,8 +56,7 @@ def largest_modulus(pieces: list[tuple[list[Ball], Ball]], width: float = _WIDTH
     """Return a lower and an upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and over all polynomials p.
 
     The interval with the largest upper bound is halved until this bound is close to the largest lower bound.
-    Bounds are rounded up to doubles, so that they can be sorted exactly.
-    """
+    Bounds are rounded up to doubles, so that they can be sorted exactly."""
     low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(pieces))]
     for _ in range(_CELLS):
         bound, at, start, end = heap[0]

@@ -4,8 +4,7 @@ q̈.
 On a step, y = Ỹx + E with the exact polynomial Ỹ and ‖E‖ ≤ ε‖x‖ for the state x at its start. Since m E₂′ =
 −h r_y E − D₂, and ε contains the factor max(1, ‖m⁻¹‖) Σ‖D_k‖, also ‖E₂′‖ ≤ (h‖A‖ + 1) ε‖x‖ for the derivative
 with respect to τ. Hence q, q̇ and q̈ are polynomials with bounded errors. On an interval of τ, the
-second-order mean value form encloses them in balls, for which the generated function is evaluated.
-"""
+second-order mean value form encloses them in balls, for which the generated function is evaluated."""
 
 import heapq
 import math
@@ -37,8 +36,7 @@ Polynomial = tuple[list[Ball], Ball]
 class Outputs:
     """Outputs along the periodic solution of an equation, for steps without jumps of the matrices.
 
-    states: states (2n+1, 1) at the start of each step.
-    """
+    states: states (2n+1, 1) at the start of each step."""
 
     instructions: Instructions
     equation: Equation

@@ -8,8 +8,7 @@ If φ changes to φ + T, every intermediate value v changes to v + a + bπ with 
 
 and c(v + a + bπ) = cv + ca + cbπ for rational c, because the constants of the code are exact doubles. The
 result of any other operation has the period T if its operands have the period T. The rules hold for real
-functions; they prove the period wherever the operations are defined.
-"""
+functions; they prove the period wherever the operations are defined."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

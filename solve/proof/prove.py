@@ -118,8 +118,7 @@ def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Periodi
 
     The matrices must be a generated function of the phase, a user's function that accepts symbolic phases, or
     an interpolant of samples. With `nonlinear`, the system must be a model with nonlinear equations without
-    jumps. Raises LinearModelError, and MissingLibraryError without python-flint.
-    """
+    jumps. Raises LinearModelError, and MissingLibraryError without python-flint."""
     require_vibration(system)
     if isinstance(system, Model):
         possible = isinstance(system._matrices, MatrixSampler) and not system.assembled

@@ -10,8 +10,7 @@ values of f at Chebyshev's points has an error of at most
 (L. N. Trefethen, Approximation Theory and Approximation Practice, Theorem 8.2, which also holds for the zeros
 of T_{p+1}, with the same aliasing of coefficients; T. J. Rivlin, The Chebyshev Polynomials, for Λ_p). The
 second term bounds the error in y after interpolation in x. S is bounded by the logarithmic norm, ‖Φ‖₂ ≤ exp ∫
-μ₂(A) dφ.
-"""
+μ₂(A) dφ."""
 
 import itertools
 import math
@@ -86,8 +85,7 @@ class Box(NamedTuple):
 class Plane:
     """Model as a function of two quantities: two parameters, or one parameter and "speed".
 
-    speed: speed in rad/s, if it is not one of the two quantities.
-    """
+    speed: speed in rad/s, if it is not one of the two quantities."""
 
     system: Model
     names: tuple[str, str]
@@ -124,8 +122,7 @@ class Polynomials:
     """Polynomials for k functions on a box: coefficients (k, p+1, q+1) of products of Chebyshev polynomials,
     and error bounds (k,).
 
-    conservative: whether C is zero, and hence det Φ = 1.
-    """
+    conservative: whether C is zero, and hence det Φ = 1."""
 
     coefficients: Array
     errors: Array
@@ -152,8 +149,7 @@ def polynomials(plane: Plane, box: Box, executor: Executor | None = None) -> Pol
     otherwise, they are all entries of Φ in row order.
 
     Return None if too many nodes are required, or if the coefficients of the equations are not analytic near
-    the box.
-    """
+    the box."""
     try:
         with precision(2 * _BITS):
             degrees, errors, conservative = _degrees(plane, box)
@@ -232,8 +228,7 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
     """Return the numbers of nodes along x and y (None if they are too large), bounds (k,) on the
     interpolation errors, and whether C is zero on the box.
 
-    First, equal ellipse ratios ρ are tried along x and y, then neighbours of the best pair.
-    """
+    First, equal ellipse ratios ρ are tried along x and y, then neighbours of the best pair."""
     equation = plane.equation(box)
     real = plane.moved(equation, *(interval(arb(low), arb(high)) for low, high in box))
     period = period_of(plane.system)
@@ -273,8 +268,7 @@ def axis_to_halve(plane: Plane, box: Box, widths: Sequence[float]) -> int:
 
     It is the axis for which one of the halves has the smallest bound S or, if the bounds are equal, the axis
     with the larger width. If the equations are not analytic near a value of one quantity, bisection along the
-    other axis does not reduce S.
-    """
+    other axis does not reduce S."""
     x, y = (min(_size(plane, half) for half in box.halved(axis)) for axis in (0, 1))
     return int(widths[1] > widths[0] if x == y else y < x)
 

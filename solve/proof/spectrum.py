@@ -3,8 +3,7 @@
 With approximate eigenvectors X, D = X⁻¹ΦX is nearly diagonal. Dividing row i of D by σ and multiplying column
 i by σ yields a similar matrix. If disc i of this matrix, with radius Σ_j |D_ij|/σ, does not meet any other
 disc, it contains exactly one eigenvalue. With the largest such σ, the radius is of second order in the
-off-diagonal entries of D.
-"""
+off-diagonal entries of D."""
 
 from dataclasses import dataclass
 
@@ -22,8 +21,7 @@ class Multiplier:
 
     center: complex ball without radius. radius: exact upper bound on the distance from the center. count:
     number of multipliers in the disc. isolated: whether the disc contains only one multiplier. room: if the
-    disc is isolated, lower bound on the distance between the center and all other multipliers.
-    """
+    disc is isolated, lower bound on the distance between the center and all other multipliers."""
 
     center: Ball
     radius: Ball
@@ -161,8 +159,7 @@ def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:
       number of rows of Φ.
     - Stable for one conservative coordinate (det Φ = 1) with |tr Φ| < 2: both multipliers are on the unit
       circle
-      and distinct.
-    """
+      and distinct."""
     size = Phi.nrows()
     if all(each.high < 1 for each in found):
         return ASYMPTOTICALLY_STABLE

@@ -8,8 +8,7 @@ Y − Ỹ satisfies E₁′ = hWE₂ − D₁, m E₂′ + h r_y E = −D₂, E(
 
 Cauchy's inequality bounds the coefficients of m and r beyond order J by the supremum S of their norms on the
 disc |t| ≤ R: ‖r_j‖h^j ≤ S s^j with s = h/R < 1. They add at most (S s^{J+1}/(1 − s)) Σ_k ‖Z_k‖ to the defect,
-with Z = (Ỹ, 1) for r and Z = Ỹ₂′ for m.
-"""
+with Z = (Ỹ, 1) for r and Z = Ỹ₂′ for m."""
 
 import math
 from dataclasses import dataclass
@@ -48,8 +47,7 @@ class Step:
     map: matrix (2n+1, 2n+1) that maps y and the unit load at the start of the step to those at its end.
     terms: exact coefficients (2n, 2n+1) of τ^k. error: bound on the error of the polynomial at every τ.
     advance: bound on h‖A‖. inverse: bound on max(1, ‖m⁻¹‖). load: for each row of h r_d, the coefficients of
-    the powers of τ and an error bound; r_d is the last column of r.
-    """
+    the powers of τ and an error bound; r_d is the last column of r."""
 
     map: Matrix
     terms: list[Matrix]
@@ -134,8 +132,7 @@ def _truncation(
     """Return the order J for which the sums Σ_{j>J} ‖m_j‖h^j and Σ_{j>J} ‖r_j‖h^{j+1} are below the aim, and
     bounds on the sums.
 
-    Raises StepTooLongError if the coefficients are not analytic on a disc twice as large as the step.
-    """
+    Raises StepTooLongError if the coefficients are not analytic on a disc twice as large as the step."""
     h, best = length.upper(), None
     for ratio in _RATIOS:
         radius = h * ratio

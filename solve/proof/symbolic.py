@@ -4,8 +4,7 @@ or an interpolant of samples.
 A function `matrices(phase, speed)` is called with arrays of symbols. Its operations on the symbols form a
 graph, like that of generated code. A proof evaluates every operation of the graph in ball arithmetic.
 Operations that a graph cannot contain raise an error: comparisons, conversions to numbers, and NumPy
-functions that accept only numbers.
-"""
+functions that accept only numbers."""
 
 import functools
 import math

@@ -7,8 +7,7 @@ A step is divided into cells with ∫‖A‖ ≤ a on each, so that ‖Ψ‖ ≤
 cells of one step with the polynomial Ỹ, Ψ = Ỹ(τ_d) Ỹ(τ_c)⁻¹, evaluated with balls. Between different steps, Ψ
 is a product of maps:
 
-    ‖Ψ(t, s)‖ ≤ ‖Ψ(t, t_i)‖ ‖Ψ(t_i, t_{j+1})‖ ‖Ψ(t_{j+1}, s)‖,    s in step j, t in step i > j.
-"""
+    ‖Ψ(t, s)‖ ≤ ‖Ψ(t, t_i)‖ ‖Ψ(t_i, t_{j+1})‖ ‖Ψ(t_{j+1}, s)‖,    s in step j, t in step i > j."""
 
 import math
 from dataclasses import dataclass
@@ -27,8 +26,7 @@ at most a factor of e^0.5."""
 class StepBounds:
     """Upper bounds for a step from t_i to t_{i+1}.
 
-    growth: sup_t ‖Ψ(t, t_i)‖. to_end: ∫ ‖Ψ(t_{i+1}, s)‖ ds. inside: sup_t ∫_{t_i}^t ‖Ψ(t, s)‖ ds.
-    """
+    growth: sup_t ‖Ψ(t, t_i)‖. to_end: ∫ ‖Ψ(t_{i+1}, s)‖ ds. inside: sup_t ∫_{t_i}^t ‖Ψ(t, s)‖ ds."""
 
     growth: Ball
     to_end: Ball

@@ -2,8 +2,7 @@
 
 Generated code compares rounded numbers, so that a jump may be displaced slightly from its break. In a window
 of a few units in the last place around each break, all outcomes are admitted. The map of a window of width δ
-is the identity with an error of at most e^{δ sup‖A‖} − 1.
-"""
+is the identity with an error of at most e^{δ sup‖A‖} − 1."""
 
 import itertools
 import math

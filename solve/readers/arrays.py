@@ -22,8 +22,7 @@ def system_of(arrays: Mapping[str, Any], file: str, speed: float | None = None) 
     """Create a system from the arrays of a file, whose first index is the azimuth.
 
     The arrays must contain M and K for a second-order system, or A for a first-order system. speed: speed in
-    rad/s, by default the speed in the file. Raises FileError and MatricesError.
-    """
+    rad/s, by default the speed in the file. Raises FileError and MatricesError."""
     phase = _phases(arrays, file)
     period = _number(arrays, "phase_period", file)
     omega = _number(arrays, "speed", file) if speed is None else speed

@@ -18,8 +18,7 @@ _MOST_FILES = 10_000
 
 def matching_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     """Find the files that match paths and patterns. Files of one pattern are ordered by the numbers in their
-    names. Raises FileError if no file matches.
-    """
+    names. Raises FileError if no file matches."""
     given = list(paths) if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
     found: list[Path] = []
     for path in given:

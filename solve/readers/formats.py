@@ -170,8 +170,7 @@ def _azimuth_first(name: str, values: Array) -> Array:
     """Move the azimuth of a MATLAB array from the last index to the first.
 
     A two-dimensional array is a constant matrix and is returned unchanged, unless its name is d or b (vectors
-    over the azimuth).
-    """
+    over the azimuth)."""
     if name not in _OVER_AZIMUTH or (values.ndim == 2 and name not in "db"):
         return values
     return np.moveaxis(values, -1, 0)

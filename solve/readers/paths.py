@@ -35,8 +35,7 @@ def read(
 
     options: options of the reader. parameters: variables of an FMU or arguments of a Python function; options
     are also accepted here. others: arguments that apply only to models, and must be None. Raises subclasses
-    of SolveError.
-    """
+    of SolveError."""
     ending = Path(text).suffix.lower()
     allowed = _OPTIONS.get(ending, ())
     options = {**options, **{name: value for name, value in parameters.items() if name in allowed}}

@@ -17,8 +17,7 @@ def read_python(file: Path, parameters: Mapping[str, float | str] | None = None)
 
     The arguments of the function become the parameters of the system, with the defaults as values. Raises
     ModelFileError if the code fails or defines no system; raises UnknownNameError, MissingValueError,
-    ValueOutOfBoundsError for parameters that are not allowed.
-    """
+    ValueOutOfBoundsError for parameters that are not allowed."""
     names: dict[str, Any] = {"__name__": file.stem, "__file__": str(file)}
     try:
         code = compile(file.read_bytes(), str(file), "exec")

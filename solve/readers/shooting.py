@@ -34,8 +34,7 @@ def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
     """Find, by Newton's method, a motion of which the states with indices `kept` (k,) are periodic.
 
     The other states start from their start values. Raises FileError if the motion cannot be integrated, is
-    not isolated, or is not found.
-    """
+    not isolated, or is not found."""
     x, Phi, before = unit.start.copy(), None, np.inf
     for _ in range(_MOST_CORRECTIONS):
         motion, end, sizes = _integrated(unit, x, duration)

@@ -2,8 +2,7 @@
 
 The exit status is 0 if the command is completed, or if the reader has closed the output pipe; 2 for invalid
 input; 70 for an internal error; and 130 after an interruption. Each failure prints one line on standard
-error.
-"""
+error."""
 
 import io
 import os
@@ -77,8 +76,7 @@ class _StreamError(Exception):
 class _Stream(io.TextIOBase):
     """Wrapper of a standard stream that escapes control characters and raises _StreamError.
 
-    A closed stream (None) is replaced by the null device. If `silent`, failures are ignored.
-    """
+    A closed stream (None) is replaced by the null device. If `silent`, failures are ignored."""
 
     def __init__(self, stream: Any, silent: bool):
         self._control = _ERROR_OUTPUT if silent else _OUTPUT
@@ -177,8 +175,7 @@ def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[
     """Run `sys.argv` as a program and exit with its status; the parameters are those of `run_cli`.
 
     Warnings of libraries are hidden, because results contain their own warnings. They are shown if Python was
-    started with -W.
-    """
+    started with -W."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     status = run_cli(name, work, sys.argv[1:], refusals)
@@ -195,8 +192,7 @@ def _repeat_sigint(received: list[object]) -> Iterator[None]:
     """Repeat an interruption until the block ends. Some libraries suppress interruptions while they are
     imported.
 
-    received: list that collects the signal numbers.
-    """
+    received: list that collects the signal numbers."""
 
     def interrupt(signal_number: object, _: object) -> None:
         received.append(signal_number)

@@ -1,8 +1,7 @@
 """Progress of long computations. The code that computes reports it, and it is shown on standard error.
 
 Tasks are nested, for example a grid in a point in a sweep. Each task counts only its own parts. Without a
-listener, the overhead is negligible.
-"""
+listener, the overhead is negligible."""
 
 import math
 import sys
@@ -25,8 +24,7 @@ the elapsed time, up to this limit. Chosen by judgement."""
 class Task:
     """Task that consists of `total` parts; None if the number of parts is unknown.
 
-    even: whether the parts take about equal times, so that the remaining time can be extrapolated.
-    """
+    even: whether the parts take about equal times, so that the remaining time can be extrapolated."""
 
     def __init__(self, what: str, total: float | None, even: bool, report: Callable[[], None]):
         self.what, self.total, self.even = what, total, even
@@ -71,8 +69,7 @@ class Tracker:
     """Current tasks, the outermost one first.
 
     reports: number of reports received. listener: function that is called with the tracker at each report.
-    idle: function that is called when the last task ends.
-    """
+    idle: function that is called when the last task ends."""
 
     def __init__(self, listener: Callable[["Tracker"], object] | None = None):
         self.tasks: list[Task] = []
