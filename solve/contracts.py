@@ -135,16 +135,17 @@ class Dependence(Protocol):
         ...
 
     def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        """Sums (r, c), over phases and rows, of the derivatives that `residual` returns, with weights (k, n,
-        c)."""
+        """Weighted sums (r, c) of the derivatives that `residual` returns, over phases and rows. The weights
+        are (k, n, c)."""
         ...
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        """Derivatives of a sum of the entries of M, C and K with weights (k, 3, n, n). M, C and K are the
-        derivatives of the residual with respect to the states.
+        """Derivatives of a weighted sum of the entries of M, C and K, which are the derivatives of the
+        residual with respect to the states. The weights are (k, 3, n, n).
 
         Return the derivatives with respect to θ (r,), and those with respect to the states (k, 3, n). The
-        latter are 0 for linear equations."""
+        latter are 0 for linear equations.
+        """
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
@@ -172,10 +173,12 @@ class ParameterDerivatives(Protocol):
         ...
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives with respect to the named parameters or, for the name "speed", to the speed.
+        """Derivatives of the equations, with respect to the named parameters or, for the name "speed", to the
+        speed.
 
         compiled: evaluation of formulas by compiled code, if available. Raises UnknownNameError,
-        NoDerivativeError."""
+        NoDerivativeError.
+        """
         ...
 
 
@@ -197,7 +200,8 @@ class Structure(Protocol):
         ...
 
     def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
-        """Mode shapes of the links at a position, for the lowest k frequencies, `frequencies` (k,)."""
+        """Mode shapes of the links at a position. `frequencies` (k,) contains the lowest natural
+        frequencies."""
         ...
 
     def pinned_frequencies(self) -> dict[str, float]:

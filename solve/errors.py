@@ -62,19 +62,19 @@ class StructureError(SolveError):
 
 
 class NoMotionError(SolveError):
-    """Request that requires equations of motion, for a model that has none."""
+    """Equations of motion requested of a model that has none."""
 
 
 class NoVibrationError(SolveError):
-    """Request for a vibration, for a mechanism without coordinates."""
+    """Vibration requested of a mechanism without coordinates."""
 
 
 class NoLoadError(SolveError):
-    """Request for the vibration of a system without load; the vibration is zero."""
+    """Vibration requested of a system without load; the vibration is zero."""
 
 
 class NoSketchError(SolveError):
-    """Request for a drawing, for a system without a sketch."""
+    """Drawing requested of a system without a sketch."""
 
 
 class StepsError(SolveError):
@@ -90,7 +90,7 @@ class UnbalancedLoadError(SolveError):
 
 
 class LinearModelError(SolveError):
-    """Request that requires nonlinear equations, for a linear system."""
+    """Nonlinear equations requested of a linear system."""
 
 
 class NoDerivativeError(SolveError):
@@ -98,7 +98,7 @@ class NoDerivativeError(SolveError):
 
 
 class NoOrbitError(SolveError):
-    """No convergence of Newton's method, continuation or transients to a periodic solution."""
+    """Newton's method, continuation or transients did not converge to a periodic solution."""
 
 
 class ChatterError(SolveError):
@@ -154,7 +154,7 @@ class ResultKindError(FileError):
 
 
 class ReopenedError(SolveError):
-    """Request that requires the equations or the solver, for a result read from a file."""
+    """Calculation requested of a result that was read from a file and has no equations."""
 
 
 def cause(error: Exception) -> str:

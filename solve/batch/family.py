@@ -88,8 +88,8 @@ class Family:
     def outputs(
         self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs (P, o, k) named `names` at phases (P, k), for states q, qd, qdd (P, n, k). Derivatives are
-        with respect to time."""
+        """Outputs (P, o, k) with the names `names` at phases (P, k), for states q, qd, qdd (P, n, k).
+        Derivatives are with respect to time."""
         by_point = []
         for point, *state in zip(points, phase, q, qd, qdd, strict=True):
             system, speed = self.system(point)

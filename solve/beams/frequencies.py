@@ -130,7 +130,7 @@ _POINTS = 48
 
 
 def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
-    """Mode shapes of the beams at a phase, for the lowest frequencies `frequencies` (count,)."""
+    """Mode shapes of the beams at a phase. `frequencies` (count,) contains the lowest natural frequencies."""
     if not beams.exact_links:
         positions = Positions(beams, np.array([phase]))
         vectors = positions.expanded(modes(*positions.matrices()).vectors)[0, :, : len(frequencies)]
@@ -181,7 +181,7 @@ def shape(positions: Positions, vector: Array, mass: float, omega: float) -> Mod
 
 
 def _curve(positions: Positions, number: int, vector: Array, omega: float) -> tuple[Array, Array, Array]:
-    """Return the points, the displacements and the transverse displacements along a link."""
+    """Return the points of a link, their displacements, and their transverse displacements."""
     member = positions.beams.members[number]
     xi = np.linspace(0.0, 1.0, 1 + -(-_POINTS // member.count))
     values = member.local(positions.angle, vector[:, None])[0]

@@ -45,7 +45,7 @@ _AT_REST = {"terms": "full", "stiffening": "off", "damping": "modal"}
 
 
 class Response(Protocol):
-    """Protocol of an orbit or its quasi-static solution."""
+    """Protocol of an orbit or a quasi-static solution."""
 
     @property
     def speed(self) -> float:

@@ -102,7 +102,8 @@ class PeriodicProblem:
         return propagate(A, start, self._engine)
 
     def _end_states(self, a: Array) -> Array:
-        """States (m, 2n, r) at the ends of the steps due to stage accelerations (m, s n, r)."""
+        """States (m, 2n, r) at the ends of the steps, as far as they result from stage accelerations (m, s n,
+        r)."""
         m, _, r = a.shape
         return (self._step_powers * (self._weights @ a.reshape(m, len(self.rule.c), -1))).reshape(m, -1, r)
 

@@ -181,10 +181,11 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
 
 
 def _multiplier_error(solved: Stability, quantity: Named) -> float:
-    """Relative error of the multiplier, a factor in the derivative of the quantity; 0 for quantities without
-    this factor.
+    """Relative error of the multiplier that is a factor in the derivative of the quantity; 0 if there is no
+    such factor.
 
-    The difference between results with different numbers of stages does not include this error."""
+    The difference between results with different numbers of stages does not include this error.
+    """
     if quantity.of_orbit or quantity.subject == EXPONENT:
         return 0.0
     at = multiplier_position(solved, quantity)

@@ -58,7 +58,7 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
 
 
 def damping(coordinates: int) -> Radau:
-    """Radau IIA of the order that is faster for this number of coordinates."""
+    """Radau IIA method. Its order is the one that is faster for this number of coordinates."""
     return _RADAU_OF_FEW if coordinates <= _FEW else RADAU
 
 

@@ -67,18 +67,20 @@ class ModelDerivatives:
         )
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Derivatives of the phases of the breaks (b,), with respect to the named parameters or, for the name
-        "speed", to the speed."""
+        """Derivatives (b, r) of the phases of the breaks, with respect to the named parameters or, for the
+        name "speed", to the speed."""
         zero = np.zeros(len(self._setup.breaks))
         columns = [None if name == SPEED else self._of_break(name) for name in names]
         slopes = np.array([zero if column is None else column for column in columns])
         return np.tile(slopes.reshape(len(names), -1).T, (self._periods, 1))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives with respect to the named parameters or, for the name "speed", to the speed.
+        """Derivatives of the equations, with respect to the named parameters or, for the name "speed", to the
+        speed.
 
         compiled: evaluation of formulas by compiled code, if available. Raises UnknownNameError,
-        NoDerivativeError."""
+        NoDerivativeError.
+        """
         self._require(names)
         damped = self._setup.ratios is not None
         if self._assembled and not damped:

@@ -168,7 +168,8 @@ class Domain:
     def _crossings(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Violations:
-        """Zeros between samples of opposite sign. They are violations for margins that must not vanish."""
+        """Zeros between samples of opposite sign. They are violations of conditions that require a nonzero
+        margin."""
         changes = (margins * np.roll(margins, -1, axis=1) < 0) & self._zero & ~failed
         point, at, row = np.nonzero(changes)
         step = self._period / margins.shape[1]

@@ -206,8 +206,8 @@ def _largest_residual(blocks: Steps, x: Array) -> Array:
 
 
 def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
-    """Sum (..., N) of the moduli of the terms A x + b of each state, maximal over the blocks. The states x
-    are (..., B, N, 1)."""
+    """Sum (..., N) of the moduli of the terms of A x + b for each state, maximal over the blocks. The states
+    x are (..., B, N, 1)."""
     acting = (np.abs(A) @ np.abs(x) + np.abs(b))[..., 0].max(axis=-2)
     least = np.where(acting > 0, acting, np.inf).min(axis=-1, keepdims=True)
     return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0))

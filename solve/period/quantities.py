@@ -53,10 +53,12 @@ def samples_a_step(steps: int) -> int:
 
 
 def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
-    """Fields of `Statistics` (…, 7) of quantities, from their values (…, k) at k uniform phases from 0.
+    """Statistics (…, 7) of quantities, from their values (…, k) at k uniform phases from 0. The last axis
+    contains the fields of `Statistics`.
 
     at: function that returns the values (…, j) of each quantity at phases (…, j) of its own. It is used to
-    find the extrema of the continuous curve between the samples. All fields are NaN if a value is not finite.
+    find the extrema of the continuous curve between the samples. All statistics are NaN if a value is not
+    finite.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         return _figures(_known(values), at, period)
@@ -296,7 +298,7 @@ class Quantities:
         return np.concatenate((values, outputs[:, np.arange(o), np.arange(o)]), axis=1)
 
     def figures(self) -> Array:
-        """Fields of `Statistics` (P, q, 7)."""
+        """Statistics (P, q, 7) of the quantities. The last axis contains the fields of `Statistics`."""
         found = self.compiled_figures()
         return figures(self.values, self.at, self.period) if found is None else found
 
@@ -348,15 +350,15 @@ _A_STEP = 4
 
 
 def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
-    """Fields of `Statistics` (n, 7) of the coordinates of one curve."""
+    """Statistics (n, 7) of the coordinates of one curve, as from `figures`."""
     return Quantities(curve[None], np.ones(1), engine=engine).figures()[0]
 
 
 def compiled_output_figures(
     system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str
 ) -> Array | None:
-    """Fields of `Statistics` (o, 7) of the outputs, from compiled code; None if it is not available. `speed`
-    is in rad/s."""
+    """Statistics (o, 7) of the outputs as from `figures`, but from compiled code; None if it is not
+    available. `speed` is in rad/s."""
     formulas = output_formulas(system) if engine == COMPILED else None
     if formulas is None:
         return None
@@ -368,7 +370,7 @@ def compiled_output_figures(
 
 
 def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Fields of `Statistics` (o, 7) of the outputs, from compiled code if it is available."""
+    """Statistics (o, 7) of the outputs as from `figures`, from compiled code if it is available."""
     compiled = compiled_output_figures(system, curve, speed, engine)
     if compiled is not None:
         return compiled
@@ -383,7 +385,7 @@ def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, e
 
 
 def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Fields of `Statistics` (n + o, 7) of the coordinates and outputs, in this order."""
+    """Statistics (n + o, 7) of the coordinates and outputs, in this order, as from `figures`."""
     of_coordinates = coordinate_figures(curve, engine)
     if not system.outputs:
         return of_coordinates

@@ -119,7 +119,7 @@ def interval(low: Ball, high: Ball) -> Ball:
 
 
 def widened(matrix: Matrix, radius: Ball) -> Matrix:
-    """Real matrix; the radius of every entry is enlarged by `radius`."""
+    """Matrix of real balls, with each radius enlarged by `radius`."""
     by = arb(0, radius.upper())
     return arb_mat(matrix.nrows(), matrix.ncols(), [entry + by for entry in matrix.entries()])
 

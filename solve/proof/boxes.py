@@ -93,7 +93,8 @@ def proved_boxes(plane: Plane, whole: Box, executor: Executor | None = None) -> 
 
 
 def _central(whole: Box) -> Box:
-    """Box in the middle of the ranges, of the size below which boxes without polynomials are not bisected."""
+    """Box in the middle of the ranges. It has the smallest size to which boxes without polynomials are
+    bisected."""
     x, y = ((low + high) / 2 + np.array([-0.5, 0.5]) * _SMALLEST * (high - low) for low, high in whole)
     return Box((float(x[0]), float(x[1])), (float(y[0]), float(y[1])))
 

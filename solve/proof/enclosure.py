@@ -196,7 +196,8 @@ def multiple_of_pi(T: float) -> Fraction | None:
 
 
 def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
-    """Period as a ball. It is an exact multiple of π if the period equals one within rounding errors."""
+    """Period as a ball. It is an exact multiple of π if the period equals such a multiple within rounding
+    errors."""
     multiple = multiple_of_pi(system.period)
     if multiple is None:
         return number(system.period, rounded)

@@ -86,7 +86,7 @@ class TrigonometricMotion:
 
     @property
     def curve(self) -> FourierCurve:
-        """Curve with these coefficients in double precision."""
+        """Curve of this motion in double precision."""
         nodes = np.array([0.0, float(self.period.mid())])
         return FourierCurve(nodes, self.cosines - 1j * self.sines)
 

@@ -154,7 +154,7 @@ def _kept(unit: Unit, exclude: Sequence[str]) -> Array:
 
 def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[Array, Array, bool]:
     """Return the states (k, N), the Jacobians (k, …), and whether the azimuths resolve the harmonics. The
-    number k of azimuths is doubled until they do, or until its maximum."""
+    number k of azimuths is doubled until it suffices or reaches its maximum."""
     count = _FEWEST_AZIMUTHS
     while True:
         states = motion(np.arange(count) * (duration / count)).T

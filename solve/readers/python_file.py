@@ -12,12 +12,13 @@ from solve.system import PeriodicSystem, built_by, relabelled
 
 
 def read_python(file: Path, parameters: Mapping[str, float | str] | None = None) -> PeriodicSystem:
-    """Execute a file and return the system that it defines under the name `system`: a system, or a function
-    that returns one.
+    """Execute a file and return the system that it defines. The name `system` in the file is a system, or a
+    function that returns one.
 
     The arguments of the function become the parameters of the system, with the defaults as values. Raises
     ModelFileError if the code fails or defines no system; raises UnknownNameError, MissingValueError,
-    ValueOutOfBoundsError for parameters that are not allowed."""
+    ValueOutOfBoundsError for parameters that are not allowed.
+    """
     names: dict[str, Any] = {"__name__": file.stem, "__file__": str(file)}
     try:
         code = compile(file.read_bytes(), str(file), "exec")
