@@ -14,7 +14,7 @@ _HOME = {
     if isinstance(statement, ast.ImportFrom)
     for name in statement.names
 }
-"""Module of each public name."""
+"""Mapping from public names to the modules that define them."""
 
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 

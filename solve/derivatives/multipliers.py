@@ -149,7 +149,7 @@ class GridMultipliers:
         assert product.left is not None
         units = blocks.units[0][:, None]
         right, _ = carried(A, blocks.starts, units * product.right[0])
-        # In the backward direction, a block starts at its end and ends where it begins.
+        # In the reversed chain, a block starts where it ends in the forward direction.
         ends = len(A) - np.append(blocks.starts[1:], len(A))[::-1]
         at_ends = np.roll(product.left[0], -1, axis=0)[::-1] / units
         left, _ = carried(np.swapaxes(A, 1, 2)[::-1], ends, at_ends)

@@ -76,7 +76,7 @@ def _banded(blocks: Array, following: Array, right: Array) -> Array | None:
             some = offset == distance
             columns[:, some, a, 2 * width + distance * b] += following[:, some]
     bands, permuted = columns.reshape(r * m * b, -1).T, right[:, order].reshape(-1, 1)
-    # Importing the package takes longer than many commands.
+    # Importing SciPy's LAPACK interface takes longer than many commands.
     from scipy.linalg.lapack import zgbsv  # pyright: ignore[reportAttributeAccessIssue]
 
     _, _, solution, failed = zgbsv(width, width, bands, permuted, overwrite_ab=1)

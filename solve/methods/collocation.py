@@ -144,15 +144,14 @@ class Collocation:
             loads = d[part].reshape(*system.shape[:3], -1)
             right = np.concatenate((system[..., s * n :], loads), axis=-1)
             a[part] = solved(system[..., : s * n], right)
-        # Convert from h² times the accelerations to accelerations, and from coefficients of h v to those of
-        # v.
+        # Convert h² times the accelerations to accelerations, and coefficients of h v to coefficients of v.
         a[..., :n] /= h[:, None, None] ** 2
         a[..., n : 2 * n] /= h[:, None, None]
 
     def _solve_step_by_step(self, a: Array, h: Array, M: Array, C: Array, K: Array, d: Array) -> None:
         """Write the stage accelerations into a (P, m, s n, 2n+r), with one in-place factorisation per step
         for all right-hand sides."""
-        # Importing the package takes longer than many commands.
+        # Importing SciPy's LAPACK interface takes longer than many commands.
         from scipy.linalg.lapack import dgesv  # pyright: ignore[reportAttributeAccessIssue]
 
         P, m, s, n = d.shape[:4]

@@ -24,7 +24,7 @@ from solve.period.rigid_body import (
 )
 
 _IN_A_PIECE = 8
-"""Number of additional phases at which K is tested in each interval between two jumps."""
+"""Number of further phases at which K is tested in each interval between two jumps."""
 
 _FURTHER = 509
 """Number of further phases of the period at which K is tested. Their spacing follows the golden section, so
@@ -38,7 +38,7 @@ _PANELS, _PLACES = 256, 4
 to 200 are integrated with an error of 1e-9 of their amplitude."""
 
 _MOST_SHOWN = 8
-"""Number of components of a rigid-body mode in a message."""
+"""Largest number of components of a rigid-body mode that a message lists."""
 
 _SMALLEST = float(np.finfo(float).tiny)
 

@@ -29,7 +29,7 @@ class Radau(Collocated):
     def nodes(self) -> Array:
         stages = (self.order + 1) // 2
         difference = [0.0] * (stages - 1) + [-1.0, 1.0]
-        # NumPy 2.5 returns complex numbers.
+        # `legroots` of NumPy 2.5 returns complex numbers.
         zeros = np.real(legroots(difference))
         zeros -= legval(zeros, difference) / legval(zeros, legder(difference))
         return np.append((zeros[:-1] + 1.0) / 2.0, 1.0)

@@ -119,7 +119,7 @@ class FrozenModes:
     def _matrices_at(self, phases: Array | slice) -> Array:
         """M, C and K (3, n, n, P, k') at the selected phases."""
         if self._parent is not None and "_fields" not in self.__dict__ and isinstance(phases, slice):
-            # To select phases before points copies less data.
+            # Less data are copied if phases are selected before points.
             fields, positions = self._parent
             fields = fields[..., phases][:, positions]
         else:

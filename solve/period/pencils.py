@@ -9,8 +9,8 @@ from solve.period.points import rate_of
 
 LOOPED = 9
 """Number of coordinates up to which elimination by loops over rows is as fast as LAPACK. The loops treat all
-points and phases at once. Measured for one point, elimination takes 1.6 times as long as LAPACK with 27
-coordinates and 3.4 times as long with 72. With a hundred coordinates, determinants also underflow."""
+points and phases in one operation. Measured for one point, elimination takes 1.6 times as long as LAPACK with
+27 coordinates and 3.4 times as long with 72. With a hundred coordinates, determinants also underflow."""
 
 _ITERATIONS = 6
 """Number of power iterations for the vector v of a bound. Chosen by judgement: the bound is valid for any

@@ -44,8 +44,8 @@ _MOST_BOXES = 200_000, 20_000
 with several coordinates, a box takes a hundred times as long."""
 
 _SMALLEST = 2.0**-8
-"""Width of a box, as a fraction of the range, below which a box without polynomials is not bisected. A
-choice."""
+"""Width of a box, as a fraction of the range, below which a box without polynomials is not bisected. Chosen
+by judgement."""
 
 _PRECISION = 53
 """Working precision in bits for the verdicts of boxes with several coordinates."""

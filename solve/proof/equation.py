@@ -42,8 +42,7 @@ is not subnormal."""
 
 _HALVINGS = 30
 """Largest number of halvings of a step in the search for decided outcomes. After 30 halvings, a part is
-shorter than a window at a jump. A radius is rounded up by a factor of up to 1 + 2^-30, so that more halvings
-are useless."""
+shorter than a window at a jump. The radius of a ball is rounded up by a factor of up to 1 + 2^-30."""
 
 
 @dataclass(frozen=True)

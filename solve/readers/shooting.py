@@ -23,8 +23,8 @@ _SLOW = 0.1
 """Ratio of successive residuals above which the monodromy matrix is computed again. Chosen by judgement."""
 
 _SINGULAR = 1e-10
-"""Singular value of I - Φ, relative to the largest, below which the motion counts as not isolated. A
-choice."""
+"""Singular value of I - Φ, relative to the largest, below which the motion counts as not isolated. Chosen by
+judgement."""
 
 Motion = Callable[[Array], Array]
 """Type of functions that return all states (N, k) at times (k,) in s."""
