@@ -183,5 +183,5 @@ def require_inertia(M: Array, states: Sequence[str] = ()) -> None:
             )
         raise MatricesError(
             "M is singular: some coordinate has no inertia; give every coordinate a mass, "
-            "or leave a massless coordinate out"
+            "or omit massless coordinates"
         )

@@ -295,8 +295,8 @@ class Positions:
         if not np.isfinite(self.angle).all():
             worst = self.phase[~np.isfinite(self.angle).all(axis=1)][0]
             raise StructureError(
-                f"the links cannot be assembled at {np.degrees(worst):.6g} deg; choose lengths with "
-                "which every loop closes at every position"
+                f"the links cannot be assembled at {np.degrees(worst):.6g} deg; choose lengths for "
+                "which every loop closes at all positions"
             )
         allowed = ROUNDING * self.beams.properties.length.max()
         for member, span in zip(self.beams.members, self._spans.T, strict=True):

@@ -121,7 +121,7 @@ def _upper_bound(positions: Positions, count: int) -> Array:
             return omega
         omega[few] *= 2.0
     raise StructureError(
-        f"frequencies below {omega.max():.3g} rad/s: fewer than the requested {count}; request fewer"
+        f"fewer than {count} frequencies lie below {omega.max():.3g} rad/s; request fewer frequencies"
     )
 
 

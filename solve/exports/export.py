@@ -207,7 +207,7 @@ def _controller(
         )
     if result.kind == "kalman":
         raise ValueOutOfBoundsError(
-            "a filter alone cannot be exported; design it together with a regulator, by giving lqr weights"
+            "a filter without a regulator cannot be exported; design both by giving lqr weights also"
         )
     if file.suffix.lower() == ".mat":
         return {file: controller_mat(result, samples)}, result.warnings

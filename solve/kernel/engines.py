@@ -22,5 +22,5 @@ def chosen_engine(name: str) -> tuple[str, list[str]]:
     if not obstacle:
         return COMPILED, []
     if name == COMPILED:
-        raise EngineError(f"{obstacle}; leave the engine out to use NumPy")
+        raise EngineError(f"{obstacle}; omit the engine to use NumPy")
     return NUMPY, [f"{obstacle}; {INSTEAD}"]

@@ -107,5 +107,5 @@ def _percent(part: str, text: str, where: str) -> float:
     except ValueError:
         fraction = math.nan
     if not math.isfinite(fraction):
-        raise ValueOutOfBoundsError(f"{where} is '{text}', with no percentage; {_FORMS}")
+        raise ValueOutOfBoundsError(f"{where} is '{text}', without a percentage; {_FORMS}")
     return fraction

@@ -47,8 +47,8 @@ def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
         before = relative
         x[kept] += _solved(unit, Phi, residual, sizes[kept])
     raise FileError(
-        f"'{unit.path}' has no periodic motion near its start values: its states change by {before:.1e} of "
-        "their size in a period; give start values nearer to the motion, or give 'motion'"
+        f"'{unit.path}' has no periodic motion near its start values: its states change by {before:.1e} in "
+        "a period, relative to their largest values; give start values nearer to the motion, or give 'motion'"
     )
 
 

@@ -86,7 +86,7 @@ def test_missing_compiler_is_reported_in_one_line(own_cache, tmp_path, monkeypat
 
 def test_compiled_engine_without_a_compiler_is_refused(own_cache, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
-    with pytest.raises(EngineError, match=r"no C compiler \(no-such-compiler\).*leave the engine out"):
+    with pytest.raises(EngineError, match=r"no C compiler \(no-such-compiler\).*omit the engine"):
         solve.sweep(solve.load("mathieu"), [1.0], engine="compiled")
 
 

@@ -120,7 +120,7 @@ def test_engine_depends_on_the_call_only(monkeypatch):
 def test_missing_compiler_selects_numpy_unless_compiled_is_required(monkeypatch):
     monkeypatch.setattr(engines, "trouble", lambda: "no C compiler (cc) on this machine")
     assert chosen_engine("auto")[0] == NUMPY
-    with pytest.raises(EngineError, match=r"no C compiler \(cc\) on this machine; leave the engine out"):
+    with pytest.raises(EngineError, match=r"no C compiler \(cc\) on this machine; omit the engine"):
         chosen_engine(COMPILED)
     monkeypatch.setattr(engines, "trouble", lambda: "C compiler 'cc' failed: no space")
     oscillator = systems.constant([[1.0]], [[0.1]], [[2.0]], lambda phase: np.cos(phase)[:, None])

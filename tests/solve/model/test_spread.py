@@ -33,7 +33,7 @@ def test_texts_give_ends_or_mean_and_deviation_in_the_models_unit(text, file_uni
     ("text", "value", "error", "message"),
     [
         ("2 %", 1.0, ValueOutOfBoundsError, "write '±2 %'"),
-        ("±x %", 1.0, ValueOutOfBoundsError, "no percentage"),
+        ("±x %", 1.0, ValueOutOfBoundsError, "without a percentage"),
         ("±2 %", 0.0, ValueOutOfBoundsError, "the range is empty"),
         ("±-1", 1.0, ValueOutOfBoundsError, "the range is empty"),
         ("±nan", 1.0, ValueOutOfBoundsError, "'nan' is not a finite number"),
