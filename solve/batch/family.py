@@ -66,8 +66,8 @@ class Family:
         return True
 
     def at_speeds(self, points: Array) -> SpeedPoints | None:
-        """Represent points (P, v) by one system at several speeds. None unless only the speed varies and the
-        system provides `terms`."""
+        """Represent points (P, v) by one system at several speeds. Return None unless only the speed varies
+        and the system provides `terms`."""
         return None
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:

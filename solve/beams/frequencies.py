@@ -2,10 +2,10 @@
 
 With finite elements, these are the frequencies of M q̈ + K q = 0 (thesis, Eq. (4.40)). With exact elements,
 the stiffness depends on the frequency (Wittrick and Williams; section 5.3 of the thesis). The number of
-frequencies below ω is J(ω) = J0(ω) + s{D(ω)}, where J0 is the number of frequencies below ω of the elements
-with clamped ends, and s is the number of negative eigenvalues of D. At the r-th frequency, eigenvalue number
-r − J0 of D is therefore zero. A bracketing method finds this zero quickly. J0 jumps at frequencies at which
-no joint moves."""
+frequencies below ω is J(ω) = J0(ω) + s{D(ω)}, where J0 is the number of frequencies of the elements with
+clamped ends that are below ω, and s is the number of negative eigenvalues of D. At the r-th frequency,
+eigenvalue number r − J0 of D is therefore zero. A bracketing method finds this zero quickly. J0 jumps at
+frequencies at which no joint moves."""
 
 import numpy as np
 

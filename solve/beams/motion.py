@@ -8,7 +8,7 @@ Eq. (4.22)). Substitution of δ = R q yields
     C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
 The load is the inertia force of the rigid motion, −M q̈_r. Damping consists of modal or Rayleigh damping with
-a single ratio ζ (section 6.2 of the thesis) , and of dashpots to the ground."""
+a single ratio ζ (section 6.2 of the thesis), and of dashpots to the ground."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,14 +25,13 @@ from solve.model.modes import lowest_frequencies, modal_damping
 
 
 def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:
-    """Return the accelerations q̈_r of the rigid motion, first of the links, then of the joints.
+    """Return the accelerations q̈_r of the rigid motion of the links and of the joints.
 
-    For each link, they are (m, elements, k), for its degrees of freedom in link axes. For the joints, they
-    are (m, joints), as x + iy.
-
-    rate, second (m, links): first and second derivatives of the angles with respect to time. Derivatives with
-    respect to the phase yield q̈_r/Ω² at constant Ω. The accelerations of fixed degrees of freedom are
-    included."""
+    For each link, there is an array (m, elements, k) for its degrees of freedom in link axes. For the joints,
+    there is one array (m, joints) of x + iy. rate, second (m, links): first and second derivatives of the
+    angles with respect to time. If derivatives with respect to the phase are given instead, the results are
+    q̈_r/Ω² at constant Ω. The accelerations of fixed degrees of freedom are included.
+    """
     spans = positions.beams.properties.length * (1j * second - rate**2)
     joints, accelerations = positions.placed(spans * np.exp(1j * positions.angle)), []
     for number, member in enumerate(positions.beams.members):

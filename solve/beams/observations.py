@@ -97,7 +97,7 @@ def _joint_force(state: State, member: Member, place: int) -> tuple[Array, Array
 
 
 def _element_forces(state: State, member: Member, index: int) -> Array:
-    """Forces (k, freedoms) on an element in link axes, which are the left-hand side of its equations of
+    """Forces (k, freedoms) on an element in link axes. They are the left-hand side of its equations of
     motion."""
     number = member.number
     q, qd, qdd = (state.local(member, index, order) for order in range(3))

@@ -72,8 +72,9 @@ def columns(
     """Values (outputs, k) of formulas for k columns of inputs, (width, k) each, with parameters (p,); None
     without compiled code.
 
-    along: weights (rows, c, k), preceded by the index (outputs,) of the row of weights for each output. With
-    `along`, weighted sums (outputs, c) of the values are returned instead."""
+    along: pair of an index (outputs,) and weights (rows, c, k). The index selects the row of weights for each
+    output. With `along`, weighted sums (outputs, c) of the values are returned.
+    """
     widths, count = [len(each) for each in inputs], inputs[0].shape[-1]
     rows, shared = sum(widths), np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("INPUTS", len(inputs)), ("ROWS", rows), ("SHARED", len(shared)), ("OUTPUTS", formulas.outputs)

@@ -180,7 +180,8 @@ class Method:
         return True
 
     def linearised(self, points: Points, solutions: "Solutions") -> Points:
-        """Points with linear equations that the solutions satisfy. Linear points are returned unchanged."""
+        """Points with linear equations, which the solutions satisfy. Points whose equations are linear are
+        returned unchanged."""
         return points
 
     @property

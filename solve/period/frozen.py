@@ -1,6 +1,7 @@
 """Modes of the coefficients frozen at fixed phases, and bounds on the moduli of their eigenvalues.
 
-Bounds are evaluated first, eigenvalues only if the bounds leave the question open."""
+Bounds are evaluated first. Eigenvalues are computed only if the bounds do not suffice.
+"""
 
 from dataclasses import replace
 from functools import cached_property

@@ -1,7 +1,8 @@
 """Quantities selected by name. All commands use the same syntax.
 
 The name is NAME.FIGURE for a coordinate or output, such as q3.max_abs or contact_force.harmonic5. Other names
-are spectral_radius, rho1, exponent1, and their real and imaginary parts, such as rho1.re."""
+are spectral_radius, rho1 and exponent1. The real and imaginary parts of the last two are also available, for
+example as rho1.re."""
 
 import re
 from dataclasses import dataclass

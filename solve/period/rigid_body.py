@@ -237,8 +237,8 @@ def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, peri
 
 
 def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
-    """Whether (P,) K e = 0 for all modes of a point, also at k further phases with the matrices K, C, M (P,
-    k, n, n)."""
+    """Whether (P,) K e = 0 for all modes of each point at k further phases. K, C and M (P, k, n, n) are the
+    matrices at these phases."""
     allowed = BOUND * np.abs(K).max(axis=1) + ROUNDING * (np.abs(M) + np.abs(C)).max(axis=1)
     residual = np.abs(K @ modes.vectors[:, None]).max(axis=1)
     return np.asarray((residual <= allowed @ np.abs(modes.vectors)).all(axis=(1, 2)))

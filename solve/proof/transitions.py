@@ -1,7 +1,8 @@
 """Bounds on the transition matrices of a linear system over a period.
 
-Ψ(t, s) maps a state at s to the state at t ≥ s, and Y(t) = Ψ(t, 0). The bounds are κ ≥ sup_t ‖Y(t)‖,    τ ≥
-sup_t ∫_0^t ‖Ψ(t, s)‖ ds.
+Ψ(t, s) maps a state at s to the state at t ≥ s, and Y(t) = Ψ(t, 0). The bounds are
+
+    κ ≥ sup_t ‖Y(t)‖,    τ ≥ sup_t ∫_0^t ‖Ψ(t, s)‖ ds.
 
 A step is divided into cells with ∫‖A‖ ≤ a on each, so that ‖Ψ‖ ≤ e^a within a cell. Between the ends c ≤ d of
 cells of one step with the polynomial Ỹ, Ψ = Ỹ(τ_d) Ỹ(τ_c)⁻¹, evaluated with balls. Between different steps, Ψ

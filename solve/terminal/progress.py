@@ -1,4 +1,4 @@
-"""Progress of long computations. The code that computes reports it, and it is shown on standard error.
+"""Progress of long computations: reports by the code that computes, and display on standard error.
 
 Tasks are nested, for example a grid in a point in a sweep. Each task counts only its own parts. Without a
 listener, the overhead is negligible."""
