@@ -1,6 +1,6 @@
-/* Chains of affine maps of NX states with any number of right sides.
+/* Chains of affine maps of NX states, with any number of right-hand sides.
 
-   closed: periodic states. followed: states from a first one. */
+   closed: states of the periodic solution. followed: states that follow from the first ones. */
 
 #include "lane.h"
 #define W (NX + 1)
@@ -10,11 +10,11 @@ typedef struct {
     long steps, columns;
     const double *maps;            /* (steps, NX, NX) */
     const double *loads;           /* (steps, NX, columns) */
-    double *states;                /* closed: (steps, NX, columns); followed: (steps + 1, NX, columns), the first given */
-    double *condition;             /* (1): of the closed chain */
+    double *states;                /* closed: (steps, NX, columns); followed: (steps + 1, NX, columns), the first are input */
+    double *condition;             /* (1): condition number of the closed chain */
 } problem;
 
-/* to = A from + load, `width` columns of which so many have loads. */
+/* to = A from + load, for `width` columns. A null pointer `load` counts as zero. */
 static inline void next(const double *restrict A, const double *restrict from, const double *restrict load, double *restrict to, long width) {
     for (int i = 0; i < NX; i++) {
         double *row = to + i * width;
@@ -33,7 +33,7 @@ int followed(const problem *p) {
     return 1;
 }
 
-/* Maps (NX, NX) and loads (NX, columns) of one block, from those of its steps `from` … `to`. */
+/* Map (NX, NX) and loads (NX, columns) of one block, from those of its steps `from` … `to`. */
 static void joined(const problem *p, long from, long to, double *map, double *load, double *room) {
     const long size = NX * p->columns;
     memcpy(map, p->maps + from * NX * NX, NX * NX * sizeof(double));
@@ -46,7 +46,7 @@ static void joined(const problem *p, long from, long to, double *map, double *lo
     }
 }
 
-/* 1 where there is memory. */
+/* Returns 1 if memory is available. */
 int closed(const problem *p) {
     const long length = (p->steps + BLOCKS - 1) / BLOCKS, B = (p->steps + length - 1) / length, c = p->columns;
     const size_t size = NX * CYCLIC + B * (NX * W + NX * CYCLIC + NX * ROW + NX);

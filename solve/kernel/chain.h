@@ -1,27 +1,28 @@
-/* A chain of affine maps that is closed on itself, x_{k+1} = A_k x_k + b_k, x_m = x_0, by structured orthogonal
-   elimination (S. J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742-764), LANES chains side by side.
+/* Closed chains of affine maps, x_{k+1} = A_k x_k + b_k, x_m = x_0, solved by structured orthogonal elimination
+   (S. J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742-764), LANES chains at a time. The constants are explained in
+   period/period_map.py.
 
-   NX: numbers in a state; a map is (NX, W), its load the column NX. */
+   NX: number of states. A map is (NX, W); column NX is its load. */
 
-#define BLOCKS 32                  /* at which products stop and orthogonal elimination takes over */
-#define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right side */
-#define CYCLIC (3 * NX + 1)        /* the same where a state between them is eliminated */
-#define STRIP (NX % 2 ? 3 : 6)     /* columns that are reflected at once: so that 3 NX is a multiple of it */
-#define BALANCING 50               /* sweeps of balancing at most */
-#define UNLIKE 2.0                 /* power of 2 between the squares of the norms of a row and its column that asks for some */
-#define APART 1e-3                 /* of what acts on any state: elimination costs those their digits on which less acts */
+#define BLOCKS 32                  /* number of blocks at which multiplication ends and orthogonal elimination begins */
+#define ROW (2 * NX + 1)           /* columns of a row of the chain: two states and a right-hand side */
+#define CYCLIC (3 * NX + 1)        /* the same with a state between them, which is eliminated */
+#define STRIP (NX % 2 ? 3 : 6)     /* columns that are reflected in one loop; a divisor of 3 NX */
+#define BALANCING 50               /* largest number of balancing sweeps */
+#define UNLIKE 2.0                 /* log2 of the ratio of squared row and column norms above which to balance */
+#define APART 1e-3                 /* ratio of the terms of two states below which units are changed */
 #define EPS 2.220446049250313e-16
-#define RESTS 1e-11                /* of what acts on any state: what rests is no larger, however much rounding there is */
-#define REGULAR 1e13               /* condition number of states that does not make their chain singular */
-#define LEFT 1e-12                 /* of what acts on the states at a node: if more is left over, nodes get units of their own */
-#define SINGULAR 1e14              /* condition number beyond which a chain is singular */
-#define AGAIN 3                    /* times that these are found anew at most */
-#define SMALLEST -100              /* power of 2 by which the unit of a node falls at most at a time, from the largest one */
+#define RESTS 1e-11                /* largest ratio of a state that counts as zero to its terms */
+#define REGULAR 1e13               /* upper limit of the condition number of regular chains */
+#define LEFT 1e-12                 /* relative residual above which the nodes have different units */
+#define SINGULAR 1e14              /* condition number above which a chain is singular */
+#define AGAIN 3                    /* largest number of repeated solutions */
+#define SMALLEST -100              /* smallest log2 of the ratio between the units of two nodes per repetition */
 
 #include "singular.h"
 
-/* Householder's reflections of so many rows (count, CYCLIC) that make the first NX columns triangular. The other
-   columns follow in strips, and with them some that need not. */
+/* Householder reflections of rows (count, CYCLIC) that make the first NX columns triangular. The other columns are
+   transformed in strips, which may contain columns for which this is not necessary. */
 static void reflect(lane *z, int count) {
     for (int k = 0; k < NX; k++) {
         lane v[2 * NX], square = {0};
@@ -32,7 +33,7 @@ static void reflect(lane *z, int count) {
         const lane head = v[k], norm = root(square);
         const mask negative = head < 0.0;
         const lane diagonal = (lane)((mask)norm ^ (((mask)(-norm) ^ (mask)norm) & ~negative));
-        v[k] = head - diagonal;                                  /* never cancels */
+        v[k] = head - diagonal;                                  /* no cancellation */
         const lane product = norm * absolute(v[k]);              /* half of |v|^2 */
         const mask nothing = product == 0.0;
         const lane factor = (lane)((mask)(1.0 / product) & ~nothing);
@@ -48,8 +49,8 @@ static void reflect(lane *z, int count) {
     }
 }
 
-/* Join two rows G x_a + H x_b = r and G' x_b + H' x_c = r' by eliminating x_b: z (2 NX, CYCLIC) keeps in its first half
-   what gives x_b from x_a and x_c, `to` becomes a row of x_a and x_c. Rows are G | H | r, (NX, ROW). */
+/* Join two rows G x_a + H x_b = r and G' x_b + H' x_c = r' by eliminating x_b. The first half of z (2 NX, CYCLIC) then
+   determines x_b from x_a and x_c; `to` is a row for x_a and x_c. Rows are G | H | r, (NX, ROW). */
 static void join(const lane *first, const lane *second, lane *z, lane *to) {
     for (int i = 0; i < NX; i++) {
         lane *top = z + i * CYCLIC, *bottom = z + (NX + i) * CYCLIC;
@@ -68,11 +69,11 @@ static void join(const lane *first, const lane *second, lane *z, lane *to) {
         for (int j = 0; j < ROW; j++) to[i * ROW + j] = z[(NX + i) * CYCLIC + NX + j];
 }
 
-/* What follows takes little time to run, but much of a compiler's: it is optimised less. */
+/* The following code takes little time to run but long to compile. Therefore, it is optimised less. */
 #pragma GCC push_options
 #pragma GCC optimize("O2")
 
-/* The state between two others that a joined row left behind. */
+/* State between two other states, from the rows that `join` has stored. */
 static void between(const lane *saved, const lane *before, const lane *after, lane *x) {
     for (int i = NX - 1; i >= 0; i--) {
         const lane *row = saved + i * CYCLIC;
@@ -83,8 +84,7 @@ static void between(const lane *saved, const lane *before, const lane *after, la
     }
 }
 
-/* The one state of a chain that is closed on itself, (G + H) x = r; returns the condition number of G + H,
-   measured against (G, H). */
+/* State of a closed chain with one row, (G + H) x = r. Returns the condition number of G + H relative to (G, H). */
 static lane close_row(const lane *row, lane *z, lane *x) {
     static const lane none[NX];
     for (int i = 0; i < NX; i++)
@@ -105,8 +105,8 @@ static lane close_row(const lane *row, lane *z, lane *x) {
     return most / singular_value(z, NX, 0);
 }
 
-/* Powers of 2 by which columns are multiplied and rows divided so that their norms are alike (as `scaled_alike` of
-   period/multipliers.py). */
+/* Powers of 2 by which columns are multiplied and rows divided so that their norms are similar (`balance_matrices` of
+   period/eigenvalues.py). */
 static void scale_alike(double size[NX][NX], double *unit) {
     double power[NX] = {0.0}, ratio[NX], inverse[NX];
     for (int i = 0; i < NX; i++) unit[i] = inverse[i] = 1.0;
@@ -132,8 +132,8 @@ static void scale_alike(double size[NX][NX], double *unit) {
     for (int i = 0; i < NX; i++) unit[i] = exp2(rint(power[i]));
 }
 
-/* Units (NX) of the states, powers of 2, in which the maps of the blocks are balanced: of each lane by itself, or
-   common to all where the lanes are segments of one chain. */
+/* Units (NX) of the states, powers of 2, in which the maps of the blocks are balanced. They differ between lanes, or are
+   common to all lanes if these are segments of one chain. */
 static void balance(int common, long blocks, const lane *maps, lane *unit) {
     lane total = {0}, part[NX][NX];
     double size[NX][NX], own[NX];
@@ -155,15 +155,15 @@ static void balance(int common, long blocks, const lane *maps, lane *unit) {
     }
 }
 
-/* The power of 2 next below a number, in each lane. */
+/* Largest power of 2 that does not exceed a number, in each lane. */
 static lane power_of(lane x) {
     lane r;
     for (int l = 0; l < LANES; l++) r[l] = isfinite(x[l]) && x[l] > 0.0 ? ldexp(1.0, ilogb(x[l])) : 1.0;
     return r;
 }
 
-/* Rows G x_k + H x_{k+1} = r of so many blocks, in units of the states and of the nodes, from their affine maps; level:
-   those of a block divided by what makes none larger than about 1, as units of the nodes may. */
+/* Rows G x_k + H x_{k+1} = r of the blocks, in units of the states and of the nodes, from their affine maps. level:
+   whether the rows of a block are scaled to entries of at most about 1, because units of the nodes may make them large. */
 static void rows_of(long blocks, const lane *maps, const lane *unit, const lane *node, int level, lane *rows) {
     for (long k = 0; k < blocks; k++) {
         lane *block = rows + k * NX * ROW, most = (lane){0} + 1.0;
@@ -182,18 +182,18 @@ static void rows_of(long blocks, const lane *maps, const lane *unit, const lane 
     }
 }
 
-/* Join neighbouring rows until one is left: a row of the first state and of the last. */
+/* Join neighbouring rows until one remains: a row for the first and the last state. */
 static void reduce(long count, lane *rows, lane *saved) {
     for (; count > 1; count = (count + 1) / 2) {
         for (long k = 0; k + 1 < count; k += 2) {
             join(rows + k * NX * ROW, rows + (k + 1) * NX * ROW, saved, rows + k / 2 * NX * ROW);
-            saved += NX * CYCLIC;                                /* half of it; the next join takes the other one */
+            saved += NX * CYCLIC;                                /* only half of z is kept; the next join overwrites the other half */
         }
         if (count % 2) memcpy(rows + count / 2 * NX * ROW, rows + (count - 1) * NX * ROW, NX * ROW * sizeof(lane));
     }
 }
 
-/* The states between x_0 and the end, which `reduce` has eliminated. */
+/* States between the first and the last one, which `reduce` has eliminated. */
 static void expand(long count, const lane *saved, lane *x, const lane *end) {
     if (count < 2) return;
     const long pairs = count / 2, starts = (count + 1) / 2;
@@ -203,16 +203,16 @@ static void expand(long count, const lane *saved, lane *x, const lane *end) {
         between(saved + k * NX * CYCLIC, x + 2 * k * NX, 2 * k + 2 < count ? x + (2 * k + 2) * NX : end, x + (2 * k + 1) * NX);
 }
 
-/* The largest of a number over the lanes, for all of them. */
+/* Largest value over all lanes, in every lane. */
 static lane shared(lane x) {
     double most = x[0];
     for (int l = 1; l < LANES; l++) most = fmax(most, x[l]);
     return (lane){0} + most;
 }
 
-/* What acts on each of the states x (blocks, NX), at most, and these themselves, in the units; of each lane by itself,
-   or common to all. Returns the largest part of what acts at a node that the states there leave over; `after` comes
-   behind the last block. */
+/* Largest sum `acting` of the moduli of the terms of each state x (blocks, NX), and largest modulus `size` of the state,
+   over the blocks and in the units. They are separate for each lane, or common to all lanes. `after`: states after the
+   last block. Returns the largest residual at a node, relative to its terms. */
 static lane acting_on(int common, long blocks, const lane *maps, const lane *x, const lane *after, const lane *unit, lane *acting,
                       lane *size) {
     lane left = {0};
@@ -237,8 +237,8 @@ static lane acting_on(int common, long blocks, const lane *maps, const lane *x, 
     return left;
 }
 
-/* Bring units (blocks + 1) of the nodes, in the lanes that are open, to where the states x (blocks, NX) are alike at all
-   of them; `after` comes behind the last block. */
+/* Change the units (blocks + 1) of the nodes, in the lanes `open`, so that the states x (blocks, NX) have similar sizes at
+   all nodes. `after`: states after the last block. */
 static void alike(int common, long blocks, const lane *x, const lane *after, const lane *unit, mask open, lane *node) {
     lane size[BLOCKS + 1], most = {0};
     for (long k = 0; k <= blocks; k++) {
@@ -253,8 +253,8 @@ static void alike(int common, long blocks, const lane *x, const lane *after, con
             if (open[l]) node[k][l] *= ldexp(1.0, (int)fmax(logb(size[k][l]) - logb(most[l]), SMALLEST));
 }
 
-/* Make what acts on each state of one size, by powers of 2, where it is far smaller on some, which elimination mixes
-   with the others; 1 where any units change. */
+/* If the terms of some states are far smaller than those of others, change the units by powers of 2 so that all terms
+   have the same size; elimination would mix them. Returns 1 if any unit changes. */
 static int resize(const lane *acting, lane *unit) {
     int changed = 0;
     for (int l = 0; l < LANES; l++) {
@@ -271,10 +271,10 @@ static int resize(const lane *acting, lane *unit) {
     return changed;
 }
 
-/* The condition number of states, from that of their chain of so many steps in units of the states, the first one, and
-   in those of the nodes too: larger where so much of what acts is left over, and, sized, where what acts on one cancels,
-   but for states that are nothing but the rounding of this; not so large that a chain would count as singular which is
-   regular in the first units. */
+/* Condition number of the states of a chain with `steps` steps. `first`: condition number of the chain in units of the
+   states. `condition`: condition number in units that also differ between the nodes. The result is larger if the residual
+   `left` is large and, if `sized`, if the terms of a state cancel; states that are round-off of their terms are excluded.
+   It is limited so that a chain that is regular in the first units does not count as singular. */
 static lane of_states(lane first, lane condition, long steps, const lane *acting, const lane *size, lane left, int sized) {
     const lane rounding = EPS * fmax(8.0, steps / 16.0) + (lane){0}, regular = (lane){0} + REGULAR;
     condition = chosen(first < SINGULAR, -larger(-regular, -condition), condition);
@@ -286,16 +286,16 @@ static lane of_states(lane first, lane condition, long steps, const lane *acting
         cancels = larger(cancels, (lane)((mask)(acting[i] / size[i]) & moves));
     }
     const lane lost = -larger(-left / rounding, -regular);
-    return larger(lost, -larger(-larger(condition, regular), -condition * cancels));     /* NaN stays */
+    return larger(lost, -larger(-larger(condition, regular), -condition * cancels));     /* NaN is preserved */
 }
 
-/* What closing a chain has found, and with which part of what acts left over. */
+/* Solution of a closed chain, and its residual relative to the terms. */
 typedef struct {
     lane x[(BLOCKS + 1) * NX], condition, left, first;
 } closing;
 
-/* Keep what was found in the lanes in which less is left over than before, or a chain is no longer singular; returns the
-   lanes in which it is to be closed again. */
+/* Keep a solution in the lanes in which its residual is smaller than before, or the chain was singular before. Returns the
+   lanes in which the chain must be solved again. */
 static mask keep(closing *kept, int again, long states, const lane *x, lane condition, lane left) {
     mask better = ~(mask){0};
     if (again) better = (left < kept->left) | ~(kept->condition < SINGULAR);
@@ -306,8 +306,8 @@ static mask keep(closing *kept, int again, long states, const lane *x, lane cond
     return (kept->left > LEFT) | (kept->condition > SINGULAR);
 }
 
-/* Starts x (blocks, NX) of the blocks of a closed chain of so many steps; returns their condition number; sized: with
-   regard to their sizes. */
+/* States x (blocks, NX) at the starts of the blocks of a closed chain with `steps` steps. Returns their condition number.
+   sized: whether the sizes of the states are considered. */
 static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x, int sized) {
     lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, left;
     closing kept;
@@ -334,7 +334,7 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
     return of_states(kept.first, kept.condition, steps, acting, size, kept.left, sized);
 }
 
-/* The same where the lanes are segments of one chain, each followed by the next, the last by the first. */
+/* The same if the lanes are segments of one chain: each lane is followed by the next one, and the last by the first. */
 static lane close_segments(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
     static const lane none = {0};
     lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, left;

@@ -1,24 +1,24 @@
-/* Formulas of columns of numbers, LANES columns side by side.
+/* Formulas for columns of inputs, LANES columns at a time.
 
-   FORMULAS: a file with `void formulas(const lane *const *in, lane *out)`. INPUTS: inputs that each column has
-   of its own, ROWS: numbers in all of them; behind these comes one of SHARED numbers, the same for all columns.
-   OUTPUTS: numbers that the formulas give. */
+   FORMULAS: file with `void formulas(const lane *const *in, lane *out)`. INPUTS: number of inputs that differ between
+   columns. ROWS: number of rows of these inputs. The last input has SHARED rows and is the same for all columns.
+   OUTPUTS: number of results of the formulas. */
 
 #include "lane.h"
 #include FORMULAS
 
 typedef struct {
-    long columns;                  /* a multiple of LANES */
-    const int *first;              /* (INPUTS): the rows at which the inputs begin */
+    long columns;                  /* number of columns, a multiple of LANES */
+    const int *first;              /* (INPUTS): first row of each input */
     const double *given;           /* (ROWS, columns) */
     const double *shared;          /* (SHARED) */
-    double *values;                /* (OUTPUTS, columns); of sums (OUTPUTS, sums) */
-    long sums;                     /* weights of each row of numbers */
-    const int *row;                /* (OUTPUTS): the row of weights of each output */
+    double *values;                /* (OUTPUTS, columns), or (OUTPUTS, sums) for weighted sums */
+    long sums;                     /* number of weighted sums per output; 0 for values */
+    const int *row;                /* (OUTPUTS): row of weights for each output */
     const double *weights;         /* (rows, sums, columns) */
 } problem;
 
-/* One after another, groups of columns: their outputs, which `take` stores or adds up. */
+/* Evaluate groups of columns one after another. `take` stores or sums the outputs. */
 static inline __attribute__((always_inline)) void
 each(const problem *p, lane *kept, void (*take)(const problem *, long, const lane *, lane *)) {
     const lane none = {0};
@@ -48,7 +48,7 @@ static void add(const problem *p, long at, const lane *out, lane *kept) {
 
 void columns(const problem *p) { each(p, 0, store); }
 
-/* 1 where there is memory. */
+/* Returns 1 if memory is available. */
 int sums(const problem *p) {
     const size_t size = OUTPUTS * p->sums * sizeof(lane);
     lane *kept = allocate(size);

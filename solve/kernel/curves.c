@@ -1,25 +1,25 @@
-/* How far apart two curves are, at phases that lie evenly in the steps of both.
+/* Differences between two curves at phases that are evenly spaced in the steps of both.
 
-   The mathematics is that of certify/comparison.py. COARSE, FINE: powers of theta in a step of theirs. */
+   The mathematics is that of certify/comparison.py. COARSE, FINE: numbers of powers of theta per step. */
 
 #include "lane.h"
 #include "samples.h"
 
-#define MOST 8                     /* samples of a step, and LANES, at most */
+#define MOST 8                     /* largest number of samples per step, and of LANES */
 
 typedef struct {
-    long steps, samples;           /* these of a step */
+    long steps, samples;           /* samples: per step */
     const double *coefficients;    /* (curves, steps, powers), lowest power first */
-    const double *powers;          /* (powers, MOST): of theta at the samples */
+    const double *powers;          /* (powers, MOST): powers of theta at the samples */
 } side;
 
 typedef struct {
     long curves;
     side coarse, fine;
-    double *apart, *largest;       /* (curves): moduli, of the differences and of the fine curve */
+    double *apart, *largest;       /* (curves): largest moduli of the differences and of the fine curve */
 } problem;
 
-/* Values of one curve at its samples, and MOST zeros behind them. */
+/* Values of one curve at its samples, followed by MOST zeros. */
 static inline __attribute__((always_inline)) void values(const side *s, const int D, long curve, double *to) {
     at_samples(s->coefficients + curve * s->steps * D, D, s->steps, s->samples, s->powers, MOST, to);
     memset(to + s->steps * s->samples, 0, MOST * sizeof(double));
@@ -31,7 +31,7 @@ static double largest_of(lane values) {
     return found;
 }
 
-/* All the curves; 1 where memory is missing, else 0. */
+/* Compare all curves. Returns 1 if memory is insufficient, otherwise 0. */
 int differences(const problem *p) {
     const long count = p->fine.steps * p->fine.samples;
     double *coarse = malloc(2 * (count + MOST) * sizeof(double)), *fine = coarse + count + MOST;

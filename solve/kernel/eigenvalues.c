@@ -1,24 +1,25 @@
-/* Eigenvalues lambda of lambda^2 M + lambda C + K, LANES pencils side by side: of the matrix of the states, balanced
+/* Eigenvalues lambda of lambda^2 M + lambda C + K, LANES pencils at a time. They are those of the balanced state matrix
    (E. E. Osborne, J. ACM 7 (1960) 338-345).
 
-   N: coordinates, P: those of second order; of the others behind them the columns of M are zero. */
+   N: number of coordinates. P: number of second-order coordinates; the others are the last ones, and their columns of M
+   are zero. */
 
 #include "lane.h"
 #include "rows.h"
 
 #define NX (N + P)
-#define SWEEPS 8                   /* of balancing at most */
-#define GAIN 0.9                   /* part of a row and its column to which balancing must bring these */
+#define SWEEPS 8                   /* largest number of balancing sweeps */
+#define GAIN 0.9                   /* balancing continues if it reduces norms below this fraction */
 #include "schur.h"
 
 typedef struct {
     long count;
-    const double *entries;         /* (3 N N, count): of M, C and K by rows */
-    double *values;                /* (NX, count) complex; NaN where they are not found */
+    const double *entries;         /* (3 N N, count): entries of M, C and K in row order */
+    double *values;                /* (NX, count), complex; NaN if the iteration fails */
 } problem;
 
-/* The matrix of the states (q, q') of so many pencils from the one at `first` on; the last one again where there are no more.
-   Rows hold the highest derivatives, K, and C of the rates. */
+/* State matrices for (q, q') of LANES pencils, starting with index `first`. The last pencil also fills the remaining
+   lanes. Rows contain the coefficients of the highest derivatives, K, and the columns of C that belong to rates. */
 static void states(const problem *p, long first, lane A[NX][NX]) {
     static const lane none;
     lane rows[N][2 * N + P];
@@ -45,7 +46,7 @@ static void states(const problem *p, long first, lane A[NX][NX]) {
         }
 }
 
-/* Units in which the norms of rows and columns are alike. */
+/* Balance the matrix: choose units in which each row and its column have similar norms. */
 static void balance(lane A[NX][NX]) {
     for (int sweep = 0, open = 1; open && sweep < SWEEPS; sweep++) {
         open = 0;

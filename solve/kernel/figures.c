@@ -1,14 +1,16 @@
-/* Figures over one turn of curves and of formulas of these, for many points, LANES phases of one side by side.
+/* Statistics over one period of curves, and of formulas along the curves, for many points. LANES phases of one point are
+   evaluated at a time.
 
-   The mathematics is that of period/quantities.py. FORMULAS: a file with `void formulas(const lane *const *in,
-   lane *out)`, of phase, speed, q, q', q'' by time and parameters; or none, for the curves alone. N: coordinates,
-   D: powers of theta in a step, OUTPUTS: formulas, PARAMETERS: their parameters. */
+   The mathematics is that of period/quantities.py. FORMULAS: file with `void formulas(const lane *const *in,
+   lane *out)`, whose inputs are phase, speed, q, q', q'' (time derivatives) and parameters; none for curves only. N:
+   number of coordinates. D: number of powers of theta per step. OUTPUTS: number of formulas. PARAMETERS: number of
+   their parameters. */
 
 #include "lane.h"
 #include "samples.h"
 
 #define FIGURES 7
-#define ORDERS (OUTPUTS ? 3 : 1)   /* derivatives of coordinates that are wanted: formulas are of q, q' and q'' */
+#define ORDERS (OUTPUTS ? 3 : 1)   /* q only, or q, q' and q'' if there are formulas */
 #define ROWS (ORDERS * N + OUTPUTS)
 
 #ifdef FORMULAS
@@ -16,31 +18,31 @@
 #endif
 
 typedef struct {
-    long points, steps, samples;   /* samples: of a step */
-    int wanted, zooms, rough, around;  /* quantities; narrowings of an extremum, and of one that may be lower than
-                                      another; phases of each */
-    double period, tie;            /* part of the largest value by which one extremum is beyond another */
-    const int *quantity;           /* (wanted): coordinates, and behind them formulas */
+    long points, steps, samples;   /* samples: per step */
+    int wanted, zooms, rough, around;  /* numbers of: quantities; refinements of an extremum; refinements of a
+                                       candidate; phases per refinement */
+    double period, tie;            /* tie: relative difference above which extrema are distinct */
+    const int *quantity;           /* (wanted): indices; coordinates first, then formulas */
     const double *curves;          /* (points, N, steps, D), lowest power first */
     const double *speeds;          /* (points) */
     const double *parameters;      /* (points, PARAMETERS) */
-    const double *parts;           /* (around), rising from -1 to 1; LANES of them at least */
+    const double *parts;           /* (around), ascending from -1 to 1; at least LANES */
     double *figures;               /* (points, wanted, FIGURES): max, min, max_abs, mean, max_phase, min_phase, rms */
 } problem;
 
-/* What a point has: its curves, from the first step on, and numbers. */
+/* Data of one point: its curves, starting with the first step, speed and parameters. */
 typedef struct {
     const double *curves;
     lane speed, parameters[PARAMETERS + 1];
 } point;
 
-/* Where the samples of a point are: a row of each coordinate, behind these rows of q' and q'' by time where formulas need
-   them, and of the formulas. Before and behind a row is room for LANES more. */
+/* Storage of the samples of a point: one row per coordinate, then rows of q' and q'' (time derivatives) if formulas
+   require them, then rows of the formulas. Before and after each row there is space for LANES more values. */
 typedef struct {
-    long wide, length;             /* samples of a step and of a turn, and what is beside them */
-    double *powers;                /* (ORDERS, D, wide): of theta at the samples of a step, and derivatives by time */
-    double *rows;                  /* (ROWS, length), from the first sample on */
-    long *turning;                 /* (samples): places in a row */
+    long wide, length;             /* lengths of the samples of a step and of a period, with the additional space */
+    double *powers;                /* (ORDERS, D, wide): powers of theta at the samples of a step, and their time derivatives */
+    double *rows;                  /* (ROWS, length), starting with the first sample */
+    long *turning;                 /* (samples): indices in a row */
 } space;
 
 static void evaluate(const point *at, lane phase, const lane *x, lane *y) {
@@ -50,12 +52,12 @@ static void evaluate(const point *at, lane phase, const lane *x, lane *y) {
 #endif
 }
 
-/* Phases within the first turn, of such as are less than a turn beside it. */
+/* Move phases that are less than one period outside the first period into this period. */
 static inline lane turned(const problem *p, lane phase) {
     return phase + where(phase < 0.0, (lane){0} + p->period) - where(phase >= p->period, (lane){0} + p->period);
 }
 
-/* A quantity at phases of such turns. */
+/* Values of a quantity at phases within one period of the first period. */
 static lane value(const problem *p, const point *at, int quantity, lane phase) {
     lane c[N * D], x[3 * N], y[OUTPUTS + 1];
     const int first = quantity < N ? quantity : 0, last = quantity < N ? quantity + 1 : N;
@@ -65,7 +67,7 @@ static lane value(const problem *p, const point *at, int quantity, lane phase) {
     lane theta = place - (double)step;
     for (int i = first; i < last; i++)
         for (int d = 0; d < D; d++) c[i * D + d] = (lane){0} + at->curves[(i * p->steps + step) * D + d];
-    if (any((theta < 0.0) | (theta >= 1.0)))                     /* not all lanes are in the step of the first */
+    if (any((theta < 0.0) | (theta >= 1.0)))                     /* some lanes are not in the step of the first lane */
         for (int l = 1; l < LANES; l++) {
             const long own = (long)place[l] < most ? (long)place[l] : most;
             theta[l] = place[l] - own;
@@ -89,28 +91,28 @@ static lane value(const problem *p, const point *at, int quantity, lane phase) {
     return y[quantity - N];
 }
 
-/* The largest maximum of sign times a quantity next to a sample, and its phase. */
+/* Highest maximum of sign times a quantity near a sample, and its phase. */
 static double extreme(const problem *p, const point *at, int quantity, double sign, int zooms, double *centre) {
     double width = p->period / (p->steps * p->samples), highest = 0.0;
     for (int zoom = 0; zoom < zooms; zoom++) {
         lane most = (lane){0} - INFINITY, place = (lane){0} + *centre;
         for (int k = 0; k < p->around; k += LANES) {
-            const int from = k + LANES < p->around ? k : p->around - LANES;   /* some twice, but none beyond */
+            const int from = k + LANES < p->around ? k : p->around - LANES;   /* some values are computed twice, none beyond the end */
             const lane phase = *centre + width * *(const loose *)(p->parts + from);
             const lane found = sign * value(p, at, quantity, phase);
             const mask better = found > most;
             most = chosen(better, found, most), place = chosen(better, phase, place);
         }
         highest = most[0], *centre = place[0];
-        for (int l = 1; l < LANES; l++)                          /* of values alike that at the first phase */
+        for (int l = 1; l < LANES; l++)                          /* of equal values, the one at the first phase */
             if (most[l] > highest || (most[l] == highest && place[l] < *centre)) highest = most[l], *centre = place[l];
         width /= 16;
     }
     return highest;
 }
 
-/* Up to where sign times a quantity may rise next to a sample that is no less than its neighbours: twice as far above
-   it as the parabola through the three; -INFINITY next to others. */
+/* Upper bound on sign times a quantity near a sample that is a local maximum; -INFINITY near other samples. The bound
+   exceeds the sample by twice as much as the maximum of the parabola through the sample and its neighbours. */
 static inline double reach(const double *sample, double sign) {
     const double here = sign * sample[0], before = sign * sample[-1], after = sign * sample[1];
     if (!(here >= before && here >= after)) return -INFINITY;
@@ -118,8 +120,8 @@ static inline double reach(const double *sample, double sign) {
     return bend > 0.0 ? here + (before - after) * (before - after) / (4.0 * bend) : here;
 }
 
-/* The largest maximum of sign times a quantity, from its samples and the places of `count` that may be next to one, and
-   its phase: that next to the largest sample, of several the first, unless one next to a lower sample is higher. */
+/* Highest maximum of sign times a quantity, and its phase, from the samples and the indices of `count` candidates. It is
+   the maximum near the largest sample (the first of several equal ones), unless one near a lower sample is higher. */
 static double outermost(const problem *p, const point *at, int quantity, double sign, const double *samples,
                         const long *places, long count, double *phase) {
     const double width = p->period / (p->steps * p->samples);
@@ -141,7 +143,7 @@ static double outermost(const problem *p, const point *at, int quantity, double 
     return highest;
 }
 
-/* Powers of theta at the samples of a step, and their derivatives by time. */
+/* Powers of theta at the samples of a step, and their time derivatives. */
 static void tabulate(const problem *p, const point *at, const space *s) {
     const double rate = p->steps / p->period * at->speed[0];
     for (long j = 0; j < p->samples; j++)
@@ -154,7 +156,7 @@ static void tabulate(const problem *p, const point *at, const space *s) {
         }
 }
 
-/* All rows, and behind the last sample of each the first one again, and before the first the last. */
+/* Compute all rows. After the last sample of a row, the first one is repeated, and before the first one, the last. */
 static void sample(const problem *p, const point *at, const space *s) {
     const long count = p->steps * p->samples;
     for (int row = 0; row < ORDERS * N; row++)
@@ -172,7 +174,7 @@ static void sample(const problem *p, const point *at, const space *s) {
         row[-1] = row[count - 1], row[count] = row[0];
 }
 
-/* The places of samples that are no less than both their neighbours, or no more; how many. */
+/* Indices of the samples that are local maxima or minima. Returns their number. */
 static long turning(const double *samples, long count, long *places) {
     long found = 0;
     for (long k = 0; k < count; k += LANES) {
@@ -186,7 +188,7 @@ static long turning(const double *samples, long count, long *places) {
     return found;
 }
 
-/* Sums of so many values, and of their squares. */
+/* Sum of the values, and sum of their squares. */
 static void total(const double *values, long count, double *sum, double *square) {
     lane sums = {0}, squares = {0};
     long k = 0;
@@ -200,10 +202,10 @@ static void total(const double *values, long count, double *sum, double *square)
     for (; k < count; k++) *sum += values[k], *square += values[k] * values[k];
 }
 
-/* All the points; 1 where memory is missing, else 0. */
+/* Compute all points. Returns 1 if memory is insufficient, otherwise 0. */
 int turn(const problem *p) {
     const long count = p->steps * p->samples, wide = p->samples + LANES, length = count + 2 * LANES;
-    /* Zeros, as lanes that reach beyond the samples are evaluated too, and dropped. */
+    /* Initialised to zero, because lanes beyond the samples are also evaluated; their results are not used. */
     double *powers = calloc(ORDERS * D * wide + ROWS * length + count, sizeof(double));
     if (!powers) return 1;
     double *rows = powers + ORDERS * D * wide + LANES;

@@ -1,4 +1,4 @@
-/* Doubles side by side in one vector register, as many as it holds. */
+/* Vector of doubles that fills one vector register. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -18,7 +18,7 @@ typedef long long mask __attribute__((vector_size(8 * LANES)));
 
 const int lanes = LANES;
 
-/* Memory for lanes, in whole ones. */
+/* Memory for a whole number of lanes. */
 #ifdef _WIN32
 #include <malloc.h>
 #define allocate(bytes) _aligned_malloc(bytes, sizeof(lane))
@@ -46,7 +46,7 @@ static inline int any(mask m) {
     return found != 0;
 }
 
-/* What formulas are written with: x where the mask holds and else 0, and functions of numbers. */
+/* Functions used by formulas: x where the mask is true and 0 elsewhere, and functions of one or two numbers. */
 static inline lane where(mask m, lane x) { return (lane)((mask)x & m); }
 
 static inline lane call_1(double (*f)(double), lane x) {

@@ -1,9 +1,9 @@
-/* Collocation over one period for many points at once, LANES of them side by side in vector registers.
+/* Collocation over one period for many points. The lanes of a vector register contain LANES points.
 
-   Compiled for one size: N coordinates, of which the first P are of second order, S stages, NODES accelerations behind the curve of a step, STIFF
-   where the step's end is a stage, ORBIT where the periodic solution is wanted beside its stability.
-   The mathematics is that of methods/collocation.py and methods/period_map.py; every array of a group of
-   points has the lane as its last index. */
+   Compiled for one size: N coordinates, of which the first P are of second order; S stages; NODES accelerations that
+   define the curve of a step; STIFF if the end of a step is a stage; ORBIT if the periodic solution is computed in
+   addition to its stability. The mathematics is that of methods/collocation.py and period/period_map.py. The last index
+   of every array of a group of points is the lane. */
 
 #include "lane.h"
 #include "rows.h"
@@ -11,13 +11,13 @@
 
 #define LANE 1
 #define SEGMENT 2
-#define W (NX + ORBIT)             /* columns of an affine map: the state, and 1 */
+#define W (NX + ORBIT)             /* columns of an affine map: one per state, and one for the load */
 #define COLS (ROWS + W)
 #define ENTRIES (3 * N * N + N)
-#define D (2 + NODES)              /* powers of theta in a step */
-#define PANEL 4                    /* columns eliminated before the rest is updated */
-#define TILE (W % 6 == 1 ? 7 : 6)  /* columns of a product that are summed at once, so that none is left alone */
-#define EXCESS 32.0                /* multipliers beyond this ask for exchanges of rows */
+#define D (2 + NODES)              /* number of powers of theta per step */
+#define PANEL 4                    /* number of columns eliminated before the other columns are updated */
+#define TILE (W % 6 == 1 ? 7 : 6)  /* columns of a product that are summed in one loop; no single column remains */
+#define EXCESS 32.0                /* elimination factor above which rows are exchanged */
 
 #include "chain.h"
 
@@ -25,23 +25,23 @@ typedef struct {
     long groups, steps;
     int jumps;                     /* whether the matrices jump at ends of steps */
     int terms;                     /* R */
-    int own;                       /* whether every lane has tables of its own: SEGMENT or LANE, these without coefficients */
-    const int *entry;              /* (R), rising: where a term belongs */
+    int own;                       /* SEGMENT or LANE if each lane has its own table; in this case without coefficients */
+    const int *entry;              /* (R), ascending: index of the entry of each term */
     const double *stages;          /* (steps S, R), LANE: (groups, steps S, R, LANES), SEGMENT: (LANES steps S, R) */
-    const double *nodes;           /* the same for the starts of the steps instead, with jumps for their starts
-                                      and behind these for their ends; not used where STIFF and no jumps */
-    const double *h;               /* (steps): their lengths */
+    const double *nodes;           /* the same for the starts of the steps or, with jumps, for their starts and
+                                      then for their ends; not used if STIFF and no jumps */
+    const double *h;               /* (steps): step lengths */
     const double *coefficients;    /* (groups, R, LANES) */
     const double *A, *A2, *b, *bA, *c, *powers;
     double *Phi;                   /* (groups LANES, NX, NX) */
-    double *units;                 /* (groups LANES, NX): powers of 2 in which Phi is balanced; or null */
-    double *condition;             /* (groups LANES): of G + H, measured against (G, H), in G x_0 + H x_0 = r; NaN where
-                                      curves are not finite */
+    double *units;                 /* (groups LANES, NX): powers of 2 that balance Phi; or null */
+    double *condition;             /* (groups LANES): condition number of G + H relative to (G, H), in
+                                      G x_0 + H x_0 = r; NaN if curves are not finite */
     double *curves;                /* (groups LANES, N, steps, D) */
-    double *maps;                  /* (groups LANES, steps, NX, W): of the steps; or null */
+    double *maps;                  /* (groups LANES, steps, NX, W): maps of the steps; or null */
 } problem;
 
-/* Omega^2 M, Omega C, K by rows and d at one phase. */
+/* Omega^2 M, Omega C and K in row order, and d, at one phase. */
 static void matrices(const problem *p, long group, const double *tables, long phase, long phases, lane *e) {
     const loose *c = (const loose *)(p->coefficients + group * p->terms * LANES);
     int last = -1;
@@ -69,7 +69,7 @@ static void matrices(const problem *p, long group, const double *tables, long ph
     }
 }
 
-/* The stage system of one step beside its right sides, rows (ROWS, COLS). */
+/* Stage system of one step, followed by its right-hand sides: rows (ROWS, COLS). */
 static void build(const problem *p, long group, long step, const scaled *by, lane *e, lane *rows) {
     for (int i = 0; i < S; i++) {
         matrices(p, group, p->stages, step * S + i, p->steps * S, e);
@@ -79,8 +79,8 @@ static void build(const problem *p, long group, long step, const scaled *by, lan
     }
 }
 
-/* Subtract from row i, and with `both` from the next one, what makes `width` of its columns vanish; tells in
-   which lanes a multiplier is so large that rows should have been exchanged. */
+/* Eliminate `width` columns of row i and, with `both`, of the next row. Returns the lanes in which a factor is so large
+   that rows should have been exchanged. */
 static inline __attribute__((always_inline)) mask
 subtract(lane *rows, const lane *inverse, int from, const int width, int i, const int both) {
     const lane *restrict pivots = rows + from * COLS;
@@ -108,7 +108,7 @@ subtract(lane *rows, const lane *inverse, int from, const int width, int i, cons
     return largest > EXCESS;
 }
 
-/* The rows of one panel among themselves. */
+/* Eliminate within the rows of one panel. */
 static inline __attribute__((always_inline)) mask own(lane *rows, lane *inverse, int from, const int width) {
     mask excess = {0};
     inverse[from] = 1.0 / rows[from * COLS + from];
@@ -124,8 +124,8 @@ static inline __attribute__((always_inline)) mask own(lane *rows, lane *inverse,
     return excess;
 }
 
-/* Reduce the rows to upper triangular form, panel by panel, and give the inverses of the pivots; tells in which lanes
-   rows should have been exchanged. */
+/* Reduce the rows to upper triangular form, panel by panel, and store the inverses of the pivots. Returns the lanes in
+   which rows should have been exchanged. */
 static mask eliminate(lane *rows, lane *inverse) {
     mask excess = {0};
     for (int from = 0; from + PANEL <= ROWS; from += PANEL) {
@@ -138,7 +138,7 @@ static mask eliminate(lane *rows, lane *inverse) {
     return excess;
 }
 
-/* The same with exchanges of rows in some lanes; the others come out as before. */
+/* The same with exchanges of rows in some lanes; results in the other lanes are as before. */
 static void eliminate_with_exchanges(lane *rows, lane *inverse, mask some) {
     for (int k = 0; k < ROWS; k++) {
         exchange_rows(rows, ROWS, COLS, k, some);
@@ -149,7 +149,7 @@ static void eliminate_with_exchanges(lane *rows, lane *inverse, mask some) {
     }
 }
 
-/* Products of two rows x and y (count) with `width` columns of b, whose rows are `stride` long. */
+/* Products of two rows x and y (count) and `width` columns of b. Rows of b have the length `stride`. */
 static inline __attribute__((always_inline)) void
 products(const lane *restrict x, const lane *restrict y, const lane *restrict b, int stride, int count, const int width, lane sum[2][TILE]) {
     for (int m = 0; m < width; m++) sum[0][m] = sum[1][m] = (lane){0};
@@ -160,7 +160,7 @@ products(const lane *restrict x, const lane *restrict y, const lane *restrict b,
         }
 }
 
-/* So many solutions, from column j of them on, in rows k and k + 1, those below being known. */
+/* `width` solutions from column j on, in rows k and k + 1. Those in the rows below are known. */
 static inline __attribute__((always_inline)) void
 solve_two(const lane *rows, const lane *inverse, lane *solution, int k, int j, const int width) {
     const lane *x = rows + k * COLS, *y = x + COLS;
@@ -173,7 +173,7 @@ solve_two(const lane *rows, const lane *inverse, lane *solution, int k, int j, c
     }
 }
 
-/* The solutions (ROWS, W). */
+/* All solutions (ROWS, W), by back substitution. */
 static void substitute(const lane *rows, const lane *inverse, lane *solution) {
     const int last = ROWS - 1;
     for (int j = 0; j < W && ROWS % 2; j++) solution[last * W + j] = rows[last * COLS + ROWS + j] * inverse[last];
@@ -184,7 +184,7 @@ static void substitute(const lane *rows, const lane *inverse, lane *solution) {
     }
 }
 
-/* x over the step, (NX, W), from the stage accelerations (ROWS, W). */
+/* Map (NX, W) of the states over the step, from the stage accelerations (ROWS, W). */
 static void step_map(const problem *p, long step, const lane *stages, lane *map) {
     const double h = p->h[step];
     for (int a = 0; a < N; a++)
@@ -206,7 +206,7 @@ static void step_map(const problem *p, long step, const lane *stages, lane *map)
     }
 }
 
-/* So many columns, from j on, of two rows of to = map after `from`; of an odd last row twice. */
+/* `width` columns from j on, in two rows, of the product of `map` and `from`. An odd last row is computed twice. */
 static inline __attribute__((always_inline)) void
 follow_two(const lane *map, const lane *from, lane *to, int i, int j, const int width) {
     const int next = NX % 2 && i + 1 == NX ? i : i + 1;
@@ -219,7 +219,7 @@ follow_two(const lane *map, const lane *from, lane *to, int i, int j, const int 
     }
 }
 
-/* to = map after `from`: (NX, W) affine maps. */
+/* to = `map` applied after `from`; all are affine maps (NX, W). */
 static void follow(const lane *restrict map, const lane *restrict from, lane *restrict to) {
     for (int i = 0; i < NX; i += 2) {
         int j = 0;
@@ -255,7 +255,7 @@ static void trace(const problem *p, long length, const lane *starts, const lane 
     memcpy(x + p->steps * NX, x, NX * sizeof(lane));
 }
 
-/* Every lane takes the value of the one so many places behind it, around the circle. */
+/* Cyclic shift: every lane takes the value of the lane that is `places` lanes after it. */
 static lane rotated(lane x, int places) {
     lane r;
     for (int l = 0; l < LANES; l++) r[l] = x[(l + places) % LANES];
@@ -284,7 +284,7 @@ static lane draw(const problem *p, long group, const lane *x, const lane *a, con
                 power[d] = (lane){0};
                 for (int j = 0; j < NODES; j++) power[d] += p->powers[d * D + 2 + j] * data[j];
             }
-            if (i >= P) {                                        /* rates are integrated once */
+            if (i >= P) {                                        /* rates are integrated only once */
                 for (int d = 1; d + 1 < D; d++) power[d] = (d + 1.0) * power[d + 1];
                 power[D - 1] = (lane){0};
             }
@@ -297,10 +297,10 @@ static lane draw(const problem *p, long group, const lane *x, const lane *a, con
     return total;
 }
 
-/* What follows takes little time to run, but most of a compiler's: it is optimised less. */
+/* The following code takes little time to run but most of the compilation time. Therefore, it is optimised less. */
 #pragma GCC optimize("O2")
 
-/* Highest derivatives (N) that the equation of motion gives to a state at one of the nodes. */
+/* Highest derivatives (N) from the equations of motion, for a state at one of the nodes. */
 static void acceleration(const problem *p, long group, long node, const lane *x, lane *e, lane *z, lane *a) {
     matrices(p, group, p->nodes, node, p->jumps ? 2 * p->steps : p->steps, e);
     const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
@@ -315,9 +315,9 @@ static void acceleration(const problem *p, long group, long node, const lane *x,
     solve_rows(z, N, a);
 }
 
-/* Room for the work on one group. */
+/* Workspace for one group. */
 typedef struct {
-    long length, blocks;           /* steps a block, blocks of a lane */
+    long length, blocks;           /* numbers of steps per block and of blocks per lane */
     lane *memory, *e, *rows, *inverse, *map, *sum, *next, *maps, *stages, *z, *saved, *chain, *x0, *a, *x, *starts, *ends;
 } room;
 
@@ -340,7 +340,7 @@ static int open_room(const problem *p, long most_blocks, room *r) {
     return 0;
 }
 
-/* sum = map after sum. */
+/* sum = map applied after sum. */
 static void append(room *r, const lane *map) {
     follow(map, r->sum, r->next);
     lane *t = r->sum;
@@ -377,7 +377,7 @@ static void advance(const problem *p, long group, room *r) {
     for (long block = 1; block < r->blocks; block++) append(r, r->maps + block * NX * W);
 }
 
-/* Curves from the starts of the blocks; returns what is finite where they are. */
+/* Write Phi, its units, and the curves from the starts of the blocks. The result is finite in a lane if the curves are. */
 static lane write(const problem *p, long group, const room *r) {
     for (int i = 0; i < NX; i++)
         for (int j = 0; j < NX; j++)
@@ -398,7 +398,7 @@ static lane write(const problem *p, long group, const room *r) {
     return draw(p, group, r->x, r->a, r->starts, r->ends);
 }
 
-/* Solve the groups one after another; 1 where memory is missing, else 0. */
+/* Solve the groups one after another. Returns 1 if memory is insufficient, otherwise 0. */
 int level(const problem *p) {
     room r;
     if (open_room(p, BLOCKS, &r)) return 1;
@@ -413,12 +413,12 @@ int level(const problem *p) {
     return 0;
 }
 
-/* Solve one point whose period the lanes share, a segment of so many steps each; 1 as above. */
+/* Solve one point. Each lane contains a segment of the period with p->steps steps. Returns as `level` does. */
 int segments(const problem *p) {
     room r;
     if (open_room(p, BLOCKS / LANES, &r)) return 1;
     advance(p, 0, &r);
-    lane *whole = r.chain;                                       /* free until the chain is closed */
+    lane *whole = r.chain;                                       /* not yet used before the chain is closed */
     for (int l = 0; l < LANES; l++)
         for (int i = 0; i < NX * W; i++) {
             const lane none = {0};

@@ -1,7 +1,6 @@
-/* Eigenvalues of real matrices, LANES of them side by side, and how well these are conditioned. The mathematics is that
-   of period/multipliers.py and period/pairs.py.
+/* Eigenvalues of real matrices and their condition numbers, LANES matrices at a time.
 
-   NX: rows of a matrix. */
+   The mathematics is that of period/eigenvalues.py. NX: number of rows of a matrix. */
 
 #include "lane.h"
 
@@ -9,24 +8,24 @@
 #include "singular.h"
 
 #define TINY 1e-300
-#define EXPONENT 0x7ff0000000000000LL /* the bits of a number that are the power of 2 not above it */
-#define SWEEPS 8                   /* of balancing two rows: at most so many, */
-#define GAIN 0.95                  /* and only where norms fall to this part of themselves */
-#define CANCELLED (8 * 2.220446049250313e-16) /* part of a sum of squares that is rounding */
+#define EXPONENT 0x7ff0000000000000LL /* exponent bits: the largest power of 2 that does not exceed a number */
+#define SWEEPS 8                   /* largest number of sweeps to balance two rows, */
+#define GAIN 0.95                  /* which end if norms are not reduced below this fraction */
+#define CANCELLED (8 * 2.220446049250313e-16) /* fraction of a sum of squares that is round-off */
 
 typedef struct {
     long count;
     const double *matrices;        /* (count, NX, NX), finite */
-    const double *units;           /* (count, NX): powers of 2 in which they are balanced; or null */
-    double *values;                /* (count, NX) complex, falling in modulus, of a conjugate pair the one with + imaginary
-                                      part first; NaN where they are not found */
-    double *sizes;                 /* (count): Frobenius' norms of the balanced matrices, of two rows the least in any units */
+    const double *units;           /* (count, NX): powers of 2 that balance the matrices; or null */
+    double *values;                /* (count, NX), complex, in order of decreasing modulus, positive imaginary part
+                                      first; NaN if the iteration fails */
+    double *sizes;                 /* (count): Frobenius norms of the balanced matrices; for NX = 2, the least over all units */
     double *norms;                 /* (count): spectral norms of the balanced matrices */
-    double *conditions;            /* (count, NX): condition numbers of the eigenvalues of these */
+    double *conditions;            /* (count, NX): condition numbers of their eigenvalues */
 } problem;
 
-/* So many matrices from the one at `first` on, in their units, divided by powers of 2 so that squares neither overflow nor
-   vanish; the last one again where there are no more. Returns these powers. */
+/* Load LANES matrices, starting with index `first`, in their units, divided by powers of 2 so that squares neither
+   overflow nor underflow. The last matrix also fills the remaining lanes. Returns the powers. */
 static lane taken(const problem *p, long first, lane A[NX][NX]) {
     for (int l = 0; l < LANES; l++) {
         const long at = first + l < p->count ? first + l : p->count - 1;
@@ -46,12 +45,12 @@ static lane taken(const problem *p, long first, lane A[NX][NX]) {
 
 #if NX == 2
 
-/* The least of Frobenius' norms in any units. */
+/* Smallest Frobenius norm over all units. */
 static lane size_of(lane A[NX][NX]) {
     return root(A[0][0] * A[0][0] + A[1][1] * A[1][1] + 2.0 * absolute(A[0][1] * A[1][0]));
 }
 
-/* Both eigenvalues, without the cancellation of the textbook's formula. */
+/* Both eigenvalues, without the cancellation of the textbook formula. */
 static void both(lane a, lane b, lane c, lane d, complex_lane values[NX]) {
     const lane none = {0}, half = (a + d) / 2.0, discriminant = (a - d) / 2.0 * ((a - d) / 2.0) + b * c;
     const mask real = discriminant >= 0.0;
@@ -61,8 +60,8 @@ static void both(lane a, lane b, lane c, lane d, complex_lane values[NX]) {
     values[1] = (complex_lane){chosen(real, second, half), none - where(~real, size)};
 }
 
-/* The norm of the matrix in units in which rows and columns are alike, and the condition of its eigenvalues: Schur's form
-   [[x, t], [0, y]] gives both sqrt(1 + t^2 / |x - y|^2). */
+/* Norm of the balanced matrix, and condition number of its eigenvalues. According to the Schur form [[x, t], [0, y]],
+   both eigenvalues have the condition number sqrt(1 + t^2 / |x - y|^2). */
 static lane norm_and_condition(lane a, lane b, lane c, lane d, lane *condition) {
     for (int sweep = 0; sweep < SWEEPS; sweep++) {
         const lane column = root(a * a + c * c), row = root(a * a + b * b);
@@ -92,7 +91,7 @@ static void solve(lane A[NX][NX], complex_lane values[NX], lane *norm, lane cond
 
 #else
 
-/* Frobenius' norm. */
+/* Frobenius norm. */
 static lane size_of(lane A[NX][NX]) {
     lane square = {0};
     for (int i = 0; i < NX; i++)
@@ -100,8 +99,8 @@ static lane size_of(lane A[NX][NX]) {
     return root(square);
 }
 
-/* Condition numbers of the eigenvalues of a triangular matrix: those of right and left eigenvectors (J. H. Wilkinson,
-   The Algebraic Eigenvalue Problem, 1965, chapter 2). Equal ones count as apart by rounding. */
+/* Condition numbers of the eigenvalues of a triangular matrix, from its right and left eigenvectors (J. H. Wilkinson,
+   The Algebraic Eigenvalue Problem, 1965, chapter 2). Equal eigenvalues are treated as if they differed by round-off. */
 static void conditioned(complex_lane T[NX][NX], lane conditions[NX]) {
     lane size = {0};
     for (int i = 0; i < NX; i++)
@@ -149,7 +148,8 @@ static void exchange(double *x, int i, int j, int count) {
     }
 }
 
-/* Make conjugate pairs of eigenvalues of a real matrix, and real ones of those nearest to their own conjugates. */
+/* Make eigenvalues of a real matrix exactly conjugate in pairs, and exactly real if no other eigenvalue is nearer to the
+   conjugate. */
 static void pair(double *values, double *conditions) {
     for (int i = 0; i < NX; i++) {
         const double re = values[2 * i], im = values[2 * i + 1];
@@ -173,7 +173,7 @@ static void pair(double *values, double *conditions) {
     }
 }
 
-/* Falling in modulus; pairs stay together. */
+/* Sort by decreasing modulus. Pairs are not separated. */
 static void sort(double *values, double *conditions) {
     for (int i = 1; i < NX; i++)
         for (int j = i; j > 0 && hypot(values[2 * j], values[2 * j + 1]) > hypot(values[2 * j - 2], values[2 * j - 1]); j--) {

@@ -1,7 +1,7 @@
-/* Formulas at the same phases for many points at once, LANES of them side by side.
+/* Formulas at the same phases for many points, LANES points at a time.
 
-   FORMULAS: a file with `void formulas(const lane *const *in, lane *out)`, of phase, speed and parameters.
-   OUTPUTS: formulas, PARAMETERS: their parameters. */
+   FORMULAS: file with `void formulas(const lane *const *in, lane *out)`, whose inputs are phase, speed and parameters.
+   OUTPUTS: number of formulas. PARAMETERS: number of their parameters. */
 
 #include "lane.h"
 #include FORMULAS

@@ -1,7 +1,7 @@
-/* Elimination with exchanges of rows, which each lane makes for itself. */
+/* Elimination with exchanges of rows, separately in each lane. */
 
-/* Exchange rows, `count` of `width` numbers, so that in some lanes the largest of column k from row k on comes to row k;
-   returns which rows these were. */
+/* Exchange rows, `count` of `width` numbers each, in some lanes, so that row k contains the largest entry of column k
+   among the rows from k on. Returns the rows that were exchanged with row k. */
 static inline mask exchange_rows(lane *rows, int count, int width, int k, mask some) {
     lane largest = absolute(rows[k * width + k]);
     mask best = (mask){0} + k;
@@ -24,7 +24,7 @@ static inline mask exchange_rows(lane *rows, int count, int width, int k, mask s
     return best;
 }
 
-/* Solve so many rows with a right side behind them, of which each keeps what acts on it apart from the others. */
+/* Solve a system of `count` rows; the last column is the right-hand side. */
 static inline void solve_rows(lane *rows, int count, lane *x) {
     const int width = count + 1;
     for (int k = 0; k < count; k++) {

@@ -1,13 +1,13 @@
-/* Values of curves at phases that lie evenly in each of their steps. */
+/* Values of curves at phases that are evenly spaced in each step. */
 
-#define AHEAD 512                  /* numbers that are read while memory delivers one */
+#define AHEAD 512                  /* prefetch distance: numbers that are read while memory delivers one */
 
-/* One curve at so many samples of each step, and up to LANES - 1 numbers behind the last. c: (steps, terms), lowest power
-   first. powers: of theta at the samples, (terms, wide); what is behind the samples is read up to whole lanes. */
+/* Values of one curve at the samples of each step; up to LANES - 1 numbers after the last value are also written.
+   c: (steps, terms), lowest power first. powers: (terms, wide), powers of theta at the samples; values after the samples
+   are read up to a whole number of lanes. */
 static inline __attribute__((always_inline)) void
 at_samples(const double *c, const int terms, long steps, long samples, const double *powers, long wide, double *to) {
-    /* What the lanes of a step's last samples hold beyond these is overwritten by samples of the next steps: those before
-       come later. */
+    /* The lanes with the last samples of a step also write values after these samples. The next steps overwrite them. */
     for (long j = (samples - 1) / LANES * LANES; j >= 0; j -= LANES) {
         lane power[terms];
         for (int d = 0; d < terms; d++) power[d] = *(const loose *)(powers + d * wide + j);

@@ -1,8 +1,8 @@
-/* Schur's form of real matrices of NX rows, LANES of them side by side: by Householder's reflections and the shifted QR
-   algorithm (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapter 8) in complex numbers. */
+/* Schur form of real matrices with NX rows, LANES matrices at a time, by Householder reflections and the shifted QR
+   algorithm (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapter 8) in complex arithmetic. */
 
-#define TURNS 40                   /* steps of the QR algorithm an eigenvalue at most */
-#define AGAIN 10                   /* steps after which the shift is another one */
+#define TURNS 40                   /* largest number of QR steps per eigenvalue */
+#define AGAIN 10                   /* number of steps after which a different shift is used */
 #define ROUNDING 2.3e-16
 
 typedef struct {
@@ -21,7 +21,7 @@ static inline complex_lane conjugate(complex_lane x) { return (complex_lane){x.r
 
 static inline lane modulus(complex_lane x) { return root(x.re * x.re + x.im * x.im); }
 
-/* x / y, 0 where y is. */
+/* x / y, or 0 if y is 0. */
 static inline complex_lane over(complex_lane x, complex_lane y) {
     const lane square = y.re * y.re + y.im * y.im, inverse = where(square > 0.0, 1.0 / square);
     const complex_lane product = times(x, conjugate(y));
@@ -35,13 +35,13 @@ static inline complex_lane square_root(complex_lane x) {
     return (complex_lane){chosen(right, large, absolute(small)), chosen(right, small, chosen(up, large, -large))};
 }
 
-/* Hessenberg's form by reflections from both sides. */
+/* Hessenberg form, by reflections from both sides. */
 static void reduce(lane A[NX][NX]) {
     for (int k = 0; k + 2 < NX; k++) {
         lane v[NX], square = {0};
         for (int i = k + 1; i < NX; i++) v[i] = A[i][k], square += v[i] * v[i];
         const lane norm = root(square), end = chosen(v[k + 1] < 0.0, norm, -norm);
-        v[k + 1] -= end;                                         /* never cancels */
+        v[k + 1] -= end;                                         /* no cancellation */
         const lane product = norm * absolute(v[k + 1]), factor = where(product > 0.0, 1.0 / product);
         A[k + 1][k] = end;
         for (int i = k + 2; i < NX; i++) A[i][k] = (lane){0};
@@ -58,7 +58,7 @@ static void reduce(lane A[NX][NX]) {
     }
 }
 
-/* The eigenvalue of the last two rows and columns up to m that is nearer to the last diagonal entry. */
+/* Eigenvalue of the block of rows and columns m - 1 and m that is nearer to its last diagonal entry. */
 static complex_lane shift(complex_lane H[NX][NX], int m) {
     const complex_lane end = H[m][m], gap = minus(H[m - 1][m - 1], end), half = {gap.re * 0.5, gap.im * 0.5};
     const complex_lane product = times(H[m - 1][m], H[m][m - 1]);
@@ -68,8 +68,8 @@ static complex_lane shift(complex_lane H[NX][NX], int m) {
     return minus(end, over(product, plus(half, signed_root)));
 }
 
-/* One step of the QR algorithm on the first m + 1 rows and columns, in the lanes that are open: the others stay as they
-   are, whatever their neighbours need. With `whole` the columns behind follow. */
+/* One QR step for the first m + 1 rows and columns. Only the lanes in `open` change. With `whole`, the further columns
+   are also transformed. */
 static inline __attribute__((always_inline)) void
 turn(complex_lane H[NX][NX], int m, complex_lane by, mask open, const int whole) {
     complex_lane c[NX], s[NX];
@@ -98,7 +98,8 @@ turn(complex_lane H[NX][NX], int m, complex_lane by, mask open, const int whole)
     for (int k = 0; k <= m; k++) H[k][k] = plus(H[k][k], by);
 }
 
-/* Triangular form of a real matrix, as far as its diagonal, or the whole of it; returns where it is not reached. */
+/* Triangular form of a real matrix: the diagonal only, or all entries if `whole`. Returns the lanes in which the
+   iteration fails. */
 static inline __attribute__((always_inline)) mask
 triangular(lane A[NX][NX], complex_lane H[NX][NX], const int whole) {
     reduce(A);

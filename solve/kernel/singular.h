@@ -1,13 +1,13 @@
-/* Singular values of matrices with columns of numbers in a state, LANES of them side by side. */
+/* Singular values of matrices with NX columns, LANES matrices at a time. */
 
 #define ANGLE 1e-4                 /* cosine between columns below which their norms count as singular values */
 
-/* It takes little time to run, but much of a compiler's: it is optimised less. */
+/* This code takes little time to run but long to compile. Therefore, it is optimised less. */
 #pragma GCC push_options
 #pragma GCC optimize("O2")
 
-/* Singular values of so many rows of NX columns, which Jacobi's rotations make orthogonal (M. R. Hestenes,
-   J. SIAM 6 (1958) 51-90); the largest one, or the least. */
+/* Largest or smallest singular value of a matrix with NX columns, which Jacobi rotations make orthogonal (M. R. Hestenes,
+   J. SIAM 6 (1958) 51-90). */
 static lane singular_value(lane *z, int count, int largest) {
     mask open = ~(mask){0};
     for (int sweep = 0; any(open) && sweep < 30; sweep++) {

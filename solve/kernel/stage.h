@@ -1,15 +1,15 @@
-/* The system of the stage accelerations of a step of collocation: N coordinates, S stages.
+/* Equations for the stage accelerations of a collocation step with N coordinates and S stages.
 
-   P: coordinates of second order, all unless it is given; the others behind them have rates in place of accelerations, and
-   columns of zeros in M. */
+   P: number of second-order coordinates, by default all. The others are the last ones; they have rates instead of
+   accelerations, and their columns of M are zero. */
 
 #ifndef P
 #define P N
 #endif
-#define NX (N + P)                 /* state: q, dq/dphase of the first P */
+#define NX (N + P)                 /* states: q, and dq/dphase of the first P coordinates */
 #define ROWS (S * N)
 
-/* The method's numbers in a step of length h. */
+/* Coefficients of the method for a step of length h. */
 typedef struct {
     lane A[S][S], A2[S][S], c[S];  /* h A, h^2 A^2, h c */
 } scaled;
@@ -21,8 +21,8 @@ static inline void scale(lane h, const double *A, const double *A2, const double
     }
 }
 
-/* The N rows of stage i, `width` numbers each: what multiplies the accelerations, and behind these what the
-   state at the start of the step gives. M, C, K: at the stage. */
+/* The N rows of stage i, with `width` entries each: coefficients of the accelerations, followed by those of the state at
+   the start of the step. M, C, K: matrices at the stage. */
 static inline void stage_rows(int i, const scaled *restrict by, const lane *restrict M, const lane *restrict C,
                               const lane *restrict K, lane *restrict rows, int width) {
     for (int a = 0; a < N; a++) {

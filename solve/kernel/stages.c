@@ -1,7 +1,7 @@
-/* The stage systems of the steps of a turn by collocation, LANES steps side by side: factorised once, and solved
-   with loads at the stages, or transposed.
+/* Stage systems of the collocation steps of one period, LANES steps at a time. They are factorised once, and solved for
+   loads at the stages, also in transposed form.
 
-   N: coordinates, S: stages. */
+   N: number of coordinates. S: number of stages. */
 
 #include "lane.h"
 #include "rows.h"
@@ -12,21 +12,21 @@
 
 typedef struct {
     long steps, columns;
-    const double *h;               /* (steps): their lengths */
-    long terms, between;           /* R, and how many terms lie between the first ones of two steps */
-    const int *entry;              /* (R), rising: which of Omega^2 M, Omega C, K by rows and d a term belongs to */
+    const double *h;               /* (steps): step lengths */
+    long terms, between;           /* R, and the distance in the table between the first terms of two steps */
+    const int *entry;              /* (R), ascending: index of the entry of each term, in Omega^2 M, Omega C, K (row order), d */
     const double *table;           /* (steps, S, R): terms at the stages */
     const double *coefficients;    /* (R) */
     const double *A, *A2, *b, *bA, *c;
-    double *factors;               /* (groups of LANES steps, ROWS, ROWS, LANES): L below the diagonal, U with inverse pivots */
-    long long *order;              /* (groups, ROWS, LANES): with which row each was exchanged */
-    double *by_state;              /* (steps, ROWS, NX): stage accelerations by the states at the starts */
-    double *maps;                  /* (steps, NX, NX): of these states to those at the ends */
+    double *factors;               /* (groups of LANES steps, ROWS, ROWS, LANES): L below the diagonal; U with inverse pivots */
+    long long *order;              /* (groups, ROWS, LANES): row with which each row was exchanged */
+    double *by_state;              /* (steps, ROWS, NX): stage accelerations per unit of the states at the starts */
+    double *maps;                  /* (steps, NX, NX): maps from the states at the starts to those at the ends */
     const double *given;           /* (steps, ROWS, columns): loads, or weights of stage accelerations */
-    double *found;                 /* (steps, ROWS, columns): the accelerations, or weights of loads */
+    double *found;                 /* (steps, ROWS, columns): stage accelerations, or weights of loads */
 } problem;
 
-/* L and U take the place of the matrix, inverse pivots on its diagonal; the columns behind become solutions. */
+/* L and U replace the matrix, with inverse pivots on the diagonal. The further columns are replaced by solutions. */
 static void factorise(lane rows[ROWS][COLS], mask order[ROWS]) {
     for (int k = 0; k < ROWS; k++) {
         order[k] = exchange_rows(rows[0], ROWS, COLS, k, ~(mask){0});
@@ -43,7 +43,7 @@ static void factorise(lane rows[ROWS][COLS], mask order[ROWS]) {
     }
 }
 
-/* States at the end of a step by those at its start, (NX, NX), from the accelerations at its stages. */
+/* Map (NX, NX) from the states at the start of a step to those at its end, from the stage accelerations. */
 static void step_map(const problem *p, lane h, lane rows[ROWS][COLS], lane map[NX][NX]) {
     for (int a = 0; a < N; a++)
         for (int j = 0; j < NX; j++) {
@@ -62,7 +62,7 @@ static void step_map(const problem *p, lane h, lane rows[ROWS][COLS], lane map[N
     }
 }
 
-/* 1 where there is memory. */
+/* Returns 1 if memory is available. */
 int factorised(const problem *p) {
     lane e[ENTRIES], map[NX][NX], (*rows)[COLS] = allocate(sizeof(lane[ROWS][COLS]));
     mask order[ROWS];
