@@ -19,12 +19,12 @@ from solve.views.panels import SAMPLES, frame_of, titled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
-"""Maximum number of positions that fit on a page. A choice."""
+"""Maximum number of positions that fit on a page. Chosen by judgement."""
 
 _COLUMNS = 4
 _DRAWN = 0.2
-"""Largest deflection in the figure with automatic magnification, as a fraction of the coupler's length. A
-choice."""
+"""Largest deflection in the figure with automatic magnification, as a fraction of the coupler's length.
+Chosen by judgement."""
 
 _LABELS = 0.8
 """Width of the axes' labels, inches."""

@@ -21,21 +21,22 @@ from solve.results.contents import Column, Columns, digits, speeds_of
 from solve.results.serialization import Serializable, serializable, stored_property
 
 RESERVE = 0.03
-"""Margin of the stress ratio below 1 at the default target speed. A choice."""
+"""Margin of the stress ratio below 1 at the default target speed. Chosen by judgement."""
 
 _MARGIN_FRACTION = 0.75
-"""Fraction of the largest possible stress margin that a plan has. A choice: with the full margin, a plan has
-more bends."""
+"""Fraction of the largest possible stress margin that a plan has. Chosen by judgement: with the full margin,
+a plan has more bends."""
 
 _WORTHWHILE = 0.98
 """Stress ratio with varying L4, relative to the ratio with fixed L4, below which a variation of L4 is
-reported as useful. A choice."""
+reported as useful. Chosen by judgement."""
 
 _DAMPING_STEP = 0.1
-"""Relative step of ζ in the central difference for the effect of damping. A choice."""
+"""Relative step of ζ in the central difference for the effect of damping. Chosen by judgement."""
 
 _ROUNDED = 0.01
-"""Interval of speeds over which corners of a plan are rounded, relative to the target speed. A choice."""
+"""Interval of speeds over which corners of a plan are rounded, relative to the target speed. Chosen by
+judgement."""
 
 
 class Band(NamedTuple):
@@ -115,8 +116,8 @@ class Design:
 
     @property
     def rate(self) -> float:
-        """Largest rate of change of L4 with speed (m per rad/s). A choice: L4 can pass through its entire
-        range within a tenth of the range of speeds."""
+        """Largest rate of change of L4 with speed (m per rad/s). Chosen by judgement: L4 can pass through its
+        entire range within a tenth of the range of speeds."""
         return float((self.map.L4[-1] - self.map.L4[0]) / (0.1 * self.map.speeds[-1]))
 
 
@@ -252,7 +253,7 @@ def ratios_along(until: DesignMap, plan: Plan) -> Array:
 
 
 _MAX_MAP_ERROR = 0.05
-"""Relative error of the map above which a warning is issued: a choice."""
+"""Relative error of the map above which a warning is issued. Chosen by judgement."""
 
 for _kind in (Band, DampingEffect, Design, NeededRatios, Peak, QuietSpeed, Plan, RunUp, Simulated):
     serializable(_kind)

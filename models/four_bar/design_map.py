@@ -20,14 +20,15 @@ from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueO
 from solve.results.serialization import NOT_STORED, Serializable, stored_property
 
 _TOLERANCE = 0.01
-"""Tolerance of the interpolated stress, above which an interval of speeds is bisected. A choice."""
+"""Tolerance of the interpolated stress, above which an interval of speeds is bisected. Chosen by
+judgement."""
 
 _SHORTEST = 0.25
 """Smallest relative length of an interval that is bisected, as a multiple of ζ; the relative half-power width
 of a peak is 2ζ."""
 
 _MOST_HALVINGS = 8
-"""Largest number of passes of the refinement: a choice."""
+"""Largest number of passes of the refinement. Chosen by judgement."""
 
 
 class DesignError(SolveError):

@@ -30,8 +30,8 @@ JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
 
 LINKS = ("crank", "coupler", "follower")
 _STRESS_POINTS = 65
-"""Number of equidistant points along a link at which the stress is evaluated, 1/64 of the length apart. A
-choice."""
+"""Number of equidistant points along a link at which the stress is evaluated, 1/64 of the length apart.
+Chosen by judgement."""
 
 
 @dataclass(frozen=True)

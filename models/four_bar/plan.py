@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from solve.arrays import Array
 
 _BENDING = 0.005
-"""Weight of the bends of a plan relative to its distance from the mechanism's own L4. A choice."""
+"""Weight of the bends of a plan relative to its distance from the mechanism's own L4. Chosen by judgement."""
 
 _STRAIGHT, _CLOSE = 1e-4, 1e-12
 """Change of slope, relative to the rate, below which points count as collinear; and difference (m) below

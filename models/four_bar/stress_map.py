@@ -29,7 +29,7 @@ Choices; `Peaks.error` measures their effect.
 """
 
 _TOGETHER = 8
-"""Number of speeds for which stresses are in memory at a time. A choice."""
+"""Number of speeds for which stresses are in memory at a time. Chosen by judgement."""
 
 _BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 """Barlow points of a cubic element, at which its curvature is most accurate: the Gauss points of order 2."""

@@ -18,10 +18,10 @@ from solve.results.stability import Stability
 from solve.system import PeriodicSystem
 
 _PHASES = 361
-"""Number of phases of columns and figures: one per degree of a revolution. A choice."""
+"""Number of phases of columns and figures: one per degree of a revolution. Chosen by judgement."""
 
 _HARMONICS = 12
-"""Number of harmonics of the gain in the record. A choice."""
+"""Number of harmonics of the gain in the record. Chosen by judgement."""
 
 _TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with a Kalman filter"}
 

@@ -104,7 +104,7 @@ class Critical:
 
 MOST_DECADES = 1e3
 """Ratio of the largest to the smallest response above which the axis is logarithmic: on a linear axis the
-smallest response would be invisible. A choice."""
+smallest response would be invisible. Chosen by judgement."""
 
 
 _OF_RECORDS = "ratios", "combination", "candidates"

@@ -33,7 +33,7 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _MOST_LINKS = 3
-"""Maximum number of links in a table of frequencies of single links. A choice."""
+"""Maximum number of links in a table of frequencies of single links. Chosen by judgement."""
 
 
 class Roots(Result):

@@ -14,7 +14,8 @@ from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
 
 AT_BOUND = 1e-6
-"""Distance from a bound, relative to the range, within which a parameter counts as lying on it. A choice."""
+"""Distance from a bound, relative to the range, within which a parameter counts as lying on it. Chosen by
+judgement."""
 
 
 @serializable

@@ -27,7 +27,7 @@ from solve.results.stability import Stability
 
 _EQUAL_CHANGES = 1e-6
 """Relative difference up to which changes of an output over a period count as equal, and below which a change
-counts as zero. A choice."""
+counts as zero. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

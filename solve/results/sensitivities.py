@@ -17,14 +17,14 @@ from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
 
 MOST_ROWS = 12
-"""Maximum number of parameters of a quantity in figures and tables at one speed. A choice."""
+"""Maximum number of parameters of a quantity in figures and tables at one speed. Chosen by judgement."""
 
 _UNCERTAIN = 0.01
-"""Relative error of a derivative above which a warning is issued. A choice."""
+"""Relative error of a derivative above which a warning is issued. Chosen by judgement."""
 
 _MATTERS = 1e-3
 """Fraction of the largest elasticity below which the effect of a parameter is negligible, so that no warning
-is issued for its derivative. A choice."""
+is issued for its derivative. Chosen by judgement."""
 
 _INDEPENDENT = 1e-8
 """Elasticity, with its error, below which a quantity counts as independent of a parameter: the default

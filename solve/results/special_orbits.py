@@ -27,7 +27,8 @@ _STEPS = 256
 statistics, which are computed from the continuous curve."""
 
 _MOST_EVENTS = 32
-"""Number of events per period of the model above which a warning about chatter is issued. A choice."""
+"""Number of events per period of the model above which a warning about chatter is issued. Chosen by
+judgement."""
 
 _ROUNDOFF = 1e-14
 """Relative error of an output of prescribed motion: outputs take about a hundred operations, each accurate to

@@ -18,7 +18,7 @@ from solve.system import PeriodicSystem
 
 _PROMINENT = 1e-3
 """Smallest prominence of a peak or quiet speed, relative to its height. It excludes ripple due to errors of
-the points. A choice."""
+the points. Chosen by judgement."""
 
 PEAK, QUIET = "peak", "quiet"
 
@@ -129,7 +129,7 @@ class Sweeps(Result):
 
 ACCEPTABLE_ERROR = 0.05
 """Linearisation error up to which the linear model is valid by default, and nonlinear orbits confirm an
-optimum. A choice."""
+optimum. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from solve.system import PeriodicSystem, multiplier_count
 
 _ASIDE = 0.25
 """Distance from a maximum at which the response is compared with it, as a fraction of the distance between
-neighbouring divisions. A choice: outside the peak of this maximum, and before the next maximum."""
+neighbouring divisions. Chosen by judgement: outside the peak of this maximum, and before the next maximum."""
 
 _BESIDE = 4.0
 """Distance on either side of a maximum at which results are compared with it, as a multiple of the tolerance
@@ -40,7 +40,7 @@ of its speed. A choice larger than the error of the speed."""
 
 _SHARE = 0.1
 """Smallest rise of a harmonic's power, relative to the largest rise, with which the harmonic counts as the
-cause of a maximum. A choice."""
+cause of a maximum. Chosen by judgement."""
 
 
 def radius(results: PointResults) -> Array:

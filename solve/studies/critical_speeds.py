@@ -33,7 +33,8 @@ RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 """Statistics of a quantity whose maxima over speed can be searched for."""
 
 _SPEEDS_PER_DIVISION = 24
-"""Number of speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
+"""Number of speeds between two neighbouring integer divisions of the lowest frequency. Chosen by
+judgement."""
 
 _ROUNDOFF = 64 * np.finfo(float).eps
 """Relative difference below which two speeds of the grid are the same: each speed is computed by a few

@@ -19,7 +19,7 @@ _METHOD = Radau()
 
 _SPEEDS = (1.0, 3.0, 9.0, 27.0, 81.0, 243.0)
 """Speeds (rad/s) from which the dependence of the matrices on the speed is identified; it is checked at other
-speeds. A choice: a geometric sequence over two decades."""
+speeds. Chosen by judgement: a geometric sequence over two decades."""
 
 _DOUBLINGS = 6
 """Number of squarings of a monodromy matrix whose norm bounds the spectral radius: k = 64."""

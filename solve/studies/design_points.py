@@ -19,7 +19,7 @@ from solve.single import floquet, periodic
 from solve.system import PeriodicSystem
 
 _AT_BOUND = 1e-12
-"""Distance from a bound, relative to the range, that counts as round-off. A choice."""
+"""Distance from a bound, relative to the range, that counts as round-off. Chosen by judgement."""
 
 
 @dataclass(frozen=True, eq=False)

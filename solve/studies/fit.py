@@ -25,11 +25,12 @@ _CONFIDENCE = 0.95
 """Probability that an interval contains the parameter, for independent normal errors."""
 
 _UNIDENTIFIABLE = 0.5
-"""Relative standard deviation above which a combination of parameters counts as unidentifiable. A choice."""
+"""Relative standard deviation above which a combination of parameters counts as unidentifiable. Chosen by
+judgement."""
 
 _SHARE = 0.1
-"""Smallest component of a parameter, relative to the largest, with which it is listed in a combination. A
-choice."""
+"""Smallest component of a parameter, relative to the largest, with which it is listed in a combination.
+Chosen by judgement."""
 
 
 Bounds = Mapping[str, tuple[float | str, float | str]]

@@ -15,21 +15,21 @@ from solve.results.fit import Channel
 from solve.studies.least_squares import EXACT
 
 _FALSE_ALARMS = 0.003
-"""Probability of a warning for residuals that are noise. A choice."""
+"""Probability of a warning for residuals that are noise. Chosen by judgement."""
 
 _MAX_LAGS, _VALUES_PER_LAG = 6, 6
-"""Maximum number of lags, and smallest number of values per lag. Choices."""
+"""Maximum number of lags, and smallest number of values per lag. Chosen by judgement."""
 
 _POOR_FIT = 0.5
-"""Relative residual above which the model does not describe the data. A choice."""
+"""Relative residual above which the model does not describe the data. Chosen by judgement."""
 
 _FEW, _SENSOR_ERROR = 2 * _VALUES_PER_LAG, 0.05
 """Number of values below which autocorrelation is not meaningful, and relative residual above which the fit
 to fewer values counts as poor: accelerometers and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT_RATIO = 100.0
-"""Ratio of measured to computed values, or of computed to measured values, above which a unit is doubtful. A
-choice."""
+"""Ratio of measured to computed values, or of computed to measured values, above which a unit is doubtful.
+Chosen by judgement."""
 
 
 def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:

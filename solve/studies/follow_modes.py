@@ -28,14 +28,14 @@ from solve.units import speeds_between, speeds_given
 
 _FEWEST_STEPS, _MOST_STEPS = 64, 512
 """Number of steps of the first and of the last grid that is tried: the phases at which eigenvectors are
-compared must resolve the harmonics of the vectors. Choices."""
+compared must resolve the harmonics of the vectors. Chosen by judgement."""
 
 _ALLOWED = 100.0
-"""Ratio of the error of a single multiplier to `rtol` up to which the number of steps is not doubled. A
-choice."""
+"""Ratio of the error of a single multiplier to `rtol` up to which the number of steps is not doubled. Chosen
+by judgement."""
 
 _ADDED = 30
-"""Maximum number of samples added per given value, on average. A choice. A veering takes about 2
+"""Maximum number of samples added per given value, on average. Chosen by judgement. A veering takes about 2
 log₂(spacing/width)."""
 
 

@@ -31,11 +31,11 @@ from solve.units import require_size_of_number, speed_in_si, with_unit
 USUAL_COUNT = 4
 
 TURN = 36
-"""Default number of positions per period. A choice."""
+"""Default number of positions per period. Chosen by judgement."""
 
 _RUNNING = 1.0
-"""Speed in rad/s at which matrices are tested if they do not exist at speed 0 and no case states a speed. A
-choice."""
+"""Speed in rad/s at which matrices are tested if they do not exist at speed 0 and no case states a speed.
+Chosen by judgement."""
 
 
 @of_system

@@ -24,7 +24,8 @@ from solve.errors import (
 )
 
 _OUTLIER = 2.0
-"""Number of standard deviations above which a robust fit weights residuals by their moduli. A choice."""
+"""Number of standard deviations above which a robust fit weights residuals by their moduli. Chosen by
+judgement."""
 
 _SPREAD = 1.4826
 """Ratio of the standard deviation to the median of the moduli, for normally distributed errors."""
@@ -36,7 +37,7 @@ then a tenth of the standard error or more. Bates and Watts stop at 0.001; SciPy
 
 EXACT = 1e-5
 """Relative residual up to which errors of the orbits (tolerance 1e-7) and of finite differences explain the
-residuals. A choice."""
+residuals. Chosen by judgement."""
 
 _MOVED = 1e-8
 """Relative change below which a parameter counts as unchanged: SciPy's xtol."""

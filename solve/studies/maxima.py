@@ -15,13 +15,14 @@ from solve.system import multiplier_count
 from solve.terminal import progress
 
 _PROMINENCE = 1e-2
-"""Smallest prominence of a maximum relative to its height. A choice."""
+"""Smallest prominence of a maximum relative to its height. Chosen by judgement."""
 
 _ERROR_FACTOR = 2.0
-"""Smallest prominence of a maximum relative to the estimated error of its height. A choice."""
+"""Smallest prominence of a maximum relative to the estimated error of its height. Chosen by judgement."""
 
 _SUBDIVISION = 3
-"""Initial subdivision of each side of a bracket, so that the highest of several maxima is found. A choice."""
+"""Initial subdivision of each side of a bracket, so that the highest of several maxima is found. Chosen by
+judgement."""
 
 _EVALUATIONS = 14
 """Typical number of further solutions per bracket (measured), used to estimate the remaining time."""
@@ -34,7 +35,7 @@ _MAX_ITERATIONS = 100
 
 _FLAT_TOP, _HEIGHT_TOLERANCE = 1e-5, 1e-6
 """Difference between a maximum and the ends of its bracket, relative to the height, up to which the height is
-not refined; and relative tolerance of the height of narrower maxima. Choices."""
+not refined; and relative tolerance of the height of narrower maxima. Chosen by judgement."""
 
 Value = Callable[[Array, Array], tuple[Array, Array]]
 """Type of functions of speeds (m,) within brackets with the indices (m,). They return heights (m,), NaN

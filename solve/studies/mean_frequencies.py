@@ -24,22 +24,23 @@ two speeds of the grid: four iterations suffice, and only jumps of the means rea
 
 _JUMP = 1e-2
 """Remaining relative difference between a mean frequency and a multiple of the speed above which the mean
-jumps over the multiple instead of crossing it. A choice."""
+jumps over the multiple instead of crossing it. Chosen by judgement."""
 
 CLOSE = 0.05
 """Relative difference between a frequency and an integer multiple of the speed up to which they may belong to
-a resonance. A choice."""
+a resonance. Chosen by judgement."""
 
 _SAMPLES = 24
-"""Smallest number of speeds, if available, at which frequencies with and without C are compared. A choice."""
+"""Smallest number of speeds, if available, at which frequencies with and without C are compared. Chosen by
+judgement."""
 
 _MAX_LOW_ORDER = 4
-"""Highest order of combination resonances for which grid points are added. A choice: their growth rates
-decrease with the order, because higher orders require a higher harmonic of the matrices or a higher power of
-the first harmonic."""
+"""Highest order of combination resonances for which grid points are added. Chosen by judgement: their growth
+rates decrease with the order, because higher orders require a higher harmonic of the matrices or a higher
+power of the first harmonic."""
 
 _CORRECTIONS = 2
-"""Number of corrections of a resonant speed with the mean frequencies at that speed. A choice."""
+"""Number of corrections of a resonant speed with the mean frequencies at that speed. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

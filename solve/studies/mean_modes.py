@@ -11,7 +11,7 @@ from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
 _PHASES, _FEW_PHASES = 64, 16
-"""Number of phases for the means, and for the comparison with C. Choices: both means converge
+"""Number of phases for the means, and for the comparison with C. Chosen by judgement: both means converge
 exponentially."""
 
 _ROUNDOFF, _COMPLEX = 1e-12, 1e-6
@@ -24,7 +24,7 @@ _MIN_OVERLAP = 1e-30
 
 _NEAR = 0.5
 """Two frequencies count as close at a phase if their difference is below this fraction of its maximum over
-the period. A choice."""
+the period. Chosen by judgement."""
 
 
 class MeanModes(NamedTuple):

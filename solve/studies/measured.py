@@ -40,10 +40,12 @@ _ABSCISSAS = {"s": "time", "deg": "phase", "rad": "phase", "order": "order", "1"
 
 
 _MOST_ORDERS, _LARGEST = 10**5, 1e100
-"""Largest permitted order, and largest permitted value, whose square does not overflow in sums. Choices."""
+"""Largest permitted order, and largest permitted value, whose square does not overflow in sums. Chosen by
+judgement."""
 
 _ALIKE = 1e-3
-"""Relative difference up to which the speeds of an orbit and of a measurement count as equal. A choice."""
+"""Relative difference up to which the speeds of an orbit and of a measurement count as equal. Chosen by
+judgement."""
 
 FREQUENCY = "frequency"
 """Name of the channel of natural frequencies."""

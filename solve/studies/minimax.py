@@ -13,11 +13,13 @@ from solve.arrays import Array
 from solve.studies.tracked import Tracked
 
 _MAX_ITERATIONS = 60
-"""Largest number of iterations in a round. A choice: rounds of cam and manipulator take 10 to 40."""
+"""Largest number of iterations in a round. Chosen by judgement: rounds of cam and manipulator take 10 to
+40."""
 
 _LINE_SEARCH, _MAX_STALLED = 5, 2
 """Number of evaluations above which a line search is stalled, and number of stalled line searches after which
-a round ends: extrema have then merged or vanished, or the gain is within the error of the values. Choices."""
+a round ends: extrema have then merged or vanished, or the gain is within the error of the values. Chosen by
+judgement."""
 
 _CORRECTIONS = 3
 """Number of corrections after which equations hold to round-off: SLSQP satisfies the equations to 4 to 6

@@ -15,17 +15,18 @@ from solve.studies.mode_vectors import SURE, ModeVectors
 
 _COVERED = 0.99
 """Fraction of each mode that the listed harmonics contain, unless this requires more than `_MOST_HARMONICS`
-harmonics on either side. A choice."""
+harmonics on either side. Chosen by judgement."""
 
 _MOST_HARMONICS = 12
-"""Maximum number of harmonics on either side of the main one: a choice."""
+"""Maximum number of harmonics on either side of the main one. Chosen by judgement."""
 
 _SAME = 1e-6
-"""Relative difference between the participations of two harmonics that counts as zero: a choice."""
+"""Relative difference between the participations of two harmonics that counts as zero. Chosen by
+judgement."""
 
 _LEAST_EXCHANGE = 4.0
 """Smallest ratio of the range of values to the width of a veering for which the veering is listed: in a wider
-veering the vectors are exchanged only in part. A choice."""
+veering the vectors are exchanged only in part. Chosen by judgement."""
 
 
 class Identities(NamedTuple):

@@ -31,8 +31,8 @@ samples alone; after the largest number the interval is still longer than the ro
 
 _REAL = 0.05
 """Imaginary part of two exceptional points, relative to their distance, up to which the points count as real:
-between two real points the pair is locked, which means that its exponents have equal imaginary parts. A
-choice."""
+between two real points the pair is locked, which means that its exponents have equal imaginary parts. Chosen
+by judgement."""
 
 _WIDE, _FEWEST_LOCKED = 0.5, 4
 """Smallest distance between two real exceptional points, relative to the step, and smallest number of
@@ -44,16 +44,16 @@ points that it produces decreases in proportion to the step."""
 _NEAR, _NARROW = 1.0, 0.1
 """Distance and half-width of the exceptional points of a mode and its own conjugate, relative to the step,
 within which the vector of the mode is not used as a reference. Narrower resonances lie between two samples.
-Choices."""
+Chosen by judgement."""
 
 
 _TIE = 0.01
-"""Weight of the overlap with the last sample. It decides between equal overlaps with an earlier sample. A
-choice."""
+"""Weight of the overlap with the last sample. It decides between equal overlaps with an earlier sample.
+Chosen by judgement."""
 
 _FARTHEST = 8.0
-"""Distance of exceptional points, relative to the step, up to which the linear model locates them. A
-choice."""
+"""Distance of exceptional points, relative to the step, up to which the linear model locates them. Chosen by
+judgement."""
 
 
 class Sample(NamedTuple):

@@ -26,7 +26,7 @@ from solve.period.product_eigenvalues import (
 
 SURE = 10.0
 """Smallest ratio between the difference of two exponents and their estimated errors for which they are
-distinct. A choice."""
+distinct. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

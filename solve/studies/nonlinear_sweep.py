@@ -20,7 +20,8 @@ from solve.system import multiplier_count
 from solve.terminal import progress
 
 _ON_A_LINE = 1e-9
-"""Distance, relative to the ranges, up to which a point counts as lying on a line: round-off. A choice."""
+"""Distance, relative to the ranges, up to which a point counts as lying on a line: round-off. Chosen by
+judgement."""
 
 
 def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> PointResults:

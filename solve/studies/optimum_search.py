@@ -26,12 +26,12 @@ ROUNDS = "rounds"
 """Name of the unit in progress reports."""
 
 _MAX_ROUNDS = 30
-"""Largest number of rounds, each of which follows the extrema that are largest at its start. A choice: cam
-and manipulator take up to 8."""
+"""Largest number of rounds, each of which follows the extrema that are largest at its start. Chosen by
+judgement: cam and manipulator take up to 8."""
 
 _SHRINKING, _SMALLEST_REACH = 4.0, 1e-6
 """Factor by which the largest change of x is reduced after a round without gain, and lower limit of this
-change. Choices."""
+change. Chosen by judgement."""
 
 STATIONARY = 100.0
 """Change of the objective in a round, relative and in units of rtol, below which the search ends. With 10 the
@@ -39,13 +39,15 @@ errors of the orbits, which differ from grid to grid, prevent the end for some o
 
 _MAX_RESTORATIONS, _GAIN = 6, 0.01
 """Maximum number of minimisations of the violation, and relative reduction below which the violation counts
-as a local minimum. Choices."""
+as a local minimum. Chosen by judgement."""
 
 _RESTARTS = 4
-"""Number of random designs from which the violation is minimised if no feasible design is near. A choice."""
+"""Number of random designs from which the violation is minimised if no feasible design is near. Chosen by
+judgement."""
 
 _VIOLATION = 1e-7
-"""Largest violation of a bound, relative to its scale, with which the bound counts as satisfied. A choice."""
+"""Largest violation of a bound, relative to its scale, with which the bound counts as satisfied. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)

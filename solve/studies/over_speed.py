@@ -17,17 +17,19 @@ SPECTRAL_RADIUS = Named(RADIUS, "1", RADIUS)
 """The spectral radius as a quantity."""
 
 _TOLERANCE = 1e-10
-"""Tolerance of the edge of a band, relative to its speed. A choice: far below that of the optimum."""
+"""Tolerance of the edge of a band, relative to its speed. Chosen by judgement: far below that of the
+optimum."""
 
 _BRACKETS = 0.25, 0.02
-"""Half widths of the bracket of a predicted edge, in widths of the band at the start. Choices: small, so that
-the other edge stays outside the bracket even if the band becomes narrower."""
+"""Half widths of the bracket of a predicted edge, in widths of the band at the start. Chosen by judgement:
+small, so that the other edge stays outside the bracket even if the band becomes narrower."""
 
 _SMALLEST_STEP = 1e-3
-"""Change of the design within which a band counts as closed if its edge is not found again. A choice."""
+"""Change of the design within which a band counts as closed if its edge is not found again. Chosen by
+judgement."""
 
 _MAX_STEPS = 20
-"""Maximum number of steps in which an edge is followed to a design. A choice."""
+"""Maximum number of steps in which an edge is followed to a design. Chosen by judgement."""
 
 _DIFFERENCE = 1e-6
 """Relative difference of the speed for the derivative of the spectral radius at an edge, near the cube root

@@ -24,28 +24,28 @@ QUANTILE = 1.959963984540054
 """Quantile of the normal distribution for intervals of 95 %."""
 
 SEARCH_SPREAD = 2.5
-"""Standard deviation of the samples that search for events. A choice: an event at a distance of 4.3, with
-probability 1e-5, is then found by one sample in 23."""
+"""Standard deviation of the samples that search for events. Chosen by judgement: an event at a distance of
+4.3, with probability 1e-5, is then found by one sample in 23."""
 
 _PLAIN, _WIDE = 0.3, 0.2
-"""Fractions of the samples of a mixture that are drawn about 0 with unit and with wide spread. Choices: with
-them, intervals for events that surround 0 in three dimensions contain the true value as often as other
-intervals."""
+"""Fractions of the samples of a mixture that are drawn about 0 with unit and with wide spread. Chosen by
+judgement: with them, intervals for events that surround 0 in three dimensions contain the true value as often
+as other intervals."""
 
 _STEPS, _STEP_END = 12, 0.02
 """Largest number of Newton steps to the nearest point of an event, and change of z below which they end.
-Choices."""
+Chosen by judgement."""
 
 MAX_DISTANCE = 8.0
 """Largest distance from the mean, in standard deviations, at which events are sought and gradients are
-calculated. A choice: larger values of one variable have the probability 1e-15."""
+calculated. Chosen by judgement: larger values of one variable have the probability 1e-15."""
 
 MAX_CENTRES = 8
-"""Largest number of centres of a mixture, of which the nearest to 0 are kept. A choice."""
+"""Largest number of centres of a mixture, of which the nearest to 0 are kept. Chosen by judgement."""
 
 _COVERED = 1.0
 """Distance from the tangent plane through a centre, on the side of 0, up to which events belong to this
-centre. A choice."""
+centre. Chosen by judgement."""
 
 
 class Mixture(NamedTuple):

@@ -18,28 +18,30 @@ from solve.studies.over_speed import BandEdge, PeakSpeed
 
 _BETWEEN, _MAX_ROUNDS = 4, 10
 """Number of parts of each interval of speeds, at whose ends the optimum of a range is checked, and maximum
-number of rounds in which maxima are added. Choices."""
+number of rounds in which maxima are added. Chosen by judgement."""
 
 _MAX_BANDS = 4
-"""Maximum number of unstable bands that are removed, one after another. A choice."""
+"""Maximum number of unstable bands that are removed, one after another. Chosen by judgement."""
 
 _NEARLY = 0.01
 """Distance from the largest value, relative to this value, within which a maximum between speeds is refined.
-A choice."""
+Chosen by judgement."""
 
 _SPEED_TOLERANCE = 1e-5
-"""Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
+"""Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. Chosen by
+judgement."""
 
 _DROP = 1e-3
 """Relative decrease from a maximum to the two speeds with which it is followed, while maxima are added.
-Afterwards it is √rtol, which balances the errors of the orbits and of the parabola. A choice."""
+Afterwards it is √rtol, which balances the errors of the orbits and of the parabola. Chosen by judgement."""
 
 _SPACING, _WIDER = (1e-4, 1e-2), 10.0
 """Smallest and largest distance between a maximum and these two speeds, relative to the speed, and multiple
-of the smallest distance at which the decrease is measured. Choices."""
+of the smallest distance at which the decrease is measured. Chosen by judgement."""
 
 _SAME_PEAK = 4.0
-"""Distance, in spacings, up to which a maximum that has moved replaces the previous one. A choice."""
+"""Distance, in spacings, up to which a maximum that has moved replaces the previous one. Chosen by
+judgement."""
 
 _Trial = tuple[State, tuple[Sequence[PeakSpeed], Sequence[BandEdge]]]
 """Optimum, and the maxima and edges that were followed."""

@@ -25,10 +25,11 @@ RANGE = "range"
 
 _RELATION = re.compile(r"\s*(\S+?)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
 _CURVE_PHASES = 33
-"""Number of phases, the Chebyshev points of the interval, at which a curve is kept. A choice."""
+"""Number of phases, the Chebyshev points of the interval, at which a curve is kept. Chosen by judgement."""
 
 _TOLERANCE = 1e-9
-"""Largest change of a kept quantity without a stated tolerance, relative to its largest modulus. A choice."""
+"""Largest change of a kept quantity without a stated tolerance, relative to its largest modulus. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)

@@ -19,32 +19,32 @@ from solve.system import PeriodicSystem
 
 _NEAR = 0.2
 """Largest difference between the ratio of frequency to speed and an integer at which a maximum may belong to
-this integer division. The relative difference is at most `CLOSE`. A choice."""
+this integer division. The relative difference is at most `CLOSE`. Chosen by judgement."""
 
 _ANGLE_TOLERANCE = 0.02
 """Allowed difference between the angle of a multiplier and that of a division or combination, as a fraction
-of 2π. A choice."""
+of 2π. Chosen by judgement."""
 
 _DECAY_TOLERANCE = 0.25
 """Allowed relative difference between the decay of a mode per period and the mean of the frozen decay rates.
-A choice."""
+Chosen by judgement."""
 
 _MAX_COST = 9.0
 """Upper limit of a single squared difference, reached at three times the allowed difference. No single
-difference then decides the matching. A choice."""
+difference then decides the matching. Chosen by judgement."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
 """Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part;
 for a maximum of the spectral radius, because such maxima are narrower; and the excess over the smallest sum
-up to which a label counts as equally good. Choices."""
+up to which a label counts as equally good. Chosen by judgement."""
 
 _ORDER_PENALTY = 0.1
 """Penalty that is added to the sum for each order above the first, because resonances of higher order are
-weaker. A choice."""
+weaker. Chosen by judgement."""
 
 _SAME_SPEED = 1e-3
 """Relative difference of speeds up to which maxima of the real part and of the modulus of a multiplier
-coincide. A choice."""
+coincide. Chosen by judgement."""
 
 Fit = tuple[float, Combination]
 """Misfit of a combination, and the combination."""

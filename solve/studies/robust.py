@@ -22,12 +22,12 @@ from solve.studies.tracked import leading, tracked
 
 _MACHINES, _BEYOND = 16, 2
 """Smallest number of machines, and smallest number of machines beyond a quantile. Numbers are powers of two,
-for a Sobol sequence. Choices. Measured for an oscillator: mean and deviation agree with integrals to 2 %;
-quantiles of 90, 95 and 99 %, from 32, 64 and 256 machines with one to five varied parameters, agree to 1 to 4
-%."""
+for a Sobol sequence. Chosen by judgement. Measured for an oscillator: mean and deviation agree with integrals
+to 2 %; quantiles of 90, 95 and 99 %, from 32, 64 and 256 machines with one to five varied parameters, agree
+to 1 to 4 %."""
 
 _EXTREME = 0.01
-"""Smallest distance of a quantile from 0 and 1, for which 256 machines are required. A choice."""
+"""Smallest distance of a quantile from 0 and 1, for which 256 machines are required. Chosen by judgement."""
 
 
 class Statistic(NamedTuple):

@@ -26,17 +26,18 @@ from solve.terminal import progress
 from solve.units import speeds_given
 
 _CURVATURE_STEP = 1e-4
-"""Relative step of the speed in the finite difference for the curvature of a response. A choice."""
+"""Relative step of the speed in the finite difference for the curvature of a response. Chosen by
+judgement."""
 
 _MAX_SHIFT = 1e-2
-"""Largest relative correction of a speed, and largest relative step of differences. A choice."""
+"""Largest relative correction of a speed, and largest relative step of differences. Chosen by judgement."""
 
 _WIDTH_FRACTION = 0.1
-"""Step of the differences of derivatives, relative to the width of a maximum. A choice."""
+"""Step of the differences of derivatives, relative to the width of a maximum. Chosen by judgement."""
 
 _MAX_ERROR = 1e-3
-"""Relative error of the derivative with respect to the speed above which an edge has no derivatives. A
-choice."""
+"""Relative error of the derivative with respect to the speed above which an edge has no derivatives. Chosen
+by judgement."""
 
 _MEET = "two multipliers coincide at this edge, so that it has no derivatives"
 _DAMP = "if the system is undamped, add a little damping, or use finite differences of the edges"
@@ -51,14 +52,14 @@ _UNBOUNDED = (
 )
 
 _SMOOTH = 0.5
-"""Largest relative change of the curvature of a maximum when the step is doubled. A choice."""
+"""Largest relative change of the curvature of a maximum when the step is doubled. Chosen by judgement."""
 
 _STEP_REDUCTION = 8.0
-"""Factor by which the step is reduced for a narrower maximum. A choice."""
+"""Factor by which the step is reduced for a narrower maximum. Chosen by judgement."""
 
 _NEWTON_STEPS = 3
-"""Number of Newton corrections of a speed that is accurate to a tolerance. A choice: each correction doubles
-the number of accurate digits."""
+"""Number of Newton corrections of a speed that is accurate to a tolerance. Chosen by judgement: each
+correction doubles the number of accurate digits."""
 
 
 @of_system

@@ -11,8 +11,8 @@ from solve.results.tolerances import SobolIndices
 from solve.studies.probability import QUANTILE
 
 _RESAMPLES = 200
-"""Number of bootstrap samples for the error estimates. A choice: the estimates then have a relative error of
-5 %."""
+"""Number of bootstrap samples for the error estimates. Chosen by judgement: the estimates then have a
+relative error of 5 %."""
 
 
 def sobol_indices(

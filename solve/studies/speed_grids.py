@@ -14,20 +14,21 @@ from solve.system import PeriodicSystem, check
 from solve.units import ShownUnit
 
 LIGHTLY_DAMPED = 0.5
-"""Modulus of the largest multiplier above which instability is searched for between stable speeds. A choice:
-with stronger damping, only a parametric resonance that doubles the amplitude in a period causes
+"""Modulus of the largest multiplier above which instability is searched for between stable speeds. Chosen by
+judgement: with stronger damping, only a parametric resonance that doubles the amplitude in a period causes
 instability."""
 
 _INTERVALS = 40
-"""Number of intervals of the speed range at whose ends the existence of matrices is tested. A choice."""
+"""Number of intervals of the speed range at whose ends the existence of matrices is tested. Chosen by
+judgement."""
 
 _PHASES = 16
-"""Number of phases at which the rotation rate of the multipliers is computed from frozen matrices. A
-choice."""
+"""Number of phases at which the rotation rate of the multipliers is computed from frozen matrices. Chosen by
+judgement."""
 
 _DAMPED_OUT = 1e-2
 """Modulus of a multiplier of the frozen matrices below which its mode is ignored: it can become unstable only
-by a parametric resonance that increases the amplitude a hundredfold in a period. A choice."""
+by a parametric resonance that increases the amplitude a hundredfold in a period. Chosen by judgement."""
 
 _HALVINGS = 20
 """Maximum number of halvings of an interval in which two pairs of multipliers may pass +1 or -1. A bound on
@@ -35,7 +36,7 @@ the work, and a choice."""
 
 _NEIGHBOURHOOD, _COINCIDENT = 0.5, 1e-4
 """Largest distance from +1 or -1 at which a pair of multipliers may pass this point before the next speed;
-difference between two such distances below which both pairs count as one. Choices."""
+difference between two such distances below which both pairs count as one. Chosen by judgement."""
 
 Rotation = Callable[[Array], Array]
 """Type of functions of speeds (k,) that return the angle by which the fastest relevant multiplier rotates per

@@ -37,19 +37,22 @@ from solve.terminal import progress
 from solve.units import speeds_given
 
 _SEARCH = 8
-"""Divisor of the number of samples: 1 / _SEARCH of the samples search for rare events. A choice."""
+"""Divisor of the number of samples: 1 / _SEARCH of the samples search for rare events. Chosen by
+judgement."""
 
 _MOST_SPEEDS = 4
-"""Largest number of speeds at which points of an event are sought. A choice."""
+"""Largest number of speeds at which points of an event are sought. Chosen by judgement."""
 
 _MOST_STEPS = 40
-"""Largest number of evaluations in the search for a worst point. A choice."""
+"""Largest number of evaluations in the search for a worst point. Chosen by judgement."""
 
 _STARTS = 3
-"""Number of the worst samples from which a worst point is sought. A choice: maxima may be local."""
+"""Number of the worst samples from which a worst point is sought. Chosen by judgement: maxima may be
+local."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 64, 10**7
-"""Smallest and largest number of samples. Intervals from fewer samples are too wide to be useful. Choices."""
+"""Smallest and largest number of samples. Intervals from fewer samples are too wide to be useful. Chosen by
+judgement."""
 
 
 @of_model

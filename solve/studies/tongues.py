@@ -11,7 +11,7 @@ from solve.studies.stability_samples import Evaluate, StabilitySamples
 _MAX_PARABOLAS, _DECREASE = 10, 0.5
 """Maximum number of parabolas per minimum, and largest ratio of the predicted to the current minimum with
 which the search continues. SciPy's `find_minimum` would continue to the minimum; here the search ends at the
-first unstable point, or as soon as the minimum cannot reach zero. Choices."""
+first unstable point, or as soon as the minimum cannot reach zero. Chosen by judgement."""
 
 _MIN_WIDTH = 1e-10
 """Width of a bracket, as a fraction of the interval, below which the descent ends."""

@@ -37,14 +37,15 @@ _ZOOMS, _ZOOM = 2, 16
 extrema are accurate to 2e-4 with one search, and to 1e-7 with two."""
 
 _WIDEST = 1 / 16
-"""Largest half width of a window, in periods. A choice."""
+"""Largest half width of a window, in periods. Chosen by judgement."""
 
 _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 """Weights of five values in the first and second difference of fourth order, for a Newton step to the phase
 of an extremum. Derivatives of extrema then agree with differences to 1e-6."""
 
 _OF_CONSTANT = 16
-"""Number of windows, over the whole period, in which maxima of a constant are followed. A choice."""
+"""Number of windows, over the whole period, in which maxima of a constant are followed. Chosen by
+judgement."""
 
 _DIFFERENCE = 1e-4
 """Step in x, whose range is 0 to 1, of finite differences for a function without derivatives. The truncation

@@ -30,13 +30,13 @@ from solve.views.style import Figure, drawn
 ENDINGS = (".gif", ".html", *PICTURES)
 
 FREE_TURNS = 8
-"""Number of periods of a free vibration. A choice."""
+"""Number of periods of a free vibration. Chosen by judgement."""
 
 _FRAMES, _FREE_FRAMES, _POSITIONS = 90, 240, 6
 MOST_FRAMES, MOST_POSITIONS = 720, 12
 
 _PANELS = 4
-"""Number of coordinates whose curves are shown by default. A choice."""
+"""Number of coordinates whose curves are shown by default. Chosen by judgement."""
 
 VISIBLE = 0.12
 """Largest displacement by automatic magnification, relative to the size of the mechanism: a choice with which

@@ -25,7 +25,7 @@ _MOST_GROWTH = 4.0
 
 _FEW = 40_000
 """Maximum number of grid points with which colours are interpolated up to the boundaries; a denser grid
-resolves the boundaries itself. A choice."""
+resolves the boundaries itself. Chosen by judgement."""
 
 _LETTER = 0.007, 0.035
 """Half width and half height of a letter including its margin, as fractions of the figure (measured)."""

@@ -20,7 +20,7 @@ _MOST_ROWS, _MOST_CURVES = 3, 8
 """Largest number of panels, and of curves in a panel: as many as are legible."""
 
 _MOST_GAINS, _SHOWN = 16, 4
-"""Largest number of rows, and number of harmonics, of the table of gains. Choices."""
+"""Largest number of rows, and number of harmonics, of the table of gains. Chosen by judgement."""
 
 
 @figure.register(Controller)

@@ -24,14 +24,14 @@ from solve.views.tables import RenderableType, Table, table, text
 
 _MOST_PANELS, _MOST_ORDERS = 8, 60
 _SAME, _EVEN = 1e-6, 1e-3
-"""Relative tolerances with which phases, and distances between phases, count as equal. Choices: below the
-precision of measured data."""
+"""Relative tolerances with which phases, and distances between phases, count as equal. Chosen by judgement:
+below the precision of measured data."""
 
 _CLOSE = 0.9
-"""Correlation above which a pair of parameters is listed. A choice."""
+"""Correlation above which a pair of parameters is listed. Chosen by judgement."""
 
 _LEAST = 1e-6
-"""Smallest amplitude that is drawn, relative to the largest measured amplitude. A choice."""
+"""Smallest amplitude that is drawn, relative to the largest measured amplitude. Chosen by judgement."""
 
 
 @figure.register(Fitted)

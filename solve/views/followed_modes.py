@@ -16,16 +16,17 @@ from solve.views.style import BLACK, GREY, LIGHT, MANY, VERMILION, Axes, Figure
 from solve.views.tables import MOST_ROWS, RenderableType, Table, table
 
 _SIDEBAND = 0.1
-"""Participation above which a harmonic of a mode is drawn as a thin line. A choice."""
+"""Participation above which a harmonic of a mode is drawn as a thin line. Chosen by judgement."""
 
 _LEAST_NAMED = 0.01
-"""Participation above which tables list a harmonic. A choice."""
+"""Participation above which tables list a harmonic. Chosen by judgement."""
 
 _MOST_HARMONICS, _WIDTH = 3, 48
 """Maximum number of harmonics that tables name, and of characters for these harmonics in 80 columns."""
 
 _MOST_RAYS = 12
-"""Maximum number of rays of the harmonics of the speed, so that curves remain visible. A choice."""
+"""Maximum number of rays of the harmonics of the speed, so that curves remain visible. Chosen by
+judgement."""
 
 
 @figure.register(FollowedModes)

@@ -22,7 +22,8 @@ from solve.views.style import Figure, drawn
 from solve.views.tables import table, text
 
 OVER_SPEEDS = 1e-6
-"""Smallest tolerance of results over speed. A choice: curves and tables over speed show fewer digits."""
+"""Smallest tolerance of results over speed. Chosen by judgement: curves and tables over speed show fewer
+digits."""
 
 ENDINGS = (".html",)
 

@@ -31,7 +31,7 @@ axis."""
 
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
-"""Position in the colour map beyond which curves are too light for a white page. A choice."""
+"""Position in the colour map beyond which curves are too light for a white page. Chosen by judgement."""
 
 _FEW = 60
 """Maximum number of points of a curve that are marked."""

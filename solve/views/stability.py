@@ -22,7 +22,7 @@ CIRCLE_ROW = 2.45
 """Height in inches of the panels that show multipliers."""
 
 _CLOSER = 0.4
-"""Spectral radius below which multipliers are also drawn magnified. A choice."""
+"""Spectral radius below which multipliers are also drawn magnified. Chosen by judgement."""
 
 _MOST_MULTIPLIERS = 8
 VERDICT_STYLES = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))

@@ -48,7 +48,7 @@ _WIDTH = 48
 speed, spectral radius and stability."""
 
 _MOST_ROWS = 60
-"""Maximum number of rows; if there are more speeds, every k-th speed is shown. A choice."""
+"""Maximum number of rows; if there are more speeds, every k-th speed is shown. Chosen by judgement."""
 
 Edges = Sequence[tuple[float, float, str]]
 """Unstable bands: lower and upper edge (rad/s), kind."""

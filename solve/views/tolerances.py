@@ -20,10 +20,10 @@ _MOST_QUANTITIES, _MOST_BARS = 4, 8
 """Largest numbers of quantities in the picture, and of parameters per quantity: as many as fit."""
 
 _BINS = 40
-"""Number of bars of a histogram. A choice."""
+"""Number of bars of a histogram. Chosen by judgement."""
 
 _OUTSIDE = 5e-4
-"""Fraction of the distribution that histograms omit at each end. A choice."""
+"""Fraction of the distribution that histograms omit at each end. Chosen by judgement."""
 
 
 @figure.register(Tolerances)

@@ -54,21 +54,21 @@ from solve.views.show import printout
 from solve.views.style import Figure
 
 _HALVINGS = 6
-"""Maximum number of simulated run-ups, each of half the duration of the previous one. A choice."""
+"""Maximum number of simulated run-ups, each of half the duration of the previous one. Chosen by judgement."""
 
 _RETURN_FRACTION = 0.2
-"""Duration of the return of the pivot, relative to that of the run-up. A choice."""
+"""Duration of the return of the pivot, relative to that of the run-up. Chosen by judgement."""
 
 _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
 """First and last default speed of the map, relative to the mean lowest frequency, and ratio of neighbouring
-speeds. Choices.
+speeds. Chosen by judgement.
 
 The mean lowest frequency is then 32 to 3.5 times the speed, so that the map contains superharmonic resonances
 of the orders 4 to 32.
 """
 
 _FEWEST_SPEEDS, _LENGTHS, _MOST_LENGTHS = 5, 48, 200
-"""Smallest number of speeds of a map; default and largest number of lengths L4. Choices."""
+"""Smallest number of speeds of a map; default and largest number of lengths L4. Chosen by judgement."""
 
 _RANGE = re.compile(r"(?P<low>[^:\s]+):(?P<high>[^:\s]+)(:(?P<count>\d+))?\s+(?P<unit>\S.*)")
 

@@ -313,7 +313,7 @@ def _norms(controller: Controller, name: str) -> Norms:
 
 
 _NORM_RTOL = 1e-6
-"""Smallest tolerance of norms. A choice: H∞ norms are found by bisection."""
+"""Smallest tolerance of norms. Chosen by judgement: H∞ norms are found by bisection."""
 
 _DESIGNS = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
 """Design functions by name. Inside `control`, arguments of the same names hide the functions."""

@@ -31,7 +31,7 @@ from solve.system import PeriodicSystem
 
 _KEPT, _BYTES = 8, 2**21
 """Numbers of grids whose entries are kept, and their largest size in bytes: the solutions and the error
-estimates of one grid evaluate the same phases up to four times. Choices."""
+estimates of one grid evaluate the same phases up to four times. Chosen by judgement."""
 
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):

@@ -12,7 +12,7 @@ from solve.studies.control.plant import state_equations
 
 _LEAST_STEPS = 128
 """Smallest number of steps per period: longer steps could skip a load that acts during a part of the period.
-A choice."""
+Chosen by judgement."""
 
 Equations = Callable[[Array, Array, float, Array, Array], Matrices]
 """Function of phases and speeds (k,), an acceleration, and q and q̇ (k, n) that returns M, C, K and d of the

@@ -18,7 +18,7 @@ from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 
 FROZEN_PHASES = 48
-"""Phases at which frozen modes are computed. A choice."""
+"""Phases at which frozen modes are computed. Chosen by judgement."""
 
 FIRST_RTOL = 1e-8
 """Tolerance for which phase advances per step of the first grid are stated. For another tolerance they change
@@ -29,13 +29,13 @@ _MOST_DOUBLINGS = 60
 multipliers of up to 1 − 1e-17, the iteration converges earlier."""
 
 _CONVERGED = 16 * EPS
-"""Relative change or residual of the solution that counts as round-off. A choice."""
+"""Relative change or residual of the solution that counts as round-off. Chosen by judgement."""
 
 _CORRECTIONS = 2
-"""Maximum number of Newton corrections. A choice: the first correction reaches round-off."""
+"""Maximum number of Newton corrections. Chosen by judgement: the first correction reaches round-off."""
 
 _BYTES = 2**20
-"""Memory, in bytes, of the stage systems that are solved at a time. A choice."""
+"""Memory, in bytes, of the stage systems that are solved at a time. Chosen by judgement."""
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
 """Function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N), with G = sign E Eᵀ and

@@ -17,7 +17,7 @@ from solve.units import speed_in_si
 
 _SCAN = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)
 """Relative changes along a ray between which the boundary is sought; the last one is the largest distance
-that is searched. A choice."""
+that is searched. Chosen by judgement."""
 
 _STEP = 1e-4
 """Relative step of central differences. If log |ρ| is accurate to 1e-6, the differences are accurate to 1e-2,
@@ -25,11 +25,11 @@ which suffices for a direction."""
 
 _TURNS, _GAIN = (1.0, 0.5, 0.25, 0.1), 1e-4
 """Fractions of the rotation towards the normal of the boundary that are tried, and relative decrease of the
-distance below which the search ends. Choices."""
+distance below which the search ends. Chosen by judgement."""
 
 _TOLERANCE, _BESIDE = 1e-6, 1e-3
 """Tolerance of the distance, and relative distance from the boundary at which the verdicts on both sides are
-stated. Choices."""
+stated. Chosen by judgement."""
 
 
 @of_system

@@ -18,15 +18,15 @@ from solve.system import PeriodicSystem, of_system, shown_in
 from solve.units import speed_in_si
 
 _ON_CIRCLE = 1e-7
-"""Distance from the unit circle below which a multiplier of the Hamiltonian system counts as lying on it. A
-choice: double multipliers lose half their digits."""
+"""Distance from the unit circle below which a multiplier of the Hamiltonian system counts as lying on it.
+Chosen by judgement: double multipliers lose half their digits."""
 
 _MAP_RTOL = 1e-8
 """Tolerance for which a number of steps is chosen; the map of the Hamiltonian system has twice as many."""
 
 _GROWTH, _MOST = 4.0, 200
-"""Factor between the gains that are tried until they enclose the norm, and maximum number of trials.
-Choices."""
+"""Factor between the gains that are tried until they enclose the norm, and maximum number of trials. Chosen
+by judgement."""
 
 
 class Norm(NamedTuple):

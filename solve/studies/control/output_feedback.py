@@ -19,12 +19,12 @@ from solve.system import PeriodicSystem, relabelled
 from solve.units import in_unit, speed_in_si
 
 _DAMPING = 0.01
-"""Damping ratio of resonators. A choice: the gain at resonance is 50 times that at rest."""
+"""Damping ratio of resonators. Chosen by judgement: the gain at resonance is 50 times that at rest."""
 
 
 _WIDTH = 0.5
-"""Damping ratio of notch filters. A choice: half of the amplitude remains at 0.75 and 1.33 times the
-frequency."""
+"""Damping ratio of notch filters. Chosen by judgement: half of the amplitude remains at 0.75 and 1.33 times
+the frequency."""
 
 
 class _Section(NamedTuple):

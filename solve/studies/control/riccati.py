@@ -33,8 +33,8 @@ _ADVANCE = 7.0
 error constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
 _ROUNDOFF = 1e-5
-"""Relative residual of the difference equation, as a fraction of rtol, up to which it is not corrected. A
-choice."""
+"""Relative residual of the difference equation, as a fraction of rtol, up to which it is not corrected.
+Chosen by judgement."""
 
 _FALL, _MARGIN, _GROWTH = 12, 1.1, 2.0
 """Order of the interpolant of values and slopes at 6 nodes; factor on the number of steps predicted from this
@@ -51,17 +51,18 @@ _LEAST, _MOST = 24, 6000
 
 _TOO_FAST, _COARSE = 10.0, 2.0
 """Modes with feedback are too fast if they exceed the fastest mode of the system by the first factor, and the
-fastest mode that the largest number of steps resolves by the second factor. Choices."""
+fastest mode that the largest number of steps resolves by the second factor. Chosen by judgement."""
 
 _SAFETY = 1.5
 """Factor on the estimated error. The residual is known at the stages only: for a hundred random systems with
 2 to 20 states the true error is 0.32 to 1.20 times the estimate without this factor."""
 
 _STENCIL = 6
-"""Number of nodes whose values and slopes the curve of a step interpolates, with the degree 11. A choice."""
+"""Number of nodes whose values and slopes the curve of a step interpolates, with the degree 11. Chosen by
+judgement."""
 
 _POINTS = 9
-"""Points per step of curves of the gain, whose error is the ninth power of the step. A choice."""
+"""Points per step of curves of the gain, whose error is the ninth power of the step. Chosen by judgement."""
 
 _BETWEEN = 0.0, (1 - np.cos(4 * np.pi / _POINTS)) / 2
 """Fractions of a step at which curves of the gain are compared with the gain: two extrema of the polynomial
@@ -70,7 +71,7 @@ that vanishes at the Chebyshev points. With the second one alone, an error of 3e
 
 _SMALL = 1e-6
 """Smallest scale of the error of an entry of the gain, relative to the largest entry, because smaller entries
-can be round-off. A choice."""
+can be round-off. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,13 @@ from solve.units import speed_in_si
 
 _ORDER, _ADVANCE = 8, 1.0
 """Order of the Gauss method, and phase advance of the fastest frozen mode per step of the first grid for the
-tolerance `FIRST_RTOL`. Choices: intervals between samples are short."""
+tolerance `FIRST_RTOL`. Chosen by judgement: intervals between samples are short."""
 
 _SAME = 1e-12
 """Distance of a node from a sample, relative to the period, up to which both count as equal: round-off."""
 
 _MOST = 20000
-"""Largest number of steps. A choice."""
+"""Largest number of steps. Chosen by judgement."""
 
 
 @of_system

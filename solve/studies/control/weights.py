@@ -19,17 +19,18 @@ coincide with symmetries."""
 
 _HALVINGS, _JUMP = 30, 1e-3
 """Bisections of the interval of the largest change, and change, relative to the largest entry, that is then a
-jump: a continuous function would need slopes of 1e6 of its size per radian. Choices."""
+jump: a continuous function would need slopes of 1e6 of its size per radian. Chosen by judgement."""
 
 _INSIDE = 1e-9
-"""Least distance from the jumps of the system, relative to the period, of jumps that are found. A choice."""
+"""Least distance from the jumps of the system, relative to the period, of jumps that are found. Chosen by
+judgement."""
 
 _BESIDE = 4 * EPS
 """Distance from the ends of the period, relative to it, at which functions are evaluated instead of the ends:
 a few units of round-off, for jumps there."""
 
 _NEGATIVE = 1e-10
-"""Negative eigenvalue, relative to the largest, that counts as round-off. A choice."""
+"""Negative eigenvalue, relative to the largest, that counts as round-off. Chosen by judgement."""
 
 
 def matrix_function(

@@ -16,10 +16,10 @@ from solve.errors import SolveError
 from solve.terminal import progress
 
 _INTERVAL = 0.2
-"""Seconds between two reports of the progress. A choice."""
+"""Seconds between two reports of the progress. Chosen by judgement."""
 
 _JOIN = 2.0
-"""Seconds after which a process that ignores termination is killed. A choice."""
+"""Seconds after which a process that ignores termination is killed. Chosen by judgement."""
 
 
 class Work(Protocol):

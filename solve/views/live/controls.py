@@ -16,14 +16,14 @@ from solve.units import GivenSpeed, ShownUnit, raised, speed_in_si, unit_given
 
 _SPAN = 10.0
 """Ratio of the upper end of the slider of a positive parameter to its value, and of the value to the lower
-end. A choice."""
+end. Chosen by judgement."""
 
 _SPEEDS = 0.2, 3.0
-"""Ends of the slider of the speed, relative to the first speed. A choice."""
+"""Ends of the slider of the speed, relative to the first speed. Chosen by judgement."""
 
 _BELOW_RESONANCE = 0.1
 """First speed, relative to the lowest natural frequency, if the case states no speed: only the tenth and
-higher harmonics of the motion then reach a natural frequency. A choice."""
+higher harmonics of the motion then reach a natural frequency. Chosen by judgement."""
 
 _DIGITS = 4
 """Number of significant digits of slider values."""

@@ -22,17 +22,18 @@ from solve.views.live.survey import Survey, choices
 from solve.views.live.texts import Origin, State, default_file, save_case
 
 MOST_SHOWN = 6
-"""Maximum number of quantities shown together; each needs a row of the page. A choice."""
+"""Maximum number of quantities shown together; each needs a row of the page. Chosen by judgement."""
 
 _FIRST_SHOWN = 3
 
 _MOTION_DELAY, _DETAILS_DELAY = 0.04, 0.25
 """Delays in seconds after a solution, before the motion of the mechanism and before the linearisation error
-and the notes are computed, unless the sliders have moved. Choices: each computation takes as long as the
-solution."""
+and the notes are computed, unless the sliders have moved. Chosen by judgement: each computation takes as long
+as the solution."""
 
 _DELAY, _INTERVAL = 0.4, 0.25
-"""Seconds until the progress of a solution is shown, and between two progress reports. Choices."""
+"""Seconds until the progress of a solution is shown, and between two progress reports. Chosen by
+judgement."""
 
 Send = Callable[[dict[str, Any], bytes | None], object]
 """Type of the function that sends a message to the page, with the points that belong to it, if any."""

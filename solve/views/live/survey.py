@@ -20,7 +20,7 @@ from solve.views.live.controls import typed
 from solve.views.live.picture import shortened
 
 MOST_POINTS, MOST_ACROSS = 2000, 120
-"""Largest number of points of a sweep, and of values along each side of a chart. Choices."""
+"""Largest number of points of a sweep, and of values along each side of a chart. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

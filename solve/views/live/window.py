@@ -30,7 +30,7 @@ _START = 30.0
 """Seconds within which the server must start."""
 
 _END = 0.5
-"""Seconds to wait at the end for a running calculation. A choice."""
+"""Seconds to wait at the end for a running calculation. Chosen by judgement."""
 
 _HEIGHT = 900
 """Height of the window in a notebook, in pixels."""
