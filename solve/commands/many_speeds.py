@@ -275,7 +275,7 @@ def critical(
         str, Flag("Statistic of |quantity| whose maxima are sought: max or rms.", "max|rms")
     ] = "max",
     orders: Annotated[int, Flag("Highest order of integer divisions.", "K")] = 20,
-    campbell: Annotated[bool, Flag("Draw only the Campbell diagram.")] = False,
+    campbell: Annotated[bool, Flag("Draw only the response and the Campbell diagram.")] = False,
 ) -> None:
     """Critical speeds: maxima of response and of multipliers, divisions ω̄/k of mean frequencies."""
     omegas, statistic, model = speeds.omegas(), statistic_name(figure), problem.loaded()
