@@ -1,4 +1,4 @@
-"""Critical speeds by three criteria (thesis 7.2.3, 7.3).
+"""Critical speeds by three criteria (sections 7.2.3 and 7.3 of the thesis).
 
 The criteria are maxima of the response versus speed, maxima of the real part of the dominant Floquet
 multiplier versus speed, and integer fractions of the cycle-mean natural frequencies.
@@ -108,7 +108,7 @@ def critical_speeds(
     Notes
     -----
     Maxima are bracketed on the grid of speeds and narrowed by Chandrupatla's method. Integer divisions are
-    speeds at which a cycle-mean frequency is an integer multiple of the speed (thesis 7.3).
+    speeds at which a cycle-mean frequency is an integer multiple of the speed (section 7.3 of the thesis).
 
     Examples
     --------

@@ -125,7 +125,7 @@ class Machines:
             values = values_of(bound.quantity, results, speeds, period)
             errors = by_speed(errors_of(bound.quantity, values, results, speeds, period))
             margins = bound.sign * by_speed(values - bound.value)
-            # An infinite error leaves the event open.
+            # An infinite error leaves the event undetermined.
             is_open = ~(np.abs(margins) > errors) & ~np.isnan(margins)
             beyond.append(Event.from_points(margins, (margins > 0) & ~is_open, is_open, np.isnan(margins)))
         every = [by_speed(values_of(each.named, results, speeds, period)) for each in self.quantities]

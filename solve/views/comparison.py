@@ -149,7 +149,7 @@ _LEVELS = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 
 def newmark_region_figure() -> Figure:
     """Figure of the stability regions in the (γ, β) plane: unstable for γ < 1/2, stable up to a limit of ω h
-    (contours), stable for any step (after thesis Fig. 6.1)."""
+    (contours), stable for any step (after Fig. 6.1 of the thesis)."""
     with styled():
         figure = new_figure(4.3)
         axes = figure.add_subplot()

@@ -185,7 +185,8 @@ class RigidMotion(Result):
                 joint: {"peak": peak.max, "position": peak.max_phase} for joint, peak in peaks.items()
             },
             "drive_torque": _extremes(lambda t: forces(t).torque),
-            # Energy that a flywheel without a motor stores and releases in a revolution (thesis 3.7).
+            # Energy that a flywheel without a motor stores and releases in a revolution (section 3.7 of the
+            # thesis).
             "energy_swing": energy.max - energy.min,
             "energy_residual": float(residual),
         }
