@@ -147,7 +147,7 @@ class Optimum(Result):
         }
 
     def header_rows(self) -> HeaderRows:
-        rows = [("minimised", f"{self.minimised}, largest over {len(self.speeds)} speeds")]
+        rows = [("minimised", f"{self.minimised}, largest at any of {len(self.speeds)} speeds")]
         return rows if len(self.speeds) > 1 else [("minimised", self.minimised)]
 
     @property

@@ -150,7 +150,7 @@ class Tolerances(Result):
             for name, column in zip(self.spreads, self.points.T, strict=True)
         }
         quantities = {
-            name: Column(column, unit, f"{name}, worst over the speeds")
+            name: Column(column, unit, f"{name}, worst at any of the speeds")
             for (name, unit), column in zip(self.units.items(), self.values.T, strict=True)
         }
         return {**parameters, **quantities, "weight": Column(self.weights, "1", "weight of the sample")}

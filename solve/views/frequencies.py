@@ -125,7 +125,7 @@ def variation_figure(found: Variation) -> Figure:
     figures = {name: values[:, mode] for name, values in found.statistics(1).items()}
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
     several = not np.array_equal(figures["min"], figures["max"], equal_nan=True)
-    with page(3.8, f"{title_of(system)}: {which} over {parameter}") as drawing:
+    with page(3.8, f"{title_of(system)}: {which} versus {parameter}") as drawing:
         axes = drawing.subplots()
         if several:
             axes.fill_between(values, figures["min"], figures["max"], color=BLUE, alpha=0.15, linewidth=0)

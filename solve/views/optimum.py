@@ -98,13 +98,13 @@ def optimum_tables(optimum: Optimum) -> Sequence[RenderableType]:
         ],
     )
     requirements = table(
-        "Requirements, worst over the speeds",
+        "Requirements, worst at any of the speeds",
         *("quantity", "value", "bound"),
         rows=[(each.name, f"{each.value:.6g}", f"{each.bound:.9g}") for each in optimum.constraints],
     )
     shown = [text(f"\n{optimum.summary}{_confirmation(optimum)}", "bold"), parameters, requirements]
     if len(optimum.speeds) > 1:
-        shown.append(table_of(f"{optimum.minimised} over speed", optimum.columns, most=MOST_ROWS))
+        shown.append(table_of(f"{optimum.minimised} versus speed", optimum.columns, most=MOST_ROWS))
     return shown
 
 

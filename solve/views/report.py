@@ -187,7 +187,7 @@ def _over_speeds(
         return critical_speeds_of(swept(), **options)
 
     return [
-        Request(Part("Response over speed", response), _loaded(swept, system, omega)),
+        Request(Part("Response versus speed", response), _loaded(swept, system, omega)),
         Request(Part("Critical speeds", critical), _loaded(between_swept, system, omega)),
         Request(Part("Unstable bands", unstable), partial(bands, system, omegas, **options)),
         Request(Part("Validity of the linear model", off), _loaded(valid, system, omega)),

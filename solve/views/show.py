@@ -73,7 +73,7 @@ def figure(result: Result, *_: Any, **__: Any) -> Figure:
 @ByClass
 def waterfall(result: Result, name: str) -> Figure:
     """Figure of the spectra of a quantity versus the varied quantity."""
-    raise NotImplementedError(f"{type(result).__name__} has no spectra over the speed")
+    raise NotImplementedError(f"{type(result).__name__} has no spectra versus speed")
 
 
 @ByClass

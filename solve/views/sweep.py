@@ -117,7 +117,7 @@ def response_figure(
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
     x = unit_of(system, along).from_si(varied[along])
     rows = len(responses) + (radius is not None)
-    title = f"response over {along}"
+    title = f"response versus {along}"
     with panels_over(system, varied[along], title, 1.4 + 1.35 * rows, rows, along) as (page, panels):
         for axes, (name, values) in zip(panels, responses.items(), strict=False):
             heights = values * label_quantity(axes, system, name, values, figure)
@@ -209,7 +209,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     factor, unit = prefixed(system.labels.units.get(name, ""), largest)
     with np.errstate(divide="ignore"):
         decibels = 20 * np.log10(heights / largest)
-    with page(4.4, f"{title_of(system)}: spectrum of {name} over {along}") as drawing:
+    with page(4.4, f"{title_of(system)}: spectra of {name} versus {along}") as drawing:
         axes = drawing.subplots()
         orders = np.arange(1, len(heights) + 1) * rotation
         seen = np.where(decibels > _FLOOR, decibels, np.nan)
@@ -284,7 +284,7 @@ def sweeps_figure(
     responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
     order, count = np.argsort(sweeps.speeds), len(responses)
     speeds = sweeps.system.labels.speed_unit.from_si(sweeps.speeds[order])
-    with panels_over(sweeps.system, sweeps.speeds, "response over speed", 1.1 + 1.9 * count, count) as (
+    with panels_over(sweeps.system, sweeps.speeds, "response versus speed", 1.1 + 1.9 * count, count) as (
         page,
         panels,
     ):
