@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "eac3bce0033e2724d2be10b9ad1523f3ba5d8bfcb278621dbac670d910411b8e"
+MECHANISM_SHA256 = "645a6e35269787086a6e3355ba6e724e3603abc8f9acf7df76f89975e4481d7e"
 DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d47e96600da1165076ca2aea73e1e09e7306e8e4a8246882a7cbf8b3c04e0aac"
+FILE_SHA256 = "d3cb5e33d8edd60fc70facca73de7f775dea4ca859344dfa93e06565ada8f124"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "d9d7a0c81d271e5e0130a202cd4aced250bd1ee841a0ed8863aab8df23b8654b"
+MECHANISM_SHA256 = "6e4d84666ecfc90a023113c83088112dcad3d1aea49ec1fc5efba4e9fe171e97"
 DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a02159d48f7a441fa62f98e59442c59a5225865d07c67da06edca414ce2690ef"
+FILE_SHA256 = "0abefa960eaf90bd3e6329d538af7efe6df64df2f7126768a244d986e92e5cde"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (

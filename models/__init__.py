@@ -1,1 +1,1 @@
-"""Mechanisms, one per folder, which `derive` and `solve` locate by path."""
+"""Mechanisms, one per folder. `derive` and `solve` locate them by path."""

@@ -1,10 +1,11 @@
-"""Cam follower driven through an elastic shaft, chapter 4.1."""
+"""Cam follower driven through an elastic shaft, from section 4.1 of the chapter."""
 
 from derive import Heaviside, Max, Mechanism, Min, cos, rate, sin
 
 
 def mechanism() -> Mechanism:
-    """Energies (41)–(43), virtual work (44) and relations (45) of the chapter; φ1 = φ + q1."""
+    """Return the mechanism with the energies (41)–(43), the virtual work (44) and the relations (45) of the
+    chapter. The cam rotates by φ1 = φ + q1."""
     cam = Mechanism("cam", "Cam follower driven through an elastic shaft (chapter 4.1)")
     q1, q2, q3 = cam.coordinates(
         q1=("rad", "twist of the shaft"),
@@ -47,8 +48,8 @@ def mechanism() -> Mechanism:
     cam.dissipation = (c1 * rate(q1) ** 2 + pressed * c2 * rate(q2) ** 2 + c3 * rate(q3) ** 2) / 2
     cam.force(-F(cam.phase), along=y3)
     # The spring acts between follower and cam, as on the counter-profile of conjugate cams, so that it does
-    # not twist the shaft. Its preload P equals the contact force at q = 0. Without adhesion the contact force
-    # is at least 0 and cannot decrease by more than P.
+    # not twist the shaft. Its preload P equals the contact force at q = 0. Without adhesion, the contact
+    # force is at least 0, so that it cannot decrease by more than P.
     extension = k2 * q2 + c2 * rate(q2)
     cam.force(-contact.choose(bilateral=0, unilateral=Min(P, extension)), along=q2)
     cam.input("u", "N m", along=phi1, meaning="torque on the cam in addition to that of the shaft")

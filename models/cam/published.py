@@ -1,7 +1,7 @@
-"""Hand-coded equations of the cam from chapter 4.1, with the misprints of (52) and (61).
+"""Hand-coded equations of the cam, from section 4.1 of the chapter, with the misprints in (52) and (61).
 
-Parameters come as a mapping of names to floats in SI units; a1 …, b1 … are the coefficients of U′.
-`phase` is an array of shape (m,), `speed` a float in rad/s.
+Parameters are given as a mapping from names to floats in SI units; a1 …, b1 … are the coefficients of U′.
+`phase` is an array (m,) in rad, and `speed` is a float in rad/s.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ HARMONICS = 12
 
 
 def transmission(angle: Array, p: Mapping[str, float]) -> tuple[Array, Array, Array]:
-    """Derivatives U′, U″, U‴ of Eq. (65) at an array of angles (rad), summed term by term."""
+    """Return the derivatives U′, U″, U‴ of Eq. (65) at an array of angles (rad), summed term by term."""
     first, second, third = np.zeros_like(angle), np.zeros_like(angle), np.zeros_like(angle)
     for k in range(1, HARMONICS + 1):
         a, b = p[f"a{k}"], p[f"b{k}"]
@@ -26,7 +26,7 @@ def transmission(angle: Array, p: Mapping[str, float]) -> tuple[Array, Array, Ar
 
 
 def force(phase: Array, p: Mapping[str, float]) -> Array:
-    """Load F at an array of phases, with a mean and six harmonics; in the chapter F is constant."""
+    """Return the load F at an array of phases: a mean and six harmonics. In the chapter, F is constant."""
     total = np.full_like(phase, p["F"])
     for k in range(1, 7):
         total += p[f"Fa{k}"] * np.cos(k * phase) + p[f"Fb{k}"] * np.sin(k * phase)
@@ -34,7 +34,7 @@ def force(phase: Array, p: Mapping[str, float]) -> Array:
 
 
 def matrices(phase: Array, speed: float, p: Mapping[str, float]) -> tuple[Array, Array, Array, Array]:
-    """M, C, K of shape (m, 3, 3) and d of shape (m, 3) from Eq. (64), which is printed correctly."""
+    """Return M, C, K (m, 3, 3) and d (m, 3) of Eq. (64), which is printed correctly."""
     U1, U2, U3 = transmission(phase, p)
     F = force(phase, p)
     m3, m = p["m3"], p["m2"] + p["m3"]
@@ -62,8 +62,8 @@ def matrices(phase: Array, speed: float, p: Mapping[str, float]) -> tuple[Array,
 
 
 def mass_as_printed_61(phase: Array, p: Mapping[str, float]) -> Array:
-    """M of shape (m, 3, 3) from Eqs. (61)–(63) as printed: (61) has U″ for q̈2 and U‴ for q̈3 instead of
-    U′."""
+    """Return M (m, 3, 3) of Eqs. (61)–(63) as printed. In (61), the factors of q̈2 and q̈3 are U″ and U‴
+    instead of U′."""
     _, U2, U3 = transmission(phase, p)
     M = matrices(phase, 0.0, p)[0]
     M[:, 0, 1] = (p["m2"] + p["m3"]) * U2
@@ -80,10 +80,10 @@ def residual(
     p: Mapping[str, float],
     as_printed: bool = False,
 ) -> Array:
-    """Left-hand side minus right-hand side (m, 3) of Eqs. (52)–(54), with φ1 = φ + q1, for q, qd, qdd of
-    shape (m, 3).
+    """Return the left-hand side minus the right-hand side (m, 3) of Eqs. (52)–(54), with φ1 = φ + q1, for q,
+    qd and qdd (m, 3).
 
-    As printed, (52) has U″ instead of U′ before q̈2 and q̈3.
+    If `as_printed` is True, (52) has U″ instead of U′ before q̈2 and q̈3.
     """
     U1, U2, _ = transmission(phase + q[:, 0], p)
     F = force(phase, p)

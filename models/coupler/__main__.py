@@ -1,4 +1,4 @@
-"""The command of the flexible coupler: `python -m models.coupler`."""
+"""Command of the flexible coupler: `python -m models.coupler`."""
 
 from solve.commands.app import Program
 

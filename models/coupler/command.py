@@ -10,12 +10,12 @@ from solve.views.style import save_figure
 
 
 def command(
-    plot: Annotated[str, Flag("The picture: .png, .pdf or .svg.", "FILE")],
+    plot: Annotated[str, Flag("Picture to write: .png, .pdf or .svg.", "FILE")],
     numbers: Numbers,
     speed: Speed,
     positions: Annotated[int, Flag("Number of equidistant crank positions: up to 12.", "N")] = 8,
     magnification: Annotated[
-        float | None, Flag("Factor of the deflection; by default a round number that fits.", "M")
+        float | None, Flag("Magnification of the deflection; by default, a round number that fits.", "M")
     ] = None,
 ) -> None:
     """Draw the vibrating coupler at several crank positions, with magnified deflection."""

@@ -1,14 +1,14 @@
-"""Flexible coupler of a four-bar linkage, the paper's Section 3."""
+"""Flexible coupler of a four-bar linkage, from Section 3 of the paper."""
 
 from derive import Abs, Mechanism, cos, pi, rate, sin, sqrt
 
 
 def mechanism() -> Mechanism:
-    """An elastic coupler between crank pin A and joint B of an otherwise rigid linkage.
+    """Return the mechanism: an elastic coupler between crank pin A and joint B of an otherwise rigid linkage.
 
-    x is the position along the chord AB, w is positive at +90° from it; the coupler is inextensible.
-    Velocities have components along and across the chord. The axial force follows from the energy terms that
-    contain the shortening u due to the deflection.
+    x is the position along the chord AB, and the deflection w is positive at +90° from the chord. The coupler
+    is inextensible. Velocities are resolved along and across the chord. The axial force follows from the
+    energy terms that contain the shortening u due to the deflection.
     """
     linkage = Mechanism("coupler", "Flexible coupler of a four-bar linkage (paper, Section 3)")
     l1, l2, l3, l4 = linkage.parameters(
@@ -78,7 +78,7 @@ def _polar(length, angle):
 
 
 def _state_outputs(linkage: Mechanism, beam, A, I, EI) -> None:  # noqa: E741 - the field's symbol
-    """State the outputs of the beam and the limits of validity."""
+    """Add the outputs of the beam and the limits of validity."""
     length = beam.length
     middle = beam.at(beam.deflection, length / 2)
     moment = beam.at(EI * beam.curvature, length / 2)

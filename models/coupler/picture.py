@@ -19,22 +19,22 @@ from solve.views.panels import SAMPLES, frame_of, titled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
-"""Maximum number of positions that fit on a page. A choice."""
+"""Maximum number of positions that fit on a page. Chosen by judgement."""
 
 _COLUMNS = 4
 _DRAWN = 0.2
-"""Largest deflection in the figure with automatic magnification, as a fraction of the coupler's length. A
-choice."""
+"""Largest deflection in the figure with automatic magnification, as a fraction of the coupler's length.
+Chosen by judgement."""
 
 _LABELS = 0.8
-"""Width of the axes' labels, inches."""
+"""Width of the labels of the axes, in inches."""
 
 
 class BentCoupler(NamedTuple):
     """Positions x + iy (m) of the mechanism at k crank angles.
 
-    phase (k,): rad. joints (4, k): crank pivot, crank pin, joint B, follower pivot. deflection (stations, k):
-    m. line (stations, k): the coupler with magnified deflection.
+    `phase` (k,) is in rad. `joints` (4, k) are the crank pivot, the crank pin, the joint B and the follower
+    pivot. `deflection` (stations, k) is in m. `line` (stations, k) is the coupler with magnified deflection.
     """
 
     phase: Array
@@ -63,9 +63,10 @@ def checked_magnification(magnification: float) -> float:
 
 
 def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> BentCoupler:
-    """Mechanism with deflected coupler at crank angles (k,).
+    """Return the mechanism with the deflected coupler at crank angles (k,).
 
-    Joints are those of the rigid linkage, because the shortening of the chord is of second order.
+    The joints are in the positions of the rigid linkage, because the shortening of the chord is of second
+    order.
     """
     q = orbit.at(phase)
     lines = sketched(model, phase, orbit.speed, magnification * q)
@@ -76,19 +77,19 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
 
 
 def round_magnification(model: Model, orbit: Orbit) -> float:
-    """Largest of the numbers 1, 2, 5, 10, 20, … for which the drawn deflection is at most a fifth of the
-    length, but at least 1."""
+    """Return the largest of the numbers 1, 2, 5, 10, 20, … with which the deflection in the figure is at most
+    a fifth of the coupler's length; at least 1."""
     turn = np.linspace(0.0, orbit.system.period, SAMPLES)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
     return rounded(_DRAWN * model.parameters["l3"] / largest if largest else 1.0)
 
 
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:
-    """Figure with one panel per crank position; the positions are equidistant.
+    """Figure with one panel for each of several equidistant crank positions.
 
-    Rigid links are drawn thin, the deformed coupler thick, and its chord dashed. Panel titles state the crank
-    angle and the deflection w at midspan; the main title states the magnification, which is automatic by
-    default. Raises ValueOutOfBoundsError.
+    Rigid links are drawn thin, the deformed coupler is thick, and its chord is dashed. The titles of the
+    panels state the crank angle and the deflection w at midspan. The main title states the magnification,
+    which is automatic by default. Raises ValueOutOfBoundsError.
     """
     if magnification is None:
         magnification = round_magnification(model, orbit)

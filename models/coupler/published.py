@@ -1,10 +1,11 @@
-"""Hand-coded equations of the flexible coupler of a four-bar linkage, from the paper's Eqs. (22), (24)–(28),
-(33)–(37).
+"""Hand-coded equations of the flexible coupler of a four-bar linkage: Eqs. (22), (24)–(28) and (33)–(37) of
+the paper.
 
-Reference for tests: coded by hand in NumPy, without computer algebra. Each wrong entry of the paper is a
-named `Misprint` that can be selected individually. Without misprints the equations are correct; with
-`AS_PRINTED` they are those of the paper. Eqs. (23) and (31) are dimensionally wrong, but later equations are
-not affected: in (23) f3 and f1 lack the factor x, and in (31) the cosine terms contain iπ/l squared.
+These are references for tests, coded by hand in NumPy without computer algebra. Each wrong entry of the paper
+is a named `Misprint` that can be selected individually. Without misprints, the equations are correct; with
+`AS_PRINTED`, they are those of the paper. Eqs. (23) and (31) are dimensionally wrong, which does not affect
+later equations: in (23), f3 and f1 lack the factor x, and in (31), the cosine terms contain the square of
+iπ/l.
 
 Conventions. The crank turns counter-clockwise about the origin, phase Ωt from the x0 axis; the ground line
 runs from the origin to the follower's pivot C at the angle θ; φ3 is the direction from crank pin A to joint
@@ -56,7 +57,7 @@ BRANCHES = {"open": 1.0, "crossed": -1.0}
 
 
 class Misprint(Enum):
-    """Misprint of the paper: equation, printed form and correct form."""
+    """Misprint in the paper: equation, printed form and correct form."""
 
     AXIAL_DRAG_SIGN = "(27): + c_x l2 Ω sin(Ωt − φ3)/EI in f3; true: −"
     END_FORCE = "(28): f2 l²/3 in f4; true: f2 l²/2"
@@ -69,11 +70,11 @@ class Misprint(Enum):
 
 CORRECTED: frozenset[Misprint] = frozenset()
 AS_PRINTED = frozenset(Misprint) - {Misprint.CENTRIFUGAL_SIGN, Misprint.EVEN_SUM_ODD}
-"""Misprints of the final equations, (24)–(28) and (33)–(37); misprints of (32) alone are omitted."""
+"""Misprints in the final equations, (24)–(28) and (33)–(37). Those that occur only in (32) are omitted."""
 
 
 class LinkAngles(NamedTuple):
-    """Angles (rad) of coupler and follower, with first and second derivatives with respect to time, each
+    """Angles (rad) of coupler and follower, with their first and second time derivatives; all are arrays
     (m,)."""
 
     phi3: Array
@@ -85,8 +86,8 @@ class LinkAngles(NamedTuple):
 
 
 class LoadFunctions(NamedTuple):
-    """Functions f0 … f4 of the paper, each (m,). The load is f0 + f1 x, the axial force is EI (f4 + f3 x − f2
-    x²/2)."""
+    """Functions f0 … f4 of the paper; all are arrays (m,). The load is f0 + f1 x, and the axial force is EI
+    (f4 + f3 x − f2 x²/2)."""
 
     f0: Array
     f1: Array
@@ -96,14 +97,14 @@ class LoadFunctions(NamedTuple):
 
 
 class LinkageCannotTurnError(ValueError):
-    """Raised if the crank of the given four-bar linkage cannot make a full turn."""
+    """Raised if the crank of the four-bar linkage cannot make a full turn."""
 
 
 def link_angles(
     phase: ArrayLike, speed: float, parameters: Mapping[str, float], branch: str = "open"
 ) -> LinkAngles:
-    """Angles of the rigid linkage at phases (m,) in rad and a constant speed in rad/s, from the loop equation
-    (22) in closed form.
+    """Return the angles of the rigid linkage at phases (m,) in rad, for a constant speed in rad/s, from the
+    closed-form solution of the loop equation (22).
 
     Raises `LinkageCannotTurnError` if the loop cannot be closed at some crank angle.
     """
@@ -141,8 +142,8 @@ def load_functions(
     branch: str = "open",
     misprints: frozenset[Misprint] = CORRECTED,
 ) -> LoadFunctions:
-    """Functions f0 … f4 of (24)–(28), in 1/m³, 1/m⁴, 1/m⁴, 1/m³, 1/m². EI f4 is the axial force at A, tension
-    positive."""
+    """Return the functions f0 … f4 of (24)–(28), in 1/m³, 1/m⁴, 1/m⁴, 1/m³ and 1/m². EI f4 is the axial force
+    at A, tension positive."""
     p, length, EI = parameters, parameters["l3"], parameters["E"] * parameters["I"]
     mu, rim = p["rho"] * p["A"], p["l2"] * speed
     motion = link_angles(phase, speed, p, branch)
@@ -171,10 +172,10 @@ def paper_matrices(
     branch: str = "open",
     misprints: frozenset[Misprint] = CORRECTED,
 ) -> tuple[Array, Array, Array, Array]:
-    """M, B, C (m, n, n) and h (m, n) of (33)–(37) in M q″ + B q′ + C q = h, all divided by EI as in the
-    paper.
+    """Return M, B, C (m, n, n) and h (m, n) of (33)–(37) in M q″ + B q′ + C q = h, all divided by EI as in
+    the paper.
 
-    `phase` (m,) in rad, `speed` in rad/s, `modes` = n; q in m, derivatives with respect to time.
+    `phase` (m,) is in rad, `speed` in rad/s and q in m; `modes` is n. Derivatives are with respect to time.
     """
     p, length, EI = parameters, parameters["l3"], parameters["E"] * parameters["I"]
     loads = load_functions(phase, speed, p, branch, misprints)
@@ -190,7 +191,7 @@ def paper_matrices(
 
 
 def _stiffness(loads: LoadFunctions, modes: int, length: float, misprints: frozenset[Misprint]) -> Array:
-    """Matrix C (m, n, n) of (37) with (34)."""
+    """Return the matrix C (m, n, n) of (37) with (34)."""
     f2, f3, f4 = (f[:, None, None] for f in loads[2:])
     j, i = np.ogrid[1 : modes + 1, 1 : modes + 1]
     gap = np.where(i == j, 1, i - j)
@@ -217,8 +218,8 @@ def matrices(
     branch: str = "open",
     misprints: frozenset[Misprint] = CORRECTED,
 ) -> tuple[Array, Array, Array, Array]:
-    """Matrices of `paper_matrices` multiplied by EI l/2, in the units of modal forces: kg, N s/m, N/m and
-    N."""
+    """Return the matrices of `paper_matrices` multiplied by EI l/2. The equations are then those of modal
+    forces, and the units are kg, N s/m, N/m and N."""
     scale = parameters["E"] * parameters["I"] * parameters["l3"] / 2
     M, B, C, h = paper_matrices(phase, speed, parameters, modes, branch, misprints)
     return scale * M, scale * B, scale * C, scale * h

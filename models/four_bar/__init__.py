@@ -1,1 +1,1 @@
-"""Four-bar linkage of the thesis: rigid motion, classes, joint forces and pictures."""
+"""Four-bar linkage of the thesis: rigid motion, classes, joint forces, studies and pictures."""

@@ -1,11 +1,11 @@
-"""The commands of the four-bar linkage: `python -m models.four_bar COMMAND`."""
+"""Commands of the four-bar linkage: `python -m models.four_bar COMMAND`."""
 
 from solve.commands.app import Program
 
 _COMMANDS = {
     "linkage": "Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces.",
     "elements": "Natural frequencies over a revolution by element type, compared with exact frequencies.",
-    "study": "Stress, deflection or energy over speed for several values of a parameter or option.",
+    "study": "Stress, deflection or energy versus speed for several values of a parameter or option.",
     "corrected": "One element per link with corrected dynamic stiffness, compared with more elements.",
     "modes": "Contribution of each mode to a deflection or stress over one revolution.",
     "curve": "Path of a coupler point, compared with that of the rigid linkage.",
@@ -16,7 +16,7 @@ PROGRAM = Program(
     "python -m models.four_bar",
     "models.four_bar.studies",
     _COMMANDS,
-    "The four-bar linkage of the thesis.",
+    "Studies of the four-bar linkage of the thesis.",
     'linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
     {"elements": "modes"},
 )

@@ -1,17 +1,19 @@
-"""Mobility, Grashof's condition and Barker's fourteen classes of planar four-bar linkages (thesis 3.2, 3.4).
+"""Mobility, Grashof's condition and Barker's fourteen classes of planar four-bar linkages (sections 3.2 and
+3.4 of the thesis).
 
 C. R. Barker, A complete classification of planar four-bar linkages, Mech. Mach. Theory 20 (1985) 535-554.
-Barker's solution space has the coordinates λ2, λ3, λ4: the lengths of coupler, follower and ground link
-divided by the length of the crank. Three planes divide it into eight regions. On each plane, one pair of
-links is as long as the other pair:
+Barker's solution space has the coordinates λ2, λ3, λ4: the lengths of coupler, follower and ground link,
+divided by the length of the crank. Three planes divide the space into eight regions. On each plane, one pair
+of links is as long as the other pair:
 
     u2 = L1 + L2 - L3 - L4 = 0,   u3 = L1 + L3 - L2 - L4 = 0,   u4 = L1 + L4 - L2 - L3 = 0
 
-The signs of u2, u3, u4 name the class. With s and l the shortest and longest link, p and q the others:
+The signs of u2, u3, u4 determine the class. Let s and l be the lengths of the shortest and the longest link,
+and p and q those of the others:
 
-- s + l < p + q: each pair with s is shorter than the other pair, and the product u2 u3 u4 is negative;
-- s + l > p + q: each pair with l is longer than the other pair, and the product is positive;
-- on a plane the linkage has a change point."""
+- s + l < p + q: each pair that contains s is shorter than the other pair, and u2 u3 u4 is negative;
+- s + l > p + q: each pair that contains l is longer than the other pair, and u2 u3 u4 is positive;
+- on one of the planes, the linkage has a change point."""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +23,8 @@ from models.four_bar.linkage import Linkage
 
 @dataclass(frozen=True)
 class BarkerClass:
-    """One of the fourteen classes: number, symbol, name, category and distinctive link (thesis Table 3.1)."""
+    """One of the fourteen classes: number, symbol, name, category and distinctive link (Table 3.1 of the
+    thesis)."""
 
     number: int
     symbol: str
@@ -49,9 +52,9 @@ CLASSES = {
         BarkerClass(14, "CP3X", "triple change point", "change point", "four equal links"),
     )
 }
-"""The fourteen classes by symbol, in Barker's order. Names and symbols state whether input, coupler and
-output rotate fully (crank) or not (rocker) relative to the frame. Thesis Table 3.1 prints crank-rocker-crank
-for GCRR and CPCRR.
+"""Mapping from symbols to the fourteen classes, in Barker's order. Names and symbols state whether input,
+coupler and output rotate fully (crank) or not (rocker) relative to the frame. Table 3.1 of the thesis prints
+crank-rocker-crank for GCRR and CPCRR.
 """
 
 REGIONS = {
@@ -64,11 +67,11 @@ REGIONS = {
     (-1, +1, -1): "RRR4",
     (-1, -1, +1): "RRR1",
 }
-"""Classes by the signs of u2, u3, u4."""
+"""Mapping from the signs of u2, u3, u4 to the classes."""
 
 
 def classify(linkage: Linkage) -> BarkerClass:
-    """Class of a linkage; sums of lengths that differ by round-off count as equal.
+    """Return the class of a linkage. Sums of lengths that differ by round-off count as equal.
 
     If one sign is zero, the class is the change-point class of the adjacent Grashof region.
 
@@ -87,25 +90,28 @@ def classify(linkage: Linkage) -> BarkerClass:
 
 
 def satisfies_grashof(linkage: Linkage) -> bool:
-    """Whether s + l <= p + q, so that at least one link can rotate fully relative to the others (thesis
-    3.4)."""
+    """Return whether s + l <= p + q, so that at least one link can rotate fully relative to the others
+    (section 3.4 of the thesis)."""
     return classify(linkage).category != "non-Grashof"
 
 
 def solution_space(linkage: Linkage) -> tuple[float, float, float]:
-    """Coordinates λ2, λ3, λ4 of the linkage in Barker's solution space."""
+    """Return the coordinates λ2, λ3, λ4 of a linkage in Barker's solution space."""
     return linkage.L2 / linkage.L1, linkage.L3 / linkage.L1, linkage.L4 / linkage.L1
 
 
 def base_plane(linkage: Linkage) -> float:
-    """Distance λ between the origin and the base plane λ2 + λ3 + λ4 = √3 λ that contains the linkage."""
+    """Return the distance λ of the base plane that contains the linkage, λ2 + λ3 + λ4 = √3 λ, from the
+    origin."""
     return sum(solution_space(linkage)) / math.sqrt(3)
 
 
 def mobility(links: int = 4, single: int = 4, double: int = 0) -> int:
-    """Degrees of freedom 3(k - 1) - 2 j1 - j2 of a plane mechanism by Kutzbach's formula (thesis 3.2).
+    """Return the number of degrees of freedom 3(k - 1) - 2 j1 - j2 of a planar mechanism, by Kutzbach's
+    formula (section 3.2 of the thesis).
 
-    links: number including the ground; single, double: numbers of joints with one and two degrees of freedom.
+    `links` is k, the number of links including the ground; `single` and `double` are j1 and j2, the numbers
+    of joints with one and with two degrees of freedom.
 
     >>> mobility()
     1

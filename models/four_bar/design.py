@@ -1,7 +1,8 @@
-"""Design method for high speed (thesis 7.5): critical speeds, quiet bands, run-up plan and simulated run-ups.
+"""Design method for high speed (section 7.5 of the thesis): critical speeds, quiet bands, run-up plan and
+simulated run-ups.
 
-A ratio is the stress divided by the allowable stress; if no link is named, it is the largest ratio of all
-links.
+A stress ratio is the stress divided by the allowable stress. If no link is named, it is the largest ratio of
+all links.
 """
 
 import math
@@ -21,26 +22,27 @@ from solve.results.contents import Column, Columns, digits, speeds_of
 from solve.results.serialization import Serializable, serializable, stored_property
 
 RESERVE = 0.03
-"""Margin of the stress ratio below 1 at the default target speed. A choice."""
+"""Margin by which the stress ratio is below 1 at the default target speed. Chosen by judgement."""
 
 _MARGIN_FRACTION = 0.75
-"""Fraction of the largest possible stress margin that a plan has. A choice: with the full margin, a plan has
-more bends."""
+"""Fraction of the largest possible stress margin that a plan must have. Chosen by judgement: with the full
+margin, a plan has more bends."""
 
 _WORTHWHILE = 0.98
-"""Stress ratio with varying L4, relative to the ratio with fixed L4, below which a variation of L4 is
-reported as useful. A choice."""
+"""A variation of L4 is reported as useful if it reduces the stress ratio to less than this fraction of the
+ratio with fixed L4. Chosen by judgement."""
 
 _DAMPING_STEP = 0.1
-"""Relative step of ζ in the central difference for the effect of damping. A choice."""
+"""Relative step of ζ in the central difference for the effect of damping. Chosen by judgement."""
 
 _ROUNDED = 0.01
-"""Interval of speeds over which corners of a plan are rounded, relative to the target speed. A choice."""
+"""Length of the speed interval over which a corner of a plan is rounded, relative to the target speed. Chosen
+by judgement."""
 
 
 class Band(NamedTuple):
-    """Range of speeds (rad/s) with a stress ratio below 1 for the mechanism's own L4, and the quietest speed
-    in the range."""
+    """Range of speeds (rad/s) in which the stress ratio is below 1 for the mechanism's own L4, and the
+    quietest speed in this range."""
 
     start: float
     end: float
@@ -49,8 +51,8 @@ class Band(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """Critical speed (rad/s) for the mechanism's own L4, with the stress ratio and the name of the link with
-    the largest ratio."""
+    """Critical speed (rad/s) for the mechanism's own L4, with the stress ratio and the name of the link that
+    has this ratio."""
 
     speed: float
     ratio: float
@@ -60,8 +62,8 @@ class Peak(NamedTuple):
 class QuietSpeed(NamedTuple):
     """Quiet speed (rad/s) above a critical speed (`peak`, rad/s).
 
-    needed, fixed: largest stress ratio during a run-up to this speed, if L4 changes and returns, and if L4 is
-    fixed.
+    `needed` and `fixed` are the largest stress ratios during a run-up to this speed: `needed` if L4 changes
+    and returns, `fixed` if L4 is fixed.
     """
 
     peak: float
@@ -71,8 +73,8 @@ class QuietSpeed(NamedTuple):
 
 
 class DampingEffect(NamedTuple):
-    """Relative change of the largest stress of each link at a speed (rad/s), divided by the relative change
-    of ζ."""
+    """Effect of damping at a speed (rad/s): relative change of the largest stress of each link, divided by
+    the relative change of ζ."""
 
     speed: float
     sensitivity: Mapping[str, float]
@@ -82,8 +84,8 @@ class NeededRatios(NamedTuple):
     """Smallest attainable value of the largest stress ratio on a path from the lowest speed to each speed
     (P,).
 
-    L4 keeps the mechanism's own length (`fixed`), ends at any length (`moving`), or ends at the mechanism's
-    own length (`returning`).
+    In `fixed`, L4 keeps the mechanism's own length. In `moving`, L4 changes and may end at any length. In
+    `returning`, it changes and ends at the mechanism's own length.
     """
 
     fixed: Array
@@ -95,10 +97,11 @@ class NeededRatios(NamedTuple):
 class Design:
     """Speeds that a four-bar linkage can reach within given allowable stresses.
 
-    peaks: critical speeds at the mechanism's own L4. quiet: quiet bands at this L4; the first begins at rest,
-    the others lie above critical speeds at which the stress exceeds the allowable stress. quiet_of: bands of
-    each link alone. quiet_above: for each critical speed, the speed below the next one with the smallest
-    ratio if L4 returns; only if a variation of L4 is useful.
+    `peaks` are the critical speeds for the mechanism's own L4, and `quiet` the quiet bands for this L4. The
+    first band begins at rest; the others lie above critical speeds at which the stress exceeds the allowable
+    stress. `quiet_of` contains the bands of each link alone. If a variation of L4 is useful, `quiet_above`
+    contains, for each critical speed, the speed with the smallest ratio below the next critical speed, for an
+    L4 that returns.
     """
 
     map: DesignMap
@@ -115,13 +118,13 @@ class Design:
 
     @property
     def rate(self) -> float:
-        """Largest rate of change of L4 with speed (m per rad/s). A choice: L4 can pass through its entire
-        range within a tenth of the range of speeds."""
+        """Largest permitted change of L4 with speed (m per rad/s). Chosen by judgement: L4 can pass through
+        its entire range within a tenth of the range of speeds."""
         return float((self.map.L4[-1] - self.map.L4[0]) / (0.1 * self.map.speeds[-1]))
 
 
 def designed(stresses: DesignMap) -> Design:
-    """Design from a map of stresses."""
+    """Derive the design from a map of stresses."""
     needed, peaks = _needed(stresses), _peaks(stresses)
     own_ratio = stresses.ratios[:, stresses.own_index]
     return Design(
@@ -152,7 +155,8 @@ def _peaks(stresses: DesignMap) -> list[Peak]:
 
 
 def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
-    """Speed and value of the maximum of a parabola through the logarithms of the ratios at three points."""
+    """Return the speed and the value of the maximum, from a parabola through the logarithms of the ratios at
+    three points."""
     x, y = (np.log(values / values[1]) for values in (speeds, ratio))
     square, slope, _ = np.polyfit(x, y, 2)
     shift = -slope / (2 * square)
@@ -160,7 +164,8 @@ def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
 
 
 def quiet_bands(speeds: Array, ratio: Array) -> list[Band]:
-    """Bands of ascending speeds (P,) with a stress ratio (P,) below 1. The first band begins at rest."""
+    """Return the bands of ascending speeds (P,) in which the stress ratio (P,) is below 1. The first band
+    begins at rest."""
     edges = [0.0]
     for at in np.flatnonzero((ratio[:-1] <= 1) != (ratio[1:] <= 1)):
         fraction = math.log(ratio[at]) / (math.log(ratio[at]) - math.log(ratio[at + 1]))
@@ -188,7 +193,7 @@ def _quiet_above(speeds: Array, needed: NeededRatios, peaks: list[Peak]) -> list
 
 
 def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
-    """Effect of damping, d ln σ / d ln ζ, at speeds (rad/s) for the mechanism's own L4."""
+    """Compute the effect of damping, d ln σ / d ln ζ, at speeds (rad/s) for the mechanism's own L4."""
     zeta, own_L4 = stresses.model.labels.parameters["zeta"], stresses.own_L4
     less, more = (
         np.log(
@@ -206,10 +211,11 @@ def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
 
 
 def default_target(design: Design) -> float:
-    """Default target speed (rad/s) of a run-up.
+    """Return the default target speed (rad/s) of a run-up.
 
-    It is the quietest speed of the highest reachable quiet band above a limiting critical speed; without such
-    a band, the highest speed that is reachable with any L4. Both include the stress margin `RESERVE`.
+    It is the quietest speed of the highest reachable quiet band above a limiting critical speed or, if there
+    is no such band, the highest speed that is reachable with any L4. In both cases, the stress margin is at
+    least `RESERVE`.
     """
     speeds = design.map.speeds
     for band in reversed(design.quiet):
@@ -221,19 +227,19 @@ def default_target(design: Design) -> float:
 
 
 def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
-    """Smallest attainable value of the largest stress ratio on a plan up to the last speed of a map, if L4
-    changes by at most `rate` (m per rad/s)."""
+    """Return the smallest attainable value of the largest stress ratio on a plan up to the last speed of a
+    map. L4 changes by at most `rate` (m per rad/s)."""
     return least_cap(until.speeds, until.L4, until.ratio, until.own_index, rate, returns)
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
-    """Smallest attainable ratio if L4 may also change at constant speed and does not return to the
-    mechanism's own length."""
+    """Return the smallest attainable ratio if L4 may also change at constant speed, and need not return to
+    the mechanism's own length."""
     return float(arrival(until.ratio)[-1].min())
 
 
 def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
-    """Plan from the lowest to the last speed of a map; None if no plan exists."""
+    """Return a plan from the lowest to the last speed of a map; None if no plan exists."""
     best = least_ratio(until, rate, returns)
     if best > 1:
         return None
@@ -244,15 +250,15 @@ def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
 
 
 def ratios_along(until: DesignMap, plan: Plan) -> Array:
-    """Stress ratios (k, links) of steady motion along a plan, at the speeds (k,) of a map that are below the
-    target."""
+    """Return the stress ratios (k, links) of steady motion along a plan, at the k speeds of the map that are
+    below the target."""
     rows = zip(plan(until.speeds), until.stress, strict=True)
     stress = [[np.interp(L4, until.L4, of_link) for of_link in row.T] for L4, row in rows]
     return np.array(stress) / until.allowable
 
 
 _MAX_MAP_ERROR = 0.05
-"""Relative error of the map above which a warning is issued: a choice."""
+"""Relative error of a map above which a warning is issued. Chosen by judgement."""
 
 for _kind in (Band, DampingEffect, Design, NeededRatios, Peak, QuietSpeed, Plan, RunUp, Simulated):
     serializable(_kind)
@@ -261,8 +267,8 @@ for _kind in (Band, DampingEffect, Design, NeededRatios, Peak, QuietSpeed, Plan,
 @serializable
 @dataclass(frozen=True)
 class Trial:
-    """Simulated run-up. ratio (turns, links): ratio of the largest to the allowable stress in each
-    revolution."""
+    """Simulated run-up. `ratio` (turns, links) are the ratios of the largest stress in each revolution to the
+    allowable stress."""
 
     run_up: RunUp
     simulated: Simulated
@@ -288,11 +294,11 @@ class Trial:
 class Outcome(Serializable):
     """Result of the design method for a target speed.
 
-    target: rad/s; until: the map up to the target. returns: whether L4 returns to the mechanism's own length
-    at the target speed. least: smallest attainable stress ratio of a run-up to the target, without and with
-    return of L4. plan: None if no plan exists. steady (k, links): ratios along the plan at the speeds (k,) of
-    `until`. trials: simulations of the plan, each with half the duration of the previous one, until the
-    stress is too high.
+    `target` is in rad/s, and `until` is the map up to the target. `returns` is True if L4 returns to the
+    mechanism's own length at the target speed. `least` are the smallest attainable stress ratios of a run-up
+    to the target, without and with return of L4. `plan` is None if no plan exists. `steady` (k, links) are
+    the ratios of steady motion along the plan, at the k speeds of `until`. `trials` are simulations of the
+    plan, each with half the duration of the previous one, until the stress is too high.
     """
 
     design: Design
@@ -311,7 +317,7 @@ class Outcome(Serializable):
 
     @property
     def safe_acceleration(self) -> float | None:
-        """Largest simulated acceleration (rad/s²) with a stress below the allowable one."""
+        """Largest simulated acceleration (rad/s²) at which the stress stays below the allowable one."""
         safe = [trial.run_up.acceleration for trial in self.trials if trial.worst < 1]
         return max(safe) if safe and self.trials[0].worst < 1 else None
 

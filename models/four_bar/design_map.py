@@ -1,7 +1,8 @@
-"""Map of the design method: ratio of stress to allowable stress over speed and ground length L4 (thesis 7.5).
+"""Map of the design method: ratio of stress to allowable stress as a function of speed and ground length L4
+(section 7.5 of the thesis).
 
-A ratio is the stress divided by the allowable stress; if no link is named, it is the largest ratio of all
-links.
+A stress ratio is the stress divided by the allowable stress. If no link is named, it is the largest ratio of
+all links.
 """
 
 import math
@@ -20,27 +21,29 @@ from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueO
 from solve.results.serialization import NOT_STORED, Serializable, stored_property
 
 _TOLERANCE = 0.01
-"""Tolerance of the interpolated stress, above which an interval of speeds is bisected. A choice."""
+"""Relative error of the interpolated stress above which an interval of speeds is bisected. Chosen by
+judgement."""
 
 _SHORTEST = 0.25
-"""Smallest relative length of an interval that is bisected, as a multiple of ζ; the relative half-power width
-of a peak is 2ζ."""
+"""Relative length down to which intervals of speeds are bisected, as a multiple of ζ. The relative half-power
+width of a peak is 2ζ."""
 
 _MOST_HALVINGS = 8
-"""Largest number of passes of the refinement: a choice."""
+"""Maximum number of passes of the refinement. Chosen by judgement."""
 
 
 class DesignError(SolveError):
-    """Raised if the mechanism does not permit a length or speed, independently of the stress."""
+    """Raised if the mechanism does not permit a length or a speed, regardless of the stress."""
 
 
 @dataclass(frozen=True)
 class DesignMap(Serializable):
     """Steady stresses of a four-bar linkage at P ascending speeds (rad/s) and g ground lengths L4 (m).
 
-    The mechanism's own L4 is one of them. allowable (links,): Pa. stress (P, g, links): largest |stress| over
-    a revolution, Pa. error (P,) and radius_bound (P,): as in `Peaks`; the bound is the largest over L4.
-    interpolation_error: largest relative error between the speeds in the last halving.
+    The mechanism's own L4 is one of the lengths. `allowable` (links,) are the allowable stresses in Pa.
+    `stress` (P, g, links) is the largest |stress| over a revolution, in Pa. `error` (P,) and `radius_bound`
+    (P,) are those of `Peaks`; the bound is the largest for any L4. `interpolation_error` is the largest
+    relative error between the speeds, as found in the last bisection.
     """
 
     stress_map: StressMap = field(metadata=NOT_STORED)
@@ -69,7 +72,7 @@ class DesignMap(Serializable):
 
     @cached_property
     def ratios(self) -> Array:
-        """Ratio of stress to allowable stress (P, g, links) of each link."""
+        """Stress ratios (P, g, links) of the links."""
         return self.stress / self.allowable
 
     @cached_property
@@ -83,16 +86,18 @@ class DesignMap(Serializable):
         return self.ratio[:, self.own_index]
 
     def worst_link(self, speed: float) -> str:
-        """Link with the largest ratio at a speed of the map, for the mechanism's own L4."""
+        """Return the name of the link with the largest ratio at a speed of the map, for the mechanism's own
+        L4."""
         at = int(np.searchsorted(self.speeds, speed))
         return self.links[int(self.ratios[at, self.own_index].argmax())]
 
     def error_until(self, target: float) -> float:
-        """Relative error of the stresses up to the target speed, at and between the points of the map."""
+        """Return the relative error of the stresses, at and between the points of the map, up to the target
+        speed."""
         return max(self.interpolation_error, float(np.nanmax(self.error[self.speeds <= target])))
 
     def until(self, target: float) -> "DesignMap":
-        """Map that ends at the target speed."""
+        """Return the map up to the target speed."""
         below = int(np.count_nonzero(self.speeds < target * (1 - 1e-9)))
         if target in self.speeds:
             last = {name: getattr(self, name)[below : below + 1] for name in _BY_SPEED}
@@ -113,10 +118,12 @@ def design_map(
     lengths: tuple[float, float],
     count: int = 48,
 ) -> DesignMap:
-    """Map of a mechanism over L4 between two lengths (m), with allowable stresses (Pa) by link.
+    """Compute the map of a mechanism for L4 between two lengths (m). `allowable` maps links to allowable
+    stresses (Pa).
 
-    speeds: initial speeds; intervals are halved until the interpolation meets the tolerance. count: number of
-    lengths in addition to the mechanism's own. Raises DesignError for impossible lengths or speeds.
+    `speeds` are the initial speeds, whose intervals are bisected until the interpolation meets the tolerance.
+    `count` is the number of lengths in addition to the mechanism's own. Raises DesignError for impossible
+    lengths or speeds.
     """
     _require_possible(model, lengths)
     stress_map = StressMap(model, *lengths)
@@ -139,7 +146,8 @@ def design_map(
 
 
 def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> None:
-    """Raise DesignError if the model has no damping, or if L4 cannot vary about the mechanism's own value."""
+    """Raise DesignError if the model has no damping, or if the mechanism's own L4 is not within the range of
+    lengths."""
     low, high = lengths
     if model.parameters["zeta"] <= 0:
         raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
@@ -154,7 +162,7 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
 
 
 def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]:
-    """Values at speeds (P,) of the fields of a map that depend on the speed."""
+    """Compute those fields of a map that depend on the speed, at speeds (P,)."""
     peaks = stress_map.peaks(speeds, L4)
     return {
         "speeds": speeds,
@@ -165,8 +173,8 @@ def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]
 
 
 def _refined(stresses: DesignMap) -> DesignMap:
-    """Map whose speed intervals are bisected until the interpolation meets the tolerance or a limit of
-    refinement is reached."""
+    """Return a map whose speed intervals are bisected until the interpolation meets the tolerance, or a limit
+    of the refinement is reached."""
     open_ = np.ones(len(stresses.speeds) - 1, dtype=bool)
     for _ in range(_MOST_HALVINGS):
         at = np.log(stresses.speeds)
@@ -189,10 +197,10 @@ def _refined(stresses: DesignMap) -> DesignMap:
 
 
 def allowed_lengths(linkage: Linkage) -> tuple[float, float]:
-    """Smallest and largest L4 (m) for which the crank rotates fully and the transmission angle is in the
-    advised range (thesis 3.3).
+    """Return the smallest and the largest L4 (m) for which the crank rotates fully and the transmission angle
+    is in the advised range (section 3.3 of the thesis).
 
-    Raises DesignError if there is none.
+    Raises DesignError if there is no such length.
     """
     L1, L2, L3 = linkage.L1, linkage.L2, linkage.L3
     near, far = (math.sqrt(L2**2 + L3**2 - 2 * L2 * L3 * math.cos(angle)) for angle in ADVISED)
@@ -207,7 +215,8 @@ def allowed_lengths(linkage: Linkage) -> tuple[float, float]:
 
 
 def checked_allowable(links: list[str], given: Mapping[str, float]) -> dict[str, float]:
-    """Allowable stresses (Pa) by link. Raises UnknownNameError, MissingValueError, ValueOutOfBoundsError."""
+    """Return the allowable stresses (Pa) of the links. Raises UnknownNameError, MissingValueError,
+    ValueOutOfBoundsError."""
     for link, stress in given.items():
         if link not in links:
             raise UnknownNameError("link", link, links)

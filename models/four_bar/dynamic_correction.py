@@ -1,15 +1,15 @@
-"""Correction of models with few elements per link, by the dynamic stiffness at the lowest frequency (thesis
-7.4.1).
+"""Correction of models that have few elements per link, by the dynamic stiffness at the lowest frequency
+(section 7.4.1 of the thesis).
 
 At every position, M and K of the cubic elements are replaced by the exact matrices at the lowest frequency
 ω1: M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis determines ω1 by iteration from the frequency
 of the cubic elements; here the algorithm of Wittrick and Williams determines it directly. The first mode is
 exact; other modes are approximate, because the matrices are valid at ω1.
 
-The shape functions at ω1 do not contain rigid motions, so that −M(ω1) q̈_r is not the consistent inertia
-load. The consistent load is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², because N solves the equation of
-vibration at ω1 and a_r is linear along a link. This load contains the secant of D as a function of ω²; M(ω1)
-is the tangent.
+The shape functions N at ω1 do not contain rigid motions, so that −M(ω1) q̈_r is not the consistent inertia
+load. The consistent load is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², because N satisfies the equation
+of vibration at ω1 and the acceleration a_r is linear along a link. The factor of q̈_r in this load is the
+slope of the secant of D as a function of ω², whereas −M(ω1) is the slope of the tangent.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,20 +30,22 @@ from solve.labels import Labels
 from solve.system import PeriodicSystem
 
 LOADS = ("consistent", "nodal")
-"""Names of the inertia loads ∫ ρA N(ω1)ᵀ a_r dx, and M(ω1) q̈_r as in the thesis."""
+"""Names of the two inertia loads: "consistent" is ∫ ρA N(ω1)ᵀ a_r dx, and "nodal" is M(ω1) q̈_r, as in the
+thesis."""
 
 _KINDS = ("deflection", "stress_plus", "stress_minus", "strain_energy")
-"""Kinds of outputs that are corrected; joint forces are not corrected."""
+"""Kinds of outputs that are available; joint forces are not."""
 
 _FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
 """Options of the model that the correction requires."""
 
 
 class Corrected(PeriodicSystem, Outputs):
-    """Four-bar linkage with cubic elements that are corrected at ω1.
+    """Four-bar linkage with cubic elements whose matrices are corrected at ω1.
 
-    load: one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1. Raises
-    UnknownNameError for another load, or for a model whose options the correction does not support.
+    `load` is one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1.
+    Raises UnknownNameError for another load, or for a model with options that the correction does not
+    support.
     """
 
     def __init__(self, model: StructureModel, load: str = "consistent"):
@@ -71,7 +73,7 @@ class Corrected(PeriodicSystem, Outputs):
 
     @cached_property
     def lowest(self) -> Callable[[Array], Array]:
-        """Lowest frequency ω1 (m,) in rad/s with exact links, at phases (m,)."""
+        """Function of phases (m,) that returns the lowest frequency ω1 (m,) of exact links, in rad/s."""
         return interpolated(
             lambda phase: exact_frequencies(self._exact.at_positions(phase), 1)[:, 0], self.period
         )
@@ -84,7 +86,7 @@ class Corrected(PeriodicSystem, Outputs):
         return M, self._damping(phase), K, d[..., 0]
 
     def _at_lowest(self, phase: Array) -> tuple[Array, Array, Array, Array]:
-        """Values ω1² (m, 1, 1), and D, M and K (m, n, n) at ω1."""
+        """Return ω1² (m, 1, 1), and D, M and K (m, n, n) at ω1."""
         positions, omega = self._exact.at_positions(phase), self.lowest(phase)
         indices, squared = np.arange(len(omega)), (omega**2)[:, None, None]
         D, M = positions.dynamic_stiffness(indices, omega), positions.dynamic_mass(indices, omega)

@@ -1,4 +1,4 @@
-"""Joint forces, drive torque, energy and stresses of the moving rigid linkage (thesis 3.7).
+"""Joint forces, drive torque, energy and stresses of the moving rigid linkage (section 3.7 of the thesis).
 
 Forces are complex numbers Fx + iFy in N; F_ij acts from link i on link j, where 0 is the ground. Gravity and
 friction are neglected, as in the thesis.
@@ -23,21 +23,22 @@ _ACTING = (
     (2, 3, +1, 0),
     (2, 2, +1, 1),
 )
-"""Joints and links, counted from 0, at which the unknown forces F01, F12, F23, F03 act; F_ji = -F_ij."""
+"""Links and joints, counted from 0, at which the unknown forces F01, F12, F23, F03 act, with their signs;
+F_ji = -F_ij."""
 
 JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
-"""Names of the forces that the joints transmit, by joint."""
+"""Mapping from joints to the names of the forces that they transmit."""
 
 LINKS = ("crank", "coupler", "follower")
 _STRESS_POINTS = 65
-"""Number of equidistant points along a link at which the stress is evaluated, 1/64 of the length apart. A
-choice."""
+"""Number of equidistant points along a link at which the stress is evaluated; their spacing is 1/64 of the
+length. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """Mass (kg), centre of mass X + iY (m) in the link's frame, and moment of inertia J about the centre of
-    mass (kg m²)."""
+    """Mass (kg), centre of mass X + iY (m) in the frame of the link, and moment of inertia J (kg m²) about
+    the centre of mass."""
 
     mass: float
     centre: complex
@@ -49,7 +50,7 @@ class Body:
         return cls(mass, length / 2, mass * length**2 / 12)
 
     def with_mass(self, mass: float, point: complex) -> "Body":
-        """The body with a point mass attached at X + iY."""
+        """Body with a point mass attached at X + iY."""
         total = self.mass + mass
         return Body(
             total,
@@ -60,7 +61,7 @@ class Body:
 
 @dataclass(frozen=True)
 class JointForces:
-    """Forces (N, complex) in the joints O, A, B, C, and drive torque (N m) on the crank."""
+    """Complex forces (N) in the joints O, A, B, C, and drive torque (N m) on the crank."""
 
     F01: Plane
     F12: Plane
@@ -70,9 +71,10 @@ class JointForces:
 
 
 def bodies(parameters: Mapping[str, float]) -> tuple[Body, Body, Body]:
-    """Crank, coupler and follower as uniform bars of mass rho A L.
+    """Return crank, coupler and follower as uniform bars of mass rho A L.
 
-    The joint masses mA and mB are attached to crank and follower; F12 and F23 then act on the coupler alone.
+    The joint masses mA and mB are attached to crank and follower, so that F12 and F23 act only on the
+    coupler.
     """
     crank, coupler, follower = (
         Body.bar(parameters["rho"] * parameters[f"A{i}"] * parameters[f"L{i}"], parameters[f"L{i}"])
@@ -86,9 +88,11 @@ def bodies(parameters: Mapping[str, float]) -> tuple[Body, Body, Body]:
 
 
 def joint_forces(motion: Motion, bodies: Sequence[Body], load: ArrayLike = 0.0) -> JointForces:
-    """Joint forces and drive torque from Newton's laws for each link: nine equations (thesis (3.12)).
+    """Compute joint forces and drive torque from Newton's laws for the three links: nine equations (Eq.
+    (3.12) of the thesis).
 
-    load: torque (N m) that opposes positive rotation of the follower; it broadcasts with the crank angles.
+    `load` is a torque (N m) that opposes positive rotation of the follower; it broadcasts with the crank
+    angles.
     """
     shape = motion.t.shape[1:]
     A, b = np.zeros((*shape, 9, 9)), np.zeros((*shape, 9))
@@ -109,7 +113,7 @@ def joint_forces(motion: Motion, bodies: Sequence[Body], load: ArrayLike = 0.0) 
 
 
 def kinetic_energy(motion: Motion, bodies: Sequence[Body]) -> Array:
-    """Kinetic energy T (J) of all moving links."""
+    """Return the kinetic energy T (J) of all moving links."""
     energy = np.zeros(motion.t.shape[1:])
     for link, body in enumerate(bodies, start=1):
         velocity = np.abs(motion.velocity(link, body.centre))
@@ -118,7 +122,8 @@ def kinetic_energy(motion: Motion, bodies: Sequence[Body]) -> Array:
 
 
 def inertial_power(motion: Motion, bodies: Sequence[Body]) -> Array:
-    """Rate of change dT/dt (W) of the kinetic energy, which equals the total power of drive and load."""
+    """Return the rate of change dT/dt (W) of the kinetic energy, which equals the total power of drive and
+    load."""
     power = np.zeros(motion.t.shape[1:])
     for link, body in enumerate(bodies, start=1):
         velocity = motion.velocity(link, body.centre)
@@ -131,11 +136,12 @@ def inertial_power(motion: Motion, bodies: Sequence[Body]) -> Array:
 def internal_forces(
     motion: Motion, forces: JointForces, link: int, density: float, at: Array
 ) -> tuple[Plane, Array]:
-    """Internal forces of a link in equilibrium with its joint forces, torque and inertia forces (thesis 3.7).
+    """Compute the internal forces of a link, which are in equilibrium with its joint forces, torque and
+    inertia forces (section 3.7 of the thesis).
 
-    Returns N + iQ, axial force (tension positive) and shear in N, and the bending moment in N m, both (k, …),
-    at the distances `at` (k,) in m from the first joint. They act on the segment between this joint and the
-    section. density: mass per length, kg/m.
+    Return N + iQ, which is the axial force (tension positive) and the shear force in N, and the bending
+    moment in N m, both (k, …), at the distances `at` (k,) in m from the first joint. They act on the segment
+    between this joint and the section. `density` is the mass per unit length, in kg/m.
     """
     length = motion.linkage.lengths[link - 1]
     along = np.conj(motion.direction(link))
@@ -152,9 +158,9 @@ def internal_forces(
 def greatest_stress(
     motion: Motion, forces: JointForces, parameters: Mapping[str, float], link: int, at: Array
 ) -> Array:
-    """Larger modulus of the axial stresses at both surfaces, |N|/A + |M| h/(2I), (k, …) in Pa.
+    """Return the larger modulus of the axial stresses at the two surfaces, |N|/A + |M| h/(2I), (k, …) in Pa.
 
-    at: distances (k,) in m from the first joint.
+    `at` (k,) are distances in m from the first joint.
     """
     A, I, h = (parameters[f"{name}{link}"] for name in "AIh")  # noqa: E741 - the second moment of area
     through, moment = internal_forces(motion, forces, link, parameters["rho"] * A, at)
@@ -164,9 +170,10 @@ def greatest_stress(
 def preliminary_stresses(
     links: Sequence[Body], linkage: Linkage, parameters: Mapping[str, float], speed: float
 ) -> dict[str, dict[str, float]]:
-    """Largest stress of each rigid link over the revolution (thesis 3.7).
+    """Return the largest stress of each rigid link over the revolution (section 3.7 of the thesis).
 
-    Each link has the keys peak (Pa), position (crank angle, rad) and fraction (of the link's length).
+    For each link, the keys are "peak" (stress in Pa), "position" (crank angle in rad) and "fraction" (of the
+    link's length).
     """
 
     def stress(t1: Array, link: int) -> Array:

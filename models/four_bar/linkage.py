@@ -1,12 +1,13 @@
-"""Rigid planar four-bar linkage: positions, velocities and accelerations (thesis Chapter 3).
+"""Rigid planar four-bar linkage: positions, velocities and accelerations (Chapter 3 of the thesis).
 
-The crank OA rotates about the origin O, the follower CB about C at (L4, 0), and the coupler AB connects both.
-t1, t2, t3 are the angles of OA, AB, CB from the x axis. The loop equation is thesis (3.3):
+The crank OA rotates about the origin O, the follower CB rotates about C at (L4, 0), and the coupler AB
+connects the two. t1, t2, t3 are the angles of OA, AB, CB from the x axis. The loop-closure equation is Eq.
+(3.3) of the thesis:
 
     L1 exp(i t1) + L2 exp(i t2) = L3 exp(i t3) + L4
 
-Points of the plane, their velocities and accelerations are complex numbers x + iy. Lengths in m,
-angles in rad, time in s; crank angles may be arrays of any shape.
+Positions, velocities and accelerations of points are complex numbers x + iy. Lengths are in m, angles in rad,
+and times in s. Crank angles may be arrays of any shape.
 """
 
 import math
@@ -21,19 +22,20 @@ from solve.arrays import Array, Plane
 from solve.errors import SolveError, UnknownNameError, ValueOutOfBoundsError
 
 BRANCHES = {"open": 1.0, "crossed": -1.0}
-"""Sign of sin(t3 - t2): B is on the left of the line from A to C for open, on the right for crossed."""
+"""Sign of sin(t3 - t2) for each branch. B is on the left of the line from A to C for the branch "open", and
+on the right for "crossed"."""
 
 TURN = 2 * math.pi
 _LENGTHS = ("L1", "L2", "L3", "L4")
 
 ADVISED = (math.radians(40), math.radians(140))
-"""Advised range of the transmission angle (thesis 3.3)."""
+"""Advised range of the transmission angle (section 3.3 of the thesis)."""
 
 OUTSIDE_ADVISED = "outside {:g}°–{:g}°".format(*map(math.degrees, ADVISED))
 
 
 class LinkageError(SolveError):
-    """Raised for a linkage that cannot be assembled at the given crank angle, or at any crank angle."""
+    """Raised if a linkage cannot be assembled at a crank angle, or at any crank angle."""
 
 
 class Extremes(NamedTuple):
@@ -47,10 +49,11 @@ class Extremes(NamedTuple):
 
 @dataclass(frozen=True)
 class Linkage:
-    """Lengths of crank, coupler, follower and ground link (m), and the branch of assembly.
+    """Four-bar linkage: lengths (m) of crank, coupler, follower and ground link, and the branch of assembly.
 
     Raises ValueOutOfBoundsError for a length that is not positive, UnknownNameError for an unknown branch,
-    LinkageError if the longest link is not shorter than the others together (zero mobility, thesis (3.2)).
+    and LinkageError if the longest link is not shorter than the others together (zero mobility, Eq. (3.2) of
+    the thesis).
     """
 
     L1: float
@@ -61,7 +64,7 @@ class Linkage:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float], branch: str) -> "Linkage":
-        """Linkage with lengths from the parameters of a model."""
+        """Linkage whose lengths are parameters of a model."""
         return cls(*(parameters[name] for name in _LENGTHS), branch=branch)
 
     def __post_init__(self) -> None:
@@ -90,10 +93,10 @@ class Linkage:
 
     @property
     def crank_range(self) -> tuple[float, float]:
-        """Smallest and largest |t1| within 0 … π at which the linkage closes; 0 and π if the crank can rotate
-        fully.
+        """Smallest and largest |t1| within 0 … π at which the linkage can be assembled; 0 and π if the crank
+        can rotate fully.
 
-        At an end other than 0 and π, coupler and follower are in line and the crank turns back.
+        At an end other than 0 or π, coupler and follower are in line, and the crank turns back.
         """
         folded, stretched = self._stops
         return (
@@ -111,13 +114,13 @@ class Linkage:
 
     @property
     def slack(self) -> float:
-        """Difference (m) below which two sums of lengths count as equal; it is far above their round-off of
-        1e-16."""
+        """Difference (m) below which two sums of lengths count as equal. It is far above their relative
+        round-off of 1e-16."""
         return 1e-12 * sum(self.lengths)
 
     @property
     def dead_points(self) -> tuple[float, ...]:
-        """Crank angles within 0 … 2π at which crank and coupler are in line, stretched and folded.
+        """Crank angles within 0 … 2π at which crank and coupler are in line: first stretched, then folded.
 
         A rocking follower reverses at these angles; a follower that turns fully has no dead points. Raises
         LinkageError for a crank that cannot turn fully.
@@ -144,12 +147,12 @@ class Linkage:
         )
 
     def transmission_angle(self, t1: ArrayLike) -> Array:
-        """Transmission angle γ between coupler and follower, 0 … π (thesis (3.9)). Raises LinkageError at
-        crank angles that the linkage cannot reach."""
+        """Return the transmission angle γ, 0 … π, between coupler and follower (Eq. (3.9) of the thesis).
+        Raises LinkageError for crank angles that the linkage cannot reach."""
         return np.angle(self._coupler_to_follower(np.asarray(t1, dtype=float)))
 
     def transmission_extremes(self) -> Extremes:
-        """Extremes of γ over a revolution, which occur at t1 = 0 and π (thesis (3.10)).
+        """Return the extremes of γ over a revolution, which occur at t1 = 0 and π (Eq. (3.10) of the thesis).
 
         Raises LinkageError for a crank that cannot turn fully.
         """
@@ -158,20 +161,23 @@ class Linkage:
         return Extremes(float(least), 0.0, float(greatest), math.pi)
 
     def mechanical_advantage(self, t1: ArrayLike) -> Array:
-        """Mechanical advantage T3/T1 = ω1/ω3 = L3 sin γ/(L1 sin β), where β is the angle from coupler to
-        crank; infinite at dead points.
+        """Return the mechanical advantage T3/T1 = ω1/ω3 = L3 sin γ/(L1 sin β), where β is the angle from the
+        coupler to the crank; infinite at dead points.
 
-        T1 drives the crank, and the follower delivers T3, without friction and inertia. The sign is positive
-        if both rotate in the same direction. Thesis (3.1) prints L4 sin β instead of L1 sin β.
+        The torque T1 drives the crank, and the follower delivers T3, without friction or inertia. The sign is
+        positive if both links rotate in the same direction. Eq. (3.1) of the thesis prints L4 sin β instead
+        of L1 sin β.
         """
         with np.errstate(divide="ignore"):
             return 1.0 / self.motion(t1).omega[2]
 
     def motion(self, t1: ArrayLike, omega1: ArrayLike = 1.0, alpha1: ArrayLike = 0.0) -> "Motion":
-        """Angles, angular velocities and accelerations (thesis (3.11)) at crank angles t1 (rad).
+        """Return the angles, angular velocities and angular accelerations (Eq. (3.11) of the thesis) at crank
+        angles t1 (rad).
 
-        omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. The angles follow from the triangle
-        ABC instead of thesis (3.5) to (3.8); (3.7) prints -K1 cos t2 instead of +K1 cos t2.
+        `omega1` (rad/s) and `alpha1` (rad/s²) of the crank broadcast with t1. The angles are computed from
+        the triangle ABC instead of Eqs. (3.5) to (3.8) of the thesis; Eq. (3.7) prints -K1 cos t2 instead of
+        +K1 cos t2.
 
         Raises LinkageError for angles that the linkage cannot reach, and for angles at which coupler and
         follower are in line, where the motion is undetermined.
@@ -190,7 +196,7 @@ class Linkage:
         return Motion(self, np.stack((t1, *map(np.angle, directions[1:]))), omega, alpha)
 
     def _coupler_to_follower(self, t1: Array) -> Plane:
-        """Complex unit exp(iγ), where γ is the angle at B in the triangle ABC."""
+        """Return the complex unit exp(iγ), where γ is the angle at B in the triangle ABC."""
         L2, L3 = self.L2, self.L3
         d = np.abs(self.L4 - self.L1 * np.exp(1j * t1))
         stretch, fold = L2 + L3 - d, d - abs(L2 - L3)
@@ -210,12 +216,12 @@ class Linkage:
 
 @dataclass(frozen=True)
 class Motion:
-    """Angles t, angular velocities omega and accelerations alpha of links 1, 2, 3, as arrays (3, …) over the
-    crank angles.
+    """Angles `t`, angular velocities `omega` and angular accelerations `alpha` of the links 1, 2, 3, as
+    arrays (3, …) for the crank angles (…).
 
-    A point of a link is the complex number X + iY (m) in the frame of the link: X along the link from its
-    first joint (O of the crank, A of the coupler, C of the follower), Y at +90°. Arrays of points broadcast
-    with the crank angles.
+    A point of a link is a complex number X + iY (m) in the frame of the link: X is measured along the link
+    from its first joint (O of the crank, A of the coupler, C of the follower), and Y at +90° to it. Arrays of
+    points broadcast with the crank angles.
     """
 
     linkage: Linkage
@@ -224,7 +230,8 @@ class Motion:
     alpha: Array
 
     def position(self, link: int, point: complex | Plane = 0.0) -> Plane:
-        """Position x + iy (m) of a point of a link; see thesis 3.6 for points of the coupler."""
+        """Position x + iy (m) of a point of a link; for points of the coupler see section 3.6 of the
+        thesis."""
         first = {1: 0.0, 2: self._crank_pin, 3: self.linkage.L4}[link]
         return first + point * self.direction(link)
 
@@ -236,19 +243,19 @@ class Motion:
     def acceleration(self, link: int, point: complex | Plane = 0.0) -> Plane:
         """Acceleration (m/s²) of a point of a link.
 
-        At B the result is thesis (3.13), which prints sin t1 instead of sin t2 in two places.
+        At B, the result is Eq. (3.13) of the thesis, which prints sin t1 instead of sin t2 in two places.
         """
         first = (1j * self.alpha[0] - self.omega[0] ** 2) * self._crank_pin if link == 2 else 0.0
         rate = 1j * self.alpha[link - 1] - self.omega[link - 1] ** 2
         return first + rate * point * self.direction(link)
 
     def direction(self, link: int) -> Plane:
-        """Complex unit exp(it) in the direction of a link's x axis."""
+        """Complex unit exp(it) in the direction of the X axis of a link."""
         return np.exp(1j * self.t[link - 1])
 
     @property
     def _crank_pin(self) -> Plane:
-        """Position of A relative to O."""
+        """Position of the crank pin A relative to O."""
         return self.linkage.L1 * self.direction(1)
 
 
@@ -258,10 +265,11 @@ def rates(
     crank: tuple[Array, Array],
     pivot: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
 ) -> tuple[Array, Array]:
-    """Angular velocities ω and accelerations α (3, …) of crank, coupler and follower (thesis (3.11)).
+    """Return the angular velocities ω and angular accelerations α (3, …) of crank, coupler and follower (Eq.
+    (3.11) of the thesis).
 
-    lengths: L1, L2, L3, …; directions: exp(it) of the links; crank: ω1 and α1; pivot: velocity and
-    acceleration of C along the x axis.
+    `lengths` are L1, L2, L3, …; `directions` are exp(it) of the links; `crank` contains ω1 and α1; `pivot`
+    contains the velocity and the acceleration of C along the x axis.
     """
     L1, L2, L3, *_ = lengths
     e1, e2, e3 = directions
@@ -275,24 +283,24 @@ def rates(
 
 
 def _components(first: Any, second: Any, vector: Any) -> tuple[Array, Array]:
-    """Real a and b with a·first + b·second = vector in the plane."""
+    """Return the real numbers a and b for which a·first + b·second = vector in the plane."""
     area = np.imag(np.conj(first) * second)
     return np.imag(np.conj(vector) * second) / area, np.imag(np.conj(first) * vector) / area
 
 
 def _angle_opposite(a: float, b: float, opposite: float) -> float:
-    """Angle of a triangle between the sides a and b, opposite to the third side."""
+    """Return the angle of a triangle between the sides a and b, opposite to the third side."""
     cosine = (a**2 + b**2 - opposite**2) / (2 * a * b)
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 def within_advised(least: float, greatest: float) -> bool:
-    """Whether a range of transmission angles lies within the advised range."""
+    """Return whether a range of transmission angles lies within the advised range."""
     return ADVISED[0] <= least and greatest <= ADVISED[1]
 
 
 def transmission_warnings(linkage: Linkage) -> list[str]:
-    """Warning if the transmission angle leaves the advised range; empty otherwise.
+    """Return a list with a warning if the transmission angle leaves the advised range; empty otherwise.
 
     If the crank cannot turn fully, there is always a warning, because coupler and follower are in line at the
     ends of its range.

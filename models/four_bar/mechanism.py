@@ -1,12 +1,14 @@
-"""Four-bar linkage with three flexible links, thesis Chapters 3 to 5."""
+"""Four-bar linkage with three flexible links, from Chapters 3 to 5 of the thesis."""
 
 from derive import Section, Structure
 
 
 def mechanism() -> Structure:
-    """Crank OA clamped to its flywheel at O, coupler AB, follower CB about C at (L4, 0).
+    """Return the structure: crank OA, which is clamped to its flywheel at O, coupler AB, and follower CB,
+    which rotates about C at (L4, 0).
 
-    A and B are pins with point masses; h is the thickness of a link in the plane of motion.
+    A and B are pins with point masses. The parameters h are the thicknesses of the links in the plane of
+    motion.
     """
     linkage = Structure("four_bar", "Four-bar linkage with flexible links (thesis Chapters 3 to 5)")
     L1, L2, L3, L4 = linkage.parameters(

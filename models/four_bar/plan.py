@@ -1,8 +1,10 @@
-"""Run-up plan: ground length L4 as a function of speed that keeps the stresses low (thesis 7.5).
+"""Run-up plan: ground length L4 as a function of speed, chosen so that the stresses remain low (section 7.5
+of the thesis).
 
-A map contains ratios (P, g) of stress to allowable stress over ascending speeds (P,) and lengths L4 (g,). The
-best path from the lowest speed to a point of the map has the smallest maximum ratio. A plan is a path on
-which the ratios do not exceed a cap; it remains close to the mechanism's own L4 and has few bends."""
+A map contains ratios (P, g) of stress to allowable stress at ascending speeds (P,) and lengths L4 (g,). Of
+all paths from the lowest speed to a point of the map, the best one has the smallest maximum ratio. A plan is
+a path on which the ratios do not exceed a cap, and which remains close to the mechanism's own L4 and has few
+bends."""
 
 from dataclasses import dataclass
 
@@ -13,23 +15,24 @@ from scipy.optimize import linprog
 from solve.arrays import Array
 
 _BENDING = 0.005
-"""Weight of the bends of a plan relative to its distance from the mechanism's own L4. A choice."""
+"""Weight of the bends of a plan, relative to the weight of its distance from the mechanism's own L4. Chosen
+by judgement."""
 
 _STRAIGHT, _CLOSE = 1e-4, 1e-12
 """Change of slope, relative to the rate, below which points count as collinear; and difference (m) below
 which lengths count as equal.
 
-Both are above the round-off of the linear program and below any change of practical interest.
+Both numbers are above the round-off of the linear program and below any change of practical interest.
 """
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Piecewise linear L4 (m) over ascending speeds (rad/s); constant below the first and above the last
-    speed.
+    """L4 (m) as a piecewise linear function of the speed, with corners at ascending speeds (rad/s). It is
+    constant below the first and above the last speed.
 
-    lead (rad/s): corners are rounded by averaging L4 from each speed to `lead` above it. The velocity of the
-    pivot is then continuous, and zero at the last speed.
+    Corners are rounded by averaging L4 over the speeds from each speed to `lead` (rad/s) above it. The
+    velocity of the pivot is then continuous, and zero at the last speed.
     """
 
     speed: Array
@@ -37,11 +40,12 @@ class Plan:
     lead: float = 0.0
 
     def __call__(self, speed: Array) -> Array:
-        """L4 (m) without rounded corners, at speeds of any shape."""
+        """Return L4 (m) before its corners are rounded, at an array of speeds of any shape."""
         return np.interp(speed, self.speed, self.L4)
 
     def rounded(self, speed: Array) -> tuple[Array, Array, Array]:
-        """L4 (m) and its first and second derivative with respect to the speed, with rounded corners."""
+        """Return L4 (m) with rounded corners, and its first and second derivatives with respect to the
+        speed."""
         ahead = speed + self.lead
         return (
             (self._integral(ahead) - self._integral(speed)) / self.lead,
@@ -64,9 +68,10 @@ class Plan:
 
 
 def arrival(ratio: Array) -> Array:
-    """Smallest attainable maximum ratio on a path from the lowest speed to each point (P, g) of the map.
+    """Return, for each point (P, g) of the map, the smallest attainable maximum ratio on a path from the
+    lowest speed to this point.
 
-    On a path L4 may change at constant speed, and the speed does not decrease.
+    On a path, L4 may change at constant speed, and the speed does not decrease.
     """
     reached, before = np.empty_like(ratio), np.zeros(ratio.shape[1])
     for number, ratios in enumerate(ratio):
@@ -80,10 +85,11 @@ def arrival(ratio: Array) -> Array:
 
 
 def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
-    """Ends (P,) of a range of L4 at every speed in which the ratio does not exceed the cap; None if no such
-    ranges exist.
+    """Return the ends (P,) of a range of L4 at every speed within which the ratio does not exceed the cap;
+    None if no such ranges exist.
 
-    Each range overlaps the next, and the last contains the length with index `final`, if given.
+    Each range overlaps the next one, and the last range contains the length with index `final`, if this is
+    given.
     """
     reach = _reached_below(ratio, cap)
     if reach is None:
@@ -102,8 +108,8 @@ def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Ar
 
 
 def _reached_below(ratio: Array, cap: float) -> Array | None:
-    """Mask (P, g) of the lengths that can be reached with ratios below the cap; None if a speed cannot be
-    reached."""
+    """Return a mask (P, g) of the lengths that can be reached with ratios below the cap; None if a speed
+    cannot be reached."""
     reach = ratio <= cap
     for number in range(1, len(reach)):
         runs, _ = _runs(reach[number])
@@ -112,15 +118,15 @@ def _reached_below(ratio: Array, cap: float) -> Array | None:
 
 
 def _runs(chosen: Array) -> tuple[Array, int]:
-    """Labels of runs of neighbouring chosen elements, counted from 1, and the number of runs. Elements that
-    are not chosen have the label 0."""
+    """Return labels, counted from 1, of the runs of neighbouring elements of `chosen` that are True, and the
+    number of runs. Other elements have the label 0."""
     starts = np.diff(chosen, prepend=False) & chosen
     return np.where(chosen, np.cumsum(starts), 0), int(starts.sum())
 
 
 def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, float]:
-    """Values of L4 at which the ratio crosses the cap on both sides of a run; the end of the range of L4 if
-    the ratio does not cross the cap."""
+    """Return the values of L4 at which the ratio crosses the cap on the two sides of a run. On a side without
+    a crossing, the end of the range of L4 is returned."""
     ends = np.flatnonzero(run)[[0, -1]]
     low, high = (
         _edge(L4, ratio, cap, int(at), int(at) + step) for at, step in zip(ends, (-1, 1), strict=True)
@@ -143,11 +149,11 @@ def least_change(
     rate: float,
     ends: tuple[float | None, float | None],
 ) -> Plan | None:
-    """Plan within a corridor, by linear programming, that minimises the distance from the mechanism's own L4
-    (m) and the bends.
+    """Return the plan within a corridor that minimises the weighted sum of its distance from the mechanism's
+    own L4 (m) and its bends, by linear programming.
 
-    rate: largest change of L4 (m per rad/s). ends: L4 at the first and last speed, or None. Returns None if
-    no plan exists.
+    `rate` is the largest change of L4 (m per rad/s). `ends` are L4 at the first and the last speed; None
+    where it is free. Return None if no plan exists.
     """
     P, low, high = len(speeds), low.copy(), high.copy()
     for at, end in zip((0, -1), ends, strict=True):
@@ -157,7 +163,7 @@ def least_change(
             low[at] = high[at] = end
     slope = np.diff(np.eye(P), axis=0) / np.diff(speeds)[:, None]
     bend, one, other = np.diff(slope, axis=0), np.eye(P), np.eye(P - 2)
-    # Unknowns: L4 at every speed, and upper bounds of its distances from the mechanism's own L4 and of its
+    # Unknowns: L4 at every speed, and upper bounds on its distances from the mechanism's own L4 and on its
     # bends.
     rows = [
         np.hstack((sign * of_lengths, distance, bends))
@@ -180,7 +186,7 @@ def least_change(
 
 
 def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
-    """Plan through the points at which the slope of L4 changes."""
+    """Return the plan through the points at which the slope of L4 changes."""
     slope = np.diff(L4) / np.diff(speeds)
     bends = np.abs(np.diff(slope)) > _STRAIGHT * rate
     knots = np.concatenate(([True], bends, [True]))
@@ -190,11 +196,11 @@ def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
 def plan_below(
     speeds: Array, L4: Array, ratio: Array, cap: float, own_index: int, rate: float, returns: bool
 ) -> Plan | None:
-    """Plan from the lowest to the highest speed with ratios up to the cap, starting at the L4 with index
-    `own_index`.
+    """Return a plan from the lowest to the highest speed on which ratios do not exceed the cap. It starts at
+    the L4 with index `own_index`.
 
-    returns: whether L4 must be able to return to this initial value at the highest speed. None if no such
-    plan exists.
+    If `returns` is True, L4 must be able to return to this initial value at the highest speed. None is
+    returned if no such plan exists.
     """
     passage = corridor(L4, ratio, cap, own_index if returns else None)
     if passage is None:
@@ -203,8 +209,8 @@ def plan_below(
 
 
 def least_cap(speeds: Array, L4: Array, ratio: Array, own_index: int, rate: float, returns: bool) -> float:
-    """Smallest cap for which `plan_below` returns a plan, approximated from above with a relative error of
-    1e-3."""
+    """Return the smallest cap for which `plan_below` returns a plan, approximated from above with a relative
+    error of 1e-3."""
     reached = arrival(ratio)[-1]
     low = float(max(reached[own_index] if returns else reached.min(), ratio[0, own_index]))
     high, best = low, np.inf

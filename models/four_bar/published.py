@@ -1,9 +1,9 @@
-"""Hand-coded element matrices and frequency functions of the thesis, Chapters 4 and 5, Appendices A and B.
+"""Hand-coded element matrices and frequency functions of the thesis (Chapters 4 and 5, Appendices A and B).
 
-Reference for tests: coded by hand in NumPy, without computer algebra. Each wrong entry of the thesis is a
-named `Misprint` that can be selected individually. Without misprints the equations are correct; with
-`AS_PRINTED` they are those of the thesis. Lengths are in m. λ and β are the wave numbers (1/m) of bending and
-axial vibration, λ⁴ = ρAω²/EI and β² = ρω²/E.
+These are references for tests, coded by hand in NumPy without computer algebra. Each wrong entry of the
+thesis is a named `Misprint` that can be selected individually. Without misprints, the equations are correct;
+with `AS_PRINTED`, they are those of the thesis. Lengths are in m. λ and β are the wave numbers (1/m) of
+bending and of axial vibration: λ⁴ = ρAω²/EI and β² = ρω²/E.
 """
 
 from collections.abc import Set
@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.floating]
 
 CRANK_SECTION = (24.8e-3, 6.35e-3)
-"""Width of the crank, and its thickness in the plane of motion, m: Table 3.2."""
+"""Width of the crank, and its thickness in the plane of motion, in m (Table 3.2)."""
 
 
 class Misprint(Enum):
-    """Misprint of the thesis: location, printed form and correct form."""
+    """Misprint in the thesis: location, printed form and correct form."""
 
     CRANK_SECOND_MOMENT = (
         "Table 4.1: crank's second moment of area 520.47e-12 m⁴; its section gives 529.17e-12"
@@ -77,29 +77,31 @@ _CURVATURE_STIFFNESS = (
 
 
 def crank_second_moment(misprints: Set[Misprint] = CORRECTED) -> float:
-    """Second moment of area of the crank, m⁴: from the section of Table 3.2, or as printed in Table 4.1."""
+    """Return the second moment of area of the crank in m⁴: from the cross section in Table 3.2, or as printed
+    in Table 4.1."""
     width, thickness = CRANK_SECTION
     return 520.47e-12 if Misprint.CRANK_SECOND_MOMENT in misprints else width * thickness**3 / 12
 
 
 def cubic_stiffness(L: float) -> Array:
-    """Matrix K/EI of (4.13) for v1, θ1, v2, θ2."""
+    """Return the matrix K/EI of (4.13) for v1, θ1, v2, θ2."""
     return _scaled(_CUBIC_STIFFNESS, (0, 1, 0, 1), L) / L**3
 
 
 def axial_stiffness(L: float) -> Array:
-    """Matrix K/EA of (4.12) for u1, u2."""
+    """Return the matrix K/EA of (4.12) for u1, u2."""
     return np.array([[1.0, -1.0], [-1.0, 1.0]]) / L
 
 
 def internal_shapes() -> tuple[Array, Array]:
-    """Coefficients of ζ⁰ … ζ⁵ in N (A.1) and of ζ⁰ … ζ³ in L²B (A.2), with rows v, θ of the three nodes (θ
-    divided by L). The printed coefficients are correct."""
+    """Return the coefficients of ζ⁰ … ζ⁵ in N (A.1) and of ζ⁰ … ζ³ in L²B (A.2). The rows are v and θ of the
+    three nodes, where the rows of θ are divided by L. The printed coefficients are correct."""
     return np.array(_INTERNAL_SHAPES, dtype=float), np.array(_INTERNAL_CURVATURES, dtype=float)
 
 
 def internal_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[Array, Array]:
-    """Matrices M/ρA (A.3) and K/EI (A.4) of the element with an internal node, for v, θ at 0, L/2, L."""
+    """Return the matrices M/ρA (A.3) and K/EI (A.4) of the element with an internal node, for v and θ at 0,
+    L/2 and L."""
     orders = (0, 1, 0, 1, 0, 1)
     M, K = _scaled(_INTERNAL_MASS, orders, L) * L, _scaled(_INTERNAL_STIFFNESS, orders, L) / L**3
     if Misprint.INTERNAL_STIFFNESS in misprints:
@@ -108,8 +110,8 @@ def internal_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[A
 
 
 def curvature_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[Array, Array]:
-    """Matrices M/ρA and K/EI of the element with end curvatures, for v, θ, κ at 0 and L. Instead of these
-    matrices, the thesis repeats those of (A.1)–(A.4)."""
+    """Return the matrices M/ρA and K/EI of the element with end curvatures, for v, θ and κ at 0 and L. In
+    place of these matrices, the thesis repeats (A.1)–(A.4)."""
     if Misprint.CURVATURE_ELEMENT in misprints:
         return internal_matrices(L, misprints)
     orders = (0, 1, 2, 0, 1, 2)
@@ -119,7 +121,8 @@ def curvature_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[
 def stiffness_functions(
     wave: ArrayLike, axial: ArrayLike, L: float, misprints: Set[Misprint] = CORRECTED
 ) -> Array:
-    """Functions F1 … F8 of (B.1)–(B.9) at λ and β, along a new first axis."""
+    """Return the functions F1 … F8 of (B.1)–(B.9), along a new first axis, for the wave numbers λ (`wave`)
+    and β (`axial`)."""
     lam, beta = np.asarray(wave, dtype=float), np.asarray(axial, dtype=float)
     argument = lam if Misprint.ARGUMENTS in misprints else lam * L
     S, C, s, c = np.sinh(argument), np.cosh(argument), np.sin(argument), np.cos(argument)
@@ -142,8 +145,8 @@ def stiffness_functions(
 def mass_functions(
     wave: ArrayLike, axial: ArrayLike, L: float, misprints: Set[Misprint] = CORRECTED
 ) -> Array:
-    """Functions G1 … G8 of (B.10)–(B.17) at λ and β, along a new first axis. Entries of the mass matrix are
-    ρA times these functions."""
+    """Return the functions G1 … G8 of (B.10)–(B.17), along a new first axis, for the wave numbers λ (`wave`)
+    and β (`axial`). Entries of the mass matrix are ρA times these functions."""
     lam, beta = np.asarray(wave, dtype=float), np.asarray(axial, dtype=float)
     F1, F2, F3, F4, F5, F6 = stiffness_functions(lam, beta, L, misprints)[:6]
     a = 1.0 if Misprint.PRODUCTS in misprints else L
@@ -163,7 +166,7 @@ def mass_functions(
 
 
 def dynamic_stiffness(F: Array, EI: float, EA: float) -> Array:
-    """Matrix D of (5.18) from F1 … F8, for u1, u2, v1, θ1, v2, θ2."""
+    """Return the matrix D of (5.18), from F1 … F8, for u1, u2, v1, θ1, v2, θ2."""
     F1, F2, F3, F4, F5, F6, F7, F8 = F
     D = np.zeros((6, 6))
     D[:2, :2] = EA * np.array([[F7, F8], [F8, F7]])
@@ -172,8 +175,8 @@ def dynamic_stiffness(F: Array, EI: float, EA: float) -> Array:
 
 
 def _scaled(upper: str, orders: tuple[int, ...], L: float) -> Array:
-    """Symmetric matrix from the rows of its upper triangle, multiplied by powers of L given by the orders of
-    the degrees of freedom."""
+    """Return a symmetric matrix from the rows of its upper triangle. Each entry is multiplied by L to the sum
+    of the `orders` of its two degrees of freedom."""
     n = len(orders)
     matrix = np.zeros((n, n))
     for i, row in enumerate(upper.split(" / ")):

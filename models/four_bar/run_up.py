@@ -1,9 +1,9 @@
-"""Simulation of the vibration during a run-up with moving ground pivot (thesis 7.5).
+"""Simulation of the vibration during a run-up with a moving ground pivot (section 7.5 of the thesis).
 
-With the crank angle φ as independent variable, Ω(φ) and Ω̇ = α, the equations of motion are Ω²M q″ + (ΩC +
-αM) q′ + K q = d. The load d is the inertia force of the rigid motion, including α and the motion of the
-pivot; M, C, K depend on the position. The steps of Radau's method are computed in batches of one
-revolution."""
+The independent variable is the crank angle φ. With Ω(φ) and Ω̇ = α, the equations of motion are Ω²M q″ + (ΩC
++ αM) q′ + K q = d. The load d consists of the inertia forces of the rigid motion, including those due to α
+and to the motion of the pivot. M, C and K depend on the position. The steps of Radau's method are computed in
+batches of one revolution."""
 
 import math
 from collections.abc import Callable
@@ -25,13 +25,13 @@ from solve.terminal import progress
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8
-"""Number of steps per revolution, and number of crank angles per step at which the stress is evaluated:
-choices."""
+"""Number of steps per revolution, and number of crank angles per step at which the stress is evaluated.
+Chosen by judgement."""
 
 
 class Drive(NamedTuple):
-    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with its first two time derivatives, all
-    (k,)."""
+    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with its first two time derivatives; all
+    are arrays (k,)."""
 
     time: Array
     speed: Array
@@ -76,7 +76,7 @@ class RunUp:
         return (self.target + self.start) / 2 * self.duration
 
     def __call__(self, phi: Array) -> Drive:
-        """Drive at crank angles (k,), counted from the start φ = 0."""
+        """Return the state of the drive at crank angles (k,), counted from the start φ = 0."""
         rising = phi < self._arrival
         alpha = np.where(rising, self.acceleration, 0.0)
         square = self.start**2 + 2 * self.acceleration * np.minimum(phi, self._arrival)
@@ -103,7 +103,7 @@ class RunUp:
 class Simulated:
     """Largest |stress| (Pa) of each link in each revolution, (turns, links).
 
-    time (s), speed (rad/s) and L4 (m) are those at the end of the revolution, (turns,).
+    `time` (s), `speed` (rad/s) and `L4` (m) are the values (turns,) at the ends of the revolutions.
     """
 
     time: Array
@@ -113,7 +113,7 @@ class Simulated:
 
 
 def simulate(stresses: StressMap, run_up: Callable[[Array], Drive], turns: int) -> Simulated:
-    """Stresses during a run-up that starts from quasi-static equilibrium."""
+    """Simulate the stresses during a run-up that starts from quasi-static equilibrium."""
     moving = _Moving(stresses, run_up)
     x = moving.at_rest()
     last, largest = np.zeros(len(x) // 2), []
@@ -128,7 +128,7 @@ def simulate(stresses: StressMap, run_up: Callable[[Array], Drive], turns: int) 
 
 @dataclass(frozen=True)
 class _MotionWithDamping(Motion):
-    """Equations of motion with a damping matrix (k, n, n) given at crank angles (k,)."""
+    """Equations of motion with prescribed damping matrices (k, n, n) at crank angles (k,)."""
 
     given: Callable[[Array], Array]
 
@@ -138,7 +138,8 @@ class _MotionWithDamping(Motion):
 
 
 class _Moving:
-    """Integration of the moving four-bar linkage over the crank angle φ, one revolution at a time."""
+    """Integration of the vibration of the four-bar linkage, with the crank angle φ as independent variable,
+    one revolution at a time."""
 
     def __init__(self, stresses: StressMap, run_up: Callable[[Array], Drive]):
         self._map, self._drive = stresses, run_up
@@ -162,7 +163,7 @@ class _Moving:
         )
 
     def at_rest(self) -> Array:
-        """State (q, q′) of quasi-static equilibrium at φ = 0."""
+        """Return the state (q, q′) of quasi-static equilibrium at φ = 0."""
         positions = Positions(self._beams, np.zeros(1))
         _, K = positions.matrices()
         _, omega, alpha = self._kinematics(np.zeros(1))
@@ -170,9 +171,9 @@ class _Moving:
         return np.concatenate((q, np.zeros_like(q)))
 
     def turn(self, number: int, x: Array, last: Array) -> tuple[Array, Array, Array]:
-        """State and acceleration at the end of revolution `number`, with derivatives with respect to φ, and
-        the largest |stress| (links,) in this revolution. x, last: state and acceleration at the start of the
-        revolution.
+        """Integrate over the revolution `number`. Return the state and the acceleration at its end, and the
+        largest |stress| (links,) in this revolution. `x` and `last` are the state and the acceleration at its
+        start. Derivatives are with respect to φ.
         """
         h, s = self._h, len(self._collocation.c)
         drive = self._drive(number * TURN + self._stages)
@@ -197,7 +198,7 @@ class _Moving:
         return self._map.by_link(np.abs(stress).sum(axis=0).max(axis=1), np.max)
 
     def _kinematics(self, phi: Array) -> tuple[Array, Array, Array]:
-        """Angles (k, links) of the links, with their first two time derivatives."""
+        """Return the angles (k, links) of the links, with their first two time derivatives."""
         return kinematics(self._model, phi, self._drive(phi))
 
     def _damping(self, phi: Array) -> Array:
@@ -206,16 +207,16 @@ class _Moving:
 
     @cached_property
     def _damping_at_nodes(self) -> Array:
-        """Damping matrices C (nodes, k, n, n) at the stages, for the values of L4 that are interpolation
-        nodes of the map."""
+        """Damping matrices C (nodes, k, n, n) at the stages, for the interpolation nodes of L4 in the map."""
         return np.stack([length.model.at(self._stages, 0.0)[1] for length in self._map.lengths])
 
 
 def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, Array, Array]:
-    """Angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with their first two derivatives
-    with respect to time.
+    """Return the angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with their first two
+    time derivatives.
 
-    The ground pivot C moves along the x axis. The equations are thesis (3.3) and (3.11) with the rates of L4.
+    The ground pivot C moves along the x axis. The equations are Eqs. (3.3) and (3.11) of the thesis, with the
+    rates of L4 added.
     """
     L1, L2, L3 = (model.parameters[name] for name in ("L1", "L2", "L3"))
     side = BRANCHES[str(model.labels.options["branch"])]

@@ -1,8 +1,9 @@
-"""Largest stress of each link over a revolution, for many speeds and ground lengths L4 (thesis 7.3, 7.4).
+"""Largest stress of each link over a revolution, for many speeds and ground lengths L4 (sections 7.3 and 7.4
+of the thesis).
 
-At one L4 all speeds share the matrices over the phase. The problem is solved for lengths L4 at Chebyshev
-points. Between them, the stress at a position and a crank angle, a smooth function of L4, is interpolated by
-a polynomial. The maximum over a revolution would not be smooth.
+For each L4, all speeds share the matrices as functions of the phase. The problem is solved for lengths L4 at
+Chebyshev points. Between these points, the stress at each position and crank angle, which is a smooth
+function of L4, is interpolated by a polynomial. The maximum over a revolution is not a smooth function of L4.
 """
 
 import math
@@ -20,7 +21,8 @@ from solve.beams.structure import StructureModel
 from solve.terminal import progress
 
 METHOD = Radau(order=9)
-"""Method of the map. It is L-stable, because the steps do not resolve the axial modes."""
+"""Method by which the map is computed. It must be L-stable, because the steps do not resolve the axial
+modes."""
 
 _STEPS, _SAMPLES = 96, 4
 """Number of steps per revolution, and number of crank angles per step at which the stress is evaluated.
@@ -29,19 +31,21 @@ Choices; `Peaks.error` measures their effect.
 """
 
 _TOGETHER = 8
-"""Number of speeds for which stresses are in memory at a time. A choice."""
+"""Number of speeds whose stresses are in memory at the same time. Chosen by judgement."""
 
 _BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
-"""Barlow points of a cubic element, at which its curvature is most accurate: the Gauss points of order 2."""
+"""Barlow points of a cubic element, at which its curvature is most accurate. These are the Gauss points of
+order 2."""
 
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest |stress| (Pa) over a revolution (P, lengths, links), at P speeds.
+    """Largest |stress| (P, lengths, links), in Pa, over a revolution at P speeds.
 
-    place and phase: position of the largest stress as a fraction of the link's length, and crank angle (rad).
-    error (P,): relative change of the largest stress, the larger of the changes with half the steps and with
-    two Chebyshev points fewer. radius_bound (P, solved lengths): upper bound of the spectral radius.
+    `place` is the position of the largest stress as a fraction of the link's length, and `phase` its crank
+    angle (rad). `error` (P,) is the relative change of the largest stress: the larger of the changes with
+    half as many steps and with two Chebyshev points fewer. `radius_bound` (P, solved lengths) is an upper
+    bound on the spectral radius.
     """
 
     stress: Array
@@ -52,9 +56,9 @@ class Peaks:
 
 
 def stress_positions(beams: Beams) -> list[Array]:
-    """Positions on each link, as fractions of its length, at which stresses are evaluated.
+    """Return the positions on each link, as fractions of its length, at which stresses are evaluated.
 
-    These are the clamped root or the midpoint, as in the thesis, and two points within each element.
+    These are the clamped root, or the midpoint, as in the thesis, and two points within each element.
     """
     by_link = []
     for member in beams.members:
@@ -66,9 +70,11 @@ def stress_positions(beams: Beams) -> list[Array]:
 
 
 def stress_rows(beams: Beams, angle: Array) -> Array:
-    """Axial stress, and bending stress at the + surface, in Pa per unit of each coordinate: (k, 2, S, n).
+    """Return the axial stress, and the bending stress at the + surface, in Pa per unit of each coordinate, as
+    an array (k, 2, S, n).
 
-    S is the number of positions on all links, in sequence. angle (k, links): angles of the links.
+    S is the number of positions on all links, which are in sequence. `angle` (k, links) are the angles of the
+    links.
     """
     rows = []
     for member, fractions in zip(beams.members, stress_positions(beams), strict=True):
@@ -82,9 +88,10 @@ def stress_rows(beams: Beams, angle: Array) -> Array:
 
 
 class StressMap:
-    """Stresses of a four-bar over speeds (rad/s) and lengths L4 (m) from `low` to `high`.
+    """Stresses of a four-bar linkage as functions of the speed (rad/s) and of the length L4 (m) from `low` to
+    `high`.
 
-    count: number of Chebyshev points of L4, or 1 if both ends are equal.
+    `count` is the number of Chebyshev points of L4, or 1 if both ends are equal.
     """
 
     def __init__(self, model: StructureModel, low: float, high: float, count: int = 7):
@@ -98,17 +105,18 @@ class StressMap:
         self.lengths = [StressesAtLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
 
     def weights(self, L4: Array) -> Array:
-        """Interpolation weights (g, nodes) of the nodes at lengths (g,)."""
+        """Return the weights (g, nodes) of the interpolation nodes for lengths L4 (g,)."""
         if len(self.nodes) == 1:
             return np.ones((len(L4), 1))
         return BarycentricInterpolator(self.nodes, np.eye(len(self.nodes)), rng=0)(L4)
 
     def by_link(self, values: Array, function: Callable[[Array], float]) -> Array:
-        """Values (links,) of a function that is applied to the values (S,) at the positions of each link."""
+        """Return values (links,) of a function that is applied to those of the values (S,) that belong to
+        each link."""
         return np.array([function(of_link) for of_link in np.split(values, self._ends[1:-1])])
 
     def peaks(self, speeds: Array, L4: Array) -> Peaks:
-        """Largest stresses at speeds (P,) and at lengths (g,) between `low` and `high`."""
+        """Compute the largest stresses at speeds (P,), for lengths L4 (g,) between `low` and `high`."""
         batches = []
         with progress.task("speeds of the stress map", len(speeds)) as count:
             for start in range(0, len(speeds), _TOGETHER):
@@ -133,7 +141,8 @@ class StressMap:
         return Peaks(stress, place, phase, error, np.stack([bound for _, _, bound in solved], axis=1))
 
     def _tail(self, values: Array) -> float:
-        """Largest coefficient of the last two Chebyshev polynomials, relative to the largest stress."""
+        """Return the largest coefficient of the last two Chebyshev polynomials, relative to the largest
+        stress."""
         count = len(values)
         if count < 3:
             return 0.0
@@ -153,10 +162,11 @@ class StressesAtLength:
         self._curves = PeriodicCurves(model, METHOD, _STEPS, _SAMPLES)
 
     def stresses(self, speeds: Array) -> tuple[Array, Array, Array]:
-        """Axial and bending stresses (P, 2, S, k) in Pa, relative error (P,), and upper bound (P,) on the
-        spectral radius.
+        """Compute the axial and bending stresses (P, 2, S, k) in Pa, their relative error (P,), and an upper
+        bound (P,) on the spectral radius.
 
-        The error is the relative change with half the steps. Values are infinite without a periodic solution.
+        The error is the relative change with half as many steps. Values are infinite at speeds without a
+        periodic solution.
         """
         curves = self._curves(speeds)
         with np.errstate(invalid="ignore"):
@@ -173,13 +183,13 @@ class StressesAtLength:
 
 
 def _surfaces(stresses: Array) -> Array:
-    """Larger |stress| of both surfaces, from axial and bending stresses (g, 2, S, k)."""
+    """Return the larger |stress| of the two surfaces, from axial and bending stresses (g, 2, S, k)."""
     return np.abs(stresses).sum(axis=1)
 
 
 def _highest(histories: Array) -> tuple[Array, Array, Array]:
-    """Largest value of histories (g, S, k), with its row and phase, from a parabola through three
-    neighbouring samples."""
+    """Return the largest value of `histories` (g, S, k), with its row and its phase, from a parabola through
+    three neighbouring samples."""
     g, S, k = histories.shape
     at = histories.reshape(g, S * k).argmax(axis=1)
     row, column = np.divmod(at, k)
@@ -192,6 +202,6 @@ def _highest(histories: Array) -> tuple[Array, Array, Array]:
 
 
 def spaced(low: float, high: float, ratio: float) -> Sequence[float]:
-    """Speeds from low to high in geometric progression, with a ratio of at most `ratio`."""
+    """Return speeds from `low` to `high` in geometric progression, with a ratio of at most `ratio`."""
     count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))
     return [float(x) for x in np.geomspace(low, high, count)]

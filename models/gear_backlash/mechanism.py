@@ -1,13 +1,14 @@
-"""Gear pair with backlash: a mass on a mesh stiffness that varies, with a clearance."""
+"""Gear pair with backlash: a mass on a varying mesh stiffness with a clearance."""
 
 from derive import Abs, Heaviside, Max, Mechanism, Min, cos, pi, rate, rectangle, sin, tanh, wrapped
 
 
 def mechanism() -> Mechanism:
-    """m q̈ + c q̇ + k(φ) g(q) = F + m Ω² E cos φ (A. Kahraman, R. Singh, J. Sound Vib. 142 (1990) 49–75).
+    """Return the mechanism m q̈ + c q̇ + k(φ) g(q) = F + m Ω² E cos φ (A. Kahraman, R. Singh, J. Sound Vib.
+    142 (1990) 49–75).
 
-    The phase is that of the mesh, with one period per tooth. q is measured from the mean deflection F/k; g
-    is 0 while the teeth are within the clearance 2b.
+    The phase is that of the mesh, with one period per tooth. q is measured from the mean deflection F/k. The
+    function g is 0 while the teeth are within the clearance 2b.
     """
     pair = Mechanism("gear_backlash", "Gear pair with backlash and varying mesh stiffness")
     (q,) = pair.coordinates(q=("m", "deflection of the mesh, relative to that under the mean load"))

@@ -1,13 +1,14 @@
-"""Gear pair with tooth errors, chapter 4.2."""
+"""Gear pair with tooth errors, from section 4.2 of the chapter."""
 
 from derive import Mechanism, cos, pi, rate, sin, sqrt, tanh
 
 
 def mechanism() -> Mechanism:
-    """Pinion and wheel, Eqs. (66)–(74) of the chapter. Each rotation is the sum of a uniform rotation and a
-    fraction of q.
+    """Return the mechanism of Eqs. (66)–(74) of the chapter. The rotation of each gear is the sum of a
+    uniform rotation and a multiple of q.
 
-    With these fractions r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and q is decoupled from the uniform rotation.
+    The multiples are chosen so that r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and so that q is decoupled from the
+    uniform rotation.
     """
     pair = Mechanism("gear_pair", "Gear pair with tooth errors (chapter 4.2)")
     (q,) = pair.coordinates(q=("m", "dynamic transmission error, along the line of contact"))

@@ -1,7 +1,7 @@
-"""Hand-coded equation of the gear pair from chapter 4.2.
+"""Hand-coded equation of the gear pair, from section 4.2 of the chapter.
 
-Parameters come as a mapping of names to floats in SI units. `phase` is the pinion's angle, an
-array of shape (m,), `speed` a float in rad/s.
+Parameters are given as a mapping from names to floats in SI units. `phase` (m,) is the angle of the pinion in
+rad, and `speed` is a float in rad/s.
 """
 
 from collections.abc import Mapping
@@ -13,14 +13,14 @@ Array = NDArray[np.float64]
 
 
 def mesh_stiffness(phase: Array, p: Mapping[str, float]) -> Array:
-    """Mesh stiffness k_z of Eq. (73) in N/m. Its harmonics are multiples of the meshing frequency, which is
-    z1 times the rotational frequency of the pinion."""
+    """Return the mesh stiffness k_z of Eq. (73) in N/m. The frequencies of its harmonics are multiples of the
+    meshing frequency, which is z1 times the rotational frequency of the pinion."""
     terms = (p[f"k{n}"] * np.cos(n * p["z1"] * phase + p[f"gamma{n}"]) for n in range(1, 11))
     return p["k0"] + sum(terms, np.zeros_like(phase))
 
 
 def tooth_error(phase: Array, p: Mapping[str, float]) -> tuple[Array, Array]:
-    """Tooth error e of Eq. (74) in m, and its derivative with respect to the phase."""
+    """Return the tooth error e of Eq. (74) in m, and its derivative with respect to the phase."""
     error, slope = np.zeros_like(phase), np.zeros_like(phase)
     for i in range(1, 7):
         angle = i * phase + p[f"alpha{i}"]
@@ -30,16 +30,17 @@ def tooth_error(phase: Array, p: Mapping[str, float]) -> tuple[Array, Array]:
 
 
 def reduced_mass(p: Mapping[str, float]) -> float:
-    """Reduced mass m_red of Eq. (70), kg."""
+    """Return the reduced mass m_red of Eq. (70) in kg."""
     return p["J1"] * p["J2"] / (p["J1"] * p["rb2"] ** 2 + p["J2"] * p["rb1"] ** 2)
 
 
 def matrices(
     phase: Array, speed: float, p: Mapping[str, float], load: str = "tracking"
 ) -> tuple[Array, Array, Array, Array]:
-    """M, C, K of shape (m, 1, 1) and d of shape (m, 1) of Eq. (72), with c_z = 2 ω0 ζ m_red.
+    """Return M, C, K (m, 1, 1) and d (m, 1) of Eq. (72), with c_z = 2 ω0 ζ m_red.
 
-    With `load` "tracking", d is f(t) below (72) with F(t) from (71); with "constant", F = k0 q0 in (69).
+    If `load` is "tracking", d is f(t), which is stated below (72), with F(t) from (71). If it is "constant",
+    F = k0 q0 in (69).
     """
     m_red = reduced_mass(p)
     natural = np.sqrt(p["k0"] / m_red)

@@ -1,11 +1,11 @@
-"""Transport manipulator of a forging press, chapter 4.3."""
+"""Transport manipulator of a forging press, from section 4.3 of the chapter."""
 
 from derive import Mechanism, cos, rate, sin
 
 
 def mechanism() -> Mechanism:
-    """Mechanism with the energies from which Eq. (77) of the chapter follows; the cam rotates by φ1 = φ +
-    q1."""
+    """Return the mechanism with the energies from which Eq. (77) of the chapter follows. The cam rotates by
+    φ1 = φ + q1."""
     press = Mechanism("manipulator", "Transport manipulator of a forging press (chapter 4.3)")
     q1, q2 = press.coordinates(
         q1=("rad", "twist of the driving shaft"),

@@ -1,7 +1,8 @@
-"""Hand-coded equations of the manipulator from chapter 4.3; Eq. (77) is printed correctly.
+"""Hand-coded equations of the manipulator, from section 4.3 of the chapter, where Eq. (77) is printed
+correctly.
 
-Parameters come as a mapping of names to floats in SI units; a1 …, b1 … are the coefficients of U′.
-`phase` is an array of shape (m,), `speed` a float in rad/s.
+Parameters are given as a mapping from names to floats in SI units; a1 …, b1 … are the coefficients of U′.
+`phase` is an array (m,) in rad, and `speed` is a float in rad/s.
 """
 
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ HARMONICS = 12
 
 
 def transmission(angle: Array, p: Mapping[str, float]) -> tuple[Array, Array, Array]:
-    """Derivatives U′, U″, U‴ of Eq. (78) at an array of angles (rad), summed term by term."""
+    """Return the derivatives U′, U″, U‴ of Eq. (78) at an array of angles (rad), summed term by term."""
     first, second, third = np.zeros_like(angle), np.zeros_like(angle), np.zeros_like(angle)
     for k in range(1, HARMONICS + 1):
         a, b = p[f"a{k}"], p[f"b{k}"]
@@ -26,7 +27,7 @@ def transmission(angle: Array, p: Mapping[str, float]) -> tuple[Array, Array, Ar
 
 
 def matrices(phase: Array, speed: float, p: Mapping[str, float]) -> tuple[Array, Array, Array, Array]:
-    """M, C, K of shape (m, 2, 2) and d of shape (m, 2) of Eq. (77)."""
+    """Return M, C, K (m, 2, 2) and d (m, 2) of Eq. (77)."""
     U1, U2, U3 = transmission(phase, p)
     F, m2 = p["F"], p["m2"]
     M, C, K = (np.zeros((phase.size, 2, 2)) for _ in range(3))

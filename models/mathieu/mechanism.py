@@ -1,13 +1,14 @@
-"""Mathieu's equation, thesis 7.2.3 and Appendix E."""
+"""Mathieu's equation, from section 7.2.3 and Appendix E of the thesis."""
 
 from derive import Abs, Mechanism, cos, pi, rate, sign, sin, sqrt
 
 
 def mechanism() -> Mechanism:
-    """q̈ + 2 zeta sqrt(|delta|) q̇ + (delta + epsilon cos 2φ) q = 0, φ = Ωt, of period π in the phase.
+    """Return the mechanism q̈ + 2 zeta sqrt(|delta|) q̇ + (delta + epsilon cos 2φ) q = 0 with φ = Ωt. Its
+    period in the phase is π.
 
-    At 1 rad/s the phase equals the time, and the equation is Mathieu's equation. At another speed Ω the
-    stiffness varies at 2Ω; with the phase as independent variable, the equation is Mathieu's equation with
+    At 1 rad/s, the phase equals the time, and this is Mathieu's equation. At another speed Ω, the stiffness
+    varies with the frequency 2Ω; with the phase as independent variable, this is Mathieu's equation with
     delta/Ω² and epsilon/Ω².
     """
     mathieu = Mechanism("mathieu", "Mathieu's equation (thesis 7.2.3)", energy="1/s^2", period=pi)

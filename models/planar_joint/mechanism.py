@@ -4,11 +4,12 @@ from derive import Abs, Heaviside, Max, Mechanism, cos, rate, sin, sqrt
 
 
 def mechanism() -> Mechanism:
-    """The rod turns freely on the crank; its pin moves in the bearing of the slider in both directions.
+    """Return the mechanism. The rod turns freely on the crank, and its pin can move in the bearing of the
+    slider in both directions of the plane.
 
     If the distance of the pin from the centre of the bearing exceeds the radial clearance g by the
     penetration δ, the normal force k δ (1 + χ δ̇) acts. The damping is proportional to δ, so that the force
-    is continuous. At u = v = 0 the constant load presses the bearing on the pin along the stroke.
+    is continuous. At u = v = 0, the constant load presses the bearing on the pin along the stroke.
     """
     joint = Mechanism("planar_joint", "Slider-crank mechanism with a planar clearance joint")
     u, v = joint.coordinates(

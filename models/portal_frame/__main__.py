@@ -1,4 +1,4 @@
-"""The command of the portal frame: `python -m models.portal_frame`."""
+"""Command of the portal frame: `python -m models.portal_frame`."""
 
 from solve.commands.app import Program
 

@@ -1,5 +1,5 @@
-"""Command `python -m models.portal_frame`: figure of a determinant that is not zero at every natural
-frequency."""
+"""Command `python -m models.portal_frame`: figure of a determinant that is nonzero at some of the natural
+frequencies."""
 
 import sys
 from typing import Annotated
@@ -14,7 +14,7 @@ _MOST = 1200.0
 
 
 def command(
-    plot: Annotated[str, Flag("The picture: .png, .pdf or .svg.", "FILE")],
+    plot: Annotated[str, Flag("Picture to write: .png, .pdf or .svg.", "FILE")],
     numbers: Numbers,
     most: Annotated[float, Flag("Largest frequency in rad/s.", "W")] = _MOST,
 ) -> None:

@@ -1,8 +1,8 @@
-"""Determinant of the frame's dynamic stiffness over the frequency (thesis Fig. 5.1).
+"""Determinant of the frame's dynamic stiffness versus frequency (Fig. 5.1 of the thesis).
 
-No joint moves at the fourth natural frequency. With one exact element per bar this frequency is therefore a
-pole of det D and not a zero, and a search for zeros misses it. With two elements it is a zero. The algorithm
-of Wittrick and Williams finds the frequency in both cases.
+At the fourth natural frequency, no joint moves. With one exact element per bar, this frequency is therefore a
+pole of det D instead of a zero, and a search for zeros misses it. With two elements per bar, it is a zero.
+The algorithm of Wittrick and Williams finds the frequency in both cases.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ _POINTS = 2000
 """Number of frequencies in the figure."""
 
 _ELEMENTS = 1, 2
-"""Numbers of elements per bar for which determinants are compared."""
+"""Numbers of elements per bar for which the determinants are compared."""
 
 
 @dataclass(frozen=True)
 class Determinants:
-    """Determinants at frequencies omega (k,) in rad/s.
+    """Determinants at frequencies `omega` (k,) in rad/s.
 
-    logarithms (rows, k): ln|det D(ω)/det D(0)| with `elements` (rows,) per bar; found (j,): natural
-    frequencies up to the largest ω, rad/s.
+    Row r of `logarithms` (rows, k) contains ln|det D(ω)/det D(0)| for `elements[r]` elements per bar. `found`
+    (j,) are the natural frequencies up to the largest ω, in rad/s.
     """
 
     omega: Array
@@ -36,7 +36,7 @@ class Determinants:
 
 
 def logarithm(model: StructureModel, omega: Array) -> Array:
-    """Values of ln|det D(ω)/det D(0)| (k,) of a structure of exact elements, at frequencies (k,) in rad/s."""
+    """Return ln|det D(ω)/det D(0)| (k,) of a structure of exact elements, at frequencies ω (k,) in rad/s."""
     place = model.at_positions(np.zeros(1))
     D = place.dynamic_stiffness(np.zeros(len(omega) + 1, dtype=int), np.append(0.0, omega))
     values = np.linalg.slogdet(D).logabsdet
@@ -44,8 +44,8 @@ def logarithm(model: StructureModel, omega: Array) -> Array:
 
 
 def determinants(model: StructureModel, most: float) -> Determinants:
-    """Determinants of a frame with one and with two exact elements per bar, for frequencies from 0 to `most`
-    rad/s."""
+    """Compute the determinants of a frame with one and with two exact elements per bar, for frequencies from
+    0 to `most` rad/s."""
     omega = most * (np.arange(_POINTS) + 0.5) / _POINTS
     exact = [model.varied(options={"element": "dynamic", "elements": count}) for count in _ELEMENTS]
     logarithms = np.stack([logarithm(frame, omega) for frame in exact])
@@ -63,7 +63,7 @@ def determinants_figure(result: Determinants) -> Figure:
             axes.axvline(value, color=GREY, linewidth=0.7, linestyle=":")
         colours = (BLUE, VERMILION, BLACK)
         for count, line, colour in zip(result.elements, result.logarithms, colours, strict=False):
-            label = f"{count} element a bar" if count == 1 else f"{count} elements a bar"
+            label = f"{count} element per bar" if count == 1 else f"{count} elements per bar"
             axes.plot(result.omega, line, color=colour, label=label)
         axes.set_xlim(0, result.omega[-1])
         axes.set_xlabel("frequency (rad/s); dotted: the frame's natural frequencies")

@@ -1,10 +1,11 @@
-"""Square portal frame: three equal bars, welded at the corners and clamped at the feet (thesis 5.4.1)."""
+"""Square portal frame: three equal bars, welded at the corners and clamped at the feet (section 5.4.1 of the
+thesis)."""
 
 from derive import Section, Structure, pi
 
 
 def mechanism():
-    """State the square portal frame of the thesis."""
+    """Return the square portal frame of the thesis."""
     frame = Structure("portal_frame", "Square portal frame of inextensible bars (thesis 5.4.1)")
     E, I, rho, A, L = frame.parameters(  # noqa: E741 - the field's symbol
         E=("Pa", "modulus of elasticity", "> 0"),

@@ -4,7 +4,8 @@ from derive import Abs, Heaviside, Max, Mechanism, Min, cos, rate, sin, sqrt
 
 
 def mechanism() -> Mechanism:
-    """The bearing of the slider surrounds the pin of the rod with a clearance along the stroke.
+    """Return the mechanism. The bearing of the slider surrounds the pin of the rod with a clearance along the
+    stroke.
 
     The contact force is k δ (1 + χ δ̇) for a penetration δ > 0. Its damping is proportional to δ, so that the
     force is continuous when contact begins and ends. The constant load presses the slider against the pin at

@@ -1,1 +1,1 @@
-"""Commands of `solve`. Heavy packages are imported when a command runs."""
+"""Commands of `solve`. Large packages are imported only when a command runs."""

@@ -17,17 +17,17 @@ class Program(NamedTuple):
     Parameters
     ----------
     name : str
-        Name that the user types.
+        Name of the program on the command line.
     package : str
-        Package with a module for each command.
+        Package that contains the modules of the commands.
     listed : mapping of str to str
-        Description of each command for `--help`: the first line of its docstring.
+        Mapping from each command to its description for `--help`, which is the first line of its docstring.
     about : str or None
         Description of the program; None for a program with a single command.
     example : str
-        Arguments of an example.
+        Arguments of an example for `--help`.
     modules : mapping of str to str
-        Module of each command; by default the module has the command's name.
+        Mapping from commands to modules, for commands whose module has another name.
     """
 
     name: str
@@ -38,8 +38,8 @@ class Program(NamedTuple):
     modules: Mapping[str, str] = MappingProxyType({})
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Run one command and return its exit status. Invalid input prints one line on standard error and
-        returns 2."""
+        """Run one command and return its exit status. For invalid input, one line is printed on standard
+        error, and the status is 2."""
         return command_line.run_cli(self.name, self._run_command, arguments, SolveError)
 
     def main(self) -> NoReturn:
@@ -47,15 +47,15 @@ class Program(NamedTuple):
         command_line.main(self.name, self._run_command, SolveError)
 
     def commands(self, called: str | None = None) -> "typer.Typer":
-        """Commands as a Typer application. If there are several commands, only the called command is
+        """Return the commands as a Typer application. If there are several commands, only the called one is
         loaded."""
-        # Imported here, so that an interruption during the import is handled.
+        # Imported here, so that an interruption by the user during the import is handled.
         from solve.commands.reading import application
 
         return application(self.name, self.listed, self.command, self.about, self.example, called)
 
     def command(self, name: str) -> Callable[..., None]:
-        """Function that implements a command."""
+        """Return the function that implements a command."""
         from importlib import import_module
 
         return getattr(import_module(f"{self.package}.{self.modules.get(name, name)}"), name)
@@ -70,24 +70,24 @@ COMMANDS = {
     "periodic": "Periodic vibration, its spectrum and its stability.",
     "floquet": "Floquet multipliers, exponents and the stability verdict.",
     "compare": "Comparison of methods: error, steps and time.",
-    "sweep": "Periodic vibration and stability over many speeds, and values of parameters.",
+    "sweep": "Periodic vibration and stability at many speeds and parameter values.",
     "bands": "Unstable bands between the lowest and the highest speed, with refined edges.",
-    "chart": "Stability over two quantities, with named boundaries.",
-    "critical": "Critical speeds: maxima of response and multipliers, divisions ω̄/k of mean frequencies.",
-    "modes": "Floquet modes followed over the speed or a parameter: frequencies, damping, veerings.",
-    "transient": "Transient at constant speed from given initial conditions to the periodic orbit; "
-    "run-up, run-down.",
+    "chart": "Stability as a function of two quantities, with labelled boundaries.",
+    "critical": "Critical speeds: maxima of response and of multipliers, divisions ω̄/k of mean frequencies.",
+    "modes": "Floquet modes versus speed or a parameter: frequencies, damping, veerings.",
+    "transient": "Transient from initial conditions to the periodic orbit at constant speed; run-up or "
+    "run-down.",
     "sensitivity": "Derivatives of quantities with respect to parameters and speed, at one or many speeds.",
-    "fit": "Parameters of the model from measured vibration, with confidence intervals.",
-    "optimise": "Optimum of parameters: least vibration over speeds, stable, within bounds.",
-    "tolerances": "Tolerances of parameters: probability of instability, Sobol indices, worst points.",
+    "fit": "Fit of parameters to measured vibration, with confidence intervals.",
+    "optimise": "Optimal parameters: least vibration at several speeds, with stability and within bounds.",
+    "tolerances": "Effects of parameter tolerances: probability of instability, Sobol indices, worst points.",
     "control": "Periodic feedback: optimal regulator and Kalman filter, and the closed loop.",
-    "branch": "Branch of nonlinear orbits over the speed or a parameter, through its turning points.",
-    "validity": "Linearisation error over speed, and the speed up to which the linear model is valid.",
-    "report": "Everything about a model on one page of HTML.",
-    "animate": "Mechanism in motion with magnified vibration, as an animation or a picture.",
+    "branch": "Branch of nonlinear orbits versus speed or a parameter, through its turning points.",
+    "validity": "Linearisation error versus speed, and the speed up to which the linear model is valid.",
+    "report": "Report with all results of a model, as one HTML page.",
+    "animate": "Animation or picture of the moving mechanism, with magnified vibration.",
     "explore": "Live window: a local page with sliders for speed and parameters.",
-    "export": "Equations for another tool: MATLAB, C, or an FMU.",
+    "export": "Equations exported to another tool: MATLAB, C, or an FMU.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",
 }
 MODULES = {

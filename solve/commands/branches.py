@@ -1,4 +1,4 @@
-"""Command `branch`: orbits of the nonlinear equations over the speed and parameters."""
+"""Command `branch`: orbits of the nonlinear equations versus speed and parameters."""
 
 from typing import Annotated, Any
 
@@ -19,18 +19,19 @@ def branch(
     problem: Problem,
     speed: Speed,
     results: Results,
-    speeds: Annotated[str | None, Flag("First and last speed.", '"A:B unit"')] = None,
+    speeds: Annotated[str | None, Flag("First and last speed of the branch.", '"A:B unit"')] = None,
     over: Annotated[
         list[str] | None,
-        Flag("Vary a parameter from A to B instead of the speed; unit optional.", '"NAME=A:B unit"'),
+        Flag("Vary a parameter, instead of the speed, from A to B; unit optional.", '"NAME=A:B unit"'),
     ] = None,
-    switch: Annotated[bool, Flag("Also follow the branches that begin at period doublings.")] = False,
+    switch: Annotated[bool, Flag("Also follow the branches that start at period doublings.")] = False,
     follow: Annotated[
-        str | None, Flag("Follow folds or doublings over two parameters; give --over twice.", "fold|doubling")
+        str | None,
+        Flag("Follow folds or period doublings as two parameters vary; give --over twice.", "fold|doubling"),
     ] = None,
     scatter: Annotated[
         int | None,
-        Flag("Orbits reached from N random initial states; with a range, the branches through them.", "N"),
+        Flag("Find orbits from N random initial states; with a range, also the branches through them.", "N"),
     ] = None,
     begin: Annotated[
         str | None, Flag("Speed or parameter of the first orbit, within the range.", '"VALUE unit"')
@@ -41,25 +42,25 @@ def branch(
     spread: Annotated[
         float | None,
         Flag(
-            "With --scatter: half width of the range of initial states, relative to the linear orbit; 4 by "
+            "With --scatter: half-width of the range of initial states, relative to the linear orbit; 4 by "
             "default.",
             "R",
         ),
     ] = None,
     unforced: Annotated[
-        bool, Flag("Nonlinear modes over frequency, from the equations without load and damping.")
+        bool, Flag("Follow nonlinear modes versus frequency, from the equations without load or damping.")
     ] = False,
     points: Annotated[int | None, Flag("Maximum number of points; 200 by default.", "N")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
     periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
     start: Annotated[
-        str | None, Flag("Saved orbit, transient, or result of --scatter as the start.", "FILE")
+        str | None, Flag("Start from a saved orbit, transient, or result of --scatter.", "FILE")
     ] = None,
     store: Annotated[
         str | None, Flag("Folder of finished points, from which the same command resumes.", "DIR")
     ] = None,
 ) -> None:
-    """Branch of nonlinear orbits over the speed or a parameter, through its turning points."""
+    """Branch of nonlinear orbits versus speed or a parameter, through its turning points."""
     over, model = over or [], problem.loaded()
     for flag, text in (("--speeds", speeds), *(("--over", each) for each in over)):
         if text is not None and text.count(":") > 1:
@@ -117,7 +118,8 @@ def branch(
 def _at_begin(
     model: Model, speed: float | str | None, speeds: str | None, over: str | None, begin: str | None
 ) -> tuple[Model, float | str | None]:
-    """Model and speed of the first orbit of a branch, with the value of --begin."""
+    """Return the model and the speed of the first orbit of a branch, one of which has the value of
+    --begin."""
     if over is not None:
         name, first, _ = range_of(model, over)
         return model.varied({name: first if begin is None else in_own_unit(model, name, begin)}), speed
@@ -131,7 +133,7 @@ def _at_begin(
 
 
 def _require_one_range(speed: Speed, speeds: str | None, over: list[str]) -> None:
-    """Raise MissingValueError or ValueOutOfBoundsError unless exactly one of speed and parameter varies."""
+    """Raise MissingValueError or ValueOutOfBoundsError unless either the speed or one parameter varies."""
     if speeds is None and not over:
         raise MissingValueError(
             'no speeds given; add a range, such as --speeds "300:600 rpm", or a parameter: --over NAME=A:B'

@@ -1,4 +1,4 @@
-"""The command `control`: regulators and Kalman filters from named weights."""
+"""Command `control`: regulators and Kalman filters from named weights."""
 
 from typing import Annotated
 
@@ -14,24 +14,38 @@ def control(
     speed: Speed,
     results: Results,
     lqr: Annotated[
-        str | None, Flag("Regulator: weights of states, outputs and inputs.", '"q3=1e6, u=1"')
+        str | None,
+        Flag("Design a regulator with these weights of states, outputs and inputs.", '"q3=1e6, u=1"'),
     ] = None,
     kalman: Annotated[
-        str | None, Flag("Filter: noise of inputs and of measured states and outputs.", '"u=1, q1=1e-9"')
+        str | None,
+        Flag(
+            "Design a filter for this noise of inputs, and of measured states and outputs.", '"u=1, q1=1e-9"'
+        ),
     ] = None,
-    feedforward: Annotated[bool, Flag("Add the periodic input that is optimal under the load.")] = False,
-    vibration: Annotated[bool, Flag("Add the periodic vibration without and with feedback.")] = False,
+    feedforward: Annotated[
+        bool, Flag("Add the periodic feedforward that is optimal under the load.")
+    ] = False,
+    vibration: Annotated[bool, Flag("Show the periodic vibration without and with feedback.")] = False,
     margin: Annotated[
-        str | None, Flag("Parameters whose smallest destabilising change is computed.", '"k1, c1"')
+        str | None,
+        Flag("Compute the smallest change of these parameters that destabilises the loop.", '"k1, c1"'),
     ] = None,
     norms: Annotated[
-        str | None, Flag("States and outputs whose H2 and H∞ norms are computed.", '"q2, q3"')
+        str | None, Flag("Compute the H2 and H∞ norms to these states and outputs.", '"q2, q3"')
     ] = None,
     samples: Annotated[
-        int | None, Flag("Digital controller: N samples per period, input held and one sample late.", "N")
+        int | None,
+        Flag(
+            "Digital controller with N samples per period, which holds the input and is one sample late.", "N"
+        ),
     ] = None,
-    out: Annotated[str | None, Flag("Write the controller: .c with .h, .mat or .fmu.", "FILE")] = None,
-    rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
+    out: Annotated[
+        str | None, Flag("Write the controller to a file: .c (with .h), .mat or .fmu.", "FILE")
+    ] = None,
+    rtol: Annotated[
+        float, Flag("Relative tolerance of the Riccati equation and the multipliers.", "R")
+    ] = 1e-8,
 ) -> None:
     """Periodic feedback: optimal regulator and Kalman filter, and the closed loop."""
     if lqr is None and kalman is None:
@@ -53,7 +67,7 @@ def control(
 
 
 def _numbers(flag: str, text: str) -> dict[str, float]:
-    """Dictionary of numbers from a text "NAME=NUMBER, NAME=NUMBER". Raises ValueOutOfBoundsError."""
+    """Parse a text "NAME=NUMBER, NAME=NUMBER" to a mapping. Raises ValueOutOfBoundsError."""
     numbers = {}
     for piece in filter(None, (piece.strip() for piece in text.split(","))):
         name, equals, value = (part.strip() for part in piece.partition("="))

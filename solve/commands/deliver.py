@@ -1,4 +1,4 @@
-"""Output of a command: files, then tables or JSON, then warnings."""
+"""Output of a command: first files, then tables or JSON, then warnings."""
 
 import json
 import sys
@@ -40,12 +40,13 @@ def deliver_result(
     beside: Mapping[Path, Callable[[], Figure | str]] | None = None,
     proof: "Proof | None" = None,
 ) -> None:
-    """Write and print the output requested by the flags. Standard output contains only tables or JSON.
+    """Write and print the output that the flags request. Standard output contains only tables or JSON.
 
-    record, report, figure: functions that return the JSON object, the tables and the picture; by default the
-    methods of the result. beside: maps further files to functions that return their content, a figure or a
-    text. choices: texts of --set and --option. notes: printed before the warnings. proof: also written to
-    --save; raises ContradictionError at the end if it contradicts the result.
+    `record`, `report` and `figure` return the JSON object, the tables and the picture; by default, the
+    methods of the result are used. `beside` maps further files to functions that return their content, which
+    is a figure or a text. `choices` are the texts of --set and --option, and `notes` are printed before the
+    warnings. `proof` is also written to the file of --save. If it contradicts the result, ContradictionError
+    is raised at the end.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}
@@ -61,7 +62,7 @@ def deliver_result(
         if flags.json:
             values = (record or result.record)()
             values |= {} if proof is None else {"proof": to_json(proof.record)}
-            # A pipe on Windows may have an older encoding that lacks Greek letters.
+            # On Windows, a pipe may have an older encoding that lacks Greek letters.
             escaped = not (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf8")
             print(json.dumps(values, ensure_ascii=escaped, allow_nan=False))
         else:
@@ -81,7 +82,7 @@ def _write_text(text: str, stream: BinaryIO) -> None:
 
 
 def deliver_page(report: "Report", file: Path) -> None:
-    """Write the page of a report to a checked file. Prints its findings, missing sections and warnings."""
+    """Write a report to a checked file, and print its findings, its missing sections and its warnings."""
     write_atomic(file, report.write)
     with _listing([file]):
         for sentence in report.summary:
@@ -99,7 +100,7 @@ def deliver_page(report: "Report", file: Path) -> None:
 
 
 def deliver_animation(animation: "Animation", file: Path) -> None:
-    """Write the animation to a checked file. Prints its title."""
+    """Write an animation to a checked file, and print its title."""
     animation.save(file)
     with _listing([file]):
         console().print(animation.title, soft_wrap=True)
@@ -117,7 +118,7 @@ def _listing(written: Sequence[Path]) -> Iterator[None]:
 
 
 def print_warnings(warnings: Sequence[str], written: Sequence[Path] = ()) -> None:
-    """Print warnings and the names of written files on standard error."""
+    """Print warnings, and the names of written files, on standard error."""
     terminal = console(stderr=True)
     for warning in warnings:
         line = assembled(("warning: ", "bold yellow"), (warning, "yellow"))

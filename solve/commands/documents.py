@@ -17,9 +17,9 @@ def report(
     speeds: Speeds,
     speed: Speed,
     accuracy: Accuracy,
-    out: Annotated[str | None, Flag("File of the page.", "FILE.html")] = None,
+    out: Annotated[str | None, Flag("File to write.", "FILE.html")] = None,
 ) -> None:
-    """Everything about a model on one page of HTML."""
+    """Report with all results of a model, as one HTML page."""
     file, model = out_file(out, page.ENDINGS, "report", "report.html"), problem.loaded(still=True)
     deliver_page(solve.report(model, speeds.speeds, speed.speed, accuracy.rule, accuracy.rtol), file)
 
@@ -29,10 +29,14 @@ def animate(
     speed: Speed,
     accuracy: Accuracy,
     out: Annotated[
-        str | None, Flag("Animation (.gif, .html), or a picture of positions (.png, .pdf, .svg).", "FILE")
+        str | None,
+        Flag(
+            "File to write: animation (.gif, .html), or picture of several positions (.png, .pdf, .svg).",
+            "FILE",
+        ),
     ] = None,
     scale: Annotated[
-        float | None, Flag("Magnification of the vibration; by default chosen for visibility.", "S")
+        float | None, Flag("Magnification of the vibration; by default, one that makes it visible.", "S")
     ] = None,
     frames: Annotated[
         int | None, Flag("Number of frames (default 90), or of positions in a picture (default 6).", "N")
@@ -42,7 +46,7 @@ def animate(
     ] = None,
     nonlinear: Annotated[bool, Flag("Use the orbit of the nonlinear equations.")] = False,
 ) -> None:
-    """Mechanism in motion with magnified vibration, as an animation or a picture."""
+    """Animation or picture of the moving mechanism, with magnified vibration."""
     file = out_file(out, animation.ENDINGS, "animation", "cam.gif")
     animation.frame_count(frames, False, file.suffix.lower() in PICTURES)
     model, rule = problem.loaded(rigid=True), accuracy.rule
@@ -53,12 +57,12 @@ def animate(
 def export(
     problem: Loop,
     speed: Speed,
-    out: Annotated[str | None, Flag("File of the equations: .mat, .c or .fmu.", "FILE")] = None,
+    out: Annotated[str | None, Flag("File to write: .mat, .c or .fmu.", "FILE")] = None,
     samples: Annotated[
-        int | None, Flag(f"Phases per period in a .mat file; {SAMPLES} by default.", "N")
+        int | None, Flag(f"Number of phases per period in a .mat file; {SAMPLES} by default.", "N")
     ] = None,
 ) -> None:
-    """Equations for another tool: MATLAB, C, or an FMU."""
+    """Equations exported to another tool: MATLAB, C, or an FMU."""
     file = out_file(out, exports.ENDINGS, "export", "cam.mat")
     require_with("--out FILE.mat", file.suffix.lower() == ".mat", {"--samples": samples})
     result = solve.export(problem.loaded(), file, speed.speed, SAMPLES if samples is None else samples)

@@ -1,4 +1,4 @@
-"""The command `explore`: the live window."""
+"""Command `explore`: live window."""
 
 from typing import Annotated
 
@@ -10,7 +10,9 @@ from solve.views.live.window import run, server
 def explore(
     problem: Problem,
     speed: Speed,
-    port: Annotated[int | None, Flag("Port of the page on this machine; by default a free one.", "N")] = None,
+    port: Annotated[
+        int | None, Flag("Port on this machine for the page; by default, a free one.", "N")
+    ] = None,
     no_browser: Annotated[bool, Flag("Print the address of the page without opening it.")] = False,
 ) -> None:
     """Live window: a local page with sliders for speed and parameters."""

@@ -1,5 +1,5 @@
-"""Conversion of commands whose parameters are groups of flags to functions with one parameter per flag, for
-Typer."""
+"""Conversion of commands for Typer: from functions whose parameters are groups of flags, to functions with
+one parameter per flag."""
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +14,7 @@ from solve.errors import DesiredMotionError, MatricesError
 
 @dataclass(frozen=True)
 class Common:
-    """Flags of every command."""
+    """Flags that every command has."""
 
     limit: Annotated[float | None, Flag(f"Maximum number of values in memory; by default {MOST}.", "N")] = (
         None
@@ -23,8 +23,8 @@ class Common:
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
-    """Convert a command to a function whose parameters are the fields of its groups and of `Common`, for
-    Typer."""
+    """Convert a command to a function for Typer, whose parameters are the fields of the command's groups and
+    of `Common`."""
     hints = get_type_hints(command, include_extras=True)
     groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
     parameters, common = [], inspect.signature(Common).parameters
@@ -49,7 +49,7 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _naming_set_numbers(groups: Iterable[Any]) -> Iterator[None]:
-    """Context manager that adds the values of --set to messages of errors that name no parameter."""
+    """Context manager that adds the values of --set to the messages of exceptions that name no parameter."""
     try:
         yield
     except (MatricesError, DesiredMotionError) as error:
@@ -58,7 +58,8 @@ def _naming_set_numbers(groups: Iterable[Any]) -> Iterator[None]:
 
 
 def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:
-    """Copy of a command's parameter, annotated with the Typer option in place of the `Flag`."""
+    """Return a copy of a command's parameter whose annotation contains the Typer option instead of the
+    `Flag`."""
     kind, flag = get_args(parameter.annotation)
     option = flag.option(parameter.name, kind) if isinstance(flag, Flag) else flag
     return parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[kind, option])

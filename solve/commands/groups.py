@@ -1,6 +1,7 @@
-"""Flags that several commands share, in groups; each group is a dataclass.
+"""Groups of flags that several commands share. Each group is a dataclass.
 
-A command takes groups as parameters. `flattened.py` makes their fields flags of the command, for Typer.
+The parameters of a command are groups. `flattened.py` converts the fields of the groups to flags of the
+command, for Typer.
 """
 
 import sys
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
 class Flag(NamedTuple):
     """Description of a flag for `--help`.
 
-    form: placeholder of its value; None for a Boolean flag. default: text for a default that is chosen later.
-    read: function that reads the value, if it is neither a number nor a text.
+    `form` is the placeholder of the value; None for a Boolean flag. `default` describes a default that is
+    chosen later. `read` converts the text of a value that is neither a number nor a text.
     """
 
     help: str
@@ -46,7 +47,7 @@ class Flag(NamedTuple):
     read: Callable[[str], Any] | None = None
 
     def option(self, name: str, kind: Any) -> Any:
-        """Typer option for a parameter with this name and type."""
+        """Return the Typer option for a parameter with this name and type."""
         names = [f"--{name.strip('_').replace('_', '-')}"] if kind is bool else []
         readers = (int, integer), (float, number)
         parser = next((read for number_type, read in readers if _contains(kind, number_type)), None)
@@ -56,44 +57,46 @@ class Flag(NamedTuple):
 
 
 def _contains(kind: Any, wanted: type) -> bool:
-    """Whether a type equals `wanted` or contains it among its arguments."""
+    """Return whether a type equals `wanted`, or contains it among its arguments."""
     return kind is wanted or any(_contains(argument, wanted) for argument in get_args(kind))
 
 
 Varied = Mapping[str, Sequence[float | str]]
-"""Values of parameters, or of the speed, by name."""
+"""Type of mappings from names of parameters, or "speed", to values."""
 
 _NONE: Varied = MappingProxyType({})
 _NO_VALUES: Mapping[str, float | str] = MappingProxyType({})
 
 _MOST_TRIALS = 4096
-"""Maximum number of combinations of varied parameters that are tried until one of them gives a valid model.
-A choice that limits the time."""
+"""Maximum number of combinations of varied parameters that are tried to find one for which the model is
+valid. Chosen by judgement, to limit the computing time."""
 
 
 @dataclass(frozen=True)
 class CaseNumbers:
-    """Case and parameter values, for commands whose model is fixed."""
+    """Flags for the case and the parameter values, for commands whose model is fixed."""
 
     case: Annotated[str | None, Flag("Case of the case file; the first by default.", "NAME")] = None
-    cases: Annotated[str | None, Flag("Another case file (.toml).", "FILE")] = None
+    cases: Annotated[str | None, Flag("Case file (.toml) to use instead of the model's own.", "FILE")] = None
     set: Annotated[
         list[str] | None, Flag('Set a parameter, in its unit or as "30mm"; repeatable.', "NAME=NUMBER")
     ] = None
 
     def case_of(self, model: str) -> Case:
-        """Case with its parameter values. Raises SolveError subclasses for bad input."""
+        """Return the selected case of a model, with its parameter values. Raises SolveError subclasses for
+        bad input."""
         return case_numbers(model, self.case, self.cases, self.parameters)
 
     @property
     def parameters(self) -> dict[str, float | str]:
-        """Values of --set by name: numbers, or texts with unit. Raises ValueOutOfBoundsError."""
+        """Mapping from the names in --set to values: numbers, or texts with a unit. Raises
+        ValueOutOfBoundsError."""
         return quantities("--set", self.set or [])
 
 
 @dataclass(frozen=True)
 class Numbers(CaseNumbers):
-    """Case, parameter values and options, for commands whose model is fixed."""
+    """Flags for the case, the parameter values and the options, for commands whose model is fixed."""
 
     option: Annotated[list[str] | None, Flag("Choose an option of the model; repeatable.", "NAME=VALUE")] = (
         None
@@ -102,16 +105,17 @@ class Numbers(CaseNumbers):
     def named_model(
         self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE
     ) -> Model:
-        """Model with the given name. Raises NoMotionError for a model without equations of motion and
-        NoVibrationError for one without coordinates, unless the study permits them."""
+        """Return the model with this name. Raises NoMotionError for a model without equations of motion
+        unless `still` is True, and NoVibrationError for a model without coordinates unless `rigid` is
+        True."""
         model = self._first_model(name, varied)
         if not still and (model.labels.vibrates or not rigid):
             require_motion(model)
         return model
 
     def _first_model(self, name: str, varied: Varied) -> Model:
-        """Model with the first combination of values of the varied parameters that is within the bounds. If
-        there is none, the exception of the first combination is raised."""
+        """Return the model for the first combination of values of the varied parameters that is within the
+        bounds. If there is none, the exception for the first combination is raised."""
         try:
             return model_of(self.setup(name, {parameter: values[0] for parameter, values in varied.items()}))
         except (ValueOutOfBoundsError, DesiredMotionError):
@@ -123,29 +127,29 @@ class Numbers(CaseNumbers):
             raise
 
     def unset(self, name: str) -> list[str]:
-        """Parameters of the named model without a value in the case and in --set."""
+        """Return the parameters of the named model that have a value neither in the case nor in --set."""
         return missing_parameters(name, self.case, self.cases, self.parameters)
 
     def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
-        """Setup of the named model. values: values of parameters that neither the case nor --set specifies.
-        Raises SolveError subclasses for invalid input."""
+        """Return the setup of the named model. `values` supplies parameters that neither the case nor --set
+        specifies. Raises SolveError subclasses for bad input."""
         missing = {parameter: value for parameter, value in values.items() if parameter != SPEED}
         return setup_of(name, self.case, self.cases, self.options, self.parameters, missing)
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the model by name. Raises ValueOutOfBoundsError."""
+        """Mapping from the names in --option to values. Raises ValueOutOfBoundsError."""
         return assignments("--option", self.option or [])
 
     @property
     def choices(self) -> list[str]:
-        """Texts given with --set and --option."""
+        """List of the texts given with --set and --option."""
         return [*(self.set or []), *(self.option or [])]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem(Numbers):
-    """Arguments that select a model, its case, parameters and options."""
+    """Argument and flags that select a model, its case, parameters and options."""
 
     model: Annotated[
         str,
@@ -156,7 +160,7 @@ class Problem(Numbers):
         ),
     ]
     reduce: Annotated[
-        int | None, Flag("Beam structures: retain K modes per link; the error is estimated.", "K")
+        int | None, Flag("For structures of beams: retain K modes per link; the error is estimated.", "K")
     ] = None
 
     @property
@@ -169,7 +173,7 @@ class Problem(Numbers):
         return {**options, REDUCE: self.reduce}
 
     def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
-        """Model named by the user, see `named_model`, or system read from other files, see `solve.load`.
+        """Return the named model, see `named_model`, or the system read from other files, see `solve.load`.
         Raises SolveError subclasses."""
         if not is_system_file(self.model):
             return self.named_model(self.model, still, rigid, varied)
@@ -179,8 +183,8 @@ class Problem(Numbers):
         return load(self.model, self.case, options, self.reduce, **self.parameters)
 
     def numbers_set(self) -> str:
-        """Text with the values of --set in the model's units, and in the case's units where the two differ;
-        empty if the model needs further values."""
+        """Return a text with the values of --set in the model's units, and in the case's units where these
+        differ; empty if the model needs further values."""
         if is_system_file(self.model):
             return ""
         try:
@@ -199,10 +203,10 @@ class Problem(Numbers):
 
 @dataclass(frozen=True, kw_only=True)
 class Loop(Problem):
-    """Arguments that select a model and a saved controller."""
+    """Argument and flags that select a model and a saved controller."""
 
     controller: Annotated[
-        str | None, Flag("Close the loop with a controller that solve control saved: .npz or .nc.", "FILE")
+        str | None, Flag("Close the loop with a controller saved by solve control: .npz or .nc.", "FILE")
     ] = None
 
     def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
@@ -223,7 +227,7 @@ class Speed:
     ] = None
 
     def omega(self, model: PeriodicSystem) -> float:
-        """Ω in rad/s from the flag, or from the case if the flag is absent. Raises MissingValueError."""
+        """Return Ω in rad/s, from the flag or, if it is absent, from the case. Raises MissingValueError."""
         return speed_or_usual(model, self.speed)
 
 
@@ -236,7 +240,7 @@ class Speeds:
     ] = None
 
     def omegas(self) -> Sequence[float]:
-        """Speeds in rad/s. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
+        """Return the speeds in rad/s. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
         if self.speeds is None:
             raise MissingValueError('no speeds given; add a range, such as --speeds "100:900:81 rpm"')
         return speeds_in_si(self.speeds)
@@ -252,38 +256,38 @@ class Settings:
 
     @property
     def settings(self) -> dict[str, float | None]:
-        """Settings by name; None for settings that are not given."""
+        """Mapping from names to settings; None for settings that are not given."""
         return {field.name: getattr(self, field.name) for field in fields(Settings)}
 
 
 @dataclass(frozen=True)
 class Accuracy(Settings):
-    """Flags for method and tolerance."""
+    """Flags for the method and the tolerance."""
 
     method: Annotated[str, Flag("Method; auto selects one.", "NAME")] = "auto"
-    rtol: Annotated[float, Flag("Relative tolerance of orbit and multipliers.", "R")] = 1e-8
+    rtol: Annotated[float, Flag("Relative tolerance of the orbit and the multipliers.", "R")] = 1e-8
 
     @property
     def rule(self) -> Rule:
-        """Method with its settings. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """Return the method with its settings. Raises UnknownNameError, ValueOutOfBoundsError."""
         return chosen(self.method, **self.settings)
 
 
 @dataclass(frozen=True)
 class Steps(Accuracy):
-    """Flags for method, tolerance and steps."""
+    """Flags for the method, the tolerance and the number of steps."""
 
     steps: Annotated[int | None, Flag("Steps per period; by default chosen for --rtol.", "N")] = None
 
 
 @dataclass(frozen=True)
 class PointAccuracy(Steps):
-    """Flags for method, tolerance and steps at a single speed."""
+    """Flags for the method, the tolerance and the number of steps at a single speed."""
 
     all_multipliers: Annotated[bool, Flag("Apply --rtol to each multiplier individually.")] = False
 
     def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
-        """Result of `solve` (a function such as `solve.periodic`) with these settings."""
+        """Call `solve`, a function such as `solve.periodic`, with these settings, and return its result."""
         return solve(model, omega, self.rule, self.steps, self.rtol, all_multipliers=self.all_multipliers)
 
 
@@ -291,21 +295,21 @@ class PointAccuracy(Steps):
 class Proving:
     """Flags for the proof of a verdict at a single speed."""
 
-    prove: Annotated[bool, Flag("Prove verdict and bounds by ball arithmetic; requires python-flint.")] = (
-        False
-    )
+    prove: Annotated[
+        bool, Flag("Prove the verdict and error bounds by ball arithmetic; requires python-flint.")
+    ] = False
     digits: Annotated[
-        int | None, Flag("With --prove: decimal digits of the multipliers; 20 by default.", "N")
+        int | None, Flag("With --prove: number of decimal digits of the multipliers; 20 by default.", "N")
     ] = None
     rounded: Annotated[
-        bool, Flag("With --prove: prove the results for all numbers that round to the given numbers.")
+        bool, Flag("With --prove: prove the results for all parameter values that round to the given ones.")
     ] = False
     workers: Annotated[
         int | None, Flag("With --prove: number of processes on this machine that compute steps.", "N")
     ] = None
 
     def require_provable(self, model: Model, nonlinear: bool = False) -> None:
-        """Raise SolveError subclasses, before the calculation, if a proof is impossible."""
+        """Raise SolveError subclasses, before the computation, if a proof is impossible."""
         flags = {"--digits": self.digits, "--rounded": self.rounded, "--workers": self.workers}
         require_with("--prove", self.prove, flags)
         if self.rounded and self.digits is not None:
@@ -319,7 +323,7 @@ class Proving:
             require_provable(model, nonlinear)
 
     def proof(self, result: "Stability") -> "Proof | None":
-        """Proof of a result, if requested; otherwise None."""
+        """Return the proof of a result if it is requested, and otherwise None."""
         if not self.prove:
             return None
         from solve.batch.task import processes
@@ -331,7 +335,7 @@ class Proving:
 
 @contextmanager
 def stored_in(store: str | None) -> Iterator[None]:
-    """Context manager that names the folder of finished points if the command is interrupted."""
+    """Context manager that prints the folder of finished points if the command is interrupted."""
     try:
         yield
     except KeyboardInterrupt:
@@ -342,20 +346,21 @@ def stored_in(store: str | None) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Execution:
-    """Flags for many points: the processes that solve them, and the folder of finished points."""
+    """Flags for solving many points: the processes that solve them, and the folder of finished points."""
 
     store: Annotated[
-        str | None, Flag("Folder of finished points, from which the same command resumes.", "DIR")
+        str | None,
+        Flag("Folder for finished points; if interrupted, the same command resumes from it.", "DIR"),
     ] = None
     workers: Annotated[int | None, Flag("Number of processes on this machine that solve points.", "N")] = None
     scheduler: Annotated[
-        str | None, Flag("Running dask scheduler whose workers solve points.", "tcp://HOST:PORT")
+        str | None, Flag("Address of a running dask scheduler whose workers solve points.", "tcp://HOST:PORT")
     ] = None
 
     @contextmanager
     def given(self) -> Iterator[dict[str, Any]]:
-        """Keyword arguments `executor` and `store` of functions such as `solve.sweep`. Raises
-        ValueOutOfBoundsError, WorkersError, MissingLibraryError."""
+        """Context manager that provides the keyword arguments `executor` and `store` of functions such as
+        `solve.sweep`. Raises ValueOutOfBoundsError, WorkersError, MissingLibraryError."""
         if self.workers is not None and self.scheduler is not None:
             raise ValueOutOfBoundsError("--workers and --scheduler are both given; give one of them")
         from solve.batch.task import cluster, processes
@@ -374,15 +379,15 @@ class Execution:
 class Results:
     """Flags for the output of a result."""
 
-    plot: Annotated[str | None, Flag("Picture of the result: .png, .pdf or .svg.", "FILE")] = None
-    save: Annotated[str | None, Flag("Data of the result: .npz, .csv, .mat or .nc.", "FILE")] = None
+    plot: Annotated[str | None, Flag("Write a picture of the result: .png, .pdf or .svg.", "FILE")] = None
+    save: Annotated[str | None, Flag("Write the data of the result: .npz, .csv, .mat or .nc.", "FILE")] = None
     json: Annotated[bool, Flag("Print one JSON object instead of tables.")] = False
 
     def __post_init__(self) -> None:
-        """Check the files. Raises FileError before the calculation."""
+        """Raise FileError, before the computation, for files that cannot be written."""
         self.files()
 
     def files(self) -> tuple[Path | None, Path | None]:
-        """Files of --plot and --save. Raises FileError."""
+        """Files of --plot and --save; None where a flag is absent. Raises FileError."""
         picture = None if self.plot is None else checked(self.plot, PICTURES, "picture")
         return picture, None if self.save is None else checked_data(self.save)

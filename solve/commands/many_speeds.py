@@ -1,4 +1,5 @@
-"""Commands over speeds and parameters: `sweep`, `chart`, `bands`, `critical`, `modes` and `validity`."""
+"""Commands for many speeds or parameter values: `sweep`, `chart`, `bands`, `critical`, `modes` and
+`validity`."""
 
 import math
 from collections.abc import Sequence
@@ -48,22 +49,25 @@ _RANGE = '"NAME=A:B:N unit"'
 
 @dataclass(frozen=True)
 class SpeedDerivatives:
-    """Parameters with respect to which derivatives of computed speeds are requested."""
+    """Flag for the parameters with respect to which computed speeds are differentiated."""
 
     by: Annotated[
         list[str] | None,
-        Flag("Compute derivatives of the resulting speeds with respect to a parameter; repeatable.", "NAME"),
+        Flag(
+            "Compute the derivatives of the resulting speeds with respect to this parameter; repeatable.",
+            "NAME",
+        ),
     ] = None
 
     def require_known(self, model: Model) -> None:
-        """Raise SolveError subclasses, before the calculation, for names that are not parameters."""
+        """Raise SolveError subclasses, before the computation, for names that are not parameters."""
         if self.by:
             from solve.studies.sensitivities import moving_parameters
 
             moving_parameters(model, self.by)
 
     def requested(self, result: Bands | CriticalSpeeds, accuracy: Accuracy) -> Result:
-        """Derivatives of the result's speeds if requested, otherwise the result."""
+        """Return the derivatives of the result's speeds if they are requested, and otherwise the result."""
         if not self.by:
             return result
         from solve.studies.sensitivities import speed_sensitivities
@@ -79,26 +83,27 @@ def sweep(
     execution: Execution,
     results: Results,
     show: Annotated[
-        list[str] | None, Flag("Coordinate or output to show; repeatable; coordinates by default.", "NAME")
+        list[str] | None,
+        Flag("Coordinate or output to show; repeatable; all coordinates by default.", "NAME"),
     ] = None,
     waterfall: Annotated[
-        str | None, Flag("Draw the spectrum of this coordinate or output instead.", "NAME")
+        str | None, Flag("Draw the spectra of this coordinate or output instead.", "NAME")
     ] = None,
-    harmonics: Annotated[int | None, Flag("Harmonics of the spectrum.", "N", "60")] = None,
+    harmonics: Annotated[int | None, Flag("Number of harmonics of the spectra.", "N", "60")] = None,
     over: Annotated[
-        list[str] | None, Flag("N values of a parameter from A to B, unit optional; repeatable.", _RANGE)
+        list[str] | None, Flag("Vary a parameter: N values from A to B, unit optional; repeatable.", _RANGE)
     ] = None,
     turn: Annotated[
         str | None,
         Flag(
-            "Draw instead this coordinate or output over one period, one curve per point, up to 12.", "NAME"
+            "Draw this coordinate or output over one period instead, one curve per point, up to 12.", "NAME"
         ),
     ] = None,
     nonlinear: Annotated[
-        bool, Flag("Orbits of the nonlinear equations, each started from its neighbour.")
+        bool, Flag("Solve for orbits of the nonlinear equations, each from its neighbour as a start.")
     ] = False,
 ) -> None:
-    """Periodic vibration and stability over many speeds, and values of parameters."""
+    """Periodic vibration and stability at many speeds and parameter values."""
     harmonic, varied = harmonic_count(harmonics), _varied(over)
     omegas = _omegas(speeds, speed, bool(varied))
     model, count = problem.loaded(rigid=True, varied=varied), 1 if omegas is None else len(omegas)
@@ -124,8 +129,8 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s from --speeds or --speed; None, for the speed of the case, if only parameters vary.
-    Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
+    """Return the speeds in rad/s from --speeds or --speed. If neither is given and parameters vary, return
+    None, which selects the speed of the case. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if speed.speed is not None:
@@ -134,7 +139,7 @@ def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | Non
 
 
 def _varied(over: list[str] | None) -> dict[str, Sequence[float | str]]:
-    """Values of --over by name. Raises ValueOutOfBoundsError."""
+    """Return a mapping from the names in --over to values. Raises ValueOutOfBoundsError."""
     varied: dict[str, Sequence[float | str]] = {}
     for name, values in (points("--over", text) for text in over or []):
         if name in varied:
@@ -146,7 +151,7 @@ def _varied(over: list[str] | None) -> dict[str, Sequence[float | str]]:
 def _check_turn(
     model: PeriodicSystem, name: str, count: int, results: Results, waterfall: str | None
 ) -> None:
-    """Raise SolveError subclasses, before the calculation, if the picture of --turn cannot be drawn."""
+    """Raise SolveError subclasses, before the computation, if the picture of --turn cannot be drawn."""
     if results.plot is None:
         raise MissingValueError(f"--turn {name} draws a picture; add the file, such as --plot turn.png")
     if waterfall is not None:
@@ -155,12 +160,12 @@ def _check_turn(
 
 
 def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None:
-    """Raise SolveError subclasses, before the calculation, if the picture of --waterfall cannot be drawn.
-    counts: number of speeds, and number of values of each parameter."""
+    """Raise SolveError subclasses, before the computation, if the picture of --waterfall cannot be drawn.
+    `counts` contains the number of speeds and the number of values of each parameter."""
     if sum(count > 1 for count in counts) > 1:
         raise ValueOutOfBoundsError(
-            "--waterfall draws spectra over one quantity, but several vary; let one vary, and give a single "
-            "value for each of the others"
+            "--waterfall draws spectra versus one quantity, but several vary; let one vary, and give a "
+            "single value for each of the others"
         )
     if not (results.plot or results.save or results.json):
         raise MissingValueError(
@@ -169,8 +174,8 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
 
 
 def _turns(model: Model, sweep: Sweep, turn: str, rule: tuple[Any, ...]) -> Figure:
-    """Figure with one curve per point that has a result. Raises ValueOutOfBoundsError if no point has a
-    result."""
+    """Return a figure with one curve for each point that has a result. Raises ValueOutOfBoundsError if no
+    point has a result."""
     orbits, varying = {}, moving(sweep.varied)
     labels = labelled_by(model, {name: sweep.varied[name] for name in varying})
     for label, point in zip(labels, sweep.points, strict=True):
@@ -190,20 +195,24 @@ def chart(
     execution: Execution,
     results: Results,
     x: Annotated[
-        str | None, Flag("N values from A to B on the x axis; a speed requires its unit.", _RANGE)
+        str | None, Flag("Quantity on the x axis: N values from A to B; a speed requires its unit.", _RANGE)
     ] = None,
-    y: Annotated[str | None, Flag("N values from A to B on the y axis.", _RANGE)] = None,
+    y: Annotated[str | None, Flag("Quantity on the y axis: N values from A to B.", _RANGE)] = None,
     cut: Annotated[
         list[str] | None,
-        Flag("Draw a line at this value of x or y; repeatable.", "NAME=NUMBER[unit]"),
+        Flag("Cut: draw results along the line at this value of x or y; repeatable.", "NAME=NUMBER[unit]"),
     ] = None,
     of: Annotated[
-        str | None, Flag("Draw this quantity, such as q3.max_abs, rho1.re, exponent1.re.", "QUANTITY")
+        str | None, Flag("Quantity to draw, for example q3.max_abs, rho1.re or exponent1.re.", "QUANTITY")
     ] = None,
-    tolerance: Annotated[float, Flag("Accuracy of boundaries, relative to the ranges.", "R")] = 1e-9,
-    prove: Annotated[bool, Flag("Prove verdicts on boxes that cover the chart; needs python-flint.")] = False,
+    tolerance: Annotated[
+        float, Flag("Accuracy of the boundaries, relative to the ranges of x and y.", "R")
+    ] = 1e-9,
+    prove: Annotated[
+        bool, Flag("Prove verdicts on rectangles that cover the chart; requires python-flint.")
+    ] = False,
 ) -> None:
-    """Stability over two quantities, with named boundaries."""
+    """Stability as a function of two quantities, with labelled boundaries."""
     across, upwards = _axis("--x", x), _axis("--y", y)
     model = problem.loaded(varied={**across, **upwards})
     lines = [_held(text, model) for text in cut or []]
@@ -222,8 +231,8 @@ def chart(
 
 
 def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
-    """Values of an axis, by the name of its quantity. Raises MissingValueError, ValueOutOfBoundsError,
-    UnitError."""
+    """Return a mapping from the name of the quantity on an axis to its values. Raises MissingValueError,
+    ValueOutOfBoundsError, UnitError."""
     if text is None:
         raise MissingValueError(
             f"no {flag} given; add {flag} NAME=A:B:N, N values of a parameter from A to B"
@@ -235,7 +244,7 @@ def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
 
 
 def _held(text: str, model: Model) -> tuple[str, float]:
-    """Name, and value in the model's unit, from a text NAME=NUMBER[unit]."""
+    """Return the name, and the value in the model's unit, from a text NAME=NUMBER[unit]."""
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)
@@ -247,7 +256,7 @@ def bands(
 ) -> None:
     """Unstable bands between the lowest and the highest speed, with refined edges.
 
-    Speeds are added where the model requires more; narrow bands are searched for between the speeds.
+    Speeds are added where the model requires them, and narrow bands are searched for between the speeds.
     """
     omegas, model = speeds.omegas(), problem.loaded()
     derivatives.require_known(model)
@@ -266,9 +275,9 @@ def critical(
         str, Flag("Statistic of |quantity| whose maxima are sought: max or rms.", "max|rms")
     ] = "max",
     orders: Annotated[int, Flag("Highest order of integer divisions.", "K")] = 20,
-    campbell: Annotated[bool, Flag("Draw the Campbell diagram alone.")] = False,
+    campbell: Annotated[bool, Flag("Draw only the response and the Campbell diagram.")] = False,
 ) -> None:
-    """Critical speeds: maxima of response and multipliers, divisions ω̄/k of mean frequencies."""
+    """Critical speeds: maxima of response and of multipliers, divisions ω̄/k of mean frequencies."""
     omegas, statistic, model = speeds.omegas(), statistic_name(figure), problem.loaded()
     derivatives.require_known(model)
     require_with("--plot FILE", results.plot is not None, {"--campbell": campbell})
@@ -288,10 +297,10 @@ def modes(
     accuracy: Steps,
     results: Results,
     over: Annotated[
-        list[str] | None, Flag("Follow over a parameter instead: N values from A to B.", _RANGE)
+        list[str] | None, Flag("Vary a parameter instead of the speed: N values from A to B.", _RANGE)
     ] = None,
 ) -> None:
-    """Floquet modes followed over the speed or a parameter: frequencies, damping, veerings."""
+    """Floquet modes versus speed or a parameter: frequencies, damping, veerings."""
     varied = _varied(over)
     omegas = _omegas(speeds, speed, bool(varied))
     model, rule = problem.loaded(varied=varied), (accuracy.rule, accuracy.steps, accuracy.rtol)
@@ -309,7 +318,7 @@ def validity(
         Flag("Largest linearisation error for which the linear model counts as valid.", "5%", read=fraction),
     ] = ACCEPTABLE_ERROR,
 ) -> None:
-    """Linearisation error over speed, and the speed up to which the linear model is valid."""
+    """Linearisation error versus speed, and the speed up to which the linear model is valid."""
     omegas, model = speeds.omegas(), problem.loaded()
     result = solve.validity(model, omegas, at, accuracy.rule, accuracy.rtol)
     result.require_any()

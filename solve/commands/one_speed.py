@@ -29,23 +29,25 @@ def periodic(
     accuracy: PointAccuracy,
     proving: Proving,
     results: Results,
-    harmonics: Annotated[int | None, Flag("Harmonics of the spectrum; 60 by default.", "N")] = None,
+    harmonics: Annotated[int | None, Flag("Number of harmonics of the spectrum; 60 by default.", "N")] = None,
     nonlinear: Annotated[
-        bool, Flag("Orbit of the nonlinear equations, with the linear one for comparison.")
+        bool, Flag("Solve for the orbit of the nonlinear equations, and show the linear one for comparison.")
     ] = False,
     periods: Annotated[
-        int | None, Flag("With --nonlinear: an orbit of K periods; 1 by default.", "K")
+        int | None,
+        Flag("With --nonlinear: period of the orbit, in periods of the system; 1 by default.", "K"),
     ] = None,
     start: Annotated[
-        str | None, Flag("With --nonlinear: a saved orbit or transient as the start.", "FILE")
+        str | None, Flag("With --nonlinear: start from a saved orbit or transient.", "FILE")
     ] = None,
-    quasi_static: Annotated[bool, Flag("Add the quasi-static response for comparison.")] = False,
+    quasi_static: Annotated[bool, Flag("Show the quasi-static response for comparison.")] = False,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     data: Annotated[
-        str | None, Flag("Measured vibration at this speed, drawn for comparison.", "FILE")
+        str | None, Flag("File of vibration measured at this speed, drawn for comparison.", "FILE")
     ] = None,
     fits: Annotated[
-        bool, Flag("With --plot: draw the case's tabulated functions and the series fitted to them.")
+        bool,
+        Flag("With --plot: draw the case's tabulated functions, and the series fitted to them, instead."),
     ] = False,
     scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:
@@ -81,7 +83,7 @@ def periodic(
 
 
 def _check_flags(nonlinear: bool, quasi_static: bool, fits: bool, data: str | None) -> None:
-    """Raise ValueOutOfBoundsError for flags that exclude each other."""
+    """Raise ValueOutOfBoundsError if two flags exclude each other."""
     if fits and data is not None:
         raise ValueOutOfBoundsError("--fits and --data select two different pictures; give one of them")
     if nonlinear and quasi_static:
@@ -103,12 +105,13 @@ def _with_measured(
     record: Callable[[], dict[str, Any]],
     report: Callable[[], RenderableType],
 ) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
-    """Record, report and figure of an orbit, with measured values added. Raises ValueOutOfBoundsError."""
+    """Return the functions `record`, `report` and `figure` of an orbit, with measured values added. Raises
+    ValueOutOfBoundsError."""
     from solve.studies.measured import compared_at_speed
     from solve.views.fit import compared_figure, differences_table
 
     channels = compared_at_speed(orbit, records)
-    title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
+    title = f"{titled(orbit.system, orbit.speed)}: computed and measured"
     return (
         lambda: {**record(), "measured": [channel.record for channel in channels]},
         lambda: stacked(report(), differences_table(channels, orbit.system.labels.speed_unit)),
@@ -133,7 +136,7 @@ def compare(
         list[str] | None, Flag("Method to compare; repeatable; all by default.", "NAME")
     ] = None,
     steps: Annotated[
-        list[int] | None, Flag("Number of steps per period, the same for all methods; repeatable.", "N")
+        list[int] | None, Flag("Number of steps per period, equal for all methods; repeatable.", "N")
     ] = None,
     rtol: Annotated[
         list[float] | None,
@@ -154,7 +157,7 @@ def compare(
 
 
 def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) -> list[Rule]:
-    """Methods with the settings that each of them supports. Raises UnknownNameError, and
+    """Return the methods, each with the settings that it supports. Raises UnknownNameError, and
     ValueOutOfBoundsError for a setting that no method supports."""
     selected = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
     allowed = {name: settings_of(name) for name in selected if name in METHODS}
@@ -173,19 +176,21 @@ def transient(
     results: Results,
     turns: Annotated[int, Flag("Number of periods.", "N")] = 40,
     start: Annotated[
-        str, Flag("Initial state; a saved .npz is continued from its end.", "FILE|rest|orbit")
+        str,
+        Flag("Initial state: rest, the orbit, or the end of a saved transient (.npz).", "FILE|rest|orbit"),
     ] = "rest",
     nonlinear: Annotated[bool, Flag("Integrate the nonlinear equations of motion.")] = False,
     rtol: Annotated[
-        float, Flag("Relative distance from the orbit that counts as reached; also the tolerance.", "R")
+        float,
+        Flag("Relative distance from the orbit at which it counts as reached; also the tolerance.", "R"),
     ] = 1e-3,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     speeds: Annotated[
         str | None,
-        Flag("Run-up or run-down instead of one speed, linear in time; one end may be 0.", '"A:B unit"'),
+        Flag("Run-up or run-down, linear in time, instead of one speed; one end may be 0.", '"A:B unit"'),
     ] = None,
 ) -> None:
-    """Transient at constant speed from given initial conditions to the periodic orbit; run-up, run-down."""
+    """Transient from initial conditions to the periodic orbit at constant speed; run-up or run-down."""
     model = problem.loaded()
     shown(model, show)
     require_with("--plot FILE", results.plot is not None, {"--show": show})

@@ -1,4 +1,4 @@
-"""Commands on parameters and natural frequencies: `sensitivity`, `fit`, `optimise`, `tolerances` and
+"""Commands for parameters and for natural frequencies: `sensitivity`, `fit`, `optimise`, `tolerances` and
 `frequencies`."""
 
 from typing import Annotated
@@ -24,12 +24,21 @@ def sensitivity(
     results: Results,
     of: Annotated[
         list[str] | None,
-        Flag("q3.max_abs, spectral_radius, rho1.abs, exponent1.re, …; repeatable.", "QUANTITY"),
+        Flag(
+            "Quantity, for example q3.max_abs, spectral_radius, rho1.abs or exponent1.re; repeatable.",
+            "QUANTITY",
+        ),
     ] = None,
-    by: Annotated[list[str] | None, Flag("Parameter, or speed; repeatable; all by default.", "NAME")] = None,
+    by: Annotated[
+        list[str] | None,
+        Flag(
+            "Parameter, or speed, with respect to which to differentiate; repeatable; all by default.", "NAME"
+        ),
+    ] = None,
     nonlinear: Annotated[bool, Flag("Use the orbit of the nonlinear equations.")] = False,
     periods: Annotated[
-        int | None, Flag("With --nonlinear: an orbit of K periods; 1 by default.", "K")
+        int | None,
+        Flag("With --nonlinear: period of the orbit, in periods of the system; 1 by default.", "K"),
     ] = None,
 ) -> None:
     """Derivatives of quantities with respect to parameters and speed, at one or many speeds."""
@@ -53,16 +62,20 @@ def fit(
     speed: Speed,
     accuracy: Accuracy,
     results: Results,
-    data: Annotated[str | None, Flag("Measured vibration (.csv, .mat, .uff), with units.", "FILE")] = None,
+    data: Annotated[
+        str | None, Flag("File of measured vibration (.csv, .mat, .uff), with units.", "FILE")
+    ] = None,
     free: Annotated[str | None, Flag("Parameters to fit, separated by commas.", "k1,k2")] = None,
     bounds: Annotated[
         list[str] | None,
         Flag("Bounds of one or more parameters, unit optional; repeatable.", '"NAME,NAME=A:B unit"'),
     ] = None,
-    robust: Annotated[bool, Flag("Weight outliers by their moduli instead of their squares.")] = False,
+    robust: Annotated[
+        bool, Flag("Let large residuals contribute their moduli instead of their squares.")
+    ] = False,
     toml: Annotated[str | None, Flag("Write the fitted model as a case file (.toml).", "FILE")] = None,
 ) -> None:
-    """Parameters of the model from measured vibration, with confidence intervals."""
+    """Fit of parameters to measured vibration, with confidence intervals."""
     if data is None or free is None:
         missing = "--data FILE" if data is None else "--free NAME,NAME"
         raise MissingValueError(f"a fit requires measured data and free parameters; add {missing}")
@@ -82,7 +95,7 @@ def optimise(
     accuracy: Accuracy,
     results: Results,
     minimise: Annotated[
-        str | None, Flag("Quantity, such as q3.max_abs or spectral_radius.", "QUANTITY")
+        str | None, Flag("Quantity to minimise, such as q3.max_abs or spectral_radius.", "QUANTITY")
     ] = None,
     free: Annotated[str | None, Flag("Free parameters, separated by commas.", "a1,a3")] = None,
     bounds: Annotated[
@@ -95,11 +108,15 @@ def optimise(
     subject: Annotated[
         list[str] | None, Flag("Constraint on a quantity; repeatable.", '"QUANTITY < NUMBER"')
     ] = None,
-    starts: Annotated[int, Flag("Number of starts, the first from the given parameters.", "N")] = 1,
+    starts: Annotated[
+        int, Flag("Number of starting points; the first is that of the given parameters.", "N")
+    ] = 1,
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
     robust: Annotated[
         str | None,
-        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile such as 95%.", "K"),
+        Flag(
+            "Minimise, under tolerances, the mean plus K standard deviations, or a quantile such as 95%.", "K"
+        ),
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -110,7 +127,7 @@ def optimise(
     ] = None,
     toml: Annotated[str | None, Flag("Write the optimal model as a case file (.toml).", "FILE")] = None,
     feedback: Annotated[
-        str | None, Flag("Optimise the gains of a feedback of these quantities.", '"q1, q1_dot"')
+        str | None, Flag("Optimise the gains of feedback of these quantities.", '"q1, q1_dot"')
     ] = None,
     gain_harmonics: Annotated[int, Flag("Highest harmonic of the gains.", "K")] = 0,
     delay: Annotated[str | None, Flag("Delay of the feedback.", '"0.5 ms"')] = None,
@@ -118,7 +135,7 @@ def optimise(
         list[str] | None, Flag("Notch frequency of the feedback signals; repeatable.", '"18 Hz"')
     ] = None,
 ) -> None:
-    """Optimum of parameters: least vibration over speeds, stable, within bounds."""
+    """Optimal parameters: least vibration at several speeds, with stability and within bounds."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if minimise is None or (free is None and feedback is None):
@@ -182,7 +199,7 @@ def tolerances(
     ] = 256,
     seed: Annotated[int, Flag("Seed of the random numbers.", "N")] = 0,
 ) -> None:
-    """Tolerances of parameters: probability of instability, Sobol indices, worst points."""
+    """Effects of parameter tolerances: probability of instability, Sobol indices, worst points."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     spreads = assignments("--vary", vary or [], "NAME=±2%")
@@ -197,8 +214,8 @@ def tolerances(
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
-    """Lower and upper bounds by name, as texts if a unit is given. One text may give the same bounds to
-    several names, separated by commas. Raises ValueOutOfBoundsError."""
+    """Return a mapping from names to lower and upper bounds, which are texts if a unit is given. One text may
+    state the same bounds for several names, separated by commas. Raises ValueOutOfBoundsError."""
     bounds = {}
     given = [
         f"{name}{equals}{text}"
@@ -222,14 +239,16 @@ def frequencies(
     problem: Problem,
     results: Results,
     position: Annotated[str | None, Flag("Position of the drive; 0 by default.", '"70 deg"')] = None,
-    count: Annotated[int | None, Flag("Number of modes, from the lowest; 4 by default.", "N")] = None,
+    count: Annotated[
+        int | None, Flag("Number of modes, starting from the lowest; 4 by default.", "N")
+    ] = None,
     turn: Annotated[
-        int | None, Flag("Add frequencies at N positions of a revolution, and their means.", "N")
+        int | None, Flag("Add the frequencies at N positions over a revolution, and their means.", "N")
     ] = None,
     over: Annotated[
         list[str] | None,
         Flag(
-            "Add N values of a parameter: mean over the revolution, or at --position if given.",
+            "Add the frequencies for N values of a parameter, as means over the revolution or at --position.",
             '"NAME=A:B:N unit"',
         ),
     ] = None,

@@ -14,19 +14,19 @@ from solve.units import evenly, quantity, require_size_of_number
 
 
 def integer(text: str) -> int:
-    """Integer from the text of a flag, for Typer."""
+    """Convert the text of a flag to an integer, for Typer."""
     return _read(int, text, "a whole number, such as 60")
 
 
 def number(text: str) -> float:
-    """Number from the text of a flag, for Typer."""
+    """Convert the text of a flag to a number, for Typer."""
     value = _read(float, text, "a number, such as 1e-6")
     require_size_of_number(f"'{text}'", value)
     return value
 
 
 def fraction(text: str) -> float:
-    """Fraction from the text of a flag (a number or a percentage), for Typer.
+    """Convert the text of a flag, a number or a percentage, to a fraction, for Typer.
 
     >>> fraction("5%")
     0.05
@@ -44,7 +44,7 @@ def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:
 
 
 def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> dict[str, str]:
-    """Values by name from texts NAME=VALUE. Raises ValueOutOfBoundsError for texts of another form.
+    """Parse texts NAME=VALUE to a mapping. Raises ValueOutOfBoundsError for texts of another form.
 
     >>> assignments("--option", ["load=constant"])
     {'load': 'constant'}
@@ -63,7 +63,8 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
 def require_with(needed: str, is_given: bool, flags: Mapping[str, Any]) -> None:
     """Raise ValueOutOfBoundsError for a flag that has no effect without the flag `needed`.
 
-    is_given: whether `needed` is given. flags: values by flag; None, False or an empty list if absent.
+    `is_given` is True if `needed` is given. `flags` maps each flag to its value, which is None, False or an
+    empty list if the flag is absent.
 
     >>> require_with("--prove", False, {"--digits": None, "--rounded": False})
     """
@@ -74,8 +75,7 @@ def require_with(needed: str, is_given: bool, flags: Mapping[str, Any]) -> None:
 
 
 def listed(flag: str, text: str) -> list[str]:
-    """Names from a text in which names are separated by commas. Raises ValueOutOfBoundsError for a repeated
-    name.
+    """Parse a text of names separated by commas. Raises ValueOutOfBoundsError for a repeated name.
 
     >>> listed("--free", "a1, a3")
     ['a1', 'a3']
@@ -88,7 +88,7 @@ def listed(flag: str, text: str) -> list[str]:
 
 
 def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
-    """Numbers by name from texts NAME=NUMBER. A value with a unit remains a text.
+    """Parse texts NAME=NUMBER to a mapping. A value with a unit remains a text.
 
     >>> quantities("--set", ["k1=8e4", "r=30mm"])
     {'k1': 80000.0, 'r': '30mm'}
@@ -106,7 +106,8 @@ def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
 
 
 def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
-    """Name and N values from A to B (both included) from a text NAME=A:B:N. Values with a unit are texts.
+    """Parse a text NAME=A:B:N to the name and N values from A to B, both included. Values with a unit are
+    texts.
 
     >>> points("--over", "L2=0.2:0.6:3")
     ('L2', [0.2, 0.4, 0.6])
@@ -116,8 +117,8 @@ def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
 
 
 def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str, Any]]:
-    """At most `most` combinations of values by name: for one name in the given order, for several names
-    spread over all combinations.
+    """Yield at most `most` combinations of the values in `ranges`. For one name, they are in the given order;
+    for several names, they are spread over all combinations.
 
     >>> list(spread({"x": [0, 1], "y": [0, 1]}, 3))
     [{'x': 0, 'y': 0}, {'x': 1, 'y': 1}, {'x': 0, 'y': 1}]
@@ -135,21 +136,23 @@ def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str,
 
 
 def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) -> Path:
-    """Path from --out, which can be written. Raises MissingValueError, FileError."""
+    """Return the path from --out if it can be written. Raises MissingValueError, FileError."""
     if path is None:
         raise MissingValueError(f"no file given; add one, such as --out {example}")
     return checked(path, endings, kind)
 
 
 def statistic_name(text: str) -> str:
-    """Name of the statistic of a modulus over a period, max or rms. Raises UnknownNameError."""
+    """Return the name of a statistic of the modulus over a period, from the text max or rms. Raises
+    UnknownNameError."""
     figures = {"max": "max_abs", "rms": "rms"}
     require_name("figure", text, figures)
     return figures[text]
 
 
 def harmonic_count(count: int | None) -> int:
-    """Validated number of harmonics, by default 60. Raises ValueOutOfBoundsError outside 1 … 10000."""
+    """Return the number of harmonics, by default 60. Raises ValueOutOfBoundsError if it is outside 1 …
+    10000."""
     if count is None:
         return 60
     if not 1 <= count <= 10_000:

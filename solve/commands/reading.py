@@ -11,7 +11,7 @@ from solve.terminal import progress
 from solve.terminal.command_line import UniqueOptions
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Usage error of Click, whether Typer includes Click or depends on it."""
+"""Usage error of Click, imported in a way that works whether Typer contains Click or depends on it."""
 
 
 class _Command(UniqueOptions, TyperCommand):
@@ -26,8 +26,8 @@ def application(
     example: str,
     called: str | None,
 ) -> typer.Typer:
-    """Typer application of a program. If there are several commands, only the called command is loaded with
-    its flags. A single command needs no name on the command line."""
+    """Return the Typer application of a program. If there are several commands, only the called one is
+    loaded, with its flags. A single command needs no name on the command line."""
     epilog, single = f"For example: {program} {example}", len(listed) == 1
     app = typer.Typer(
         name=program,
@@ -51,7 +51,7 @@ def _with_flags(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _placeholder(description: str) -> Callable[..., None]:
-    """Function that represents a command in the list of commands of `--help`."""
+    """Return a function that stands in for a command in the listing of `--help`."""
 
     def placeholder() -> None: ...
 
@@ -75,13 +75,14 @@ def run_command(
 
 
 def _command_in(arguments: Sequence[str]) -> str | None:
-    """Name of the called command; during shell completion, of the command on the line being completed."""
+    """Return the name of the called command or, during shell completion, of the command on the line that is
+    being completed."""
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     return next(iter([*arguments] or line.split()[1:]), None)
 
 
 def _add_hint(error: Any) -> None:
-    """Add a reference to --option and --set to the message on an unknown flag."""
+    """Add a hint at --option and --set to the message about an unknown flag."""
     unknown = getattr(error, "option_name", None) if "No such option" in error.message else None
     if unknown and any("--option" in parameter.opts for parameter in error.ctx.command.params):
         name = unknown.lstrip("-")

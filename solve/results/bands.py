@@ -1,4 +1,4 @@
-"""Results on unstable bands of speed."""
+"""Unstable bands of speed, as a result."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -28,11 +28,13 @@ class Band:
     low, high : float
         Edges in rad/s.
     kind : {"+1", "-1", "complex"}
-        Multiplier that leaves the unit circle: period T, period 2T, or a complex pair.
+        Way in which a multiplier leaves the unit circle: at +1 (period T), at -1 (period 2T), or as a complex
+        pair.
     spectral_radius : float
-        Largest spectral radius at the solved speeds in the band.
+        Largest spectral radius at any solved speed in the band.
     open_low, open_high : bool
-        Whether the lower or upper edge is unknown: beyond the range, or next to a speed without a result.
+        Whether the lower (upper) edge is unknown because it lies beyond the range, or next to a speed without
+        a result.
     """
 
     low: float
@@ -50,7 +52,7 @@ class Bands(Sequence[Band], Result):
     Attributes
     ----------
     found : sequence of Band
-        The bands.
+        Unstable bands.
     range : tuple of float
         Lowest and highest speed in rad/s.
     spacing : float
@@ -58,7 +60,7 @@ class Bands(Sequence[Band], Result):
     notes : sequence of str
         Notes on the search, such as speeds without a result.
     speeds, spectral_radius : (P,) array
-        Solved speeds in rad/s, ascending, and their spectral radii; NaN without a result.
+        Solved speeds in rad/s, ascending, and the spectral radii at these speeds; NaN without a result.
     constant_matrices : bool
         Whether M, C and K are constant over the period, so that their eigenvalues decide stability.
     """
@@ -87,8 +89,8 @@ class Bands(Sequence[Band], Result):
         return warnings_of(self.system, self.range[1])
 
     def plot(self, sweep: Sweep | None = None) -> Figure:
-        """Figure of the spectral radius over the solved speeds, or over the speeds of a sweep, with the bands
-        shaded by kind. Raises ValueOutOfBoundsError if `sweep` is not a Sweep."""
+        """Figure of the spectral radius versus the solved speeds, or versus the speeds of a sweep, with the
+        bands shaded by kind. Raises ValueOutOfBoundsError if `sweep` is not a Sweep."""
         return super().plot(sweep)
 
     _rows: ClassVar[str] = "bands"
@@ -116,7 +118,7 @@ class Bands(Sequence[Band], Result):
 
     @property
     def summary(self) -> str:
-        """Sentence on the number of bands and their ranges."""
+        """Sentence on the ranges of the bands."""
         unit = self.system.labels.speed_unit
         if not self:
             return f"No unstable band found from {unit.span(*self.range)}."

@@ -1,4 +1,4 @@
-"""Branch of nonlinear orbits over the speed or a parameter."""
+"""Branch of nonlinear orbits versus speed or a parameter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,16 +28,17 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _NARROW = 1e-3
-"""Relative range of the values below which tables show ten digits, because seven digits do not distinguish
-the values."""
+"""If the relative range of the values is smaller, tables show ten digits, because seven digits do not
+distinguish the values."""
 
 _SHOWN = "max", "min", "max_abs", "mean", "rms"
 _MAX_ABS = FIGURES.index("max_abs")
 
 KINDS = "regular", "fold", "doubling", "torus", "grazing"
 REGULAR, FOLD, DOUBLING, TORUS, GRAZING = KINDS
-"""Kinds of points; folds are turning points, tori are Neimark–Sacker points. Beyond a grazing point a branch
-continues with an orbit on which a transient has settled."""
+"""Kinds of points on a branch. Folds are turning points; at tori (Neimark–Sacker points), a pair of complex
+multipliers passes through the unit circle. Beyond a grazing point, a branch continues with an orbit on which
+a transient has settled."""
 
 STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
@@ -52,10 +53,10 @@ class BranchPoints(ResultOver):
     speeds : (P,) array
         Speeds in rad/s.
     figures : (P, q, 7) array
-        Statistics of each coordinate and output, the fields of `solve.contracts.Statistics`.
+        Statistics of each coordinate and output: the fields of `solve.contracts.Statistics`.
     figure_errors : (P, q) array
-        Estimated errors of the extrema, relative to the largest modulus, or to the scale of a coordinate on
-        which the forces cancel.
+        Estimated errors of the extrema, relative to the largest modulus of the quantity or, for a coordinate
+        on which the forces cancel, to its scale.
     multipliers : (P, 2n) array
         Floquet multipliers, largest modulus first.
     radius : (P,) array
@@ -65,24 +66,25 @@ class BranchPoints(ResultOver):
     kinds : (P,) array of int
         Kinds of the points, as positions in `KINDS`.
     numbers, counts : (P,) array of int
-        Number of the branch, 0 for the first; number of model periods per period of the orbit.
+        Number of the branch to which each point belongs, from 0; and number of model periods per period of
+        the orbit.
     repeats : (P,) array of bool
-        Whether an orbit of several periods repeats after one.
+        Whether an orbit of several periods repeats after a single one.
     rtol : float
-        Tolerance of the orbits.
+        Relative tolerance of the orbits.
     ended : str
         Reason why the branch ends within its range, otherwise empty.
     notes : sequence of str
         Notes on the selection of the engine.
     periods : int
-        Number of model periods per period of the orbits of the first branch.
+        Number of model periods per period of the orbits on the first branch.
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
     curves : (P, n, k) array
         Coordinates at k uniform phases of the period of each orbit; see `curve`.
     energies : (P,) array
-        Energies of unforced orbits relative to rest, in J if the coordinates are in m or rad; empty for
-        forced orbits.
+        Energies of unforced orbits, relative to the state of rest, in J if the coordinates are in m or rad;
+        empty for forced orbits.
     """
 
     system: PeriodicSystem
@@ -111,7 +113,7 @@ class BranchPoints(ResultOver):
 
     @property
     def peaks(self) -> Array:
-        """Largest modulus of each coordinate (P, n)."""
+        """Largest moduli (P, n) of the coordinates."""
         return self.figures[:, : self.system.n, _MAX_ABS]
 
     @property
@@ -132,21 +134,21 @@ class Branch(BranchPoints):
     Attributes
     ----------
     turning : array
-        Values of the continuation parameter at turning points.
+        Values of the varied quantity at turning points.
     folds, doublings, tori, grazing : list of dict
-        Special points.
+        Special points of each kind: see the properties of these names.
     closed : list of int
         Numbers of the closed branches.
     jumps : list of dict
-        Jumps of the response during a slow change of the parameter.
+        Jumps of the response while the varied quantity changes slowly.
     """
 
     _rows: ClassVar[str] = "points"
     _recorded: ClassVar[str] = "turning folds doublings tori grazing closed jumps rtol periods"
 
     def curve(self, point: int) -> FourierCurve:
-        """Curve of the orbit at a point, as a start for `solve.nonlinear`, which computes the orbit to a
-        tolerance.
+        """Curve of the orbit at the point with index `point`. It can be the start of `solve.nonlinear`, which
+        computes the orbit to a tolerance.
 
         Examples
         --------
@@ -162,12 +164,12 @@ class Branch(BranchPoints):
 
     @property
     def turning(self) -> Array:
-        """Values of the continuation parameter at turning points, in the order of the branch."""
+        """Values of the varied quantity at turning points, in the order of the branch."""
         return self.values[self.turns]
 
     @property
     def turns(self) -> Array:
-        """Whether each point (P,) is a turning point."""
+        """Mask (P,) of the turning points."""
         return self.kinds == KINDS.index(FOLD)
 
     @property
@@ -182,7 +184,7 @@ class Branch(BranchPoints):
 
     @property
     def tori(self) -> list[dict[str, Any]]:
-        """Neimark–Sacker points, at which a pair of complex multipliers passes the unit circle."""
+        """Neimark–Sacker points, at which a pair of complex multipliers passes through the unit circle."""
         return self._special(TORUS)
 
     @property
@@ -192,8 +194,8 @@ class Branch(BranchPoints):
         return [{key: value for key, value in point.items() if key != "multiplier"} for point in points]
 
     def _special(self, kind: str) -> list[dict[str, Any]]:
-        """Points of one kind: value of the parameter, spectral radius, the multiplier on the unit circle, the
-        number of the branch, and the periods and error of the orbit."""
+        """Points of one kind, each with the value of the varied quantity, the spectral radius, the multiplier
+        on the unit circle, the number of the branch, and the periods and the error of the orbit."""
         points = []
         for at in np.flatnonzero(self.kinds == KINDS.index(kind)).tolist():
             rho = self.multipliers[at]
@@ -211,9 +213,10 @@ class Branch(BranchPoints):
 
     @property
     def jumps(self) -> list[dict[str, Any]]:
-        """Jumps of the response during a slow change of the parameter along the first branch: direction,
-        value of the parameter, coordinate that changes most, relative to its size, and its largest modulus
-        before the jump ("from") and after it ("to"), or None without a stable orbit after it."""
+        """Jumps of the response while the varied quantity changes slowly along the first branch. Each has the
+        direction of the change, the value of the varied quantity, the coordinate whose relative change is
+        largest, and the largest modulus of this coordinate before the jump ("from") and after it ("to"). The
+        latter is None if the branch has no stable orbit to jump to."""
         first_branch, records = np.flatnonzero(self.numbers == 0), []
         values, peaks = self.values[first_branch], self.peaks[first_branch]
         verdicts = np.array(self.verdicts)[first_branch]
@@ -260,7 +263,7 @@ class Branch(BranchPoints):
 
     @property
     def _beyond_limits(self) -> list[str]:
-        """Violated limits of the model, one sentence each, with the first violation."""
+        """Sentences on the violated limits of the model, each with the first violation."""
         sentences = []
         for limit in limits_of(self.system, self.quantities, linear=False):
             figures = self.figures[:, self.quantities.index(limit.quantity)]
@@ -271,7 +274,8 @@ class Branch(BranchPoints):
         return sentences
 
     def _where(self, which: Array) -> str:
-        """Text that states the first point selected by a mask (P,) and the number of selected points."""
+        """Text that states the first of the points selected by the mask `which` (P,), and the number of
+        selected points."""
         first = unit_of(self.system, self.over).text(float(self.values[int(which.argmax())]), self._digits)
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
@@ -282,7 +286,7 @@ class Branch(BranchPoints):
 
     @property
     def energy_unit(self) -> str:
-        """Unit of the energies; empty if a unit of a coordinate is not an SI unit of length or angle."""
+        """Unit of the energies; empty if the unit of a coordinate is not an SI unit of length or angle."""
         units = {self.system.labels.units.get(name) for name in self.system.coordinates}
         return "J" if units <= {"m", "rad"} else ""
 
@@ -314,8 +318,8 @@ class Branch(BranchPoints):
         return columns_by_name(columns)
 
     def _columns_of(self, name: str, number: int) -> list[tuple[str, Column]]:
-        """Columns of the statistics of a quantity. Tables show the largest moduli of the first
-        coordinates."""
+        """Columns of the statistics of the quantity with index `number`. Tables show only the largest moduli
+        of the first coordinates."""
         unit, meaning = self.system.labels.units.get(name, ""), self.system.labels.meanings.get(name, name)
         columns = []
         for figure in _SHOWN:
@@ -353,7 +357,7 @@ class Branch(BranchPoints):
         return " ".join(sentences)
 
     def _range_text(self, number: int) -> str:
-        """Sentence on the range and the folds of a branch."""
+        """Sentence on the range and the folds of the branch with this number."""
         unit, values = unit_of(self.system, self.over), self.values[self.numbers == number]
         folds = [point for point in self.folds if point["branch"] == number]
         named = self._named
@@ -372,7 +376,7 @@ class Branch(BranchPoints):
 
     @property
     def _named(self) -> str:
-        """Name of the parameter before its values; empty for the speed."""
+        """Prefix of values of the varied quantity: "NAME = " for a parameter, empty for the speed."""
         return "" if self.over == SPEED else f"{self.over} = "
 
     def _jump_text(self, jump: Mapping[str, Any], at: str) -> str:
@@ -384,21 +388,21 @@ class Branch(BranchPoints):
 
 
 def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array) -> bool:
-    """Whether a branch ends with its first orbit: with the same value of the parameter and the same
-    statistics. Statistics alone do not suffice, because orbits may be zero at all values."""
+    """Return whether a branch ends with its first orbit: both the value of the varied quantity and the
+    statistics must be equal. Statistics alone do not suffice, because orbits may be zero at all values."""
     return len(figures) > 2 and values[0] == values[-1] and np.array_equal(figures[0], figures[-1])
 
 
 def _distance(kind: str, multipliers: Array) -> Array:
-    """Differences between the multipliers and the value that defines a kind of special point: 1 at folds, -1
-    at period doublings, modulus 1 at tori."""
+    """Return the differences between the multipliers and the value that defines a kind of special point: 1 at
+    folds, -1 at period doublings. At tori, it is the modulus that must be 1."""
     if kind == TORUS:
         return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
     return multipliers - (1 if kind == FOLD else -1)
 
 
 def _change(before: Array, after: Array) -> Array:
-    """Relative changes (n,) of peaks (n,)."""
+    """Return the relative changes (n,) from the peaks `before` (n,) to the peaks `after` (n,)."""
     largest = np.maximum(before, after)
     return np.abs(after - before) / np.where(largest > 0, largest, 1.0)
 

@@ -1,4 +1,4 @@
-"""Stability over two quantities: spectral radius, verdict and stability boundaries."""
+"""Stability as a function of two quantities: spectral radius, verdict and stability boundaries."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -28,9 +28,9 @@ class BoundaryCurve(NamedTuple):
     Attributes
     ----------
     name : {"+1", "-1", "complex"}
-        Multiplier that leaves the unit circle.
+        Way in which a multiplier leaves the unit circle on this curve: at +1, at -1, or as a complex pair.
     points : (k, 2) array
-        x and y of its points.
+        x and y of the points on the curve.
     """
 
     name: str
@@ -40,16 +40,17 @@ class BoundaryCurve(NamedTuple):
 @serializable
 @dataclass(frozen=True)
 class Cut:
-    """Stability along a line through a chart, on which the quantity `across` has the constant value `value`.
+    """Stability along a line through a chart: the quantity `along` varies, and the quantity `across` has the
+    constant value `value`.
 
     Attributes
     ----------
     values : (k,) array
         Values of the quantity `along`.
     spectral_radius, stable : (k,) array
-        Spectral radius; 1 or 0. NaN where a point failed.
+        Spectral radius; and stability, 1 if stable and 0 if unstable. NaN where a point failed.
     crossings : sequence of tuple
-        Values at which stability changes, and the multiplier that leaves the unit circle.
+        Values at which stability changes, each with the way in which a multiplier leaves the unit circle.
     """
 
     along: str
@@ -61,7 +62,7 @@ class Cut:
     crossings: Sequence[tuple[float, str]]
 
     def record(self) -> dict[str, Any]:
-        """Values of the cut for the JSON record."""
+        """JSON object of the cut."""
         return {
             "along": self.along,
             "values": self.values,
@@ -75,18 +76,18 @@ class Cut:
 @serializable
 @dataclass(frozen=True)
 class ProvedBoxes:
-    """Boxes that cover the ranges of a chart, with proved verdicts.
+    """Rectangles ("boxes") that cover the ranges of a chart, with proved verdicts.
 
     Attributes
     ----------
     ends : (k, 4) array
         Lower and upper end of x, then of y, rounded to double precision.
     verdicts : (k,) array of int
-        Positions in VERDICTS of the verdict that holds everywhere on the box.
+        Index in VERDICTS of the verdict that is proved everywhere on the box.
     assumed : str
-        Assumptions on the numbers of the model.
+        Assumption of the proof about the numbers of the model.
     seconds : float
-        Elapsed time.
+        Elapsed time of the proof in s.
     """
 
     ends: Array
@@ -95,13 +96,13 @@ class ProvedBoxes:
     seconds: float
 
     def fraction(self, *verdicts: int) -> float:
-        """Fraction of the area whose verdict is one of the given verdicts."""
+        """Fraction of the area of the chart whose verdict is one of `verdicts`."""
         areas = (self.ends[:, 1] - self.ends[:, 0]) * (self.ends[:, 3] - self.ends[:, 2])
         return float(areas[np.isin(self.verdicts, verdicts)].sum() / areas.sum())
 
     def at(self, x: Array, y: Array) -> Array:
-        """Indices in VERDICTS (ny, nx) at the points of a grid. A point on a common edge has the verdict of
-        either box."""
+        """Indices (ny, nx) in VERDICTS of the verdicts at the points of a grid. A point on a common edge of
+        two boxes has the verdict of one of these."""
         verdicts = np.full((len(y), len(x)), UNDETERMINED)
         first = np.stack([np.searchsorted(axis, self.ends[:, k]) for axis, k in ((x, 0), (y, 2))], axis=1)
         last = np.stack(
@@ -138,13 +139,13 @@ class ChartPoints(Result):
     Attributes
     ----------
     x_name, y_name : str
-        Names of the quantities: a parameter, in its own unit, or "speed", in rad/s.
+        Names of the two quantities: parameters, in their own units, or "speed", in rad/s.
     x, y : (nx,), (ny,) array
-        Their values.
+        Values of the two quantities.
     system : PeriodicSystem
         The model, or the first system that could be built.
     results : PointResults
-        Results of the points, row by row.
+        Results of the ny × nx points, row by row.
     """
 
     x_name: str
@@ -156,7 +157,7 @@ class ChartPoints(Result):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers (ny, nx) of the values along y and x."""
+        """Numbers (ny, nx) of values of y and of x."""
         return len(self.y), len(self.x)
 
     @property
@@ -194,11 +195,11 @@ class ChartPoints(Result):
 
     @property
     def failures(self) -> dict[tuple[int, int], str]:
-        """Reasons of failures, in a dictionary by row and column of the point."""
+        """Mapping from the row and column of each failed point to the reason."""
         return {divmod(at, len(self.x)): reason for at, reason in self.results.failures.items()}
 
     def span(self, name: str, values: Array) -> str:
-        """Text of the range of values of a quantity."""
+        """Text that states the range of values of a quantity."""
         unit = unit_of(self.system, name)
         low, high = values.min(), values.max()
         return unit.text(high) if unit.text(low) == unit.text(high) else unit.span(low, high, "…")
@@ -206,16 +207,16 @@ class ChartPoints(Result):
 
 @dataclass(frozen=True)
 class Chart(ChartPoints):
-    """Stability at ny × nx points over two quantities, from `solve.chart`.
+    """Stability for ny × nx combinations of two quantities, from `solve.chart`.
 
     Attributes
     ----------
     boundaries : sequence of BoundaryCurve
-        Curves between stable and unstable regions.
+        Stability boundaries.
     at : callable
-        Function of x and y that returns the `Stability` at any point.
+        Function of x and y that computes the `Stability` at any point.
     solve_cut : callable
-        Function of the axis (0 or 1) and a value that returns the `Cut` at this value.
+        Function of the index (0 or 1) and the value of a quantity that computes the `Cut` at this value.
     notes : sequence of str
         Notes on the selection of the engine.
     cuts : sequence of Cut
@@ -225,7 +226,7 @@ class Chart(ChartPoints):
     beyond : sequence of str
         Sentences on points without an orbit, and on orbits beyond the bounds of the model.
     proved : ProvedBoxes
-        Boxes with proved verdicts, if these were requested.
+        Boxes with proved verdicts, if they were requested.
     """
 
     boundaries: Sequence[BoundaryCurve]
@@ -259,7 +260,8 @@ class Chart(ChartPoints):
         return self.solve_cut(0, float(x)) if x is not None else self.solve_cut(1, float(y or 0.0))
 
     def with_cuts(self, held: Sequence[tuple[str, float]]) -> "Chart":
-        """Chart with cuts at the given values of quantities, by name. Raises UnknownNameError."""
+        """Chart with cuts at values of its quantities; `held` contains pairs of names and values. Raises
+        UnknownNameError."""
         names = self.x_name, self.y_name
         for name, _ in held:
             require_name("quantity of the chart", name, names)
@@ -299,7 +301,7 @@ class Chart(ChartPoints):
         return [{"kind": kind, **dict(zip("xy", points.T, strict=True))} for kind, points in self.boundaries]
 
     def header_rows(self) -> HeaderRows:
-        """Heading rows: quantities, requested values, and fraction of stable points."""
+        """Rows of the heading: the quantities, the requested values, and the fraction of stable points."""
         radius, decided = self.spectral_radius, self.stable[np.isfinite(self.stable)]
         share, open_ = (
             100 * float(decided.sum()) / max(decided.size, 1),
@@ -354,7 +356,7 @@ class Chart(ChartPoints):
         return f"{greek(name)} {self.span(name, values)} ({len(values)})"
 
     def _labels(self, name: str) -> tuple[str, str]:
-        """Unit and meaning of a quantity."""
+        """Unit and meaning of a quantity on an axis."""
         if name == "speed":
             return "rad/s", "speed of rotation"
         return self.system.labels.parameter_labels.get(name, ("", ""))

@@ -13,8 +13,8 @@ from solve.results.stability import short_verdict
 from solve.system import PeriodicSystem
 
 ORBIT, MULTIPLIERS = "orbit", "multipliers"
-"""Kinds of errors to which targets refer: error of the orbit or, if there is no load and thus no orbit, of
-the multipliers."""
+"""Kinds of errors to which targets refer: the error of the orbit or, if there is no load and thus no orbit,
+the error of the multipliers."""
 
 
 @serializable
@@ -25,20 +25,20 @@ class Row:
     Attributes
     ----------
     method, order : str, float
-        Name and order of the method.
+        Name of the method, and its order of convergence.
     steps, asked : int or None
         Number of steps of the grid, and the requested number.
     at : {"equal steps", "equal accuracy"}
-        Kind of comparison.
+        Kind of comparison to which the row belongs.
     orbit_error, multiplier_error : float
-        Relative errors with respect to the reference; NaN without a result. The error of the orbit is NaN
-        without a load.
+        Relative differences from the reference solution; NaN without a result. The error of the orbit is also
+        NaN if there is no load.
     time : float
         Processor time in s, the shortest of several runs; NaN without a result.
     verdict : str or None
         Stability verdict.
     followed : bool
-        Whether the steps resolve the fastest mode, or the method damps this mode; otherwise multipliers may
+        Whether the steps resolve the fastest mode, or the method damps this mode. Otherwise, multipliers may
         be wrong.
     target : float or None
         Target error, for rows at equal accuracy.
@@ -63,7 +63,7 @@ class Row:
     warnings: list[str] = field(default_factory=list)
 
     def error(self, kind: str) -> float:
-        """Relative error of the orbit or of the multipliers. kind: ORBIT or MULTIPLIERS."""
+        """Relative error of the orbit, if `kind` is ORBIT, or of the multipliers, if it is MULTIPLIERS."""
         return self.orbit_error if kind == ORBIT else self.multiplier_error
 
 
@@ -76,13 +76,14 @@ class Comparison(Result):
     reference : Orbit
         Converged solution.
     judged_by : {"orbit", "multipliers"}
-        Kind of error that the targets refer to.
+        Kind of error to which the targets refer.
     targets : sequence of float
         Target errors.
     rows : list of Row
         Results at equal steps and at equal accuracy.
     measured : list of Row
-        Further results of each method, in order of increasing steps, for the work–precision diagram.
+        Further results of each method, in ascending order of the number of steps, for the work–precision
+        diagram.
     """
 
     reference: Orbit
@@ -150,7 +151,7 @@ class Comparison(Result):
         }
 
     def header_rows(self) -> HeaderRows:
-        """Heading rows on the reference solution and its errors."""
+        """Rows of the heading that describe the reference solution and its errors."""
         reference, (orbit, multipliers) = self.reference, self.reference.error_estimate
         return [
             ("reference", f"{reference.method}, {reference.steps} steps a period"),
@@ -159,7 +160,7 @@ class Comparison(Result):
 
 
 def grouped(pairs: Iterable[tuple[str, Any]]) -> dict[str, list[Any]]:
-    """Lists of values by key, from pairs of key and value."""
+    """Return a mapping from each key to the list of its values, from pairs of key and value."""
     groups: dict[str, list[Any]] = {}
     for key, value in pairs:
         groups.setdefault(key, []).append(value)

@@ -1,6 +1,7 @@
 """Columns and metadata of results, from which records, tables and files are generated.
 
-In records, the objects of `--json`, NaN and infinity become None, complex numbers [re, im].
+A record is the object that `--json` prints. In records, NaN and infinity become None, and complex numbers
+become [re, im].
 """
 
 import cmath
@@ -21,13 +22,13 @@ from solve.results.formatting import fixed, headed, prefixed
 from solve.system import PeriodicSystem
 
 is_state_name = re.compile(r"seal|state\d*").fullmatch
-"""Function that matches names of arrays from which a file's result is restored."""
+"""Function that matches the names of those arrays in a file from which the result is restored."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
-"""Packages whose versions are written to files."""
+"""Packages of which files state the versions."""
 
 MOST_SHOWN = 6
-"""Maximum number of quantities in one picture, and of coordinates in tables and sentences: as many as fit."""
+"""Maximum number of quantities in a picture, and of coordinates in a table or a sentence: as many as fit."""
 
 
 class Column(NamedTuple):
@@ -36,17 +37,17 @@ class Column(NamedTuple):
     Parameters
     ----------
     values : array_like
-        Values along `axes`; None and NaN are missing.
+        Values along `axes`; None and NaN denote missing values.
     unit : str
         Unit; empty for texts and counts.
     meaning : str
         Description.
     heading : str
-        Heading in tables; without one the column is not shown.
+        Heading in tables; a column without a heading is not shown.
     text : callable or sequence of str
-        Function that formats a value for tables, or the texts themselves.
+        Function that formats a value for tables, or the formatted texts.
     axes : tuple of str
-        Names of the axes. A column without axes is contained in the record only.
+        Names of the axes. A column without axes appears only in the record.
     """
 
     values: Any
@@ -58,7 +59,7 @@ class Column(NamedTuple):
 
     @property
     def array(self) -> Array:
-        """Array of the values; NaN or an empty text replaces missing values."""
+        """Values as an array, in which NaN or an empty text replaces missing values."""
         if isinstance(self.values, np.ndarray):
             return self.values
         present = [value for value in self.values if value is not None]
@@ -74,23 +75,23 @@ class Column(NamedTuple):
 
 
 def known(value: Any) -> bool:
-    """Whether a value is neither None nor NaN."""
+    """Return whether a value is neither None nor NaN."""
     return value is not None and value == value
 
 
 Columns = Mapping[str, Column]
 
 HeaderRows = Sequence[tuple[str, str]]
-"""Rows of the heading of a result: a label and its text."""
+"""Type of the rows of a result's heading: pairs of a label and a text."""
 
 
 def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
-    """Function that multiplies a number by a factor and formats the product.
+    """Return a function that multiplies a number by a factor and formats the product.
 
     >>> digits(".2f", 1e3)(0.5), digits(".3g")(-0.0)
     ('500.00', '0')
     """
-    # Values that round to zero are shown without a sign.
+    # Values that round to zero are shown without a minus sign.
     form = f"z{form}" if form.startswith(".") else form
     return lambda value: f"{value * factor:{form}}"
 
@@ -98,8 +99,8 @@ def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
 def sized(
     values: Any, unit: str, meaning: str, heading: str, significant: int, largest: float | None = None
 ) -> Column:
-    """Column of values in SI units. Tables show the values with the unit prefix and the decimals that give
-    the largest modulus `significant` digits."""
+    """Return a column of values in SI units. In tables, the unit prefix and the number of decimals are such
+    that the value of largest modulus, or `largest` if given, has `significant` digits."""
     if largest is None:
         numbers = np.array([math.nan if value is None else value for value in values], dtype=float)
         largest = float(np.nanmax(np.abs(numbers), initial=0.0))
@@ -119,8 +120,8 @@ def speeds_of(
     form: str = ".6g",
     axes: tuple[str, ...] = ("row",),
 ) -> Column:
-    """Column of speeds in rad/s. Tables show the speeds in the system's unit of speed, whose name replaces
-    "{}" in the heading."""
+    """Return a column of speeds in rad/s. Tables show the speeds in the system's unit of speed, whose name
+    replaces "{}" in the heading."""
     unit = system.labels.speed_unit
     return Column(
         speeds,
@@ -133,15 +134,15 @@ def speeds_of(
 
 
 def varied_column(system: PeriodicSystem, name: str, values: Any, form: str = ".7g") -> Column:
-    """Column of values of the speed (rad/s) or of a parameter."""
+    """Return a column of values of the speed (rad/s) or of a parameter."""
     if name == SPEED:
         return speeds_of(system, values, heading="{}", form=form)
     return Column(values, *system.labels.parameter_labels[name], name, digits(form))
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:
-    """Columns of the largest moduli (P, n) of the coordinates. Tables show as many of these as fit next to
-    `beside` other columns."""
+    """Return columns of the largest moduli (P, n) of the coordinates. Tables show as many of these as fit
+    next to `beside` other columns."""
     numbered = enumerate(zip(system.coordinates, peaks.T, strict=True), start=beside)
     return [
         (f"{name}_max_abs", peak_column(system, name, values, number < MOST_SHOWN))
@@ -150,7 +151,8 @@ def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tupl
 
 
 def peak_column(system: PeriodicSystem, name: str, peaks: Array, is_shown: bool) -> Column:
-    """Column of the largest moduli of a coordinate or output. Tables show it if `is_shown`."""
+    """Return a column of the largest moduli of a coordinate or output. Tables show it if `is_shown` is
+    True."""
     unit, meaning = system.labels.units.get(name, ""), system.labels.meanings.get(name, name)
     factor, shown = prefixed(unit, float(np.nanmax(peaks, initial=0.0)))
     heading = headed(f"max|{name}|", shown) if is_shown else ""
@@ -159,8 +161,9 @@ def peak_column(system: PeriodicSystem, name: str, peaks: Array, is_shown: bool)
 
 @dataclass(frozen=True)
 class FileContents:
-    """Content of a result's files. columns: columns of the table, for .csv and .nc; others: additional
-    columns for .nc; metadata: JSON object; arrays: arrays for .npz and .mat (default: the columns)."""
+    """Content of a result's files. `columns` are the columns of the table, for .csv and .nc files; `others`
+    are additional columns for .nc files. `metadata` is a JSON object. `arrays` are the arrays for .npz and
+    .mat files, by default the columns."""
 
     columns: Columns
     others: Columns
@@ -177,8 +180,8 @@ class FileContents:
 
     @property
     def table(self) -> dict[str, Array]:
-        """Columns of equal length, with one row per combination of values of the axes. The axes are those of
-        the column with the most axes."""
+        """Columns of equal length, with one row for each combination of values of the axes. The axes are
+        those of the column with the largest number of axes."""
         widest = max(self.columns.values(), key=lambda column: len(column.axes))
         axes, shape = widest.axes, widest.array.shape
         sizes = dict(zip(axes, shape, strict=True))
@@ -195,7 +198,7 @@ class FileContents:
 
     @property
     def metadata_text(self) -> str:
-        """Metadata and versions as JSON text."""
+        """Metadata and versions of packages as JSON text."""
         return json.dumps({**self.metadata, "versions": versions()}, ensure_ascii=False, allow_nan=False)
 
 
@@ -210,7 +213,7 @@ def versions() -> dict[str, str]:
 def curves_of(
     system: PeriodicSystem, time: Array, phase: Array, q: Array, outputs: Mapping[str, Array]
 ) -> list[tuple[str, Column]]:
-    """Columns of time, phase, coordinates (n, k) and outputs (k,) at k phases."""
+    """Return columns of time, phase, coordinates (n, k) and outputs (k,) at k phases."""
     curves = [("time", (time, "s", "time")), ("phase", (phase, "rad", "phase of the drive"))]
     for name, values in (*zip(system.coordinates, q, strict=True), *outputs.items()):
         curves.append(
@@ -220,8 +223,8 @@ def curves_of(
 
 
 def columns_by_name(columns: Sequence[tuple[str, Column]]) -> Columns:
-    """Columns in a dictionary by name. Raises ValueOutOfBoundsError for duplicate names, because one of the
-    columns would be lost."""
+    """Return a mapping from names to columns. Raises ValueOutOfBoundsError for duplicate names, because one
+    of the columns would be lost."""
     by_name: dict[str, Column] = {}
     for name, column in columns:
         first = by_name.setdefault(name, column)
@@ -234,13 +237,13 @@ def columns_by_name(columns: Sequence[tuple[str, Column]]) -> Columns:
 
 
 def rows_of(columns: Columns) -> list[dict[str, Any]]:
-    """Rows of a record from columns."""
+    """Return the rows of a record, from columns."""
     rows = zip(*(column.values for column in columns.values()), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def to_json(value: Any) -> Any:
-    """Value as JSON data; dataclasses and named tuples become dictionaries.
+    """Convert a value to JSON data. Dataclasses and named tuples become dictionaries.
 
     >>> to_json({"rho": np.array([0.5 + 0.25j]), "error": math.nan})
     {'rho': [[0.5, 0.25]], 'error': None}
@@ -263,7 +266,8 @@ def to_json(value: Any) -> Any:
 
 
 def model_info(system: PeriodicSystem) -> dict[str, Any]:
-    """Model, case, hash of the generated code, parameters and options. A user's own system has no case."""
+    """Return the model, the case, the hash of the generated code, the parameters and the options. A system
+    defined by the user has no case."""
     return {
         "model": system.labels.name,
         "case": system.labels.case,

@@ -1,4 +1,4 @@
-"""Controllers: gain over the period, solution of the Riccati equation, and stability of the closed loop."""
+"""Controllers: gain versus phase, solution of the Riccati equation, and stability of the closed loop."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -18,18 +18,18 @@ from solve.results.stability import Stability
 from solve.system import PeriodicSystem
 
 _PHASES = 361
-"""Number of phases of columns and figures: one per degree of a revolution. A choice."""
+"""Number of phases in columns and figures, one per degree of a revolution. Chosen by judgement."""
 
 _HARMONICS = 12
-"""Number of harmonics of the gain in the record. A choice."""
+"""Number of harmonics of the gain in the record. Chosen by judgement."""
 
 _TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with a Kalman filter"}
 
 
 @serializable
 class Vibration(NamedTuple):
-    """Largest modulus of a quantity over a period without and with feedback, and root mean square with
-    feedback, in SI units."""
+    """Vibration of a quantity in SI units: largest modulus over a period without feedback, the same with
+    feedback, and root mean square with feedback."""
 
     without: float
     controlled: float
@@ -45,9 +45,9 @@ class StabilityMargin(NamedTuple):
     distance : float
         Norm of the change; infinite if no change of norm up to 1 makes the system unstable.
     changes : mapping
-        Relative changes by name.
+        Relative changes of the parameters.
     verdicts : tuple of str
-        Verdicts just inside and just outside of the boundary.
+        Verdicts just inside and just outside the boundary.
     """
 
     distance: float
@@ -62,9 +62,9 @@ class Norms(NamedTuple):
     Attributes
     ----------
     h2, hinf : float
-        H2 and H∞ norm of the closed loop.
+        H2 norm and H∞ norm of the closed loop.
     h2_without, hinf_without : float or None
-        Norms without feedback; None for a system that is not asymptotically stable.
+        The same norms without feedback; None if the system without feedback is not asymptotically stable.
     frequency : float or None
         Frequency in rad/s, at most π/T, at which the closed loop has its largest gain.
     error : float
@@ -89,7 +89,7 @@ class SampledLoop(NamedTuple):
     Attributes
     ----------
     samples, delay : int
-        Number of samples per period, and samples after which inputs act.
+        Number of samples per period, and number of samples after which inputs act.
     spectral_radius, error : float
         Largest modulus of the multipliers, and its absolute error.
     verdict : str
@@ -107,7 +107,7 @@ class SampledLoop(NamedTuple):
 
     @property
     def rate(self) -> str:
-        """Number of samples in words."""
+        """Text that states the number of samples per period."""
         return f"{self.samples} sample{'s' * (self.samples != 1)} per period"
 
 
@@ -126,9 +126,9 @@ class Controller(Result):
     states : tuple of str
         Names of the N states.
     signals : tuple of str
-        Names of the r inputs; for a filter without regulator, of the measured quantities.
+        Names of the r inputs or, for a filter without a regulator, of the measured quantities.
     solution, gains : Curve
-        Curves of the upper triangle of the solution, and of the entries of the gain row by row.
+        Curve of the upper triangle of the solution, and curve of the entries of the gain, row by row.
     closed : PeriodicSystem
         Closed loop; for a filter alone, the equations of the estimation error.
     stability : Stability
@@ -136,24 +136,25 @@ class Controller(Result):
     error_estimate : float
         Largest error of the solution X over the period, relative to √(max X_ii max X_jj).
     residual : float
-        Largest residual of the Riccati equation relative to its largest term; entries are scaled by
-        √(X_ii X_jj).
+        Largest residual of the Riccati equation, relative to its largest term; entries are scaled by √(X_ii
+        X_jj).
     rtol : float
-        Requested tolerance.
+        Requested relative tolerance.
     observer : Controller or None
-        Filter of `solve.lqg`.
+        Filter, for results of `solve.lqg`.
     vibration : mapping of str to Vibration
-        Periodic vibration of coordinates and inputs without and with feedback, if it was requested.
+        Periodic vibration of coordinates and inputs, without and with feedback, if it was requested.
     ahead : Curve or None
         Curve of the feedforward.
     margin : StabilityMargin or None
         Smallest relative change of parameters that makes the closed loop unstable, if it was requested.
     norms : mapping of str to Norms
-        Norms from disturbances at the inputs to states and outputs, if they were requested.
+        For states and outputs: norms of the transfer from disturbances at the inputs, if they were requested.
     sampled : SampledLoop or None
         Closed loop with inputs that are sampled and held, if it was requested.
     compensator : FirstOrderSystem or None
-        System from measured quantities to inputs: the regulator with its observer, of `solve.lqg`.
+        Regulator with its observer, as a system from measured quantities to inputs, for results of
+        `solve.lqg`.
     """
 
     system: PeriodicSystem
@@ -202,7 +203,7 @@ class Controller(Result):
         Returns
         -------
         (k, r, N) array
-            K of u = −K x for a regulator; for a filter without regulator, its gain L (k, N, y).
+            K in u = −K x for a regulator; for a filter without a regulator, its gain L (k, N, y).
         """
         values = self.gains(_phases(phase)).T
         N, r = len(self.states), len(self.signals)
@@ -219,15 +220,15 @@ class Controller(Result):
         Returns
         -------
         (k, r) array
-            f; zero without feedforward.
+            Feedforward f; zero if there is none.
         """
         phases = _phases(phase)
         return np.zeros((len(phases), len(self.signals))) if self.ahead is None else self.ahead(phases).T
 
     @cached_property
     def harmonics(self) -> Array:
-        """Complex harmonics K_k of the gain K = Re Σ_k K_k e^{ikφ} (period 2π): (13, r, N) for a regulator,
-        (13, N, y) for a filter."""
+        """Complex harmonics K_k of the gain K = Re Σ_k K_k e^{ikφ}, where φ has the period 2π: (13, r, N) for
+        a regulator, (13, N, y) for a filter."""
         return self._harmonics_of(self.gain)
 
     def _harmonics_of(self, function: Callable[[Array], Array]) -> Array:
@@ -245,7 +246,7 @@ class Controller(Result):
 
     @property
     def verdict(self) -> str:
-        """Verdict on the closed loop."""
+        """Stability verdict on the closed loop."""
         return self.stability.verdict
 
     @property
@@ -328,7 +329,7 @@ class Controller(Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns of the table, with one row per phase: entries of the gain."""
+        """Columns of the table: entries of the gain, with one row per phase."""
         phase = np.linspace(0.0, self.system.period, _PHASES)
         gains = self.gain(phase).reshape(_PHASES, -1).T
         columns = {"phase": Column(phase, "rad", "phase of the drive", axes=("phase",))}
@@ -338,7 +339,7 @@ class Controller(Result):
         return columns
 
     def file_contents(self) -> FileContents:
-        """Columns of the table; in .npz and .mat also gain and solution as matrices."""
+        """Columns of the table. Files .npz and .mat also contain the gain and the solution as matrices."""
         phase = np.linspace(0.0, self.system.period, _PHASES)
         arrays = {"phase": phase, "gain": self.gain(phase), "riccati": self.riccati(phase)}
         return FileContents(self.columns, {}, self.metadata, {**arrays, "multipliers": self.multipliers})
@@ -349,8 +350,8 @@ class Controller(Result):
 
 
 def _amplitudes(harmonics: Array) -> dict[str, Array]:
-    """Moduli and phase angles of complex harmonics."""
-    # With a strided array, rounding in NumPy 2.0 depends on the memory addresses.
+    """Return moduli and phase angles of complex harmonics."""
+    # For a strided array, round-off in NumPy 2.0 depends on memory addresses.
     harmonics = np.ascontiguousarray(harmonics)
     return {"harmonics": np.abs(harmonics), "phases": np.angle(harmonics)}
 

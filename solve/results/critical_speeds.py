@@ -20,8 +20,8 @@ from solve.system import PeriodicSystem
 @serializable
 @dataclass(frozen=True)
 class Combination:
-    """Combination resonance (ω̄i + sign · ω̄j)/order at a speed in rad/s, with modes counted from 1. With i =
-    j it is the parametric resonance of one mode (the principal one for order 1)."""
+    """Combination resonance (ω̄i + sign · ω̄j)/order at a speed in rad/s, with modes i and j counted from 1.
+    If i = j, it is a parametric resonance of one mode, and for order 1 the principal one."""
 
     speed: float
     modes: tuple[int, int]
@@ -34,14 +34,14 @@ class Combination:
         return self.modes[0] == self.modes[1] and self.order % 2 == 0
 
     def same(self, other: "Combination | None") -> bool:
-        """Whether both objects describe the same resonance, even at different speeds."""
+        """Whether both objects describe the same resonance, regardless of their speeds."""
         return other is not None and self == replace(other, speed=self.speed)
 
 
 @serializable
 @dataclass(frozen=True)
 class Maximum:
-    """Local maximum: speed (rad/s), and height (infinite if the response is unbounded)."""
+    """Local maximum: its speed (rad/s) and its height, which is infinite if the response is unbounded."""
 
     speed: float
     height: float
@@ -55,13 +55,14 @@ class Critical:
     Attributes
     ----------
     response, multiplier, radius : Maximum or None
-        Maxima of the response, of the dominant multiplier's real part, and of the spectral radius.
+        Maxima of the response, of the real part of the dominant multiplier, and of the spectral radius.
     division, mode, order : float, int, int or None
-        Division ω̄/k of a mean frequency near this critical speed, in rad/s; its mode (from 1) and order k.
+        Division ω̄/k, in rad/s, of a mean frequency near this critical speed; the number of the mode, from 1;
+        and the order k.
     at_rest : float or None
-        Division ω̄/k in rad/s of the same mode, with the mean frequency at rest.
+        Division ω̄/k, in rad/s, of the mean frequency of the same mode at rest.
     ratios : sequence of float
-        Ratios of the mean frequencies to the speed of the row, from the lowest mode on.
+        Ratios of the mean frequencies to the speed of the row, in ascending order.
     combination : Combination or None
         Combination resonance that explains the maximum if no division explains it.
     candidates : sequence of Combination
@@ -81,7 +82,7 @@ class Critical:
 
     @property
     def explained(self) -> tuple[str, str]:
-        """Modes and order of the resonance to which the row is attributed, as texts for tables."""
+        """Texts for tables: the modes and the order of the resonance to which the row is attributed."""
         if self.candidates:
             orders = {candidate.order for candidate in self.candidates}
             return "?", str(*orders) if len(orders) == 1 else "?"
@@ -97,14 +98,14 @@ class Critical:
 
     @property
     def speed(self) -> float:
-        """Speed in rad/s from the first criterion that has a maximum."""
+        """Speed in rad/s of the first criterion that has a maximum; if none has one, the division."""
         maxima = [way.speed for way in (self.response, self.multiplier, self.radius) if way]
         return maxima[0] if maxima else float(self.division or np.nan)
 
 
 MOST_DECADES = 1e3
 """Ratio of the largest to the smallest response above which the axis is logarithmic: on a linear axis the
-smallest response would be invisible. A choice."""
+smallest response would be invisible. Chosen by judgement."""
 
 
 _OF_RECORDS = "ratios", "combination", "candidates"
@@ -120,9 +121,9 @@ class SolvedSpeeds(Result):
     speeds : (P,) array
         Solved speeds in rad/s, ascending.
     response, real_part, radius : (P,) array
-        Response; real part and modulus of the dominant multiplier.
+        Response, and real part and modulus of the dominant multiplier.
     unstable, imaginary : (P,) array of bool
-        Whether the motion is unstable; whether a frequency is imaginary or complex at some position.
+        Whether the motion is unstable, and whether a frequency is imaginary or complex at some position.
     frequencies : (P, n) array
         Mean natural frequencies in rad/s.
     """
@@ -138,8 +139,8 @@ class SolvedSpeeds(Result):
 
     @property
     def decimals(self) -> str:
-        """Number format of speeds: three decimals, or fewer for large speeds, which are accurate to seven
-        digits."""
+        """Number format of speeds: three decimals, or fewer for large speeds, because speeds are accurate to
+        seven digits."""
         before = math.floor(math.log10(self.system.labels.speed_unit.from_si(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 
@@ -159,9 +160,9 @@ class CriticalSpeeds(SolvedSpeeds):
     Attributes
     ----------
     quantity, figure : str
-        Coordinate or output, and its statistic that is the response.
+        Coordinate or output, and the statistic of it that defines the response.
     rows : sequence of Critical
-        Critical speeds, descending.
+        Critical speeds in descending order of speed.
     combinations : sequence of Combination
         Combination resonances (ω̄i ± ω̄j)/k.
     orders : int
@@ -182,8 +183,8 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Warnings about the equations, unstable ranges, unbounded responses and undefined frequencies, one
-        sentence each."""
+        """Warnings about the equations, and about unstable ranges, unbounded responses and undefined
+        frequencies, one sentence each."""
         sentences, unit = warnings_of(self.system, float(self.speeds[-1])), self.system.labels.speed_unit
         if self.unstable_ranges:
             ranges = unit.spans((low, high) for low, high, _ in self.unstable_ranges)
@@ -232,7 +233,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def unbounded(self) -> list[float]:
-        """Speeds (rad/s) of unbounded response."""
+        """Speeds (rad/s) at which the response is unbounded."""
         return sorted(row.response.speed for row in self.rows if row.response and row.unbounded)
 
     def maxima(self, way: str) -> list[tuple[float, float]]:
@@ -246,7 +247,8 @@ class CriticalSpeeds(SolvedSpeeds):
         return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
 
     def plot(self, *, campbell: bool = False) -> Figure:
-        """Figure of response, dominant multiplier (omitted with `campbell`) and Campbell diagram."""
+        """Figure of the response, the dominant multiplier and the Campbell diagram. If `campbell` is True,
+        the multiplier is omitted."""
         return super().plot(campbell=campbell)
 
     _rows: ClassVar[str] = "rows"
@@ -306,7 +308,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def _of_divisions(self) -> Columns:
-        """Columns of integer divisions and of other resonances."""
+        """Columns that describe integer divisions and other resonances."""
         rows, mean = self.rows, "integer division of the mean natural frequency at this speed"
         # Tables show the combination if there is no division.
         either = [row.division or (row.combination or _NOWHERE).speed for row in rows]
@@ -332,7 +334,7 @@ class CriticalSpeeds(SolvedSpeeds):
         heading: str = "",
         shown: Sequence[float | None] | None = None,
     ) -> Column:
-        """Column of speeds. shown: values for tables, if they differ from those in records."""
+        """Column of speeds. `shown` are the values in tables, if they differ from those in records."""
         column = speeds_of(self.system, values, meaning, heading, self.decimals)
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 
@@ -342,8 +344,8 @@ class CriticalSpeeds(SolvedSpeeds):
 
 
 def _height(values: list[float | None], unit: str, meaning: str) -> Column:
-    """Column of heights of maxima, in exponential format if the ratio of the largest to the smallest is
-    large."""
+    """Return a column of heights of maxima, in exponential format if the ratio of the largest to the smallest
+    height is large."""
     heights = [abs(value) for value in values if value and math.isfinite(value)]
     column = sized(values, unit, meaning, "height", 5, max(heights, default=0.0))
     if heights and max(heights) > MOST_DECADES * min(heights):

@@ -1,4 +1,4 @@
-"""Output files: checked before the calculation, and written either completely or not at all."""
+"""Output files, which are checked before the computation and written either completely or not at all."""
 
 import os
 import platform
@@ -17,10 +17,10 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
-    """Path of an output file, checked before the calculation.
+    """Check the path of an output file, before the computation, and return it.
 
-    Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, and a folder or
-    device of this name.
+    Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, or a folder or
+    device with this name.
     """
     file, allowed = Path(path), tuple(endings)
     if file.suffix.lower() not in allowed:
@@ -37,7 +37,7 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
         # Opening the file is the only reliable test: permissions and read-only file systems can both prevent
         # writing.
         with _temporary(target):
-            # A path that is still a link after resolving belongs to a circular chain of links.
+            # A path that is still a link after resolution belongs to a circular chain of links.
             writable = not target.is_symlink() and (not target.exists() or os.access(target, os.W_OK))
     except (OSError, ValueError, RuntimeError):
         writable = False
@@ -47,10 +47,10 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
 
 
 class AtomicFiles:
-    """Context manager for a set of files, all of which appear at the end of the block. None appears if the
-    block raises an exception.
+    """Context manager for a set of files. All files appear at the end of the block, or none if the block
+    raises an exception.
 
-    Contents are collected in memory first: on a full disk a C library may end the process, whereas Python
+    Contents are first collected in memory: on a full disk, a C library may end the process, whereas Python
     raises an exception.
     """
 
@@ -58,7 +58,7 @@ class AtomicFiles:
         self._contents: dict[Path, bytes] = {}
 
     def write(self, file: Path, write: Callable[[BinaryIO], None]) -> None:
-        """Add a checked file; the function `write` writes its content to a stream."""
+        """Add a checked file, whose content the function `write` writes to a stream."""
         stream = BytesIO()
         write(stream)
         self._contents[file] = stream.getvalue()
@@ -67,7 +67,7 @@ class AtomicFiles:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
-        """Move the files into place. Raises FileError."""
+        """Move the files to their final places. Raises FileError."""
         if kind is not None:
             return
         with ExitStack() as temporaries, ExitStack() as undo:
@@ -87,9 +87,11 @@ def write_atomic(file: Path, write: Callable[[BinaryIO], None]) -> None:
 
 @contextmanager
 def _prepared(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, bytes | None]]:
-    """Context manager with a temporary file with the new content and the permissions of the existing file.
+    """Context manager that provides a temporary file with the new content and the permissions of the existing
+    file.
 
-    It yields the file, the temporary file, the file to which symbolic links lead, and its current content.
+    It yields the file, the temporary file, the target of symbolic links, and the current content of the
+    target.
     """
     with ExitStack() as cleaning:
         with _file_errors(file):
@@ -104,7 +106,7 @@ def _prepared(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, by
 
 
 def _restore(target: Path, before: bytes | None) -> None:
-    """Restore the previous content of a replaced file; remove the file if it did not exist before."""
+    """Restore the previous content of a replaced file, or remove the file if it did not exist before."""
     with suppress(OSError):
         if before is None:
             target.unlink(missing_ok=True)
@@ -114,7 +116,7 @@ def _restore(target: Path, before: bytes | None) -> None:
 
 @contextmanager
 def _file_errors(file: Path) -> Iterator[None]:
-    """Convert an OSError into a FileError."""
+    """Context manager that converts OSError to FileError."""
     try:
         yield
     except OSError as error:
@@ -123,8 +125,8 @@ def _file_errors(file: Path) -> Iterator[None]:
 
 @contextmanager
 def _temporary(file: Path) -> Iterator[tuple[Path, BinaryIO]]:
-    """Name and stream of a new temporary file in the folder of another file; the temporary file is removed at
-    the end. Temporary files of processes that no longer run are removed as well."""
+    """Context manager that provides the name and the stream of a new temporary file in the folder of `file`,
+    and removes it at the end. Temporary files of processes that no longer run are removed too."""
     _remove_leftovers(file.parent)
     temporary = file.parent / f"{_prefix(os.getpid())}{secrets.token_hex(8)}"
     stream = temporary.open("xb")
@@ -136,7 +138,7 @@ def _temporary(file: Path) -> Iterator[tuple[Path, BinaryIO]]:
 
 
 def _prefix(process: int | str) -> str:
-    """Common beginning of the names of a process's temporary files on this machine."""
+    """Return the common prefix of the names of a process's temporary files on this machine."""
     return f".{platform.node()}-{process}-parametric-"
 
 
@@ -150,7 +152,7 @@ def _remove_leftovers(folder: Path) -> None:
 
 
 def _is_alive(process: int) -> bool:
-    """Whether a process with this number is running; True if this cannot be determined."""
+    """Return whether a process with this number is running; True if this cannot be determined."""
     if os.name != "posix":
         return True
     try:

@@ -1,4 +1,4 @@
-"""Fit of a model to measurements: parameters with intervals, and differences by channel."""
+"""Fit of a model to measurements: parameters with intervals, and differences for each channel."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,11 +18,11 @@ from solve.units import ShownUnit
 
 @serializable
 class Channel(NamedTuple):
-    """Measured and computed values (k,) of a coordinate or output at phases or harmonics `at`, at a speed
-    (rad/s).
+    """Measured and computed values (k,) of a coordinate or output at a speed (rad/s). `at` (k,) contains
+    phases or, if `orders` is True, orders.
 
-    Values of harmonics with phase angles are complex. position: phase at which natural frequencies at rest
-    were measured; `at` then contains mode numbers.
+    Amplitudes of orders with phase angles are complex. `position` is the phase at which natural frequencies
+    at rest were measured; `at` then contains mode numbers.
     """
 
     speed: float
@@ -35,26 +35,26 @@ class Channel(NamedTuple):
 
     @property
     def record(self) -> dict[str, Any]:
-        """Values of the channel for the JSON record."""
+        """JSON object of the channel."""
         return {"speed": self.speed, "name": self.name, "difference": self.relative}
 
     def where(self, unit: ShownUnit) -> str:
-        """Text that states the speed, or the position of the drive."""
+        """Text that states the speed or, for natural frequencies, the position of the drive."""
         return unit.text(self.speed) if self.position is None else f"at {np.degrees(self.position):.6g}°"
 
     @property
     def axis(self) -> str:
-        """Label of the horizontal axis."""
+        """Label of the horizontal axis in figures."""
         return "phase (°)" if self.by_phase else "order" if self.orders else "mode"
 
     @property
     def by_phase(self) -> bool:
-        """Whether the values are a curve over the phase."""
+        """Whether the values are a curve versus phase."""
         return self.position is None and not self.orders
 
     @property
     def relative(self) -> float:
-        """Root mean square of the difference, divided by the root mean square of the measured values."""
+        """Root mean square of the differences, divided by the root mean square of the measured values."""
         size = math.sqrt(float(np.mean(np.abs(self.measured) ** 2)))
         difference = math.sqrt(float(np.mean(np.abs(self.computed - self.measured) ** 2)))
         return difference / size if size else math.nan
@@ -79,19 +79,19 @@ class Fitted(Result):
     system : PeriodicSystem
         Model with the fitted values.
     data : str
-        Name of the data.
+        Name of the file of measured data.
     parameters : mapping of str to Interval
-        Fitted values and intervals by name.
+        Fitted values and confidence intervals.
     correlations : (r, r) array
-        Correlations of the parameters.
+        Correlation matrix of the parameters.
     residual : float
-        Root mean square of all differences, relative to the size of each channel.
+        Root mean square of all differences, each divided by the root mean square of its channel.
     unidentifiable : sequence of str
         Sentences on parameters that the data do not determine.
     channels : sequence of Channel
         Measured and computed values.
     doubts : sequence of str
-        Sentences on disagreement of data and model.
+        Sentences on disagreement between data and model.
     """
 
     system: PeriodicSystem
@@ -143,7 +143,7 @@ class Fitted(Result):
 
     @property
     def toml(self) -> str:
-        """Text of a case file for the fitted model, every number with its unit and source."""
+        """Text of a case file for the fitted model. Every number has its unit and source."""
         sources = {
             name: f"fitted to {self.data}; 95 % interval {interval.low:.6g} to {interval.high:.6g}"
             for name, interval in self.parameters.items()

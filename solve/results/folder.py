@@ -1,4 +1,4 @@
-"""Folders that hold the results of one calculation, from which it resumes."""
+"""Folders that contain the results of one computation, which can resume from them."""
 
 import hashlib
 import json
@@ -14,11 +14,11 @@ from solve.arrays import Array
 from solve.errors import FileError
 
 _LOCK = ".lock"
-"""Name of the file that is locked where the system cannot lock folders."""
+"""Name of the file that is locked if the operating system cannot lock folders."""
 
 
 def digest(*arrays: Array) -> str:
-    """Hash of arrays."""
+    """Return a hash of arrays."""
     found = hashlib.sha256()
     for array in arrays:
         found.update(np.ascontiguousarray(array).tobytes())
@@ -26,13 +26,13 @@ def digest(*arrays: Array) -> str:
 
 
 def is_empty(place: Path) -> bool:
-    """Whether a folder contains no files except its lock."""
+    """Return whether a folder contains no files except its lock."""
     return all(file.name == _LOCK for file in place.iterdir())
 
 
 def require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any]) -> None:
-    """Raise FileError if a folder contains another calculation. stored, work: descriptions of the stored and
-    the requested calculation."""
+    """Raise FileError if a folder contains results of another computation. `stored` and `work` describe the
+    stored and the requested computation."""
     there, here = _entries(stored), _entries(json.loads(json.dumps(work)))
     for name in here:
         if there.get(name) != here[name]:
@@ -43,7 +43,7 @@ def require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any]
 
 
 def _entries(work: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of a description by name, with a separate entry for each parameter and option."""
+    """Return the entries of a description, with a separate entry for each parameter and option."""
     entries: dict[str, Any] = {}
     for name, value in work.items():
         if isinstance(value, dict):
@@ -55,7 +55,7 @@ def _entries(work: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def locked(place: Path) -> Iterator[None]:
-    """Context manager with an exclusive lock of a folder. The operating system releases the lock when the
+    """Context manager that locks a folder exclusively. The operating system releases the lock when the
     process ends."""
     with store_errors():
         if place.exists() and not place.is_dir():
@@ -68,14 +68,14 @@ def locked(place: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
-        # The file exists only on Windows, which does not delete it while another process holds the lock.
+        # This file exists only on Windows, which does not delete it while another process holds the lock.
         with suppress(OSError):
             (place / _LOCK).unlink()
 
 
 def _lock(place: Path) -> int | None:
-    """Descriptor that holds the lock of a folder until it is closed; None if another process holds the lock.
-    Raises FileError."""
+    """Lock a folder. Return the descriptor that holds the lock until it is closed; None if another process
+    holds the lock. Raises FileError."""
     try:
         import fcntl
     except ImportError:
@@ -91,7 +91,7 @@ def _lock(place: Path) -> int | None:
 
 
 def _lock_on_windows(place: Path) -> int | None:
-    """Descriptor as from `_lock`, on Windows, which locks bytes of files, not folders."""
+    """Lock a folder, as `_lock` does, on Windows, which locks bytes of files instead of folders."""
     import msvcrt
 
     lock: Any = msvcrt

@@ -1,4 +1,4 @@
-"""Floquet modes followed over the speed or a parameter."""
+"""Floquet modes followed as the speed or a parameter varies."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ _REASONS = {
     LOCKED: "they are locked in a parametric resonance",
 }
 _DOUBTFUL = 1e-4
-"""Relative error of an exponent above which a warning is issued: four digits are shown."""
+"""Relative error of an exponent above which a warning is issued, because four digits are shown."""
 
 
 @serializable
@@ -35,14 +35,14 @@ class Meeting:
     Attributes
     ----------
     modes : tuple of str
-        Labels.
+        Labels of the two modes.
     value : float
         Speed in rad/s, or value of the parameter.
     kind : {"crossing", "veering"}
         At a crossing the frequencies are equal and each mode keeps its vector. At a veering the modes are
         coupled: their exponents stay apart and their vectors are exchanged gradually.
     gap : float
-        Distance between the exponents at this value in rad/s; at a crossing, the difference between the
+        Distance in rad/s between the exponents at this value; at a crossing, the difference between the
         growth rates.
     """
 
@@ -60,12 +60,12 @@ class Ambiguity:
     Attributes
     ----------
     modes : tuple of str
-        Labels.
+        Labels of the two modes.
     low, high : float
         Speeds in rad/s, or values of the parameter.
     kind : {"close", "locked"}
-        "close": the exponents differ by less than the tolerance resolves. "locked": in a parametric
-        resonance, each of the two exponents belongs to both modes.
+        "close": the difference between the exponents is below the resolution. "locked": in a parametric
+        resonance, the two exponents cannot be assigned to one of the modes each.
     """
 
     modes: tuple[str, str]
@@ -76,43 +76,43 @@ class Ambiguity:
 
 @dataclass(frozen=True)
 class ModesOver(ResultOver):
-    """M Floquet modes at P speeds or values of a parameter.
+    """M Floquet modes at P speeds, or P values of a parameter.
 
     Attributes
     ----------
     speeds : (P,) array
         Speeds in rad/s.
     exponents : (P, M) complex array
-        Exponents λ in 1/s; the imaginary part is the frequency of the harmonic 0 of the mode. NaN without a
+        Exponents λ in 1/s, whose imaginary part is the frequency of harmonic 0 of the mode; NaN without a
         result.
     errors : (P, M) array
         Estimated errors of the exponents in 1/s.
     labels : sequence of str
-        Labels of the modes, numbered by ascending frequency at the first speed. A mode whose pair of
-        multipliers is real at some speeds has two labels, such as 2 and 2'.
+        Labels of the modes: numbers in ascending order of the frequency at the first speed.
     harmonics : (H,) array
-        Harmonics h of the modes: the harmonic h has the frequency |Im λ + 2πh/T|.
+        Harmonics h of the modes. Harmonic h has the frequency |Im λ + 2πh/T|.
     participation : (P, M, n, H) array
-        Fraction of each mode that belongs to a harmonic of a coordinate, weighted by the mean inertia of the
-        coordinate.
+        Fraction of each mode that each harmonic of each coordinate contains, weighted by the mean inertia of
+        the coordinate.
     meetings : sequence of Meeting
         Crossings and veerings.
     ambiguous : sequence of Ambiguity
-        Pairs whose identity is undetermined.
+        Pairs of modes whose identities are undetermined.
     path, path_exponents : (S,), (S, M) arrays
-        All solved values, including those added by the refinement, and the exponents at these values.
+        All solved values of the varied quantity, including those added by the refinement, and the exponents
+        at these values.
     resolution : float
         Gap in rad/s up to which a veering is reported as a crossing.
     rtol : float
-        Relative tolerance of the exponents.
+        Relative tolerance of the multipliers.
     steps : int
         Number of steps per period.
     failures : mapping of int to str
-        Reasons why speeds or values of the parameter have no result, by index.
+        Mapping from indices of speeds, or values of the parameter, without a result to the reason.
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
     notes : sequence of str
-        Sentences on the calculation.
+        Sentences on the computation.
     """
 
     system: PeriodicSystem
@@ -140,8 +140,8 @@ class ModesOver(ResultOver):
 
     @property
     def damping(self) -> Array:
-        """Damping ratios -Re λ/|λ| (P, M). Negative for a mode that grows; 0 if λ is zero within its
-        errors."""
+        """Damping ratios -Re λ/|λ| (P, M); negative for a mode that grows, and 0 if λ is zero within its
+        error."""
         return damping_ratios(self.exponents, self.resolution)
 
     def mode(self, label: str) -> int:
@@ -177,7 +177,7 @@ class FollowedModes(ModesOver):
         return [*sentences, *warnings_of(self.system, float(self.speeds.max()))]
 
     def _ambiguity(self, kind: str, reason: str) -> list[str]:
-        """Sentence on ambiguous pairs of one kind."""
+        """Sentence on the ambiguous pairs of one kind; an empty list if there are none."""
         pairs = [pair for pair in self.ambiguous if pair.kind == kind]
         if not pairs:
             return []
@@ -185,7 +185,7 @@ class FollowedModes(ModesOver):
         return [f"the identity of modes {listed(texts)} is undetermined: {reason}"]
 
     def text_of(self, value: float) -> str:
-        """Text of a value of the varied quantity: the speed, given in rad/s, or a parameter."""
+        """Text of a value of the varied quantity: a speed, given in rad/s, or a value of a parameter."""
         return unit_of(self.system, self.over).text(value, ".6g")
 
     def record(self) -> dict[str, Any]:
@@ -221,8 +221,8 @@ class FollowedModes(ModesOver):
         return columns
 
     def file_contents(self) -> FileContents:
-        """Columns of the table, with one row per speed and mode; in .nc, .npz and .mat also the participation
-        of harmonics and coordinates."""
+        """Columns of the table, with one row per speed and mode. Files .nc, .npz and .mat also contain the
+        participation of harmonics and coordinates."""
         axes = "point", "mode", "coordinate", "harmonic"
         others = {
             "coordinate": Column(np.array(self.system.coordinates), axes=("coordinate",)),
@@ -245,7 +245,7 @@ class FollowedModes(ModesOver):
 
 
 def damping_ratios(exponents: Array, resolution: float) -> Array:
-    """Damping ratios -Re λ/|λ|; 0 where |λ| is within `resolution`, as for rigid-body modes."""
+    """Return the damping ratios -Re λ/|λ|; 0 where |λ| is at most `resolution`, as for rigid-body modes."""
     size = np.abs(exponents)
     with np.errstate(invalid="ignore"):
         is_zero = size <= resolution

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
-"""Symbols of units that take a prefix, with the largest usual power of ten."""
+"""Symbols of units that take a prefix, with the largest power of ten that is usual for each."""
 
 
 _SPELT = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
@@ -15,11 +15,12 @@ _GREEK = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
 
 
 MOST_NAMED = 4
-"""Maximum number of items that a sentence names."""
+"""Maximum number of items that a sentence lists."""
 
 
 def listed(texts: Sequence[str]) -> str:
-    """Text that lists the first texts, separated by commas, and the number of the remaining texts.
+    """Return a text that lists the first texts, separated by commas, and states the number of the remaining
+    ones.
 
     >>> listed(["a", "b", "c", "d", "e"])
     'a, b, c, d and 1 more'
@@ -29,12 +30,11 @@ def listed(texts: Sequence[str]) -> str:
 
 
 ROUND_OFF = 1e-12
-"""Relative error up to which a linearisation error is round-off. The models without nonlinear terms reach
-2e-15."""
+"""Linearisation error up to which it counts as round-off. Models without nonlinear terms reach 2e-15."""
 
 
 def linearisation(error: float) -> str:
-    """Relative linearisation error in percent.
+    """Return a text that states a relative linearisation error in percent.
 
     >>> linearisation(0.0123), linearisation(3e-15), linearisation(math.nan)
     ('1.2 %', 'none above round-off', 'unknown')
@@ -45,7 +45,7 @@ def linearisation(error: float) -> str:
 
 
 def greek(name: str) -> str:
-    """Name with spelt-out Greek letters replaced by the letters.
+    """Replace names of Greek letters in a name by the letters.
 
     >>> greek("phi1"), greek("theta_max"), greek("max|epsilon|"), greek("mumps")
     ('φ1', 'θ_max', 'max|ε|', 'mumps')
@@ -54,7 +54,7 @@ def greek(name: str) -> str:
 
 
 def headed(name: str, unit: str) -> str:
-    """Heading of a column: name, and unit if there is one.
+    """Return the heading of a column: its name, and its unit if there is one.
 
     >>> headed("max|q1|", "mm"), headed("zeta", "1")
     ('max|q1| (mm)', 'ζ')
@@ -63,7 +63,7 @@ def headed(name: str, unit: str) -> str:
 
 
 def round_magnification(allowed: float) -> float:
-    """Largest of 1, 2, 5, 10, 20, … that does not exceed `allowed`; at least 1.
+    """Return the largest of the numbers 1, 2, 5, 10, 20, … that does not exceed `allowed`; at least 1.
 
     >>> round_magnification(37.0), round_magnification(0.2)
     (20.0, 1.0)
@@ -73,8 +73,8 @@ def round_magnification(allowed: float) -> float:
 
 
 def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
-    """Factor and prefixed unit for which the magnitude lies between 1 and 1000, if prefixes are usual for the
-    unit.
+    """Return the factor and the prefixed unit with which the magnitude lies between 1 and 1000, if prefixes
+    are usual for the unit.
 
     The unit "1" is not shown.
 
@@ -92,7 +92,7 @@ def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
 
 
 def measured(value: float, unit: str) -> str:
-    """Value with three digits and a prefixed unit.
+    """Format a value with three digits and a prefixed unit.
 
     >>> measured(0.00208, "m")
     '2.08 mm'
@@ -102,7 +102,7 @@ def measured(value: float, unit: str) -> str:
 
 
 def named(figure: str, quantity: str) -> str:
-    """Short name of a statistic of a quantity.
+    """Return the short name of a statistic of a quantity.
 
     >>> named("max_abs", "q1")
     'max|q1|'
@@ -111,7 +111,7 @@ def named(figure: str, quantity: str) -> str:
 
 
 def fixed(value: float, magnitude: float, digits: int = 7) -> str:
-    """Value with as many decimals as are needed to show the magnitude with `digits` significant digits.
+    """Format a value with as many decimals as show `magnitude` with `digits` significant digits.
 
     >>> fixed(-1.25, 768.4522)
     '-1.2500'

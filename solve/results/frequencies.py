@@ -1,4 +1,4 @@
-"""Natural frequencies at positions of the drive, and over a parameter."""
+"""Natural frequencies at positions of the drive, and versus a parameter."""
 
 import itertools
 import math
@@ -33,16 +33,16 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _MOST_LINKS = 3
-"""Maximum number of links in a table of frequencies of single links. A choice."""
+"""Maximum number of links in a table that lists the frequencies of single links. Chosen by judgement."""
 
 
 class Roots(Result):
-    """Eigenvalues λ of K v = λ M v as two arrays of the same shape: frequencies (λ > 0) and growth rates (λ <
-    0)."""
+    """Eigenvalues λ of K v = λ M v as two arrays of the same shape: frequencies, where λ > 0, and growth
+    rates, where λ < 0."""
 
     @property
     def signed(self) -> Array:
-        """Frequencies, or the negative growth rate where λ < 0; in ascending order of λ."""
+        """Signed roots in ascending order of λ: frequencies or, where λ < 0, negated growth rates."""
         return self._roots.signed
 
     @property
@@ -51,7 +51,7 @@ class Roots(Result):
 
     @property
     def _largest(self) -> float:
-        """Largest modulus of the roots that tables show."""
+        """Largest modulus of the roots in tables."""
         return float(np.nanmax(np.abs(self.signed), initial=0.0))
 
     def text_of(self, root: float) -> str:
@@ -62,8 +62,8 @@ class Roots(Result):
         return f"{text}i" if root < 0 else text
 
     def statistics(self, axis: int) -> dict[str, Array]:
-        """Statistics (mean, min, max) of signed roots along an axis, by name. The mean is NaN if frequencies
-        and growth rates occur together."""
+        """Mapping from "mean", "min" and "max" to these statistics of the signed roots along an axis. The
+        mean is NaN if frequencies and growth rates occur together."""
         signed = self.signed
         mixed = (signed < 0).any(axis=axis) & ~(signed < 0).all(axis=axis)
         mean = np.where(mixed, np.nan, signed.mean(axis=axis))
@@ -71,13 +71,14 @@ class Roots(Result):
 
 
 def _roots_of(frequencies: Array, growth_rates: Array | None) -> NaturalFrequencies:
-    """Roots from frequencies and growth rates; files of earlier versions contain no growth rates."""
+    """Return frequencies and growth rates. In files of earlier versions, the latter are missing."""
     rates = np.full_like(frequencies, np.nan) if growth_rates is None else growth_rates
     return NaturalFrequencies(frequencies, rates)
 
 
 def _growing(rows: Roots, positions: str) -> list[str]:
-    """Sentence that names the modes that grow in the given rows of a result; empty if none grows."""
+    """Return a sentence that names the modes that grow in the rows of a result; an empty list if none
+    grows."""
     frequencies, rates = rows._roots
     grows = np.isfinite(rates)
     if not grows.any():
@@ -94,7 +95,7 @@ def _growing(rows: Roots, positions: str) -> list[str]:
 
 
 def _vibrating(figures: Mapping[str, Array]) -> dict[str, Array]:
-    """Statistics of signed roots, with NaN in place of growth rates."""
+    """Return statistics of signed roots, with NaN in place of growth rates."""
     return {name: np.where(values < 0, np.nan, values) for name, values in figures.items()}
 
 
@@ -107,9 +108,10 @@ class Frequencies(Roots):
     positions : (m,) array
         Positions of the drive in rad.
     values : (m, k) array
-        Frequencies in rad/s of the first k modes, by ascending λ in K v = λ M v; NaN if λ < 0.
+        Frequencies in rad/s of the first k modes, in ascending order of λ in K v = λ M v; NaN where λ < 0.
     growth_rates : (m, k) array
-        √−λ in 1/s if λ < 0, otherwise NaN. A mode with complex λ has a frequency and a growth rate.
+        Growth rates √−λ in 1/s where λ < 0, otherwise NaN. A mode with complex λ has both a frequency and a
+        growth rate.
     rigid_body_modes : sequence of RigidBodyMode
         Rigid-body modes at the first position, with frequency 0.
     """
@@ -131,7 +133,7 @@ class Frequencies(Roots):
 
     @property
     def freedoms(self) -> int:
-        """Number of degrees of freedom, after subtraction of the constraints of inextensible links."""
+        """Number of degrees of freedom, reduced by the number of constraints of inextensible links."""
         return freedoms_of(self.system)
 
     def shapes(self, number: int = 0) -> list[ModeShape]:
@@ -140,7 +142,8 @@ class Frequencies(Roots):
         return structure_of(self.system).mode_shapes(float(self.positions[number]), self.values[number])
 
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
-        """Texts of the roots at a position: 21.5; 1.73i for λ < 0; 21.5±1.73i for complex λ."""
+        """Texts of the roots at the position with index `number`: for example 21.5 for λ > 0, 1.73i for λ <
+        0, and 21.5±1.73i for complex λ."""
         texts = []
         for omega, rate in zip(*(factor * roots[number] for roots in self._roots), strict=True):
             parts = [
@@ -177,7 +180,7 @@ class Frequencies(Roots):
 
 @dataclass(frozen=True)
 class Variation(Roots):
-    """Natural frequencies over a parameter, from `solve.frequencies_over`.
+    """Natural frequencies versus a parameter, from `solve.frequencies_over`.
 
     Attributes
     ----------
@@ -190,7 +193,7 @@ class Variation(Roots):
     pinned : dict of str to (v,) array
         Lowest frequency in rad/s of each link as a single beam, pinned at both ends.
     errors : tuple of str or None
-        Reasons why values of the parameter have no frequencies.
+        For each value of the parameter: reason why it has no frequencies, or None.
     """
 
     system: PeriodicSystem
@@ -208,8 +211,8 @@ class Variation(Roots):
 
     @property
     def figures(self) -> dict[str, Array]:
-        """Statistics (v, k) of the frequencies over the positions, by name (mean, min, max); NaN where modes
-        grow."""
+        """Mapping from "mean", "min" and "max" to these statistics (v, k) of the frequencies over the
+        positions; NaN where modes grow."""
         return _vibrating(self.statistics(1))
 
     @property
@@ -228,8 +231,8 @@ class Variation(Roots):
 
     @property
     def shown_modes(self) -> list[int]:
-        """Indices (from 0) of the lowest mode and of the lowest elastic mode, which is the first mode that is
-        not a rigid-body mode at every position."""
+        """Indices (from 0) of the lowest mode, and of the lowest elastic mode: the first mode that is not a
+        rigid-body mode at every position."""
         signed = np.nan_to_num(self.signed).any(axis=(0, 1))
         return sorted({0, int(signed.argmax())})
 
@@ -272,8 +275,8 @@ class Variation(Roots):
 @dataclass(frozen=True)
 class Findings(Result):
     """Natural frequencies and mode shapes at a position and, if requested, frequencies over the revolution
-    and over a parameter. first: parameters given as a range, with the first value that the model accepts; it
-    is used at the position."""
+    and versus a parameter. `first` maps each parameter that is given as a range to the first value that the
+    model accepts; the frequencies at the position refer to this value."""
 
     here: Frequencies
     turn: Frequencies | None = None
@@ -347,8 +350,8 @@ class Findings(Result):
 
     @property
     def widest(self) -> "Frequencies | Variation":
-        """Frequencies for files and figures: frequencies over the parameter if computed, otherwise over the
-        revolution, otherwise at the position."""
+        """Frequencies for files and figures: those versus the parameter if they are computed, otherwise those
+        over the revolution, otherwise those at the position."""
         return self.variation or self.turn or self.here
 
     def file_contents(self) -> FileContents:

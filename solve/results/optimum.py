@@ -14,12 +14,13 @@ from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
 
 AT_BOUND = 1e-6
-"""Distance from a bound, relative to the range, within which a parameter counts as lying on it. A choice."""
+"""Distance from a bound, relative to the range of the parameter, within which the parameter counts as lying
+on the bound. Chosen by judgement."""
 
 
 @serializable
 class Requirement(NamedTuple):
-    """Requirement with its bound, and the worst value over all speeds at the optimum."""
+    """Requirement with its worst value at any speed, for the optimum, and its bound."""
 
     name: str
     value: float
@@ -38,7 +39,7 @@ class Curves(NamedTuple):
 
 @serializable
 class FreeParameter(NamedTuple):
-    """Initial and optimal value of a free parameter, and its bounds, in the model's unit."""
+    """Initial value, optimal value and bounds of a free parameter, in the model's unit."""
 
     before: float
     value: float
@@ -47,7 +48,7 @@ class FreeParameter(NamedTuple):
 
     @property
     def at_bound(self) -> str:
-        """Bound on which the optimum lies: "low", "high", or an empty text."""
+        """Bound on which the optimal value lies: "low", "high", or an empty text for neither."""
         margin = AT_BOUND * (self.high - self.low)
         if self.value - self.low <= margin:
             return "low"
@@ -63,22 +64,22 @@ class Optimum(Result):
     system : PeriodicSystem
         Model with the optimal parameters.
     minimised : str
-        Quantity whose largest value over the speeds is minimised.
+        Quantity whose largest value at any of the speeds is minimised.
     unit : str
         Unit of this quantity.
     parameters : mapping of str to FreeParameter
-        Free parameters by name.
+        Free parameters.
     objective, before : float
-        Largest value over the speeds at the optimum, and for the initial parameters.
+        Largest value at any of the speeds, for the optimal and for the initial parameters.
     constraints : sequence of Requirement
         Requirements with their worst values.
     speeds : (k,) array
         Speeds in rad/s.
     values, values_before : (k,) array
-        Minimised quantity at these speeds.
+        Minimised quantity at these speeds, for the optimal and for the initial parameters.
     curves : Curves or None
-        Curves of the coordinate or output of the quantity, at the speed of its largest value; None for other
-        quantities.
+        Curves of the coordinate or output that is minimised, at the speed of its largest value; None for
+        other quantities.
     confirmed : mapping of str to object
         Largest value and verdicts of the nonlinear orbits, and proofs; empty without these.
     doubts : sequence of str
@@ -101,7 +102,7 @@ class Optimum(Result):
 
     @property
     def free(self) -> Mapping[str, float]:
-        """Optimal values by name, in the model's units."""
+        """Mapping from the names of the free parameters to their optimal values, in the model's units."""
         return {name: parameter.value for name, parameter in self.parameters.items()}
 
     @stored_property
@@ -146,12 +147,12 @@ class Optimum(Result):
         }
 
     def header_rows(self) -> HeaderRows:
-        rows = [("minimised", f"{self.minimised}, largest over {len(self.speeds)} speeds")]
+        rows = [("minimised", f"{self.minimised}, largest at any of {len(self.speeds)} speeds")]
         return rows if len(self.speeds) > 1 else [("minimised", self.minimised)]
 
     @property
     def toml(self) -> str:
-        """Text of a case file for the optimal model, every number with its unit and source."""
+        """Text of a case file for the optimal model. Every number has its unit and source."""
         sources = {
             name: f"optimum of {self.minimised}; bounds {parameter.low:.6g} to {parameter.high:.6g}"
             for name, parameter in self.parameters.items()

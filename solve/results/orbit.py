@@ -26,8 +26,8 @@ from solve.results.serialization import stored_property
 from solve.results.stability import Stability
 
 _EQUAL_CHANGES = 1e-6
-"""Relative difference up to which changes of an output over a period count as equal, and below which a change
-counts as zero. A choice."""
+"""Relative difference up to which the changes of an output over different periods count as equal, and
+relative change up to which a change counts as zero. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
@@ -44,17 +44,18 @@ class Orbit(Stability, SolvedMotion):
     phase, time : (m + 1,) array
         Phases in rad and times in s of the nodes, including both ends of the period.
     q, qd, qdd : (n, m + 1) array
-        Coordinates, velocities and accelerations at the nodes, derivatives with respect to time, in SI units.
+        Coordinates, velocities and accelerations at the nodes, in SI units. Derivatives are with respect to
+        time.
     outputs : mapping of str to (m + 1,) array
-        Outputs at the nodes, by name.
+        Mapping from the names of outputs to their values at the nodes.
     states : tuple of str
         Names of the N first-order states, which are the last coordinates; empty for systems of second order.
     x, xd : (N, m + 1) array
         First-order states and their rates at the nodes; rows of `q` and `qd`.
     residual : float
-        Largest relative residual of the equation of motion.
+        Largest residual of the equation of motion, relative to its largest term.
     linearisation_error : mapping of str to float, or None
-        Estimated relative distance of each coordinate from the nonlinear orbit.
+        Estimated distance of each coordinate from the nonlinear orbit, relative to the coordinate's scale.
     """
 
     _subject: ClassVar[str] = "periodic motion"
@@ -87,7 +88,7 @@ class Orbit(Stability, SolvedMotion):
     @property
     def qdd(self) -> Array:
         """Accelerations (n, m+1) at the nodes (derivatives with respect to time). At a jump of the matrices,
-        the values just after the jump."""
+        they are the values just after the jump."""
         return self._nodal[2]
 
     @property
@@ -133,7 +134,7 @@ class Orbit(Stability, SolvedMotion):
 
     @stored_property
     def outputs(self) -> Mapping[str, Array]:
-        """Outputs (m+1,) at the nodes, by name."""
+        """Mapping from the names of outputs to their values (m+1,) at the nodes."""
         return dict(output_values(self.system, self.phase, self.speed, self.q, self.qd, self.qdd))
 
     @stored_property
@@ -149,8 +150,8 @@ class Orbit(Stability, SolvedMotion):
         relative to the coordinate's scale.
 
         The scale (see `solve.certify.correction`) is max|q| unless the forces on the coordinate cancel. The
-        estimate is the size of one correction of Newton's method on the same grid. It is accurate as long as
-        it is small; NaN if this correction has no solution, None for linear systems.
+        estimate is the size of one correction of Newton's method on the same grid. It is accurate if it is
+        small. It is NaN if the correction has no solution. The result is None for linear systems.
         """
         if not is_nonlinear(self.system):
             return None
@@ -161,8 +162,8 @@ class Orbit(Stability, SolvedMotion):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Warnings about the accuracy and about quantities outside the bounds of the model, one sentence
-        each."""
+        """Warnings about the accuracy, and about quantities that violate the bounds of the model, one
+        sentence each."""
         system = self.system
         names = {*judged_quantities(system), *(() if system.labels.outputs_apart else system.outputs)}
         figures = {name: self.statistics(name) for name in sorted(names)}
@@ -207,7 +208,8 @@ class Orbit(Stability, SolvedMotion):
         return f" Estimated linearisation error: {linearisation(max(errors))}."
 
     def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
-        """JSON object of `solve periodic --json`, with `harmonics` amplitudes above the mean per quantity."""
+        """JSON object of `solve periodic --json`, with the amplitudes of `harmonics` harmonics of each
+        quantity, in addition to its mean."""
         further = {"quasi_static": self.quasi_static.curve_record(harmonics)} if quasi_static else {}
         return {**super().record(), **to_json({**self.curve_record(harmonics), **further})}
 
@@ -236,9 +238,9 @@ class Orbit(Stability, SolvedMotion):
     def file_contents(self) -> FileContents:
         """Columns of time, phase, coordinates, outputs and rates at the nodes, and of the multipliers.
 
-        In .npz and .mat: phase, time (m+1,); q, qd, qdd (n, m+1) with the names `coordinates`;
-        output_values (k, m+1) with the names `outputs`; multipliers, exponents (complex); metadata (JSON).
-        Raises ValueOutOfBoundsError if two columns have the same name.
+        Files .npz and .mat contain phase and time (m+1,); q, qd and qdd (n, m+1), with the names
+        `coordinates`; output_values (k, m+1), with the names `outputs`; complex multipliers and exponents;
+        and metadata (JSON). Raises ValueOutOfBoundsError if two columns have the same name.
         """
         system, stability, outputs = self.system, super().file_contents(), self.outputs
         q, qd, qdd = self._nodal
@@ -267,7 +269,7 @@ class Orbit(Stability, SolvedMotion):
         scale: str = "linear",
         harmonics: int | None = None,
     ) -> Figure:
-        """Figure with the time curve over one period and the spectrum of each quantity, and the multipliers.
+        """Figure with the curve over one period and the spectrum of each quantity, and with the multipliers.
 
         Parameters
         ----------

@@ -36,11 +36,11 @@ class PeriodicMotion:
     speed: float
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q, q̇ and q̈ (n, k) at phases (k,); derivatives are with respect to time."""
+        """Return q, q̇ and q̈ (n, k) at phases (k,); derivatives are with respect to time."""
         raise NotImplementedError
 
     def at(self, phase: Array) -> Array:
-        """q (n, k) at phases (k,)."""
+        """Return q (n, k) at phases (k,)."""
         return self.state(phase)[0]
 
     @property
@@ -72,7 +72,7 @@ class PeriodicMotion:
         return lambda phase: output_values(self.system, phase, self.speed, *self.state(phase))[name]
 
     def statistics(self, name: str) -> Statistics:
-        """Extrema and mean of a coordinate or output, evaluated on the continuous curve. Raises
+        """Statistics of a coordinate or output over one period, evaluated on the continuous curve. Raises
         UnknownNameError."""
         if name in self.system.coordinates:
             return Statistics(*self._figures[self.system.coordinates.index(name)].tolist())
@@ -110,12 +110,12 @@ class PeriodicMotion:
         return spectrum(self._coordinate_samples[self.system.coordinates.index(name)], count)
 
     def _is_evaluated_alone(self, cache: str) -> bool:
-        """Whether an output is evaluated separately, because the values of the outputs have not been computed
-        together yet."""
+        """Whether an output must be evaluated separately because the outputs have not yet been evaluated
+        together."""
         return self.system.labels.outputs_apart and cache not in self.__dict__
 
     def evaluate_outputs(self) -> None:
-        """Evaluate the statistics of all outputs together, for displays of all outputs."""
+        """Evaluate the statistics of all outputs together, which is faster if all are shown."""
         if self.system.outputs:
             self.output_statistics  # noqa: B018 - cached from here on
 
@@ -125,7 +125,7 @@ class PeriodicMotion:
 
     @property
     def _sample_phases(self) -> Array:
-        """Equidistant phases (samples,) of the period that resolve the curve."""
+        """Equidistant phases (samples,) over the period that resolve the curves."""
         return np.arange(self.samples) * (self.system.period / self.samples)
 
     @cached_property
@@ -135,7 +135,8 @@ class PeriodicMotion:
 
     @stored_property
     def output_samples(self) -> Mapping[str, Array]:
-        """Outputs (samples + 1,) at equidistant phases that resolve their curves, including both ends."""
+        """Mapping from outputs to their values (samples + 1,) at equidistant phases that resolve the curves
+        and include both ends of the period."""
         phase = self._sample_phases
         sampled = output_values(self.system, phase, self.speed, *self.state(phase))
         return {name: np.append(sampled[name], sampled[name][0]) for name in self.system.outputs}
@@ -147,7 +148,7 @@ class PeriodicMotion:
 
     @stored_property
     def output_statistics(self) -> Mapping[str, Statistics]:
-        """Extrema and means of the outputs, by name."""
+        """Mapping from outputs to their statistics."""
         rows = self._output_figures.tolist() if self.system.outputs else []
         return {name: Statistics(*row) for name, row in zip(self.system.outputs, rows, strict=True)}
 
@@ -171,7 +172,7 @@ class PeriodicMotion:
         )
 
     def curve_record(self, count: int) -> dict[str, Any]:
-        """Statistics and `count` harmonics of every coordinate and output, for records."""
+        """JSON object with the statistics and `count` harmonics of every coordinate and output."""
         system = self.system
         self.evaluate_outputs()
 
@@ -196,7 +197,7 @@ class QuasiStatic(PeriodicMotion):
     speed: float
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q, with zeros for q̇ and q̈, (n, k) at phases (k,). Raises MatricesError for a singular K."""
+        """Return q, q̇ = 0 and q̈ = 0 (n, k) at phases (k,). Raises MatricesError for a singular K."""
         _, _, K, d = self.system.at(phase, self.speed)
         try:
             q = np.linalg.solve(K, d[..., None])[..., 0].T
@@ -209,7 +210,7 @@ class QuasiStatic(PeriodicMotion):
 
 
 class SolvedMotion(PeriodicMotion):
-    """Periodic motion from the curve of a solution, with the quasi-static solution for comparison."""
+    """Periodic motion given by the curve of a solution, with the quasi-static solution for comparison."""
 
     certified: Certified
     steps: Any
@@ -223,19 +224,20 @@ class SolvedMotion(PeriodicMotion):
 
     @property
     def samples(self) -> int:
-        """Number of samples per period; all steps have the same number of samples."""
+        """Number of samples per period, a multiple of the number of steps."""
         return self.steps * samples_a_step(self.steps)
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q, q̇ and q̈ (n, k) at phases (k,). Raises ValueOutOfBoundsError for NaN and infinite phases."""
+        """Return q, q̇ and q̈ (n, k) at phases (k,). Raises ValueOutOfBoundsError for NaN or infinite
+        phases."""
         q, v, a = (self.curve(require_finite(phase), derivative) for derivative in range(3))
         return q, self.speed * v, self.speed**2 * a
 
     def signal(self, name: str) -> Signal:
         """Coordinate or output as a function of the phase; see `PeriodicMotion.signal`.
 
-        An output of an orbit from a file is exact at the stored samples, and interpolated by a cubic spline
-        between the samples.
+        An output of an orbit from a file is exact at the stored samples, and interpolated between them by a
+        cubic spline.
         """
         if self.system.labels.solvable or name not in self.system.outputs:
             return super().signal(name)
@@ -257,8 +259,8 @@ class SolvedMotion(PeriodicMotion):
 
     @property
     def _output_figures(self) -> Array:
-        """Fields of `Statistics` (o, 7) of the outputs, by compiled code if the model's outputs have C
-        code."""
+        """Fields of `Statistics` (o, 7) of the outputs, evaluated by compiled code if the model's outputs
+        have C code."""
         engine = self.certified.request.engine
         compiled = compiled_output_figures(self.system, self.curve, self.speed, engine)
         return super()._output_figures if compiled is None else compiled

@@ -13,20 +13,21 @@ from solve.period.rigid_body import before_rigid
 from solve.results.serialization import serializable
 
 KINDS = ("+1", "-1", "complex")
-"""Multiplier that leaves the unit circle: period T, period 2T, or a pair."""
+"""Ways in which a multiplier leaves the unit circle: at +1 (period T), at -1 (period 2T), or as a complex
+pair."""
 
 _REAL = 1e-6
-"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. It is a choice above
-round-off."""
+"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. Chosen by judgement,
+above round-off."""
 
 LEFT_OUT = "spectral radius and verdict exclude their multipliers +1"
-"""Text for points whose verdict excludes rigid-body modes."""
+"""Text about points whose verdict excludes rigid-body modes."""
 
 FAILED = -1
-"""Index that replaces the index of a verdict at failed points."""
+"""Value that replaces the index of a verdict at failed points."""
 
 _NUMBERS_AN_AMPLITUDE = 64
-"""Number of values in memory per amplitude while many points are analysed together."""
+"""Number of values in memory for each amplitude while many points are analysed together."""
 
 _ARRAYS = (
     *("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods"),
@@ -37,7 +38,7 @@ _ARRAYS = (
 @serializable
 @dataclass(frozen=True)
 class Kept:
-    """Selection of the values that are stored for each point besides its stability.
+    """Selection of the values that are stored for each point in addition to its stability.
 
     Attributes
     ----------
@@ -49,7 +50,7 @@ class Kept:
         Whether texts of warnings are stored.
     meetings : bool
         Whether multipliers that coincide on the unit circle are examined. The verdict may then be "unstable"
-        although no multiplier is outside.
+        although no multiplier lies outside the circle.
     """
 
     names: tuple[str, ...] = ()
@@ -67,21 +68,22 @@ class PointResults:
     Attributes
     ----------
     figures : (P, q, 7) array
-        Statistics, the fields of `Statistics`.
+        Statistics of q quantities: the fields of `Statistics`.
     amplitudes : (P, spectra, harmonics + 1) array
         Amplitudes of the spectra.
     multipliers : (P, N) array
-        Multipliers, 0 if unresolved; the last `rigid` ones are zero placeholders for rigid-body modes.
+        Multipliers, 0 if unresolved. The last `rigid` entries are zero; they are placeholders for those of
+        rigid-body modes.
     errors : (P, 2) array
-        Relative errors of orbit and multipliers.
+        Relative errors of the orbits and of the multipliers.
     verdicts : (P,) array
         Indices in VERDICTS, or FAILED.
     steps, methods : (P,) array
-        Number of steps and name of the method.
+        Numbers of steps and names of the methods.
     reductions : (P, 2) array
-        Errors of the reduction of the system; NaN if it is not reduced.
+        Errors of orbits and multipliers due to the reduction of the system; NaN if it is not reduced.
     warnings, failures : dict
-        Texts by index of the point.
+        Mapping from indices of points to texts.
     rigid : (P,) array
         Number of multipliers of rigid-body modes.
     """
@@ -101,7 +103,7 @@ class PointResults:
 
     @classmethod
     def blank(cls, count: int, multipliers: int, kept: Kept) -> "PointResults":
-        """Results of points that are not solved yet, with `multipliers` multipliers per point. Raises
+        """Results of `count` points that are not yet solved, with `multipliers` multipliers per point. Raises
         ValueOutOfBoundsError if the results exceed the memory limit."""
         numbers = len(FIGURES) * len(kept.names) + 2 * multipliers
         spectra = len(kept.spectra) * (kept.harmonics + 1) * _NUMBERS_AN_AMPLITUDE
@@ -124,7 +126,7 @@ class PointResults:
 
     @property
     def all_multipliers(self) -> Array:
-        """Multipliers (P, N) including the +1 of rigid-body modes, in descending order of modulus."""
+        """Multipliers (P, N), including those of rigid-body modes (+1), in descending order of modulus."""
         multipliers = self.multipliers.copy()
         for point in np.flatnonzero(self.rigid).tolist():
             count = int(self.rigid[point])
@@ -134,7 +136,7 @@ class PointResults:
 
     @property
     def notes(self) -> list[str]:
-        """Sentence on the number of points with rigid-body modes; empty if there are none."""
+        """Sentence on the number of points with rigid-body modes; an empty list if there are none."""
         count = int(np.count_nonzero(self.rigid))
         if not count:
             return []
@@ -143,14 +145,14 @@ class PointResults:
 
     @property
     def spectral_radius(self) -> Array:
-        """Largest |ρ| (P,) without rigid-body modes; NaN where the point failed or the system has no
-        vibration."""
+        """Largest |ρ| (P,) without rigid-body modes; NaN where the point failed, or if the system does not
+        vibrate."""
         none = self.multipliers.shape[1] == 0
         return np.full(len(self), np.nan) if none else np.abs(self.multipliers[:, 0])
 
     @property
     def failed(self) -> Array:
-        """Whether each point (P,) has no result."""
+        """Mask (P,) of the points without a result."""
         return self.verdicts == FAILED
 
     def require_any(self) -> None:
@@ -163,18 +165,18 @@ class PointResults:
     def _outside(self) -> Array:
         """Mask (P,) of the points with a multiplier outside the unit circle by more than its error."""
         radius = self.spectral_radius
-        # For multipliers that underflow the error may be infinite, and the product with 0 is NaN.
+        # For multipliers that underflow, the error may be infinite, and its product with 0 is NaN.
         with np.errstate(invalid="ignore"):
             return ~self.failed & (radius - self.errors[:, 1] * radius > 1 + UNIT_CIRCLE)
 
     @property
     def kinds(self) -> Array:
-        """Kind (P,) of the multiplier outside the unit circle (one of KINDS), or an empty text if there is
-        none."""
+        """Kinds (P,), elements of KINDS, of the largest multiplier; an empty text if no multiplier is outside
+        the unit circle."""
         return np.where(self._outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
 
     def insert(self, index: Array, part: "PointResults") -> None:
-        """Insert the results of points at the given indices."""
+        """Insert the results `part` of points at the indices `index`."""
         for name in _ARRAYS:
             getattr(self, name)[index] = getattr(part, name)
         self.warnings.update({int(index[point]): texts for point, texts in part.warnings.items()})
@@ -182,7 +184,8 @@ class PointResults:
 
 
 def selected(results: PointResults, points: Array, kept: Kept) -> PointResults:
-    """Results of points with indices (k,), with fewer quantities and without spectra."""
+    """Return the results of the points with the indices (k,), with the quantities of `kept` only and without
+    spectra."""
     selection = PointResults.blank(len(points), results.multipliers.shape[1], kept)
     quantities = [results.kept.names.index(name) for name in kept.names]
     for name in _ARRAYS:
@@ -196,7 +199,8 @@ def selected(results: PointResults, points: Array, kept: Kept) -> PointResults:
 
 
 def kinds_of(multipliers: Array) -> Array:
-    """Indices (k,) in KINDS of the first multiplier of each row of (k, N); 0 if there are no multipliers."""
+    """Return the indices (k,) in KINDS that describe the first multiplier of each row of `multipliers` (k,
+    N); 0 if there are no multipliers."""
     if not multipliers.shape[1]:
         return np.zeros(len(multipliers), dtype=int)
     leader = multipliers[:, 0]

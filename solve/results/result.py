@@ -1,4 +1,4 @@
-"""Base class of results: tables, files, DataFrame, Dataset, repr."""
+"""Base class of results, with tables, files, DataFrame, Dataset and repr."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,8 +23,8 @@ else:
 
 
 def views() -> ModuleType:
-    """Package of tables, figures and HTML. It is imported at the first display, because views are a higher
-    layer than results."""
+    """Return the package `solve.views` of tables, figures and HTML. It is imported at the first display,
+    because views are a higher layer than results."""
     import solve.views
 
     return solve.views
@@ -41,11 +41,11 @@ class Result(Serializable):
     """
 
     _rows: ClassVar[str] = ""
-    """Key of the rows in the JSON record; None if the record has no rows."""
+    """Key under which the JSON record contains the rows; None if it has no rows."""
     _title: ClassVar[str] = ""
-    """Title of the table of the columns."""
+    """Title of the table."""
     _recorded: ClassVar[str] = ""
-    """Names of the attributes that belong to the result as a whole, in the order of the record."""
+    """Names of the attributes that describe the result as a whole, in the order of the record."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -62,27 +62,27 @@ class Result(Serializable):
 
     @property
     def _reduction(self) -> list[str]:
-        """Sentence on the error of the system's reduction, for results without an estimate of this error."""
+        """Sentence on the reduction of the system, for results without an estimate of its error."""
         reduction = self.system.capabilities.reduction
         return [] if reduction is None else [reduction.sentence]
 
     @property
     def summary(self) -> str:
-        """Main finding in one or two sentences; empty for many classes of results."""
+        """Main finding in one or two sentences; empty for some classes of results."""
         return ""
 
     @property
     def columns(self) -> Columns:
-        """Columns of the result's table, by name."""
+        """Mapping from names to the columns of the result's table."""
         raise NotImplementedError
 
     @property
     def summary_values(self) -> dict[str, Any]:
-        """Values that belong to the result as a whole, in a dictionary by name."""
+        """Mapping from names to the values that describe the result as a whole."""
         return {name: getattr(self, name) for name in self._recorded.split()}
 
     def header_rows(self) -> HeaderRows:
-        """Rows of the heading below model and speed, each with a label and a text."""
+        """Rows of the heading below those for model and speed, each with a label and a text."""
         return []
 
     def plot(self, *args: Any, **options: Any) -> Figure:
@@ -102,7 +102,7 @@ class Result(Serializable):
         return model_info(self.system)
 
     def record(self) -> dict[str, Any]:
-        """JSON object that the command of this result prints with `--json`."""
+        """JSON object that the command of this result prints if `--json` is given."""
         rows = {self._rows: rows_of(self.columns)} if self._rows else {}
         return to_json({**self.model_info, **self.summary_values, **rows, "warnings": self.warnings})
 
@@ -134,8 +134,8 @@ class Result(Serializable):
         write_atomic(file, writer(self, file))
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Dataset with one variable per column, with the attributes `units` and `long_name`. Attributes of
-        the dataset name model, case and parameters."""
+        """Dataset with one variable per column. The variables have the attributes `units` and `long_name`;
+        attributes of the dataset state the model, the case and the parameters."""
         return dataset(self.file_contents())
 
     def to_pandas(self) -> "pandas.DataFrame":
@@ -146,7 +146,7 @@ class Result(Serializable):
 
 
 class ResultOver(Result):
-    """Base class of results over the speed or one parameter.
+    """Base class of results versus speed or one parameter.
 
     Attributes
     ----------

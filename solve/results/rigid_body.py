@@ -1,4 +1,4 @@
-"""Rigid-body modes as they appear in results."""
+"""Rigid-body modes in results."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,9 +13,9 @@ from solve.results.serialization import serializable
 
 @serializable
 class RigidBodyMode(NamedTuple):
-    """Rigid-body mode e. vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the
-    period, relative to Σ|K_ij e_j|; drift: steady velocity w (per unit of time) of a damped mode, with q =
-    w e t + p(t) and periodic p; None without an orbit."""
+    """Rigid-body mode e. `vector` (n,) contains the components of e, and `damped` is True if C e ≠ 0. `error`
+    is the largest |K e| over the period, relative to Σ|K_ij e_j|. `drift` is the steady velocity w of a
+    damped mode in q = w e t + p(t), where t is the time and p is periodic; None without an orbit."""
 
     vector: tuple[float, ...]
     damped: bool
@@ -23,7 +23,7 @@ class RigidBodyMode(NamedTuple):
     drift: float | None = None
 
     def ratio(self, coordinates: Sequence[str]) -> str:
-        """Text with the ratio of the coordinates that move.
+        """Text that states the ratio of the coordinates that move.
 
         >>> RigidBodyMode((1.0, -0.5, 0.0), False, 0.0).ratio(("motor", "gear", "case"))
         'motor : gear = 1 : -0.5'
@@ -38,8 +38,8 @@ class RigidBodyMode(NamedTuple):
 def rigid_body_modes_of(
     modes: RigidBodyModes, secular: Array | None = None, speed: float = 0.0
 ) -> list[RigidBodyMode]:
-    """Rigid-body modes at the first point. secular (P, r): steady velocities with respect to the phase.
-    speed: in rad/s."""
+    """Return the rigid-body modes at the first of P points. `secular` (P, r) are steady velocities with
+    respect to the phase; `speed` is in rad/s."""
     rigid_modes = []
     for at in np.flatnonzero(modes.present[0]).tolist():
         damped = bool(modes.dragged[0, at])
@@ -50,9 +50,9 @@ def rigid_body_modes_of(
 
 
 def steady_part(differences: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
-    """Part of the differences (turns, n, k) from an orbit that is a steady motion along rigid-body modes: an
-    offset and the drift or, for an undamped mode, an offset and any constant velocity. nodes (k,): phases.
-    speed: in rad/s."""
+    """Return that part of `differences` (turns, n, k) from an orbit which is a steady motion along rigid-body
+    modes: an offset and the drift or, for an undamped mode, an offset and any constant velocity. `nodes` (k,)
+    are phases; `speed` is in rad/s."""
     steady = np.zeros_like(differences)
     if not modes:
         return steady

@@ -20,30 +20,31 @@ if TYPE_CHECKING:
     import xarray
 
 _STATE_GROUP = "state"
-"""Group of a netCDF file from which the result is restored."""
+"""Name of the group in a netCDF file from which the result is restored."""
 
 
 class Saved(Protocol):
-    """Result that can be saved (protocol)."""
+    """Protocol of results that can be saved."""
 
     def file_contents(self) -> FileContents: ...
 
 
 def checked_data(path: str | Path) -> Path:
-    """Path of a data file, checked for writing. Raises FileError."""
+    """Return the path of a data file that can be written. Raises FileError."""
     return checked(path, _WRITERS, "data")
 
 
 def writer(result: Saved, file: Path) -> Callable[[BinaryIO], None]:
-    """Function that writes the result to a stream, in the format of the file's ending."""
+    """Return a function that writes the result to a stream, in the format that the file's ending states."""
     return partial(_WRITERS[file.suffix.lower()], result)
 
 
 @first_is(str, Path, such_as="'orbit.nc'")
 def open(path: str | Path) -> Any:
-    """Result restored from a file that was written by its method `save`.
+    """Open a result that was written to a file by its method `save`.
 
-    No code is run. The result is identical to the saved one, bit by bit, except that it has no equations.
+    No code in the file is run. The result is identical to the saved one, bit for bit, except that it has no
+    equations.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def open(path: str | Path) -> Any:
     Raises
     ------
     FileError
-        If the file cannot be read, is damaged or holds something else.
+        If the file cannot be read, is damaged, or does not contain a result.
     """
     file = Path(path)
     kind = file.suffix.lower()
@@ -88,7 +89,7 @@ def _read_npz(file: Path) -> dict[str, Array]:
 
 
 def _read_nc(file: Path) -> dict[str, Array]:
-    # For a damaged file the finaliser of h5netcdf prints an exception; that of h5py does not.
+    # For a damaged file, the finaliser of h5netcdf prints an exception; that of h5py does not.
     import h5py
 
     with h5py.File(file) as content:
@@ -97,8 +98,8 @@ def _read_nc(file: Path) -> dict[str, Array]:
 
 
 def dataset(contents: FileContents) -> "xarray.Dataset":
-    """Dataset with one variable per column and the attributes `units` and `long_name`. The time, and columns
-    whose name is that of their axis, become coordinates of the dataset."""
+    """Return a Dataset with one variable per column; variables have the attributes `units` and `long_name`.
+    The time, and columns with the name of their axis, become coordinates of the Dataset."""
     import xarray
 
     entries = {name: _variable(column) for name, column in {**contents.columns, **contents.others}.items()}
@@ -114,7 +115,7 @@ def dataset(contents: FileContents) -> "xarray.Dataset":
 
 
 def _variable(column: Column) -> tuple[Any, ...]:
-    """Axes, values, attributes and encoding of a column; missing values are NaN."""
+    """Return the axes, values, attributes and encoding of a column; missing values are NaN."""
     attributes = {"units": column.unit, "long_name": column.meaning}
     texts = {key: text for key, text in attributes.items() if text}
     return column.axes, column.array, texts, {"_FillValue": None}
@@ -142,7 +143,8 @@ def _write_mat(result: Saved, stream: BinaryIO) -> None:
 
     contents = result.file_contents()
     for name in contents.numbers:
-        # SciPy omits names with an underscore and raises for characters beyond Latin-1.
+        # SciPy omits names that begin with an underscore, and raises an exception for characters beyond
+        # Latin-1.
         if name.startswith("_") or max(name) > "\xff":
             raise ValueOutOfBoundsError(
                 f"'{name}' cannot be the name of a variable in MATLAB; save .nc or .npz, or rename "

@@ -26,11 +26,12 @@ class Scatter(Result):
     starts : (N, 2n) array
         Initial q and q̇ at phase 0, derivatives with respect to time.
     leads : (N,) array of int
-        Number of the orbit in `orbits` to which each start leads; -1 if the motion does not settle.
+        Index in `orbits` of the orbit on which the motion from each initial state settles; -1 if it does not
+        settle.
     orbits : sequence of NonlinearOrbit
-        Orbits in the order of their shares, the largest first.
+        Orbits in descending order of their `shares`.
     seed : int
-        Seed of the initial states.
+        Seed of the random initial states.
     turns : int
         Number of periods after which a motion counts as not settled.
     """
@@ -48,7 +49,7 @@ class Scatter(Result):
 
     @property
     def shares(self) -> Array:
-        """Fraction of the initial states whose motions settle on each orbit."""
+        """For each orbit: fraction of the initial states from which motions settle on it."""
         return np.array([float((self.leads == number).mean()) for number in range(len(self.orbits))])
 
     @stored_property

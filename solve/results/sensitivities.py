@@ -1,4 +1,4 @@
-"""Derivatives of quantities with respect to parameters and speed, at one speed and over speed."""
+"""Derivatives of quantities with respect to parameters and speed, at one or several speeds."""
 
 import itertools
 import math
@@ -17,17 +17,17 @@ from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
 
 MOST_ROWS = 12
-"""Maximum number of parameters of a quantity in figures and tables at one speed. A choice."""
+"""Maximum number of parameters for each quantity in figures and tables at one speed. Chosen by judgement."""
 
 _UNCERTAIN = 0.01
-"""Relative error of a derivative above which a warning is issued. A choice."""
+"""Relative error of a derivative above which a warning is issued. Chosen by judgement."""
 
 _MATTERS = 1e-3
-"""Fraction of the largest elasticity below which the effect of a parameter is negligible, so that no warning
-is issued for its derivative. A choice."""
+"""Fraction of a quantity's largest elasticity below which the effect of a parameter is negligible, so that no
+warning about its derivative is issued. Chosen by judgement."""
 
 _INDEPENDENT = 1e-8
-"""Elasticity, with its error, below which a quantity counts as independent of a parameter: the default
+"""Elasticity plus its error below which a quantity counts as independent of a parameter: the default
 tolerance of orbits and multipliers."""
 
 
@@ -42,7 +42,7 @@ class Sensitivity:
         Value of the quantity, and its unit.
     derivatives, errors : (r,) array
         Derivatives with respect to the parameters, and their estimated absolute errors, in SI units; NaN if
-        there is a `reason`.
+        `reason` is not empty.
     reason : str
         Reason why there are no derivatives.
     """
@@ -64,13 +64,13 @@ class Sensitivities(Result):
     speed : float or None
         Speed in rad/s; None for derivatives of speeds.
     by : mapping of str to float
-        Values of the parameters by name.
+        Parameters with their values.
     found : mapping of str to Sensitivity
-        Sensitivities by quantity.
+        Sensitivities of each quantity.
     method, steps : str, int
-        Method and grid; derivatives are exact except for the error of the method.
+        Method, and number of steps per period. Derivatives are exact except for the error of the method.
     notes : sequence of str
-        Notes on the calculation.
+        Notes on the computation.
     """
 
     system: PeriodicSystem
@@ -82,12 +82,11 @@ class Sensitivities(Result):
     notes: Sequence[str] = ()
 
     def __getitem__(self, quantity: str) -> dict[str, float | complex]:
-        """Derivatives of a quantity, in a dictionary by name of the parameter."""
+        """Mapping from parameters to the derivatives of a quantity."""
         return dict(zip(self.by, self.found[quantity].derivatives.tolist(), strict=True))
 
     def elasticities(self, quantity: str) -> dict[str, float | complex]:
-        """Elasticities (θ/q) ∂q/∂θ of a quantity q, in a dictionary by name of the parameter θ; NaN if q is
-        0."""
+        """Mapping from parameters θ to the elasticities (θ/q) ∂q/∂θ of a quantity q; NaN if q is 0."""
         one = self.found[quantity]
         scale = 1 / one.value if one.value != 0 else math.nan
         return dict(zip(self.by, (one.derivatives * self._values * scale).tolist(), strict=True))
@@ -179,7 +178,7 @@ class Sensitivities(Result):
 
 
 def number(value: Any, digits: int) -> str:
-    """Short text of a real or complex number."""
+    """Format a real or complex number."""
     if np.iscomplexobj(value):
         return f"{value.real:.{digits - 2}g}{value.imag:+.{digits - 2}g}i"
     return f"{value:.{digits}g}" if math.isfinite(value) else "–"
@@ -203,9 +202,10 @@ class SensitivitiesOver(Result):
     values : (P, q) array
         Values of the quantities in SI units.
     derivatives, errors : (P, q, r) array
-        Derivatives and their estimated absolute errors in SI units; NaN for the causes in `reasons`.
+        Derivatives and their estimated absolute errors in SI units; NaN where `reasons` states why.
     reasons : mapping of int to sequence of str
-        Reasons why a speed, or a quantity at this speed, has no derivatives, by index of the speed.
+        Mapping from indices of speeds to reasons why there are no derivatives at the speed, or no derivatives
+        of a quantity.
     """
 
     system: PeriodicSystem
@@ -229,7 +229,7 @@ class SensitivitiesOver(Result):
             )
 
     def __getitem__(self, quantity: str) -> dict[str, Array]:
-        """Derivatives (P,) of a quantity, in a dictionary by name of the parameter."""
+        """Mapping from parameters to the derivatives (P,) of a quantity."""
         place = list(self.quantities).index(quantity)
         return dict(zip(self.by, self.derivatives[:, place].T, strict=True))
 
@@ -273,7 +273,7 @@ class SensitivitiesOver(Result):
         }
 
     def ranked(self, place: int) -> list[int]:
-        """Indices of the parameters in order of decreasing elasticity of a quantity over the speeds. place:
-        index of the quantity."""
+        """Indices of the parameters in descending order of the elasticity of the quantity with index `place`,
+        largest at any speed."""
         sizes = np.nan_to_num(np.abs(self.elasticities[:, place])).max(axis=0)
         return np.argsort(-sizes, kind="stable")[:MOST_SHOWN].tolist()

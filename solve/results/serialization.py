@@ -1,8 +1,8 @@
-"""Conversion of results to plain data and arrays, and back. Files contain these data, from which the result
-is restored.
+"""Conversion of results to plain data and arrays, and back. Files contain these data and arrays, from which a
+result is restored.
 
-Reading runs no code. It constructs only classes that are declared `serializable`; of a system it restores the
-labels, not the equations.
+Reading runs no code from the file. It constructs only classes that are declared `serializable`. Of a system,
+it restores the labels but not the equations.
 """
 
 import dataclasses
@@ -30,19 +30,19 @@ from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit
 
 FORMAT = 2
-"""Version of the format of stored results. Earlier versions can be read."""
+"""Version of the format of stored results. Earlier formats can be read."""
 
 CLASSES: dict[str, type] = {}
-"""Classes whose objects files may contain, by name."""
+"""Mapping from names to the classes whose objects files may contain."""
 
 _LABELS = (
     *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
     *("links", "moves", "vibrates", "equation_warnings", "largest_of", "units", "meanings", "speed_unit"),
 )
-"""Names of the labels of a system that files contain."""
+"""Names of those labels of a system that files contain."""
 
 _DATA = "period", "coordinates", "breaks", "outputs", "states", "inputs"
-"""Names of the attributes of a system that files contain. Files of earlier versions lack the last ones."""
+"""Names of those attributes of a system that files contain. Files of earlier versions lack the last ones."""
 
 Kind = TypeVar("Kind", bound=type)
 Value = TypeVar("Value")
@@ -58,13 +58,13 @@ def serializable(kind: Kind) -> Kind:
 
 
 def _name_of(kind: type) -> str:
-    """Name of a class, preceded by the model's name unless the class belongs to `solve`."""
+    """Return the name of a class, preceded by the model's name unless the class belongs to `solve`."""
     package, _, rest = kind.__module__.partition(".")
     return kind.__name__ if package == "solve" else f"{rest.partition('.')[0]}.{kind.__name__}"
 
 
 class stored_property(cached_property[Value]):  # noqa: N801 - named as the decorator that it extends
-    """Cached property whose value is written to files, because its computation needs the equations or the
+    """Cached property whose value is written to files, because its computation requires the equations or the
     solver."""
 
 
@@ -90,14 +90,15 @@ class Serializable:
 
 
 def _field_names(kind: type, stored: bool) -> list[str]:
-    """Names of the fields of a dataclass that are written to files or, if `stored` is False, of all other
-    fields."""
+    """Return the names of those fields of a dataclass that are written to files or, if `stored` is False,
+    that are not."""
     fields = dataclasses.fields(kind)
     return [field.name for field in fields if field.metadata.get("stored", True) is stored]
 
 
 def _stored_properties(kind: type) -> list[str]:
-    """Names of cached properties that the class or one of its base classes declares as `stored_property`."""
+    """Return the names of the properties that a class or one of its base classes declares as
+    `stored_property`."""
     declared = {
         name
         for base in kind.__mro__
@@ -108,7 +109,7 @@ def _stored_properties(kind: type) -> list[str]:
 
 
 def _contents_of(value: Any) -> Mapping[str, Any]:
-    """Values of an object of a serializable class, by name."""
+    """Return a mapping from names to the values of an object of a serializable class."""
     if hasattr(value, "_asdict"):
         return value._asdict()
     names = [*_field_names(type(value), stored=True), *_stored_properties(type(value))]
@@ -116,7 +117,7 @@ def _contents_of(value: Any) -> Mapping[str, Any]:
 
 
 def _restored(kind: type, values: dict[str, Any]) -> Any:
-    """Object of a serializable class from its values."""
+    """Return an object of a serializable class, from its values."""
     if not dataclasses.is_dataclass(kind):
         return kind(**values)
     fields, missing = set(_field_names(kind, stored=True)), _field_names(kind, stored=False)
@@ -162,7 +163,7 @@ class StoredSystem(PeriodicSystem, Outputs):
         return self.freedoms
 
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
-        """An empty result, because the warnings about limits are stored in the file."""
+        """Return an empty list, because the file contains the warnings about limits."""
         return []
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -175,7 +176,7 @@ class StoredSystem(PeriodicSystem, Outputs):
 
 
 class _Encoder:
-    """Encoder of values as plain data, in which arrays and systems are replaced by their indices."""
+    """Encoder that converts values to plain data, in which arrays and systems are replaced by indices."""
 
     def __init__(self) -> None:
         self._flat: dict[np.dtype[Any], list[Array]] = {}
@@ -185,12 +186,13 @@ class _Encoder:
 
     @property
     def arrays(self) -> list[Array]:
-        """Arrays to store, joined into one array per data type. Files with many arrays are slow to read and
-        write."""
+        """Arrays to store, joined to one array per data type, because files with many arrays are slow to read
+        and write."""
         return [np.concatenate(parts, dtype=kind) for kind, parts in self._flat.items()]
 
     def plain(self, value: Any) -> Any:
-        """Convert a value to JSON data. A list begins with the name of the kind of value it contains."""
+        """Convert a value to JSON data. The first element of a list is the kind of value that the list
+        contains."""
         if isinstance(value, GivenSpeed) and value.unit:
             return ["speed", float(value), self.plain(value.unit)]
         if value is None or isinstance(value, str | bool | int | float):
@@ -233,7 +235,7 @@ class _Encoder:
 
 
 class _Decoder:
-    """Decoder of plain data. Each method except `value` decodes the lists that begin with its name."""
+    """Decoder of plain data. Each method except `value` decodes the lists whose first element is its name."""
 
     def __init__(self, arrays: Sequence[Array], systems: Sequence[Mapping[str, Any]]):
         self._arrays = arrays
@@ -259,10 +261,11 @@ class _Decoder:
         return self._systems[number]
 
     def _array(self, number: int, dtype: str, shape: list[int], start: int = 0) -> Array:
-        """Array from its data type, shape and start; in format 1 each array is stored separately."""
+        """Return an array from its data type, its shape and the index of its first element. In format 1, each
+        array is stored separately."""
         kind, flat = np.dtype(dtype), self._arrays[number]
         stop = start + math.prod(shape) * kind.itemsize // flat.itemsize
-        # The index () converts an array without axes to a number.
+        # The index () converts a zero-dimensional array to a number.
         return flat[start:stop].view(kind).reshape(shape)[()]
 
     def _texts(self, texts: list[str], codes: list[Any], kind: str) -> Array:
@@ -279,8 +282,8 @@ class _Decoder:
 
 
 def to_arrays(result: Any) -> dict[str, Array]:
-    """Convert a result to numeric arrays by name: the JSON data as bytes, the arrays to which they refer, and
-    a checksum."""
+    """Convert a result to a mapping from names to numeric arrays: the JSON data as bytes, the arrays to which
+    these data refer, and a checksum."""
     encoder = _Encoder()
     plain = encoder.plain(result)
     content = {"format": FORMAT, "systems": encoder.systems, "result": plain}
@@ -290,9 +293,9 @@ def to_arrays(result: Any) -> dict[str, Array]:
 
 
 def from_arrays(arrays: Mapping[str, Array]) -> Any:
-    """Result restored from the arrays that `to_arrays` returned.
+    """Restore a result from the arrays that `to_arrays` returned.
 
-    Raises FileError for a later format, ResultKindError for an unknown class, and any exception of Python for
+    Raises FileError for a later format, ResultKindError for an unknown class, and arbitrary exceptions for
     damaged arrays.
     """
     state = {name: arrays[name] for name in ("state", *(f"state{k}" for k in range(len(arrays) - 2)))}
@@ -311,7 +314,8 @@ def from_arrays(arrays: Mapping[str, Array]) -> Any:
 
 
 def _checksum(state: Mapping[str, Array]) -> Array:
-    """SHA-256 checksum of all arrays. The file formats themselves protect only part of their content."""
+    """Return a SHA-256 checksum of all arrays. The checksums of the file formats cover only a part of the
+    content."""
     digest = hashlib.sha256()
     for name, array in state.items():
         digest.update(f"{name} {array.dtype.str} {array.shape}".encode())

@@ -1,4 +1,4 @@
-"""Curves of folds or of period doublings in two parameters."""
+"""Curves of folds, or of period doublings, in the plane of two parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,12 +14,13 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 CUSP = "cusp"
-"""Kind of a point at which two curves of folds meet."""
+"""Kind of point at which two curves of folds meet."""
 
 
 @dataclass(frozen=True)
 class SpecialCurves(Result):
-    """Curves of P folds or period doublings in two parameters, from `solve.special_curves`.
+    """P points on curves of folds, or of period doublings, in the plane of two parameters, from
+    `solve.special_curves`.
 
     Attributes
     ----------
@@ -28,7 +29,7 @@ class SpecialCurves(Result):
     names : tuple of str
         Names of the two parameters, one of which may be "speed".
     values : (P, 2) array
-        Values of both parameters; speeds in rad/s.
+        Values of the two parameters; speeds in rad/s.
     peaks : (P, n) array
         Largest moduli of the coordinates.
     radius : (P,) array
@@ -36,11 +37,11 @@ class SpecialCurves(Result):
     errors : (P,) array
         Estimated relative errors of the orbits.
     cusps : (P,) array of bool
-        Whether two curves of folds meet at the point.
+        Whether two curves of folds meet at each point.
     numbers : (P,) array of int
-        Number of the curve, from 0.
+        Number, from 0, of the curve to which each point belongs.
     rtol : float
-        Tolerance of the orbits.
+        Relative tolerance of the orbits.
     ended : str
         Reasons why curves end within the ranges.
     notes : sequence of str
@@ -102,7 +103,7 @@ class SpecialCurves(Result):
 
     @property
     def summary(self) -> str:
-        """Sentence on the number of curves and their cusps."""
+        """Sentences on the number of curves and on their cusps."""
         count = len(set(self.numbers.tolist()))
         text = f"{count} curve{'s' * (count != 1)} of {self.kind}s."
         units = [unit_of(self.system, name) for name in self.names]

@@ -23,38 +23,39 @@ from solve.results.stability import ErrorEstimate
 from solve.system import PeriodicSystem, check
 
 _STEPS = 256
-"""Number of steps between the nodes of prescribed motion in files. A choice that does not affect the
+"""Number of steps per period of prescribed motion in files. Chosen by judgement. It does not affect the
 statistics, which are computed from the continuous curve."""
 
 _MOST_EVENTS = 32
-"""Number of events per period of the model above which a warning about chatter is issued. A choice."""
+"""Number of events per period of the model above which a warning about chatter is issued. Chosen by
+judgement."""
 
 _ROUNDOFF = 1e-14
-"""Relative error of an output of prescribed motion: outputs take about a hundred operations, each accurate to
-1e-16."""
+"""Relative error of an output of prescribed motion: an output takes about a hundred operations, each of which
+is accurate to 1e-16."""
 
 
 @dataclass(frozen=True)
 class NonlinearOrbit(Orbit):
-    """Periodic solution of the nonlinear equations r(φ, Ω, q, q̇, q̈) = 0 over `periods` periods, from
-    `solve.nonlinear`. Its attribute `system` is the system linearised along the orbit.
+    """Solution of the nonlinear equations r(φ, Ω, q, q̇, q̈) = 0 that repeats after `periods` periods of the
+    model, from `solve.nonlinear`. Its attribute `system` is the system linearised along the orbit.
 
     Attributes
     ----------
     iterations : int
-        Number of corrections of Newton's method on the grid where the orbit was found.
+        Number of corrections of Newton's method on the grid on which the orbit was found.
     found_by : str
         Strategy that succeeded: "start", "linear orbit", "load", "speed" or "transient".
     failed : tuple of str
-        Sentences on the strategies that were tried before and failed.
+        Sentences on the strategies that were tried before this one and failed.
     periods : int
         Number of periods of the model per period of the orbit.
     settled : bool
         False if a transient from rest does not settle on an orbit.
     events : tuple of float
-        Phases in rad at which the orbit passes stops, clearances or contacts, ascending.
+        Ascending phases in rad at which the orbit crosses a stop, a clearance or a contact.
     grazing : tuple of float
-        Phases in rad at which the orbit touches a stop, clearance or contact tangentially.
+        Phases in rad at which the orbit touches a stop, a clearance or a contact tangentially.
     """
 
     iterations: int = 0
@@ -67,12 +68,12 @@ class NonlinearOrbit(Orbit):
 
     @stored_property
     def linearisation_error(self) -> Mapping[str, float] | None:
-        """Always None, because the equations are not linearised."""
+        """None, because the equations are not linearised."""
         return
 
     @stored_property
     def notes(self) -> list[str]:
-        """Notes on engine and method, on rigid-body modes, and on strategies that failed."""
+        """Notes on the engine, the method, rigid-body modes, and strategies that failed."""
         return [*super().notes, *self.failed]
 
     @property
@@ -84,7 +85,7 @@ class NonlinearOrbit(Orbit):
 
     @stored_property
     def linear(self) -> PeriodicCurve | None:
-        """Linear orbit on the same grid; None if it does not exist."""
+        """Orbit of the linear equations on the same grid; None if it does not exist."""
         grid, certified = self.certified.solutions.grid, self.certified
         rest = Curve(grid.nodes, np.zeros((self.system.n, grid.steps, 1)))
         engine = certified.request.engine
@@ -146,8 +147,8 @@ class NonlinearOrbit(Orbit):
         return [*super().header_rows(), ("found", search)]
 
     def linear_values(self, name: str, phase: Array) -> Array | None:
-        """Values (k,) of a coordinate or output on the linear orbit at phases (k,); None if there is no
-        linear orbit."""
+        """Values (k,) of a coordinate or output at phases (k,) on the orbit of the linear equations; None if
+        there is no such orbit."""
         if self.linear is None:
             return None
         q, v, a = (self.linear(phase, derivative) for derivative in range(3))
@@ -180,8 +181,8 @@ class NoStability:
 
 @dataclass(frozen=True)
 class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
-    """Prescribed motion of a mechanism without coordinates: outputs over a period, without multipliers,
-    exponents or verdict."""
+    """Prescribed motion of a mechanism without coordinates. The result contains outputs over a period, but no
+    multipliers, exponents or verdict."""
 
     @classmethod
     def at_speed(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":

@@ -1,4 +1,4 @@
-"""Floquet multipliers, exponents and the stability verdict (chapter Section 2)."""
+"""Floquet multipliers, exponents and the stability verdict (section 2 of the chapter)."""
 
 import math
 from collections.abc import Sequence
@@ -23,9 +23,9 @@ from solve.results.serialization import NOT_STORED, serializable, stored_propert
 from solve.system import PeriodicSystem
 
 _NO_DRIFT = 1e-12
-"""Displacement per period by a steady velocity, relative to the vibration, that counts as zero. It bounds the
-round-off of the mean load: about a thousand terms with relative errors of 1e-16, times a condition number of
-up to 10."""
+"""Displacement per period due to a steady velocity, relative to the vibration, up to which it counts as zero.
+This is a bound on the effect of round-off in the mean load: about a thousand terms with relative errors of
+1e-16, times a condition number of up to 10."""
 
 _CONSEQUENCES = (
     "disturbances decay by a factor {radius:.3g} per period",
@@ -33,11 +33,11 @@ _CONSEQUENCES = (
     "disturbances grow by a factor {radius:.4g} per period, and this vibration is not sustained",
     "the accuracy is insufficient to decide whether disturbances decay or grow",
 )
-"""Texts on the consequence of each verdict, in the order of VERDICTS."""
+"""Texts that state the consequence of each verdict."""
 
 
 def short_verdict(verdict: str) -> str:
-    """Short text of a verdict for narrow columns.
+    """Return a short text for a verdict, for narrow columns.
 
     >>> short_verdict("asymptotically stable")
     'asymptotic'
@@ -46,7 +46,7 @@ def short_verdict(verdict: str) -> str:
 
 
 def method_text(method: Method) -> str:
-    """Name and settings of a method.
+    """Return a text with the name and the settings of a method.
 
     >>> from solve.methods.newmark import Newmark
     >>> method_text(Newmark())
@@ -63,9 +63,9 @@ class ErrorEstimate(NamedTuple):
     Parameters
     ----------
     orbit : float
-        Largest max|error| / max|q| of all coordinates; NaN without an orbit.
+        Largest value of max|error| / max|q| of any coordinate; NaN without an orbit.
     multipliers : float
-        Largest |error| of the multipliers, divided by the spectral radius.
+        Largest |error| of any multiplier, divided by the spectral radius.
     """
 
     orbit: float
@@ -127,8 +127,8 @@ class Solution(Result):
 
     @stored_property
     def liouville(self) -> float:
-        """Difference in log|det Φ| between the method and Liouville's formula, caused by modes that the steps
-        do not resolve; NaN for a method without steps."""
+        """Difference between log|det Φ| by the method and by Liouville's formula; it is caused by modes that
+        the steps do not resolve. NaN for a method without steps."""
         known = np.where(np.isfinite(self.multiplier_errors), self.spectrum.logarithms, np.nan)
         return liouville_defect(self.system, self.speed, self.certified.solutions, known)
 
@@ -152,8 +152,8 @@ class Solution(Result):
 class Stability(Solution):
     """Stability of the periodic motion of a system at one speed, from `solve.floquet`.
 
-    Multipliers and exponents contain all N values, two per coordinate and one per first-order state; spectral
-    radius and verdict exclude rigid-body modes.
+    `multipliers` and `exponents` contain all N values: two per coordinate, or one per first-order state. The
+    spectral radius and the verdict exclude rigid-body modes.
 
     Attributes
     ----------
@@ -178,24 +178,25 @@ class Stability(Solution):
         "verdict stable error_estimate distance_from_one liouville condition rigid_body_modes notes"
     )
     _subject: ClassVar[str] = "motion"
-    """Subject of the verdict: without an orbit, any motion of the linear equations."""
+    """Subject of sentences about the verdict. Without an orbit, the verdict applies to every motion of the
+    linear equations."""
 
     @stored_property
     def multipliers(self) -> Array:
-        """Multipliers ρ (N,), complex, in order of decreasing modulus; in conjugate pairs, the positive
-        imaginary part comes first. 0 if ρ underflows, NaN if it is unknown."""
+        """Complex multipliers ρ (N,) in descending order of modulus. In conjugate pairs, the multiplier with
+        positive imaginary part comes first. 0 if ρ underflows, NaN if it is unknown."""
         return self.spectrum.values
 
     @stored_property
     def exponents(self) -> Array:
-        """Exponents λ = ln(ρ)/T (N,) in 1/s, principal branch (chapter Eq. (11)). They are finite even where
-        ρ underflows; -inf if ρ is exactly 0, NaN if it is unknown."""
+        """Exponents λ = ln(ρ)/T (N,) in 1/s, on the principal branch (Eq. (11) of the chapter). They are
+        finite even where ρ underflows; -inf if ρ is exactly 0, NaN if it is unknown."""
         return self.spectrum.logarithms / self.period
 
     @stored_property
     def multiplier_errors(self) -> Array:
-        """Estimated relative error of each multiplier (2n,); NaN if the multiplier is not accurate to one
-        digit."""
+        """Estimated relative errors (N,) of the individual multipliers; NaN if a multiplier is not accurate
+        to one digit."""
         return self.spectrum.errors
 
     @property
@@ -205,13 +206,14 @@ class Stability(Solution):
 
     @stored_property
     def modes(self) -> Sequence[FloquetMode]:
-        """Mode of each multiplier, with its frequency in rad/s and its folded frequency, modulo 2π/T."""
+        """Mode of each multiplier, with its frequency in rad/s, and with the same frequency folded modulo
+        2π/T."""
         return self.spectrum.modes
 
     @stored_property
     def spectral_radius(self) -> float:
-        """Largest |ρ| without rigid-body modes; 0 if it is unresolved, or if all multipliers belong to
-        rigid-body modes."""
+        """Largest |ρ| without rigid-body modes; 0 if the largest multiplier is unresolved, or if all
+        multipliers belong to rigid-body modes."""
         if (
             self._rho.resolved[0]
             or not len(self._others)
@@ -235,7 +237,7 @@ class Stability(Solution):
 
     @stored_property
     def distance_from_one(self) -> float:
-        """Smallest |ρ - 1| over the multipliers ρ; 0 at resonance and on a stability boundary of kind +1."""
+        """Smallest |ρ - 1| of any multiplier ρ; 0 at resonance, and on a stability boundary of kind +1."""
         return float(self._rho.distance_from_one[0])
 
     @property
@@ -244,7 +246,8 @@ class Stability(Solution):
 
     @stored_property
     def error_estimate(self) -> ErrorEstimate:
-        """Errors of orbit and multipliers; infinite if the spectral radius is not accurate to one digit."""
+        """Errors of the orbit and of the multipliers; the latter is infinite if the spectral radius is not
+        accurate to one digit."""
         orbit, multipliers = map(float, self.certified.errors[0])
         if not self._rho.resolved[0]:
             largest = float(self.multiplier_errors[self._others[0]]) if len(self._others) else 0.0
@@ -263,7 +266,7 @@ class Stability(Solution):
 
     @stored_property
     def notes(self) -> list[str]:
-        """Notes on engine and method, and on rigid-body modes."""
+        """Notes on the engine, the method, and rigid-body modes."""
         modes = (self._rigid_body_note(mode) for mode in self.rigid_body_modes)
         method = filter(None, self.certified.solutions.notes)
         error = self.interpolation_error
@@ -316,7 +319,7 @@ class Stability(Solution):
         return {"residual": None, **super().summary_values, **reduction, **sampled}
 
     def header_rows(self) -> HeaderRows:
-        """Heading rows: method, errors, checks and notes."""
+        """Rows of the heading: method, errors, checks and notes."""
         errors, checks = self._accuracy()
         return [
             ("method", f"{self.described}, {counted(self.steps, 'step')} a period"),
@@ -334,7 +337,7 @@ class Stability(Solution):
         return [f"{error.coordinates} of {error.full} coordinates: {', '.join(error.parts)} (relative)"]
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
-        """Texts of the errors and of the checks."""
+        """Texts that state the errors, and texts that state the checks."""
         liouville = f"Liouville {self.liouville:.1e}"
         if self.unresolved:
             liouville += f" owing to {counted(self.unresolved, 'unresolved multiplier')}"
@@ -371,8 +374,8 @@ class Stability(Solution):
         return {name: Column(*column, axes=("multiplier",)) for name, column in columns.items()}
 
     def file_contents(self) -> FileContents:
-        """Columns of the table, with one row per multiplier; in .npz and .mat complex multipliers and
-        exponents."""
+        """Columns of the table, with one row per multiplier. Files .npz and .mat contain complex multipliers
+        and exponents."""
         arrays = {"multipliers": self.multipliers, "exponents": self.exponents}
         return FileContents(self.columns, {}, self.metadata, arrays)
 

@@ -1,4 +1,4 @@
-"""Periodic solutions over speeds and parameters."""
+"""Periodic solutions at many speeds and parameter values."""
 
 import itertools
 import re
@@ -22,10 +22,10 @@ from solve.results.stability import ErrorEstimate, short_verdict
 from solve.system import PeriodicSystem
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
-"""Pattern of a number in a warning. It does not match the digits of a name such as q1."""
+"""Pattern that matches a number in a warning, but not the digits in a name such as q1."""
 
 _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
-"""Errors of a failed point."""
+"""Error estimates of a failed point."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class SweepPoint:
     speed : float
         Speed in rad/s.
     statistics : mapping of str to Statistics
-        Statistics of coordinates and outputs by name.
+        Statistics of coordinates and outputs.
     spectral_radius, verdict : float, str
         Largest |ρ|, and the stability verdict.
     method, steps : str, int
@@ -47,11 +47,11 @@ class SweepPoint:
     warnings : sequence of str
         Sentences on what is doubtful.
     error : str or None
-        Reason of a failure; the other values are then NaN or empty.
+        Reason why the point failed; the other values are then NaN or empty.
     multipliers : sequence of complex
-        Multipliers (2n,) in order of decreasing modulus; 0 below the round-off of the monodromy matrix.
+        Multipliers (2n,) in descending order of modulus; 0 if below the round-off of the monodromy matrix.
     parameters : mapping of str to float
-        Values of the parameters that vary besides the speed.
+        Values of the parameters that vary in addition to the speed.
     reduction_error : ErrorEstimate or None
         Error of the reduction of the system; None for a full system.
     """
@@ -80,7 +80,7 @@ class SweepPoint:
         return "failed" if self.error else short_verdict(self.verdict)
 
     def record(self, system: PeriodicSystem) -> dict[str, Any]:
-        """Values of the point for the JSON record of the sweep. system: system of the sweep."""
+        """JSON object of the point. `system` is the system of the sweep."""
         point = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
         if self.error is not None:
             return {**point, "error": self.error}
@@ -116,7 +116,7 @@ class Sweep(Result):
     engine, notes : str, sequence of str
         Engine that solved the points, and notes on its selection.
     parameters : mapping of str to (P,) array
-        Values of the parameters that vary besides the speed, per point.
+        Values, at each point, of the parameters that vary in addition to the speed.
     """
 
     _recorded: ClassVar[str] = "notes"
@@ -156,8 +156,8 @@ class Sweep(Result):
 
     @property
     def reductions(self) -> Array:
-        """Errors (P, 2) of orbit and multipliers due to the system's reduction; NaN for a full system and for
-        failed points."""
+        """Errors (P, 2) of orbit and multipliers due to the reduction of the system; NaN for a full system,
+        and for failed points."""
         unknown = np.full((len(self.speeds), 2), np.nan)
         return getattr(self.results, "reductions", unknown)
 
@@ -206,8 +206,8 @@ class Sweep(Result):
     def unstable(self) -> list[tuple[float, float, str]]:
         """Ranges of neighbouring unstable speeds: edges in rad/s, and the kind of the largest multiplier.
 
-        Edges lie half way to stable neighbours, and at the last solved speed next to failed ones;
-        `solve.bands` refines them. Empty if parameters vary too.
+        Edges lie halfway to stable neighbours, and next to failed speeds at the last solved speed;
+        `solve.bands` refines them. The list is empty if parameters vary too.
         """
         if self.parameters:
             return []
@@ -225,8 +225,8 @@ class Sweep(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Warnings about the equations, and one sentence for each kind of warning or failure with its speeds.
-        Texts that differ only in their numbers count as one kind, and the first is shown."""
+        """Warnings about the equations, followed by one sentence, with the speeds, for each kind of warning
+        or failure. Texts that differ only in their numbers count as one kind, of which the first is shown."""
         of_equations = list(self.system.labels.equation_warnings)
         reasons = {index: [f"no result: {text}"] for index, text in self.results.failures.items()}
         texts = {**self.results.warnings, **reasons}
@@ -239,7 +239,7 @@ class Sweep(Result):
 
     @property
     def _reduced(self) -> list[str]:
-        """Sentence on the largest error of the reduction."""
+        """Sentence on the largest error of the reduction; an empty list for a full system."""
         if np.isnan(self.reductions).all():
             return []
         most = [float(np.nanmax(column, initial=0.0)) for column in self.reductions.T]
@@ -262,11 +262,11 @@ class Sweep(Result):
         return {**super().record(), **to_json({"speeds": self.speeds, "points": points})}
 
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
-        """Figure of the response over speed with its maxima, and of the spectral radius. Unstable speeds are
-        shaded.
+        """Figure of the response versus speed, with its maxima, and of the spectral radius. Unstable speeds
+        are shaded.
 
-        If parameters vary, the horizontal axis is the quantity that varies fastest, with one curve per value
-        of the other quantities.
+        If parameters vary, the horizontal axis is the quantity that varies fastest, and there is one curve
+        for each combination of the other quantities.
 
         Parameters
         ----------
@@ -289,7 +289,7 @@ class Sweep(Result):
         return super().plot(names, figure)
 
     def waterfall(self, name: str) -> Figure:
-        """Figure of the spectrum of a quantity over the speed, or over the parameter that varies instead.
+        """Figure of the spectra of a quantity versus speed, or versus the parameter that varies instead.
 
         Raises UnknownNameError if the spectrum was not requested, ValueOutOfBoundsError if several quantities
         vary.
@@ -298,7 +298,7 @@ class Sweep(Result):
 
     @property
     def varied(self) -> dict[str, Array]:
-        """Values (P,) of the parameters and of the speed, by name."""
+        """Mapping from the names of the parameters, and "speed", to values (P,)."""
         return {**self.parameters, SPEED: self.speeds}
 
     @property

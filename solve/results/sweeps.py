@@ -1,4 +1,4 @@
-"""Sweeps of several systems over the same speeds, and the linearisation error over speed."""
+"""Sweeps of several systems over the same speeds, and the linearisation error versus speed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,15 +17,15 @@ from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 
 _PROMINENT = 1e-3
-"""Smallest prominence of a peak or quiet speed, relative to its height. It excludes ripple due to errors of
-the points. A choice."""
+"""Smallest prominence of a peak or quiet speed, relative to its height. It excludes ripple that is due to
+errors of the points. Chosen by judgement."""
 
 PEAK, QUIET = "peak", "quiet"
 
 
 class Extreme(NamedTuple):
-    """Peak or quiet speed (rad/s) of the first system, a local maximum or minimum of its response, with the
-    responses of all systems at this speed."""
+    """Speed (rad/s) of a peak, which is a local maximum of the first system's response, or a quiet speed,
+    which is a local minimum; with the responses of all systems at this speed."""
 
     speed: float
     kind: str
@@ -39,15 +39,15 @@ class Sweeps(Result):
     Attributes
     ----------
     title : str
-        Meaning of the labels.
+        Text that states the meaning of the labels.
     speeds : (P,) array
         Speeds in rad/s.
     sweeps : mapping of str to Sweep
-        Sweeps by label of the system.
+        Sweep for each label of a system.
     quantities : sequence of str
         Coordinates and outputs, or names for groups of outputs.
     system : PeriodicSystem
-        System that was varied.
+        First of the systems, whose labels and units are shown.
     figure : str
         Statistic; see `Sweep.figures`.
     """
@@ -60,8 +60,8 @@ class Sweeps(Result):
     figure: str = "max_abs"
 
     def figures(self, quantity: str, figure: str | None = None) -> Array:
-        """Statistic (systems, P) of a coordinate or output, or the maximum over a group of outputs; NaN where
-        a point failed. Raises UnknownNameError."""
+        """Statistics (systems, P) of a coordinate or output, or maxima over a group of outputs; NaN where a
+        point failed. Raises UnknownNameError."""
         figure = figure or self.figure
         names = parts_of(next(iter(self.sweeps.values())).system, quantity)
         return np.max(
@@ -95,7 +95,7 @@ class Sweeps(Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns of the table: one row per speed, one column per quantity and system."""
+        """Columns of the table, with one row per speed and one column per quantity and system."""
         columns = {"speed": speeds_of(self.system, self.speeds, axes=("speed",))}
         for name in self.quantities:
             unit = self.system.labels.units.get(name, "")
@@ -128,24 +128,24 @@ class Sweeps(Result):
 
 
 ACCEPTABLE_ERROR = 0.05
-"""Linearisation error up to which the linear model is valid by default, and nonlinear orbits confirm an
-optimum. A choice."""
+"""Default linearisation error up to which the linear model counts as valid, and nonlinear orbits count as
+confirming an optimum. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Validity(Result):
-    """Linearisation error over speed, from `solve.validity`.
+    """Linearisation error versus speed, from `solve.validity`.
 
     Attributes
     ----------
     speeds : (P,) array
         Speeds in rad/s, ascending.
     errors : (P, n) array
-        Relative linearisation error of each coordinate; NaN where the speed failed.
+        Relative linearisation error of each coordinate; NaN at failed speeds.
     allowed : float
-        Error up to which the linear model is valid.
+        Error up to which the linear model counts as valid.
     failures : mapping of int to str
-        Reasons of failures by index of the speed.
+        Mapping from indices of failed speeds to reasons.
     """
 
     system: PeriodicSystem

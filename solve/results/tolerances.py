@@ -18,8 +18,8 @@ UNSTABLE = "unstable"
 
 @serializable
 class ParameterSpread(NamedTuple):
-    """Spread of a parameter as text, its nominal value, and the range in which the worst case is searched, in
-    the model's unit."""
+    """Spread of a parameter as a text, its nominal value, and the range in which the worst case is searched
+    for, in the model's unit."""
 
     text: str
     nominal: float
@@ -29,10 +29,11 @@ class ParameterSpread(NamedTuple):
 
 @serializable
 class Probability(NamedTuple):
-    """Probability of an event with the ends of its 95 % interval.
+    """Probability of an event, with the ends of its 95 % interval.
 
-    events, undetermined, failed: numbers of samples with the event, with an error too large to decide it, and
-    without a result. The upper end of the interval includes undetermined and failed samples.
+    `events` is the number of samples at which the event occurs, `undetermined` the number at which the error
+    is too large to decide this, and `failed` the number without a result. In the upper end of the interval,
+    undetermined and failed samples count as events.
     """
 
     value: float
@@ -45,7 +46,7 @@ class Probability(NamedTuple):
 
 @serializable
 class SobolIndices(NamedTuple):
-    """First-order and total index of a parameter, with 95 % error margins."""
+    """First-order and total Sobol index of a parameter, with 95 % error margins."""
 
     first: float
     total: float
@@ -55,8 +56,8 @@ class SobolIndices(NamedTuple):
 
 @serializable
 class WorstPoint(NamedTuple):
-    """Worst value of a quantity within the ranges of the parameters, at a speed (rad/s), and its value for
-    the nominal parameters."""
+    """Worst value of a quantity within the ranges of the parameters, its value for the nominal parameters,
+    the speed (rad/s) of the worst value, and the parameters there."""
 
     value: float
     nominal: float
@@ -75,25 +76,25 @@ class Tolerances(Result):
     speeds : (k,) array
         Speeds in rad/s.
     spreads : mapping of str to ParameterSpread
-        Parameters that vary, by name.
+        Parameters that vary, with their spreads.
     samples, solves : int
         Number of samples for the probabilities, and number of all solutions per speed.
     probability : mapping of str to Probability
         Probabilities of instability, under the name "unstable", and of exceeding each limit.
     sobol : mapping of str to mapping of str to SobolIndices
-        Sobol indices by quantity and parameter.
+        Sobol indices for each quantity and parameter.
     worst : mapping of str to WorstPoint
-        Worst points by quantity.
+        Worst point for each quantity.
     bounds : mapping of str to tuple of float
-        Limits by quantity, in SI units. The worst values lie in the direction of the first one.
+        Limits of each quantity, in SI units. The first limit defines whether large or small values are worse.
     units : mapping of str to str
         Units of quantities.
     points : (P, r) array
         Parameters of the samples, in the model's units.
     values : (P, q) array
-        Quantities of each sample, with the worst value over the speeds.
+        Worst value, at any of the speeds, of each quantity for each sample.
     weights : (P,) array
-        Weights of the samples in means over the distribution.
+        Importance weights of the samples in means over the distribution.
     doubts : sequence of str
         Sentences on what is doubtful.
     """
@@ -149,7 +150,7 @@ class Tolerances(Result):
             for name, column in zip(self.spreads, self.points.T, strict=True)
         }
         quantities = {
-            name: Column(column, unit, f"{name}, worst over the speeds")
+            name: Column(column, unit, f"{name}, worst at any of the speeds")
             for (name, unit), column in zip(self.units.items(), self.values.T, strict=True)
         }
         return {**parameters, **quantities, "weight": Column(self.weights, "1", "weight of the sample")}

@@ -29,18 +29,18 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _AT_ONCE = 2**19
-"""Largest number of values of states and outputs that are evaluated together. A choice that limits the
-memory."""
+"""Maximum number of values of states and outputs that are evaluated together. Chosen by judgement, to limit
+the memory."""
 
 _RESOLVED = 0.1
-"""Relative interpolation error between the states up to which interpolated curves are accurate to at least
-one digit."""
+"""Relative interpolation error between the states up to which interpolated curves count as resolved: they are
+accurate to at least one digit."""
 
 _REMEDIES = {
     "stable": "differences from the orbit are not damped; start on the orbit",
     "unstable": "it is unstable",
 }
-"""Reason or remedy if an orbit is not reached, by the verdict on this orbit."""
+"""Mapping from the verdict on an orbit to the reason why it is not reached, or to a remedy."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,10 @@ class TransientMotion(Result):
     ends : (turns + 1,) array
         Speeds in rad/s at the ends of the periods.
     nodes : (k,) array
-        Values of s over a period, including both ends: time multiplied by the mean speed of the period. At
-        constant speed s is the phase.
+        Values of s over a period, including both ends, where s is the time since the start of the period,
+        multiplied by the mean speed of the period. At constant speed, s is the phase.
     motions : (turns, 3, n, k) array
-        q, dq/ds, d²q/ds² at the nodes.
+        q, dq/ds and d²q/ds² at the nodes.
     between : float
         Interpolation error between the nodes, relative to the largest value of each coordinate and of its
         rates.
@@ -84,7 +84,7 @@ class TransientMotion(Result):
 
     @property
     def phase(self) -> Array:
-        """Phases (j,) of all periods in rad; the common end of two periods appears once."""
+        """Phases (j,) of all periods in rad. The common end of two periods appears once."""
         first, last = self.ends[:-1, None], self.ends[1:, None]
         within, *_ = driven(self.nodes[:-1], first, last, self.system.period)
         turns = np.arange(self.turns)[:, None] * self.system.period
@@ -124,7 +124,7 @@ class TransientMotion(Result):
 
     @stored_property
     def outputs(self) -> Mapping[str, Array]:
-        """Outputs (j,) by name."""
+        """Mapping from the names of outputs to values (j,)."""
         states = self.q, self.qd, self._joined(2)
         return dict(output_values(self.system, self.phase, self.speeds, *states, self.acceleration))
 
@@ -142,8 +142,8 @@ class TransientMotion(Result):
 
     @stored_property
     def _figures(self) -> Array:
-        """Fields of `Statistics` (turns, n + o, 7) of coordinates and outputs over each period, from
-        interpolated curves, or from the states if the curves are not accurate."""
+        """Fields of `Statistics` (turns, n + o, 7) of coordinates and outputs over each period. They are
+        computed from interpolated curves or, if these are not accurate, from the states alone."""
         if not self._curves_resolved:
             return self._figures_of_states
         system = self.system
@@ -157,8 +157,8 @@ class TransientMotion(Result):
         return figures
 
     def _figures_of_curves(self, turns: Array, stride: int) -> Array:
-        """Fields of `Statistics` (P, n + o, 7), from curves through every stride-th state, for the periods
-        with indices (P,)."""
+        """Fields of `Statistics` (P, n + o, 7) for the periods with indices `turns` (P,), from curves through
+        every `stride`-th state."""
         system = self.system
         groups = [[name] for name in system.outputs] if system.labels.outputs_apart else [[*system.outputs]]
         curve, figures = curves_through(self.nodes[::stride], self.motions[turns][..., ::stride]), []
@@ -175,7 +175,8 @@ class TransientMotion(Result):
 
     @property
     def _figures_of_states(self) -> Array:
-        """Maximum, minimum and largest modulus of the states; other statistics are NaN."""
+        """Fields of `Statistics` from the states alone: maximum, minimum and largest modulus; the other
+        fields are NaN."""
         names, last = (*self.system.coordinates, *self.system.outputs), len(self.nodes) - 1
         columns = np.arange(self.turns)[:, None] * last + np.arange(last + 1)
         values = np.stack([self.values(name)[columns] for name in names], axis=1)
@@ -187,8 +188,8 @@ class TransientMotion(Result):
     def _outputs_within(
         self, turns: Array, names: Sequence[str], s: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs (P, o, k) in the periods with indices (P,), at phases s (P, k) with states (P, n, k).
-        Derivatives are with respect to time."""
+        """Outputs (P, o, k) in the periods with indices `turns` (P,), at `s` (P, k), for q, q̇ and q̈ (P, n,
+        k). Derivatives are with respect to time."""
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(array, 1, 0).reshape(self.system.n, -1) for array in (q, qd, qdd))
@@ -220,7 +221,7 @@ class Transient(TransientMotion):
     Attributes
     ----------
     orbit : Orbit or None
-        Orbit for comparison.
+        Orbit with which the motion is compared.
     rtol : float
         Relative distance at which the orbit counts as reached.
     nonlinear : bool
@@ -238,8 +239,8 @@ class Transient(TransientMotion):
 
     @cached_property
     def distances(self) -> Array:
-        """Largest difference (turns, n) from the orbit at the nodes of each period, relative to max|q|,
-        without steady motion along rigid-body modes; NaN without an orbit."""
+        """Largest difference (turns, n) from the orbit at the nodes of each period, relative to max|q|; NaN
+        without an orbit. Steady motion along rigid-body modes is subtracted first."""
         if self.orbit is None:
             return np.full_like(self.peaks, np.nan)
         q = self.orbit.at(self.nodes)
@@ -251,8 +252,8 @@ class Transient(TransientMotion):
 
     @property
     def reached(self) -> int | None:
-        """Number of periods after which all later periods are within rtol of the orbit; None if the last
-        period is not."""
+        """Number of periods after which the motion stays within `rtol` of the orbit; None if the last period
+        is not within `rtol`."""
         beyond = [turn for turn, row in enumerate(self.distances, 1) if not row.max() <= self.rtol]
         last = beyond[-1] if beyond else 0
         return last if last < self.turns else None
@@ -284,8 +285,8 @@ class Transient(TransientMotion):
         return [unreached, *sentences]
 
     def record(self) -> dict[str, Any]:
-        """JSON object of `solve transient --json`: extrema of every coordinate and output; for each period,
-        the largest modulus of each coordinate and its distance from the orbit."""
+        """JSON object of `solve transient --json`. It contains the extrema of every coordinate and output
+        and, for each period, the largest modulus of each coordinate and its distance from the orbit."""
         coordinates = {
             name: {**self._record(name), "peaks": peaks, "distances": distances}
             for name, peaks, distances in zip(
@@ -319,13 +320,13 @@ class Transient(TransientMotion):
         return self.system.labels.speed_unit.span(self.ends[0], self.ends[-1])
 
     def plot(self, names: Sequence[str] | None = None) -> Figure:
-        """Figure of each quantity, by default the coordinates, over the periods or, in a run-up, over time.
+        """Figure of each quantity, by default the coordinates, versus periods or, for a run-up, versus time.
         Raises UnknownNameError."""
         return super().plot(names)
 
     def file_contents(self) -> FileContents:
-        """Columns of time, phase, coordinates and outputs; in .npz and .mat also q and qd (n, j), so that
-        another transient can continue from the end."""
+        """Columns of time, phase, coordinates and outputs. Files .npz and .mat also contain q and qd (n, j),
+        from the end of which another transient can continue."""
         system, q = self.system, self.q
         columns = curves_of(system, self.time, self.phase, q, self.outputs)
         if self.ramp:

@@ -1,1 +1,1 @@
-"""Studies, each of which combines many solutions; one study per file."""
+"""Studies that combine many solutions, one study per file."""

@@ -48,43 +48,46 @@ from solve.units import ShownUnit, speeds_between
 
 _MIN_INTERVALS, _MAX_INTERVALS = 40, 2000
 """Minimum and maximum number of intervals into which the range of speeds is divided before the search for
-narrow bands. Choices."""
+narrow bands. Chosen by judgement."""
 
 _FINER = 5
 """Number of parts into which each interval is divided if the matrices are constant: eigenvalues cost less
-than a solution. A choice."""
+than a solution. Chosen by judgement."""
 
 _PREDICTED = 0.9
-"""Ratio of the minimum predicted by a parabola to the smallest computed distance from instability, below
-which the minimum is searched for. Minima of a distance that does not depend on the speed are round-off. A
-choice."""
+"""A minimum of the distance from instability is searched for if the minimum that a parabola predicts is below
+this fraction of the smallest computed distance. If the distance does not depend on the speed, its minima are
+round-off. Chosen by judgement."""
 
 _MAX_ANGLE = 0.25
-"""Largest angle in rad by which the fastest multiplier rotates between two speeds. A choice."""
+"""Largest permitted rotation, in rad, of the fastest multiplier from one speed to the next. Chosen by
+judgement."""
 
 _HALVINGS = 3
-"""Number of halvings of an interval in which multipliers may coalesce. A choice."""
+"""Maximum number of times that an interval in which multipliers may coalesce is halved. Chosen by
+judgement."""
 
 _POINTS_INSIDE = 15
-"""Number of further points inside every band, which find its largest multiplier and any stable speeds. A
-choice."""
+"""Number of additional speeds evaluated inside every band to find the largest multiplier and any stable
+speeds. Chosen by judgement."""
 
 _MAX_SPLITS = 8
-"""Maximum number of times that bands are split at stable speeds inside them. A choice."""
+"""Maximum number of times that bands are split at stable speeds inside them. Chosen by judgement."""
 
 _UNKNOWN = -2
-"""State of speeds without a result."""
+"""State assigned to speeds without a result."""
 
 _MAX_PHASE_ADVANCE = 128.0
-"""Largest phase advance per period of a slow mode in rad, at the lowest speed: half a radian per step of the
-finer grid."""
+"""Phase advance per period in rad, at the lowest speed, up to which a mode counts as slow: half a radian per
+step of the finer grid."""
 
 _STEPS, _AGREEMENT = (192, 256), 1e-4
-"""Steps of the two grids on which slow modes are solved, and largest difference between the two grids in a
-multiplier of a slow mode. Choices."""
+"""Numbers of steps of the two grids on which slow modes are solved, and largest difference between the two
+values of a multiplier that counts as resolved. Chosen by judgement."""
 
 _RESIDUAL = 1e-2
-"""Amplitude of a fast mode after a period, relative to its start, above which it is not damped out."""
+"""Amplitude of a fast mode after a period, relative to its initial amplitude, above which the mode counts as
+not damped out."""
 
 
 @of_system
@@ -128,8 +131,8 @@ def bands(
 
     Notes
     -----
-    Speeds are added, up to about 2000, until there are at least 40 intervals and no multiplier above 0.01
-    rotates by more than 0.25 rad from one speed to the next. Narrower bands are searched where
+    Speeds are added, up to about 2000, until there are at least 40 intervals and no multiplier of modulus
+    above 0.01 rotates by more than 0.25 rad from one speed to the next. Narrower bands are searched where
     multipliers come closest to each other, to +1 and to -1. They may still be missed, as may a stable range
     narrower than a sixteenth of the unstable range around it. Growth below 1e-6 per period does not count as
     instability. If M, C and K are constant over the period, eigenvalues decide on a grid of at least 200
@@ -191,8 +194,8 @@ def bands(
 
 
 def _failed_speeds_text(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
-    """Message about the speeds without a result, with the reason at the first of them. Raises NoResultError
-    if no speed has a result."""
+    """Return a message that lists the speeds without a result and the reason for the first of these. Raises
+    NoResultError if no speed has a result."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
     reason = "multipliers are within their error of the unit circle; give a smaller rtol"
     failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
@@ -202,7 +205,8 @@ def _failed_speeds_text(batch: Batch, known: StabilitySamples, unit: ShownUnit) 
 
 
 def _subdivide(speeds: Array, parts: Array) -> Array:
-    """Ascending speeds with each interval divided into at least `parts` parts."""
+    """Return ascending speeds in which each interval between `speeds` is divided into at least `parts`
+    parts."""
     counts = np.maximum(np.ceil(parts * (1 - 1e-9)), 1).astype(int)
     at = np.concatenate([[0], np.cumsum(counts)])
     return np.interp(np.arange(at[-1] + 1), at, speeds)
@@ -211,7 +215,7 @@ def _subdivide(speeds: Array, parts: Array) -> Array:
 def _refine_near_coalescence(
     evaluate: Evaluate, known: StabilitySamples, rotation: Rotation
 ) -> StabilitySamples:
-    """Samples, refined where the distance between two multipliers is smaller than their rotation between two
+    """Add samples where the angle between two multipliers is smaller than their possible rotation between two
     speeds. Successive coalescences then have separate minima of the distance."""
     for _ in range(_HALVINGS):
         speeds, distance = known.points[:, 0], _least_angle(known.multipliers)
@@ -224,8 +228,8 @@ def _refine_near_coalescence(
 
 
 def _least_angle(multipliers: Array) -> Array:
-    """Smallest difference (k,) between the angles of those lightly damped multipliers (k, N) that lie above
-    the real axis."""
+    """Return, for each point (k,), the smallest difference between the angles of two multipliers. Only
+    lightly damped multipliers above the real axis are considered."""
     rotating = (np.imag(multipliers) > 0) & (np.abs(multipliers) > LIGHTLY_DAMPED)
     placeholders = 1e3 * (1 + np.arange(multipliers.shape[1]))
     angles = np.sort(np.where(rotating, np.angle(multipliers), placeholders), axis=1)
@@ -234,10 +238,11 @@ def _least_angle(multipliers: Array) -> Array:
 
 @dataclass(frozen=True)
 class _UnstableRuns:
-    """Search for runs of consecutive unstable samples of one kind, over ascending speeds.
+    """Search for runs of consecutive unstable samples of one kind, at ascending speeds.
 
-    highest (1,): highest speed. inside: additional samples, evaluated within the runs. Borders and largest
-    |ρ| between two speeds are cached, because the search is repeated after each split."""
+    `highest` (1,) is the highest speed. `inside` contains the additional samples evaluated inside the runs.
+    Borders, and the largest |ρ| between two speeds, are cached because the search is repeated after each
+    split."""
 
     evaluate: Evaluate
     tolerance: float
@@ -247,7 +252,8 @@ class _UnstableRuns:
     inside: "list[StabilitySamples]" = field(default_factory=list)
 
     def bands(self, known: StabilitySamples) -> list[Band]:
-        """Bands with refined edges; runs are split where a point inside is stable or of another kind."""
+        """Return bands with refined edges. A run is split where a sample inside it is stable or of another
+        kind."""
         unstable_bands: list[Band] = []
         for _ in range(_MAX_SPLITS):
             unstable_bands, inside = self._search_inside(known)
@@ -257,7 +263,8 @@ class _UnstableRuns:
         return unstable_bands
 
     def _search_inside(self, known: StabilitySamples) -> tuple[list[Band], StabilitySamples]:
-        """Bands of a single kind, and additional points inside the bands of mixed kind."""
+        """Return the bands, and the new samples inside runs that must be split because they contain samples
+        of several kinds."""
         state = _state(known)
         changes = np.flatnonzero(np.diff(state))
         speeds = known.points[:, 0]
@@ -282,8 +289,9 @@ class _UnstableRuns:
         return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
-        """Additional points inside runs between the speeds `low` and `high` (k,) with the states `states` at
-        their ends, and a mask (k,) of the mixed runs."""
+        """Evaluate additional samples inside runs between the speeds `low` and `high` (k,). Return the
+        samples and a mask (k,) of the runs in which a sample differs from the state of its run in `states`
+        (k,)."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
         self.inside.append(looked)
@@ -302,8 +310,8 @@ class _UnstableRuns:
         return cached[:, 0], cached[:, 1].astype(bool)
 
     def _borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
-        """Speeds (k,) at which the state changes, and a mask (k,) of those with a neighbour without a result.
-        There the border is the last unstable speed."""
+        """Return the speeds (k,) at which the state changes, and a mask (k,) that is True where the
+        neighbouring speed has no result. The border is then the last unstable speed."""
         low, high = known[changes], known[changes + 1]
         borders = np.empty(len(changes))
         search = BoundarySearch(self.evaluate, self.highest, self.tolerance)
@@ -328,13 +336,14 @@ class _UnstableRuns:
 
 
 def _state(known: StabilitySamples) -> Array:
-    """Index in KINDS (k,) of each sample; -1 if it is stable, _UNKNOWN without a result."""
+    """Return the state (k,) of each sample: the index in KINDS if it is unstable, -1 if it is stable,
+    `_UNKNOWN` if it has no result."""
     return np.where(known.unstable, known.kinds, np.where(known.failed, _UNKNOWN, -1))
 
 
 def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int:
-    """Number of modes that are too fast to be resolved at this speed and above. It is 0 if all modes can be
-    resolved, if the unresolved modes decay within a period, if the user chose a method, or if no mode
+    """Return the number of modes that are too fast to be resolved at `speed` and above. It is 0 if all modes
+    can be resolved, if the unresolved modes decay within a period, if the user chose a method, or if no mode
     would remain."""
     values = frozen(SinglePoint(system, speed)).eigenvalues()[0]
     reach = np.abs(values).max(axis=0) * system.period
@@ -345,9 +354,9 @@ def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int
 
 
 def _evaluator_of_slow_modes(batch: Batch) -> Evaluate:
-    """Evaluator of stability from the slow modes, by the batch's method, Radau. A point is unstable if a
-    multiplier found on both grids lies outside the unit circle by more than the difference between the
-    grids."""
+    """Return a function that evaluates stability from the slow modes only. The method of the batch is
+    Radau's. A point is unstable if a multiplier on which both grids agree lies outside the unit circle by
+    more than the difference between the grids."""
 
     def on_grid(points: Array, steps: int) -> Array:
         with progress.subtask(POINTS, len(points) / len(_STEPS)):

@@ -1,8 +1,10 @@
-"""Stability boundaries on lines in the space of the varied quantities of a family, for many lines at once.
+"""Search for stability boundaries on many lines simultaneously. The lines lie in the space of the quantities
+that a family of systems varies.
 
-SciPy's `find_root` takes one trial per bracket and iteration, and abandons a bracket at the first NaN. Here a
-few brackets share a batch of trials. The verdict at a trial, not only the sign of a smooth function, decides
-which end of the bracket the trial replaces. Failed points and a second edge within a bracket are allowed.
+SciPy's `find_root` evaluates one trial per bracket and iteration, and abandons a bracket at the first NaN.
+Here each bracket has several trials per iteration if there are few brackets. The verdict at a trial, not only
+the sign of a smooth function, decides which end of the bracket the trial replaces. Failed points and a second
+edge within a bracket are allowed.
 """
 
 import functools
@@ -21,47 +23,51 @@ from solve.studies.stability_samples import NOISE, Evaluate, StabilitySamples
 from solve.terminal import progress
 
 _BATCH = 64
-"""Smallest number of points per evaluation. A choice: a batch of this size costs little more than a single
-point."""
+"""Smallest number of points per evaluation. Chosen by judgement: a batch of this size costs little more than
+a single point."""
 
 _MAX_TRIALS = 15
-"""Maximum number of evenly spaced trials per bracket; these reduce its width sixteenfold. A choice."""
+"""Maximum number of evenly spaced trials per bracket; these reduce its width sixteenfold. Chosen by
+judgement."""
 
 _KIND_TOLERANCE = 1e-5
-"""Width of a bracket, as a fraction of the scale, at which the kind of an edge is determined. A choice."""
+"""Width of a bracket, as a fraction of the scale, at which the kind of an edge is determined. Chosen by
+judgement."""
 
 _MAX_DISTANCE, _MIN_DISTANCE, _END_MARGIN = 0.05, 1e-8, 1e-3
-"""Fractions of a bracket: largest distance of the first trials from the predicted edge; square of the
-smallest distance after a trial that missed the edge; smallest distance of trials from the ends, unless the
-spacing of the trials is smaller. Choices."""
+"""Three fractions of the width of a bracket. The first is the largest distance of the first trials from the
+predicted edge. The second is the square of the smallest distance after a trial that missed the edge. The
+third is the smallest distance of trials from the ends, unless the spacing of the trials is smaller. Chosen by
+judgement."""
 
 _PREDICTION_ERROR = 0.2
 """Assumed error of a parabola's zero, as a fraction of the distance between this zero and that of the chord.
-A choice."""
+Chosen by judgement."""
 
 _EXPONENTS = np.array([2.0, 1.0, 0.5])
 """Exponents that scale the distances of the pairs of trials around a predicted edge: the first pair is closer
-than the predicted error, the last pair farther. Choices."""
+than the predicted error, the last pair farther. Chosen by judgement."""
 
 _SUFFICIENT = 0.4
 """Distance of trials from the predicted edge, as a fraction of the tolerance, below which no further trial is
-needed. A choice below 1/2."""
+needed. Chosen by judgement, below 1/2."""
 
 _COMPLEX = KINDS.index("complex")
 
 
 Prediction = Callable[["Brackets", Array], tuple[Array, Array]]
-"""Type of functions that predict edges in brackets on the lines with the indices (k,). They return the
-fraction of each bracket (k,) at which an edge is predicted, and the error of this fraction (k,)."""
+"""Type of functions that predict an edge in each of k brackets, from the brackets and the indices (k,) of
+their lines. They return the fractions (k,) of the brackets at which the edges are predicted, and the errors
+(k,) of these fractions."""
 
 Differs = Callable[[StabilitySamples, Array], Array]
-"""Type of functions of samples and of the indices (k,) of their lines. They return a mask (k,) of the samples
-that belong to the high end of their bracket."""
+"""Type of functions of k samples and the indices (k,) of their lines. They return a mask (k,) of the samples
+on the same side of the edge as the high end of their bracket."""
 
 
 class Brackets(NamedTuple):
-    """Brackets of edges on lines (E,): both ends, and a point of the same line outside the bracket (or one of
-    the ends if there is no such point)."""
+    """Brackets of edges on E lines: samples (E,) at both ends, and samples `beyond` (E,) at a point on the
+    same line outside the bracket, or at one of the ends if there is no such point."""
 
     low: StabilitySamples
     high: StabilitySamples
@@ -83,15 +89,16 @@ class Brackets(NamedTuple):
 
     @property
     def kinds(self) -> Array:
-        """Indices in KINDS (E,) of the multiplier that passes +1 or -1 in the bracket; _COMPLEX for complex
-        multipliers."""
+        """Indices in KINDS (E,) of the kind of instability in each bracket: a multiplier passes through +1 or
+        -1, or (_COMPLEX) a complex multiplier leaves the unit circle."""
         passes = (self.low.distances[:, :2] > 0) & (self.high.distances[:, :2] < 0)
         return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Samples on lines (k,) along the quantity with index `along`."""
+    """Samples on lines along the quantity with index `along`. `line` (k,) contains the index of the line of
+    each sample."""
 
     samples: StabilitySamples
     line: Array
@@ -99,16 +106,16 @@ class Lines:
 
     @cached_property
     def neighbours(self) -> tuple[Array, Array]:
-        """Indices (c,) of all samples that have a next sample on the same line, and indices (c,) of these
-        next samples."""
+        """Indices (c,) of the samples that have a successor on the same line, and indices (c,) of their
+        successors."""
         order = np.lexsort((self.samples.points[:, self.along], self.line))
         first, last = order[:-1], order[1:]
         same = self.line[first] == self.line[last]
         return first[same], last[same]
 
     def changes(self) -> tuple[Array, Brackets]:
-        """Indices (c,) of the lines on which stability changes between neighbours, and brackets of these
-        changes with the stable end first."""
+        """Return the indices (c,) of the lines of all changes of stability between neighbouring samples, and
+        the brackets (c,) of these changes with the stable end first."""
         samples, (first, last) = self.samples, self.neighbours
         failed = samples.failed[first] | samples.failed[last]
         changes = (samples.unstable[first] != samples.unstable[last]) & ~failed
@@ -124,8 +131,8 @@ class Lines:
 
 @dataclass(frozen=True)
 class BoundarySearch:
-    """Search for edges on lines. scale (v,): sizes of the quantities; tolerance: allowed error of the
-    position of an edge, relative to `scale`."""
+    """Search for edges on lines. `scale` (v,) contains the sizes of the varied quantities; `tolerance` is the
+    allowed error of the position of an edge, relative to `scale`."""
 
     evaluate: Evaluate
     scale: Array
@@ -140,7 +147,7 @@ class BoundarySearch:
     ) -> Brackets:
         """Narrow brackets (E,) to a tolerance; the default is that of the search.
 
-        Without a prediction trials are evenly spaced between the ends. With a prediction they lie on both
+        Without a prediction, trials are evenly spaced between the ends. With a prediction they lie on both
         sides of the predicted edge: closer after trials that enclosed the edge, farther after trials that
         missed it.
         """
@@ -178,11 +185,11 @@ class BoundarySearch:
     def edges(
         self, stable: StabilitySamples, unstable: StabilitySamples, beyond: StabilitySamples | None = None
     ) -> tuple[Array, Array]:
-        """Positions (E, v) and kinds (E,) of the edges between stable and unstable points (E,); NaN if a
-        failed point lies between them. beyond: see `Brackets`.
+        """Return the positions (E, v) and kinds (E,) of the edges between E stable and E unstable samples. A
+        position is NaN if a failed point lies between the two samples. For `beyond`, see `Brackets`.
 
-        Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli, these
-        determinants pass through zero smoothly.
+        Where a multiplier passes through +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes. Unlike
+        moduli, these determinants pass through zero smoothly.
         """
         if len(stable) == 0:
             return stable.points, np.zeros(0, dtype=int)
@@ -203,7 +210,7 @@ class BoundarySearch:
     def _narrow_by_parabolas(
         self, brackets: Brackets, differs: Differs, tolerance: float | None = None
     ) -> Brackets:
-        """Brackets narrowed around the zeros of parabolas through values of the crossing function."""
+        """Narrow brackets around the zeros of parabolas through values of the crossing function."""
         kinds = brackets.kinds
         on_circle = (kinds == _COMPLEX) & (brackets.low.crossing_values[:, _COMPLEX] < NOISE)
         predict = _parabolic_prediction(np.where(on_circle, _COMPLEX + 1, kinds))
@@ -217,10 +224,11 @@ class BoundarySearch:
         return len(widths) * count * max(1.0, np.ceil(iterations))
 
     def crossings(self, *sets_of_lines: Lines) -> list[Crossings]:
-        """Changes of stability between neighbours on lines, without those next to failed points.
+        """Locate the changes of stability between neighbouring samples on lines; one result for each set of
+        lines. Changes next to failed points are omitted.
 
-        Stable intervals between two unstable neighbours are found where one neighbour has a multiplier beyond
-        +1 and the other beyond -1.
+        A stable interval between two unstable neighbours is located only if one neighbour has a multiplier
+        beyond +1, and the other has a multiplier beyond -1.
         """
         changes = [lines.changes() for lines in sets_of_lines]
         ends = zip(*(brackets for _, brackets in changes), strict=True)
@@ -242,8 +250,8 @@ class BoundarySearch:
         return crossings
 
     def sign_changes(self, low: StabilitySamples, high: StabilitySamples, kind: int) -> Brackets:
-        """Brackets (E,), narrowed to the tolerance, in which the crossing function of +1 (kind 0) or -1 (kind
-        1) changes sign. low, high (E,): ends of the brackets."""
+        """Return brackets (E,), narrowed to the tolerance, in which the crossing function of +1 (kind 0) or
+        -1 (kind 1) changes its sign. `low` and `high` (E,) are the samples at the initial ends."""
 
         def passed(samples: StabilitySamples, lines: Array) -> Array:
             return samples.distances[:, kind] * high.distances[lines, kind] > 0
@@ -254,9 +262,9 @@ class BoundarySearch:
     def _stable_stretches(
         self, samples: StabilitySamples, first: Array, last: Array
     ) -> tuple[Array, Array, Array]:
-        """Edges of stable intervals between two unstable neighbours, one with a multiplier beyond +1 and the
-        other with one beyond -1. Returns index of the neighbour (c,), position (c, v) and kind (c,) of
-        each edge."""
+        """Locate the edges of stable intervals between two unstable neighbours, one with a multiplier beyond
+        +1 and the other with a multiplier beyond -1. Return, for each edge, the index (c,) of the first
+        neighbour, the position (c, v) and the kind (c,)."""
         plus, minus = samples.distances[:, 0] < 0, samples.distances[:, 1] < 0
         beyond_plus, beyond_minus = plus & ~minus, minus & ~plus
         opposite = (beyond_plus[first] & beyond_minus[last]) | (beyond_minus[first] & beyond_plus[last])
@@ -282,15 +290,15 @@ class BoundarySearch:
 
 
 def _trial_distances(predicted: Array) -> Array:
-    """Distances (E, k), ascending, of the trial points from the predicted edges. They include the predicted
-    distance (E,); there are several if there are few lines."""
+    """Return ascending distances (E, k) of the trial points from the predicted edges. They include
+    `predicted` (E,), the distances at which the edges are expected; k is above 1 if there are few lines."""
     pairs = min(len(_EXPONENTS), max(1, _BATCH // (2 * len(predicted))))
     return predicted[:, None] ** (_EXPONENTS[:pairs] if pairs > 1 else 1.0)
 
 
 def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
-    """Fractions (E, 2k) of the brackets at distances (E, k), at least `minimum` (E, 1), on both sides of
-    `centre` (E, 1)."""
+    """Return fractions (E, 2k) of the brackets on both sides of `centre` (E, 1), at the distances `radii` (E,
+    k), or at `minimum` (E, 1) where this is larger."""
     radii = np.maximum(radii, minimum)
     margin = np.minimum(_END_MARGIN, radii[:, :1])
     fractions = np.column_stack((centre - radii[:, ::-1], centre + radii))
@@ -298,9 +306,10 @@ def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
 
 
 def _next_distances(radii: Array, first: Array) -> Array:
-    """Predicted distances (E,) of the edges for the next trials.
+    """Return the distances (E,) from the next predicted edges at which the edges are expected.
 
-    radii (E, k): distances of the trials on either side. first (E,): index of the first one beyond the edge.
+    `radii` (E, k) are the distances of the last trials on either side of the prediction; `first` (E,) are the
+    indices of the first trials beyond the edge.
     """
     lines, pairs = np.arange(len(radii)), radii.shape[1]
     ring = np.abs(first - pairs)
@@ -310,9 +319,9 @@ def _next_distances(radii: Array, first: Array) -> Array:
 
 
 def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Brackets:
-    """Brackets (E,) after trials, the same number in each. The new high end is the trial with index `first`
-    (E,), or the old high end if there is no such trial; the trial before it is the new low end; the outside
-    point is a neighbour of these two."""
+    """Return brackets (E,) narrowed by trials, the same number in each bracket. The new high end is the trial
+    with index `first` (E,), or the old high end if there is no such trial. The new low end is the preceding
+    trial, and the point outside is a neighbour of the two ends."""
     count = len(brackets.low)
     samples = brackets.low + trials + brackets.high
     inside, line = len(trials) // count, np.arange(count)
@@ -326,10 +335,10 @@ def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Bra
 
 
 def _parabolic_prediction(columns: Array) -> Prediction:
-    """Prediction from the crossing values, one column per line (E,): zero of the parabola through three
-    points, or of the chord if there are only two. Its error is a fraction of the distance between both
-    zeros. If the sign does not change, for example because of another edge inside the bracket, the midpoint
-    is predicted."""
+    """Return a function that predicts edges from the crossing values, whose column for each line is given by
+    `columns` (E,). The prediction is the zero of the parabola through three points, or of the chord if there
+    are only two points. The assumed error is a fraction of the distance between the two zeros. If the sign
+    does not change, for example because of another edge inside the bracket, the midpoint is predicted."""
 
     def predict(brackets: Brackets, lines: Array) -> tuple[Array, Array]:
         low, high, beyond = brackets
@@ -355,5 +364,5 @@ def _parabolic_prediction(columns: Array) -> Prediction:
 
 
 def _trial_count(lines: int) -> int:
-    """Number of trials per bracket for `lines` brackets."""
+    """Return the number of trials per bracket in a batch of `lines` brackets."""
     return max(1, min(_MAX_TRIALS, _BATCH // max(lines, 1)))

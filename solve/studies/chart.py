@@ -1,4 +1,4 @@
-"""Stability over two quantities: spectral radius, verdict, and stability boundaries."""
+"""Stability as a function of two quantities: spectral radius, verdict, and stability boundaries."""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -42,8 +42,9 @@ _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
 """Names of the arrays of results that describe stability."""
 
 _PREDICTED = 0.3
-"""Ratio of the minimum predicted by a parabola to the distance from instability at the grid point, below
-which the minimum is searched for. A choice: on a coarse grid, a larger ratio gives more false minima."""
+"""A minimum of the distance from instability is searched for if the minimum that a parabola predicts is below
+this fraction of the distance at the grid point. Chosen by judgement: on a coarse grid, a larger ratio gives
+more false minima."""
 
 
 @matches_annotations
@@ -63,18 +64,20 @@ def chart(
     of: str | None = None,
     prove: bool = False,
 ) -> Chart:
-    """Stability over two quantities, with the boundaries between stable and unstable regions.
+    """Compute stability as a function of two quantities, with the boundaries between stable and unstable
+    regions.
 
     Parameters
     ----------
     model : str, PeriodicSystem or callable
-        Name or path of a model; a system (a generated one varies in its parameters, any other in its speed);
-        or a function that builds a system from the two values by name.
+        Name or path of a model; a system, of which parameters can be varied if it is generated, otherwise
+        only the speed; or a function that builds a system from the two values, given as keyword arguments.
     x, y : str or mapping of str to values
-        Parameters in the model's unit or as texts with unit, or "speed": {name: values}, or a text such as
-        "delta=0:10:60", "k1=10:90:50 kN m/rad", "speed=100:400:40 rpm".
+        Parameter, or "speed", with its values: a mapping {name: values}, with values in the model's unit or
+        as texts with a unit; or a text such as "delta=0:10:60", "k1=10:90:50 kN m/rad" or "speed=100:400:40
+        rpm".
     speed : float or str, optional
-        Speed, if neither x nor y is the speed; by default the speed of the case.
+        Speed, if neither `x` nor `y` is the speed; by default the speed of the case.
     case : str or int, optional
         Case of a model given by name.
     method, rtol : optional
@@ -98,8 +101,8 @@ def chart(
     Returns
     -------
     Chart
-        Verdicts, spectral radii and boundaries. Points that fail, such as those of a linkage that cannot
-        rotate fully, are NaN with the reason, and boundaries end next to them.
+        Verdicts, spectral radii and boundaries. Points without a result, for example because a linkage cannot
+        rotate fully, are NaN with the reason. Boundaries end next to these points.
 
     Raises
     ------
@@ -162,7 +165,8 @@ def chart(
 
 
 def _provable(model: object) -> Model:
-    """Return the model. Raises LinearModelError if verdicts on boxes cannot be proved for it."""
+    """Return `model` if verdicts on boxes of parameters can be proved for it. Raises LinearModelError
+    otherwise."""
     if not isinstance(model, PeriodicSystem):
         raise LinearModelError("'prove' requires a model, not a function that builds systems")
     require_provable(model)
@@ -174,8 +178,8 @@ def _provable(model: object) -> Model:
 
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
-    """Stability at points (P, 2), from the orbits. Points without an orbit, as at resonance, are solved
-    separately."""
+    """Return the stability at points (P, 2), taken from the orbits. Points without an orbit, for example at
+    resonance, are solved for stability alone."""
     results = PointResults.blank(len(points), multiplier_count(batch.family.example), Kept(warnings=False))
     for name in _OF_STABILITY:
         getattr(results, name)[:] = getattr(orbits, name)
@@ -186,8 +190,8 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
 
 
 def _orbit_warnings(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
-    """Warnings about orbits: the number of points with a verdict but without an orbit, with the reason; and
-    the bounds of the model that orbits violate, with the largest excess."""
+    """Return warnings about the orbits: the number of points that have a verdict but no orbit, with the
+    reason; and the bounds of the model that orbits violate, with the largest excess."""
     names, valid_figures = orbits.kept.names, orbits.figures[~orbits.failed]
     reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
     of = f"of {len(orbits)} points"
@@ -201,8 +205,8 @@ def _orbit_warnings(system: PeriodicSystem, orbits: PointResults, stability: Poi
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Quantity that a chart shows at its points. Raises ValueOutOfBoundsError for a phase angle or a complex
-    number."""
+    """Quantity whose value a chart shows at each point. Raises ValueOutOfBoundsError if it is a phase angle
+    or a complex number."""
 
     named: Named
 
@@ -227,8 +231,8 @@ def _stability_at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stabilit
 def _cut(
     search: BoundarySearch, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float
 ) -> Cut:
-    """Cut along one axis at a fixed value of the quantity with index `held`. Raises ValueOutOfBoundsError,
-    and NoResultError if no point has a result."""
+    """Return a cut along one axis, at a fixed value of the other quantity, which has the index `held`. Raises
+    ValueOutOfBoundsError, and NoResultError if no point has a result."""
     if not np.isfinite(value):
         raise ValueOutOfBoundsError(f"the cut is at {names[held]} = {value:g}; give a finite number")
     along, values = 1 - held, axes[1 - held]
@@ -247,7 +251,7 @@ def _cut(
 
 
 def _stable_as_number(known: StabilitySamples) -> Array:
-    """Stability (k,) as 1 (stable) or 0 (unstable); NaN where a point failed."""
+    """Return 1 for each stable sample (k,), 0 for each unstable one, and NaN for each failed one."""
     return np.where(known.failed, np.nan, known.stable)
 
 
@@ -256,8 +260,9 @@ def _axis(
     given: str | Mapping[str, str | Sequence[float | str] | Array],
     system: PeriodicSystem | None,
 ) -> tuple[str, Sequence[float]]:
-    """Name and ascending values of a parameter in its own unit. Without a system, which declares units,
-    values must be plain numbers. Raises ValueOutOfBoundsError, UnitError."""
+    """Return the name and the ascending values of the quantity on an axis, in the unit of the parameter.
+    Without a system, which declares units, values must be plain numbers. Raises ValueOutOfBoundsError,
+    UnitError."""
     if isinstance(given, str):
         name, _, text = given.partition("=")
         given = {name.strip(): text.strip()}
@@ -283,7 +288,8 @@ def _family(
     speed: float | str | None,
     case: str | int | None,
 ) -> Family:
-    """Family of systems at the points (P, 2): variations of one model, or systems that a function builds."""
+    """Return the family of systems at the points (P, 2): variations of one model, or systems built by a
+    function."""
     if case is not None:
         raise ValueOutOfBoundsError(
             f"case is '{case}', but a system already has values of its parameters; leave out the case"
@@ -306,9 +312,9 @@ def _speed_unless_varied(speed: float | str | None, names: tuple[str, str]) -> f
 
 
 def _continuations(found: Array, axes: tuple[Array, Array], along: int, searched: Array) -> Array:
-    """Indices of the middle points at which a tongue found at points (k, 2) may continue on neighbouring
-    lines. Only points with two neighbours on their line are returned. searched (lines, middles): where
-    tongues were searched for or found, updated in place."""
+    """Return the indices of the grid points at which a tongue found at the points `found` (k, 2) may continue
+    on neighbouring lines. Grid points at the ends of a line are excluded. `searched` (lines, points) marks
+    the points at which tongues were searched for or found, and is updated in place."""
     line = np.searchsorted(axes[1 - along], found[:, 1 - along])
     right = np.searchsorted(axes[along], found[:, along]) - 1
     at, near = np.zeros_like(searched), np.zeros_like(searched)
@@ -327,7 +333,8 @@ def _boundaries(
     axes, index = (chart.x, chart.y), np.arange(len(known.points)).reshape(chart.shape)
 
     def lines(index: Array, along: int) -> Lines:
-        """Lines through the points with the indices `index`, including unstable points found between them."""
+        """Return the lines through the grid points `index`, including unstable points found between these
+        points."""
         middle, stride = index[:, 1:-1], (1, len(chart.x))[along]
         tongues = find_narrow_tongues(search.evaluate, known, middle.ravel(), stride, _PREDICTED)
         samples, searched = known + tongues, np.zeros(middle.shape, dtype=bool)

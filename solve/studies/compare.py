@@ -33,19 +33,21 @@ _REFERENCE_RTOL = 1e-12
 _FIRST_STEPS = 2
 
 _BISECTION_RATIO = 1.02
-"""Ratio of two step counts at which the bisection for the smallest sufficient number ends. A choice."""
+"""The bisection for the smallest sufficient number of steps ends when the ratio of its two bounds is below
+this. Chosen by judgement."""
 
 _MAX_SECONDS = 2.0
-"""Longest time in seconds of one solution in the search for the smallest sufficient number of steps. A
-choice."""
+"""Maximum time in seconds that one solution may take in the search for the smallest sufficient number of
+steps. Chosen by judgement."""
 
 _REPEATS = 5
 _MAX_REPEAT_SECONDS = 0.1
-"""Maximum number of timed runs, and total time in seconds after which they end. Choices."""
+"""Maximum number of timed runs of a solution, and total time in seconds after which no further run is
+started. Chosen by judgement."""
 
 _BEYOND = 1e-3
-"""Error, relative to the smallest target, down to which rows with doubled steps are added so that a figure
-shows the trend. A choice."""
+"""Rows with doubled steps are added until the error is this fraction of the smallest target, so that a figure
+shows the trend. Chosen by judgement."""
 
 
 @of_system
@@ -67,17 +69,17 @@ def compare(
     methods : str or sequence of str or Method, optional
         Methods, by default all.
     steps : sequence of int, optional
-        Numbers of steps for the comparison at equal steps; by default four around the number that resolves
-        the fastest mode.
+        Numbers of steps for the comparison at equal steps; by default four numbers around the one that
+        resolves the fastest mode.
     targets : sequence of float
-        Relative errors for the comparison at equal accuracy: the least number of steps whose orbit reaches
-        the target, or whose multipliers do if there is no load.
+        Relative errors for the comparison at equal accuracy. For each target, the smallest number of steps is
+        sought with which the orbit (without a load, the multipliers) is accurate enough.
 
     Returns
     -------
     Comparison
-        Errors and times of the methods, all of which run in NumPy. The row of a method that fails states the
-        reason.
+        Errors and computing times of the methods, all of which run in NumPy. If a method fails, its row
+        states the reason.
 
     Raises
     ------
@@ -112,8 +114,8 @@ def compare(
 
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
-    """Four numbers of steps from the series 1, 2, 5, 10, … around ω_max T, the number at which ω_max h =
-    1."""
+    """Return four numbers of steps from the series 1, 2, 5, 10, … near ω_max T, the number with which ω_max h
+    = 1."""
     phase_advance = max(float(frozen(SinglePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * phase_advance)
@@ -121,7 +123,7 @@ def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
 
 
 def label(method: Method) -> str:
-    """Name of a method, with its settings that differ from the defaults."""
+    """Return the name of a method, with those of its settings that differ from the defaults."""
     defaults = type(method)().settings
     changed = [f" {name} {value}" for name, value in method.settings.items() if value != defaults[name]]
     return method.name + "".join(changed)
@@ -146,7 +148,8 @@ class _AgainstReference:
         return max(1, len(self.point.breaks), int(self.solver.min_steps[0]))
 
     def measured(self, steps: int, at: str, target: float | None = None, repeats: int = _REPEATS) -> Row:
-        """Row with errors and time for a number of steps, or with the reason why the method failed."""
+        """Return a row with the errors and the time for a number of steps, or with the reason why the method
+        failed. `at` names the group of rows."""
         blank = Row(self.name, self.method.order, None, at, asked=steps, target=target)
         if steps > self.solver.max_steps:
             return replace(blank, reason=self._limit)
@@ -168,8 +171,8 @@ class _AgainstReference:
         )
 
     def refined(self, goal: float) -> list[Row]:
-        """Rows with doubled steps until the target is reached, the errors stop decreasing, or a memory or
-        time limit is reached."""
+        """Return rows with doubled steps, until the error is at most `goal`, the errors stop decreasing, or a
+        memory or time limit is reached."""
         steps = max(_FIRST_STEPS, self.least)
         trace: list[Row] = []
         while steps <= self.solver.max_steps:
@@ -181,8 +184,8 @@ class _AgainstReference:
         return trace
 
     def at_accuracy(self, goal: float, trace: list[Row]) -> Row:
-        """Row with the smallest number of steps that reaches the target, found by bisection between two rows
-        of the trace."""
+        """Return a row with the smallest number of steps whose error is at most `goal`, found by bisection
+        between two rows of `trace`."""
         reached = next((k for k, row in enumerate(trace) if row.error(self.judged_by) <= goal), None)
         if reached is None:
             reason = f"out of reach: {self._obstacle(goal, trace)}"
@@ -213,7 +216,7 @@ class _AgainstReference:
         return float(self.solver.modes.phase_advance[0])
 
     def _timed(self, steps: int, repeats: int) -> tuple[Solutions, float]:
-        """Solution, and shortest time of repeated runs."""
+        """Return the solution and the shortest time of repeated runs."""
         times: list[float] = []
         while True:
             start = time.process_time()
@@ -230,7 +233,8 @@ class _AgainstReference:
         return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
 
     def _unnamed(self, refusal: str) -> str:
-        """Message of an exception, without the name of the method, which the row contains already."""
+        """Return the message of an exception without the name of the method, which the row contains
+        already."""
         return refusal.removeprefix(f"{self.method.name}: ").removeprefix(f"{self.method.name} ")
 
     @property

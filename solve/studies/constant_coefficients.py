@@ -1,7 +1,7 @@
-"""Stability with constant M, C and K, for any load, from the eigenvalues µ of µ²M + µC + K.
+"""Stability of systems with constant M, C and K, for any load, from the eigenvalues µ of µ²M + µC + K.
 
-There is no parametric resonance, and therefore no narrow tongue between speeds. The eigenvalues vary slowly
-with the speed or a parameter.
+These systems have no parametric resonance and therefore no narrow tongues between speeds. Their eigenvalues
+vary slowly with the speed or a parameter.
 """
 
 from dataclasses import dataclass, replace
@@ -29,29 +29,31 @@ from solve.results.points import Kept, PointResults
 from solve.studies.stability_samples import StabilitySamples, evaluator
 
 _PHASES = 128
-"""Number of phases at which some points are tested for constant matrices; the same number as in
-`solve.period.frozen`."""
+"""Number of phases at which the matrices of a few representative points are tested for being constant; the
+same as in `solve.period.frozen`."""
 
 _TEST_FRACTIONS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
-"""Fractions of the period at which all other points are tested."""
+"""Fractions of the period at which the matrices of all other points are tested."""
 
 _CONSTANT = 1e-13
-"""Variation of an entry, relative to its size, that counts as round-off. Parametric excitation of this size
-changes a mode by less than 1e-13 ω T / 2 per period, far below the growth that makes a band."""
+"""Variation of an entry over the period, relative to its magnitude, that counts as round-off. Parametric
+excitation of this relative amplitude changes a mode by less than 1e-13 ω T / 2 per period, far below the
+growth that counts as an unstable band."""
 
 _ROUNDING = 64 * EPS
-"""Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
+"""Asymmetry, or modulus of a negative eigenvalue, that counts as round-off, relative to the largest entry of
+the matrix."""
 
 _LARGEST = 300.0
-"""Largest growth exponent per period that is shown; larger ones overflow."""
+"""Limit of growth exponents per period, so that the moduli of multipliers do not overflow."""
 
 _TINY = float(np.finfo(float).tiny)
 
 
 class Exponents(NamedTuple):
-    """Characteristic exponents µ. growth (P, N): real parts, in descending order; angular_rates (P, N):
-    imaginary parts, with respect to the phase; errors (P, N) of the real parts. NaN at points whose
-    matrices are not constant."""
+    """Characteristic exponents µ (P, N), which refer to the phase: real parts `growth` in descending order,
+    imaginary parts `angular_rates`, and `errors` of the real parts. NaN at points whose matrices are not
+    constant."""
 
     growth: Array
     angular_rates: Array
@@ -61,8 +63,8 @@ class Exponents(NamedTuple):
 @dataclass(frozen=True)
 class ConstantCoefficients:
     """Stability of points with constant matrices. Points whose matrices vary, or whose eigenvalues are too
-    uncertain, are solved by the batch. multiplicity: number of multipliers +1 of rigid-body modes; unit:
-    time in seconds that maps exponents to angles below π."""
+    uncertain, are solved by `batch`. `multiplicity` is the number of multipliers +1 of rigid-body modes;
+    `unit` is a time in seconds with which frequencies become angles below π."""
 
     batch: Batch
     multiplicity: int
@@ -74,10 +76,10 @@ class ConstantCoefficients:
         return self.batch.family
 
     def evaluate(self, points: Array) -> StabilitySamples:
-        """Stability at points (k, v).
+        """Return the stability at points (k, v).
 
-        The moduli of the multipliers are exact, but their angles are Im µ Ω times a fixed time, so that two
-        multipliers coincide only if their exponents do.
+        The moduli of the multipliers are exact. Their angles are not: they are Im µ Ω times a fixed time
+        instead of the period, so that two multipliers coincide only if their exponents coincide.
         """
         exponents, period = self.exponents(points), self.family.example.period
         growth, errors = exponents.growth * period, exponents.errors * period
@@ -139,9 +141,9 @@ class ConstantCoefficients:
 
 
 def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
-    """Evaluator of stability for the points of a batch if M, C and K are constant at all of them. None if
-    they vary, if some coordinates are of first order, or if the method is an approximation whose stability
-    differs from that of the equations."""
+    """Return an evaluator of stability for the points of a batch if M, C and K are constant at all points.
+    Return None if the matrices vary, if some coordinates are of first order, or if the method is an
+    approximation whose stability differs from that of the equations."""
     family = batch.family
     if len(family.example.states):
         return None
@@ -176,8 +178,9 @@ def _are_constant(entries: Array, n: int) -> Array:
 
 
 def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
-    """Rigid-body modes of points with M, C, K (P, n, n). Points with equal modes share those of the first
-    point; speeds and stiffnesses do not change the modes."""
+    """Return the rigid-body modes of points with M, C, K (P, n, n). They are computed at the first point and
+    reused at the points that have the same modes, usually all: speeds and stiffnesses do not change the
+    modes."""
     first = rigid_body_modes(K[:1, None], C[:1, None], M[:1, None])
     vectors = first.vectors[:1].sum(axis=0)
     if not vectors.any():
@@ -204,10 +207,10 @@ def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
 def _exponents(
     M: Array, C: Array, K: Array, modes: RigidBodyModes, references: list[int], multiplicity: int
 ) -> Array:
-    """Growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n).
+    """Return the growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n).
 
-    references: reference coordinates of the rigid-body modes. The states are the other coordinates, relative
-    to these modes, and all velocities."""
+    `references` are the reference coordinates of the rigid-body modes. The states are the other coordinates,
+    relative to the rigid-body motion, and all velocities."""
     n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in references]
     unit = inertia_units(M)
     unit[~np.isfinite(unit)] = 1.0
@@ -236,8 +239,8 @@ def _exponents(
 
 
 def _eigenvalues(A: Array) -> tuple[Array, Array]:
-    """Eigenvalues (P, N) of matrices (P, N, N), and their errors (P, N). In conjugate pairs, the positive
-    imaginary part comes first."""
+    """Return the eigenvalues (P, N) of matrices (P, N, N), and their errors (P, N). In conjugate pairs, the
+    eigenvalue with positive imaginary part comes first."""
     finite = np.asarray(np.isfinite(A).all(axis=(1, 2)))
     values, right = np.linalg.eig(np.where(finite[:, None, None], A, 0.0))
     left = solved(right, np.broadcast_to(np.eye(A.shape[1]), A.shape))
@@ -248,9 +251,10 @@ def _eigenvalues(A: Array) -> tuple[Array, Array]:
 
 
 def _energy_bound(M: Array, C: Array, K: Array, rest: list[int]) -> Array:
-    """Upper bound (P,) on the growth rate from the energy q̇ᵀMq̇/2 + xᵀKx/2. If M and K are symmetric and
-    positive definite in the coordinates x with indices `rest`, the energy changes only by -q̇ᵀCq̇, for any
-    gyroscopic forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345). Infinite otherwise."""
+    """Return an upper bound (P,) on the growth rate, from the energy q̇ᵀMq̇/2 + xᵀKx/2, where x are the
+    coordinates with the indices `rest`. If M and the part of K in x are symmetric and positive definite, the
+    rate of change of the energy is -q̇ᵀCq̇, to which gyroscopic forces do not contribute (W. Thomson, P. G.
+    Tait, Treatise on Natural Philosophy, 345). Otherwise the bound is infinite."""
     scale = [np.abs(matrix).max(axis=(1, 2)) for matrix in (M, C, K)]
     symmetric = [
         np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2)) <= _ROUNDING * size

@@ -11,16 +11,16 @@ from solve.results.chart import BoundaryCurve
 from solve.results.points import KINDS
 
 _NARROW = 0.1
-"""Width of an unstable part of a cell's edge, relative to the cell, below which it continues into the cell as
-a tongue. A choice."""
+"""Width of an unstable section of a cell's edge, relative to the cell, below which the section counts as part
+of a tongue that crosses the cell. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Crossings:
     """Points on the lines of a grid at which stability changes.
 
-    line (c,): index of the line. place (c,): coordinate along the line. kind (c,): index in KINDS of the
-    multiplier that leaves the unit circle.
+    For each point, `line` (c,) is the index of its line, `place` (c,) the coordinate along the line, and
+    `kind` (c,) the index in KINDS of the way in which a multiplier leaves the unit circle.
     """
 
     line: Array
@@ -35,11 +35,12 @@ def contours(
     columns: Crossings,
     is_stable: Callable[[Array], Array],
 ) -> list[BoundaryCurve]:
-    """Stability boundaries through the cells of a grid.
+    """Connect crossings to stability boundaries through the cells of a grid.
 
-    axes: x (nx,) and y (ny,). stable: 1, 0 or NaN (ny, nx). rows, columns: crossings on grid lines.
-    is_stable: function of points (k, 2) that returns whether each is stable, called where the corners of a
-    cell allow two topologies. Cells with a NaN at a corner have no boundary.
+    `axes` are x (nx,) and y (ny,). `stable` (ny, nx) is 1 at stable grid points, 0 at unstable ones, and NaN
+    at failed ones. `rows` and `columns` are the crossings on the grid lines along x and along y. `is_stable`
+    evaluates the stability of points (k, 2); it is called where the crossings around a cell can be connected
+    in two ways. Cells with a NaN at a corner have no boundary.
     """
     rims = _CellCrossings(axes, rows, columns)
     i, j = rims.cells
@@ -55,10 +56,10 @@ def contours(
 
 
 class _CellCrossings:
-    """Crossings as points (c, 2), grouped by the k cells on whose edges they lie. cells: column indices (k,)
-    and row indices (k,) of the cells. around: indices of the crossings, cell after cell, counter-clockwise
-    from the lower left corner. starts, counts (k,): first index in `around` and number of crossings, by
-    cell."""
+    """Crossings as points (c, 2), grouped by the k cells on whose edges they lie. `cells` are the column
+    indices (k,) and row indices (k,) of the cells. `around` contains the indices of the crossings, cell after
+    cell, counter-clockwise from the lower left corner. `starts` (k,) and `counts` (k,) are, for each cell,
+    the first index in `around` and the number of crossings."""
 
     def __init__(self, axes: tuple[Array, Array], rows: Crossings, columns: Crossings):
         x, y = axes
@@ -87,19 +88,19 @@ class _CellCrossings:
         self.cells = np.divmod(cells, len(y))
 
     def arcs(self, cell: int, begins_unstable: bool) -> list[tuple[int, int]]:
-        """Pairs of neighbouring crossings around a cell between which the edge of the cell is unstable."""
+        """Return the pairs of neighbouring crossings between which the edge of the cell is unstable."""
         rim = self.around[self.starts[cell] :][: self.counts[cell]].tolist()
         turned = [*rim[1:], *rim[:1]] if begins_unstable else rim
         return list(zip(turned[::2], turned[1::2], strict=True))
 
     def width(self, arc: tuple[int, int]) -> float:
-        """Distance between the two crossings of an arc, in units of the cell size."""
+        """Return the distance between the two crossings of an arc, in units of the cell size."""
         first, last = self.points[list(arc)]
         return float(np.linalg.norm((last - first) / self.size))
 
 
 def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
-    """Index of the interval of `nodes` that contains each position (c,), and rank (c,) of the position in
+    """Return, for each position (c,), the index of the interval of `nodes` that contains it, and its rank in
     ascending order."""
     cell = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, len(nodes) - 2)
     rank = np.empty(len(place), dtype=int)
@@ -110,9 +111,9 @@ def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
 def _decided(
     rims: _CellCrossings, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
-    """Connections (k, 2) within cells that have several unstable arcs. Connected crossings are of the same
-    kind. If several connections remain possible, two arcs are joined if the point between them is unstable,
-    or if both are as narrow as a tongue."""
+    """Return connections (k, 2) between crossings in cells that have several unstable arcs. Crossings of the
+    same kind are connected. If the kinds do not decide, two arcs are joined if the point between them is
+    unstable, or if both arcs are as narrow as a tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)
@@ -136,7 +137,8 @@ def _decided(
 
 
 def _chains(count: int, ends: Array) -> list[list[int]]:
-    """Chains of crossings from connections (k, 2). A closed chain ends at its start."""
+    """Return chains of crossings from connections (k, 2). The last crossing of a closed chain is its first
+    one."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import depth_first_order
 
@@ -154,7 +156,8 @@ def _chains(count: int, ends: Array) -> list[list[int]]:
 
 
 def _pieces(rims: _CellCrossings, chain: list[int]) -> list[BoundaryCurve]:
-    """Boundaries along a chain, one for each kind of crossing. Neighbouring pieces share a point."""
+    """Split a chain into boundaries wherever the kind of crossing changes. Neighbouring boundaries share a
+    point."""
     kinds, points = rims.kinds[chain], rims.points[chain]
     cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(chain)]
     return [

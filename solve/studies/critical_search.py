@@ -1,5 +1,5 @@
-"""Search for the maxima of the response and of the multipliers over speed, and labels of the resonances that
-cause them."""
+"""Search for the maxima of the response and of the multipliers as functions of speed. The maxima are labelled
+with the resonances that cause them."""
 
 import itertools
 import math
@@ -31,32 +31,35 @@ from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem, multiplier_count
 
 _ASIDE = 0.25
-"""Distance from a maximum at which the response is compared with it, as a fraction of the distance between
-neighbouring divisions. A choice: outside the peak of this maximum, and before the next maximum."""
+"""Distance from a maximum to the speeds at which the response is computed for comparison, as a fraction of
+the distance between neighbouring divisions. Chosen by judgement: these speeds must lie outside the peak of
+this maximum, and closer than the next maximum."""
 
 _BESIDE = 4.0
-"""Distance on either side of a maximum at which results are compared with it, as a multiple of the tolerance
-of its speed. A choice larger than the error of the speed."""
+"""Distance from a maximum to the speeds, on either side, at which results are computed for comparison, as a
+multiple of the tolerance of its speed. Chosen by judgement, larger than the error of the speed."""
 
 _SHARE = 0.1
-"""Smallest rise of a harmonic's power, relative to the largest rise, with which the harmonic counts as the
-cause of a maximum. A choice."""
+"""Smallest rise of a harmonic's power at a maximum, relative to the largest rise of any harmonic, with which
+the harmonic counts as a cause of the maximum. Chosen by judgement."""
 
 
 def radius(results: PointResults) -> Array:
-    """Spectral radius (P,); NaN where more than half of a disturbance decays within a period."""
+    """Spectral radius (P,); NaN where it is below 1/2, so that perturbations lose more than half of their
+    amplitude in a period."""
     modulus = results.spectral_radius
     return np.where(modulus >= LIGHTLY_DAMPED, modulus, np.nan)
 
 
 def real_part(results: PointResults) -> Array:
-    """Largest real part (P,) of those multipliers whose modulus is the largest within their errors."""
+    """Largest real part (P,) among the dominant multipliers: those whose modulus is the largest, within the
+    errors."""
     largest = np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).max(axis=1)
     return np.where(results.failed, np.nan, largest)
 
 
 def _is_dominant(results: PointResults) -> Array:
-    """Whether the modulus of each multiplier (P, N) is the largest within its error; False for failed
+    """Mask (P, N) of the multipliers whose modulus is the largest, within its error; False at failed
     points."""
     modulus, radius = np.abs(results.multipliers), results.spectral_radius[:, None]
     with np.errstate(invalid="ignore"):
@@ -70,19 +73,20 @@ def _leading(results: PointResults) -> Array:
 
 
 def _coalescence(results: PointResults) -> Array:
-    """Value (P,) of `coalescence_distance` for the dominant multiplier with the largest real part."""
+    """Coalescence distance (P,) of the dominant multiplier with the largest real part; NaN at failed
+    points."""
     distance = coalescence_distance(results.multipliers, _leading(results))
     return np.where(results.failed, np.nan, distance)
 
 
 @dataclass
 class CriticalSearch:
-    """Search for maxima of the response and of the multipliers over speed, by solutions at given speeds and
-    between them.
+    """Search for maxima of the response and of the multipliers as functions of speed, by solutions at the
+    given speeds and between them.
 
-    multipliers: the batch without orbits; rotation: rotation of the multipliers over speed; constant:
-    evaluation for constant matrices; sweep: solutions already known, with the same statistic; orders: highest
-    order of divisions.
+    `batch` solves for orbits, and `multipliers` for multipliers only. `figure` is the statistic of the
+    response. `orders` is the highest order of divisions. `rotation` returns the rotation of the multipliers
+    with speed. `constant` evaluates constant matrices, and `sweep` contains solutions that are already known.
     """
 
     batch: Batch
@@ -101,7 +105,7 @@ class CriticalSearch:
         return self.batch.family.example
 
     def solve(self, speeds: Array) -> PointResults:
-        """Orbits at speeds (P,); orbits of the sweep are reused."""
+        """Solve for the orbits at speeds (P,). Orbits of the sweep are reused."""
         if self.sweep is None:
             return gathered(self.batch, speeds[:, None], self.kept)
         _, in_sweep, known = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
@@ -112,7 +116,7 @@ class CriticalSearch:
         return results
 
     def solve_multipliers(self, speeds: Array) -> PointResults:
-        """Multipliers at speeds (P,), without orbits."""
+        """Solve for the multipliers at speeds (P,), without orbits."""
         points = speeds[:, None]
         if self.constant:
             return self.constant.results(points)
@@ -125,7 +129,8 @@ class CriticalSearch:
     def multiplier_maxima(
         self, speeds: Array, values: Array, results: PointResults, value: Callable[[PointResults], Array]
     ) -> list[Maximum]:
-        """Maxima of a function `value` of the multipliers, from its values (P,) at the speeds (P,)."""
+        """Locate the maxima of `value`, a function of the multipliers, from its values (P,) at the speeds
+        (P,)."""
         maxima = peaks(values, results.errors[:, 1] * results.spectral_radius)
         trials = Trials(self.multipliers, Kept(warnings=False), results, maxima)
 
@@ -137,8 +142,8 @@ class CriticalSearch:
         return narrow_to_tolerance(brackets, guides, values_at, self.tolerance).maxima
 
     def response_maxima(self, speeds: Array, results: PointResults, resolved: Array) -> Brackets:
-        """Brackets of the maxima of the response among the speeds (P,). resolved (P,): whether the orders are
-        resolved."""
+        """Return brackets of the maxima of the response. Speeds (P,) with `resolved` (P,) False are
+        excluded."""
         values = np.where(resolved, self.response(results), np.nan)
         maxima = peaks(values, results.errors[:, 0] * np.abs(values))
         trials = Trials(self.batch, self.kept, results, maxima)
@@ -152,9 +157,9 @@ class CriticalSearch:
     def add_crossings(
         self, speeds: Array, results: PointResults, others: Array
     ) -> tuple[Array, PointResults]:
-        """Speeds (P,) and results with further speeds inserted: `others` (k,), and speeds at and near which a
-        multiplier passes +1 on the real axis. There the response may have an unbounded maximum of any
-        width."""
+        """Return speeds and results, with further speeds solved and inserted: `others` (k,), and speeds at
+        and near those at which a multiplier passes through +1 on the real axis. There the response may have
+        an unbounded maximum of any width."""
         speeds, results = self._insert(speeds, results, others)
         evaluate_all = self.constant.evaluate if self.constant else evaluator(self.multipliers)
 
@@ -175,7 +180,7 @@ class CriticalSearch:
         return self._insert(speeds, results, beside)
 
     def _insert(self, speeds: Array, results: PointResults, others: Array) -> tuple[Array, PointResults]:
-        """Ascending speeds and their results, with the speeds `others` (k,) solved and inserted."""
+        """Return ascending speeds and their results, with the speeds `others` (k,) solved and inserted."""
         others = np.setdiff1d(others, speeds)
         union = np.union1d(speeds, others)
         merged = PointResults.blank(len(union), multiplier_count(self.system), self.kept)
@@ -184,10 +189,11 @@ class CriticalSearch:
         return union, merged
 
     def label_response_maxima(self, brackets: Brackets) -> list[Label]:
-        """Maxima of the response, each labelled with the orders whose power is higher there than on both
-        sides.
+        """Return the maxima of the response, each labelled with the orders whose power is higher at the
+        maximum than on both sides.
 
-        Maxima within an unstable range are never reached and are omitted, except those at its edge.
+        Maxima inside an unstable range, where no steady vibration is reached, are omitted; maxima at its
+        edges are kept.
         """
         if not len(brackets):
             return []
@@ -211,8 +217,8 @@ class CriticalSearch:
         ]
 
     def _with_heights(self, brackets: Brackets, unbounded: Array) -> list[Maximum]:
-        """Maxima with certified heights, however narrow they are; heights are infinite where `unbounded` (k,)
-        is True."""
+        """Return the maxima, however narrow, with certified heights. Heights are infinite where `unbounded`
+        (k,) is True."""
 
         def values_at(speeds: Array, _: Array) -> tuple[Array, Array]:
             return self.response(self.solve(speeds)), np.full(len(speeds), np.nan)
@@ -226,8 +232,8 @@ class CriticalSearch:
         return maxima
 
     def _is_unbounded(self, trials: Array, results: PointResults) -> Array:
-        """Mask (k,) of the maxima near which a multiplier passes +1, so that the response is unbounded.
-        trials (5, k): speeds of the results, of which the middle three are tested."""
+        """Return a mask (k,) of the maxima near which a multiplier passes through +1, so that the response is
+        unbounded. `trials` (5, k) are the speeds of the results; the middle three are tested."""
         rho, errors = (
             values.reshape(5, trials.shape[1], -1)[1:4].copy()
             for values in (results.multipliers, results.errors)
@@ -245,8 +251,8 @@ class CriticalSearch:
         return self.system.period / (2 * np.pi)
 
     def _rising_orders(self, rise: Array) -> set[tuple[int, int]]:
-        """Orders per revolution whose power rises by at least a tenth of the largest rise, each paired with
-        every mode; from the rise (k,) of each harmonic."""
+        """Return the orders per revolution whose power rises by at least a tenth of the largest rise, each
+        paired with every mode. `rise` (k,) contains the rise of the power of each harmonic."""
         turns = self._revolutions
         harmonics = {
             order: round(order * turns)
@@ -258,8 +264,8 @@ class CriticalSearch:
         return set(itertools.product(range(1, self.system.n + 1), rising))
 
     def label_real_part_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Maxima of the real part of the dominant multiplier. Those without a label at edges of unstable
-        ranges are omitted, because there another multiplier becomes dominant."""
+        """Label maxima of the real part of the dominant multiplier. Maxima at edges of unstable ranges are
+        omitted if no resonance explains them, because at such edges another multiplier becomes dominant."""
         speeds, count = np.array([maximum.speed for maximum in maxima]), len(maxima)
         near = 1 + _BESIDE * self.tolerance * np.array([0, -1, 1])
         results = self.solve_multipliers((near[:, None] * speeds).ravel())
@@ -275,8 +281,8 @@ class CriticalSearch:
         return [label for label, edge in zip(labels, is_edge, strict=True) if label.is_explained or not edge]
 
     def label_radius_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Maxima of the spectral radius. Those of stable motion without a label are omitted, because the
-        radius also has a maximum where two multipliers of different decay meet."""
+        """Label maxima of the spectral radius. Maxima of stable motion are omitted if no resonance explains
+        them, because the radius also has a maximum where two multipliers of different decay meet."""
         results = self.solve_multipliers(np.array([maximum.speed for maximum in maxima]))
         maxima = _certified(maxima, results.spectral_radius)
         labels = [
@@ -287,15 +293,14 @@ class CriticalSearch:
         return [label for label, grows in zip(labels, unstable, strict=True) if label.is_explained or grows]
 
     def _matchers(self, maxima: list[Maximum], multipliers: Array) -> Iterator[MultiplierMatcher]:
-        """Assignment of multipliers (k, N) to modes at each maximum."""
+        """Yield, for each of k maxima, the matching of its multipliers to modes. `multipliers` is (k, N)."""
         for maximum, rho in zip(maxima, multipliers, strict=True):
             ratios = MeanFrequencies(self.system, np.array([maximum.speed])).values[0] / maximum.speed
             yield MultiplierMatcher(self.system, maximum.speed, rho, ratios)
 
 
 def _certified(maxima: list[Maximum], heights: Array) -> list[Maximum]:
-    """Maxima with certified heights (k,) in place of estimated ones, where the certified heights are
-    finite."""
+    """Return maxima whose heights are replaced by the certified `heights` (k,) where these are finite."""
     return [
         replace(maximum, height=height) if math.isfinite(height) else maximum
         for maximum, height in zip(maxima, heights.tolist(), strict=True)

@@ -1,7 +1,7 @@
-"""Critical speeds by three criteria (thesis 7.2.3, 7.3).
+"""Critical speeds by three criteria (sections 7.2.3 and 7.3 of the thesis).
 
-Maxima of the response over speed; maxima of the real part of the dominant Floquet multiplier; integer
-fractions of the cycle-mean natural frequencies.
+The criteria are maxima of the response versus speed, maxima of the real part of the dominant Floquet
+multiplier versus speed, and integer fractions of the cycle-mean natural frequencies.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,14 +30,15 @@ from solve.terminal import progress
 from solve.units import speeds_between
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
-"""Statistics of a quantity whose maxima over speed can be searched for."""
+"""Statistics of a quantity, of which the maxima versus speed can be searched for."""
 
 _SPEEDS_PER_DIVISION = 24
-"""Number of speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
+"""Smallest number of speeds between two neighbouring integer divisions of the lowest frequency. Chosen by
+judgement."""
 
 _ROUNDOFF = 64 * np.finfo(float).eps
-"""Relative difference below which two speeds of the grid are the same: each speed is computed by a few
-operations with round-off of eps."""
+"""Relative difference below which two speeds of the grid count as equal: each speed is computed by a few
+operations with a round-off of eps."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def critical_speeds(
     tolerance: float = _Settings.tolerance,
     engine: str = "auto",
 ) -> CriticalSpeeds:
-    """Find critical speeds in the range of the given speeds.
+    """Find the critical speeds within the range of the given speeds.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def critical_speeds(
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Speeds are added where fewer
         than 24 lie between two integer divisions of the lowest frequency.
     quantity : str, optional
-        Coordinate or output whose response is searched; by default the first coordinate.
+        Coordinate or output whose maxima are searched for; by default the first coordinate.
     figure : str
         "max_abs", "rms", "max", "min" or "mean" of the quantity over the period.
     orders : int
@@ -107,7 +108,7 @@ def critical_speeds(
     Notes
     -----
     Maxima are bracketed on the grid of speeds and narrowed by Chandrupatla's method. Integer divisions are
-    speeds at which a cycle-mean frequency is an integer multiple of the speed (thesis 7.3).
+    speeds at which a cycle-mean frequency is an integer multiple of the speed (section 7.3 of the thesis).
 
     Examples
     --------
@@ -124,8 +125,8 @@ def critical_speeds(
 
 
 def critical_speeds_of(sweep: Sweep, method: str | Rule, rtol: float) -> CriticalSpeeds:
-    """Critical speeds of the first coordinate in the range of a sweep with the same method and rtol. The
-    orbits of the sweep are reused."""
+    """Find the critical speeds of the first coordinate in the range of a sweep, whose orbits are reused.
+    `method` and `rtol` must be those of the sweep."""
     speeds = speeds_between(sweep.speeds.tolist(), "critical speeds")
     return _critical_speeds(sweep.system, speeds, _Settings(method=method, rtol=rtol), sweep)
 
@@ -133,7 +134,8 @@ def critical_speeds_of(sweep: Sweep, method: str | Rule, rtol: float) -> Critica
 def _critical_speeds(
     system: PeriodicSystem, speeds: Sequence[float], settings: _Settings, sweep: Sweep | None = None
 ) -> CriticalSpeeds:
-    """Critical speeds between ascending speeds (rad/s), with reuse of the solutions of a sweep."""
+    """Find the critical speeds in the range of ascending speeds (rad/s). The solutions of `sweep`, if given,
+    are reused."""
     system, omegas, orders = shown_in(system, speeds[0]), np.array(speeds), settings.orders
     (name,) = known_quantities(system, settings.quantity or system.coordinates[0])
     require_size("orders", orders, len(omegas) * system.n**2)
@@ -187,7 +189,8 @@ def _critical_speeds(
 def _prepare(
     rest: MeanFrequencies, omegas: Array, name: str, settings: _Settings, sweep: Sweep | None
 ) -> tuple[CriticalSearch, Array, list[str]]:
-    """Search over a refined grid of speeds, this grid, and notes on the method and the engine."""
+    """Return the search object for a refined grid of speeds, this grid, and notes on the method and the
+    engine."""
     system = rest.system
     ends = ends_with_matrices(system, omegas)
     selection = Kept((name,), warnings=False)
@@ -212,9 +215,10 @@ def _prepare(
 
 
 def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, combined: bool) -> Array:
-    """Ascending speeds, with additional speeds that resolve harmonics of the lowest frequency up to `orders`.
+    """Return ascending speeds, with additional speeds that resolve the divisions of the lowest frequency up
+    to `orders`.
 
-    For combination resonances, speeds at the resonances and halfway between them are added, so that two
+    If `combined` is True, combination resonances and the speeds halfway between them are added, so that two
     unstable ranges are not merged.
     """
     low, high, lowest = omegas[0], omegas[-1], float(frequencies.lowest[0])
@@ -232,13 +236,13 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, comb
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
-    """Mask (P,) of the speeds at which the ratio of the lowest frequency to the speed, rounded to an integer,
-    is at most `orders`."""
+    """Return a mask (P,) of the speeds at which the ratio of the lowest frequency to the speed, rounded to an
+    integer, is at most `orders`."""
     return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 
 def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int) -> list[Critical]:
-    """Integer divisions of the mean frequencies, each with the corresponding division of the frequency at
+    """Return the integer divisions of the mean frequencies, each with the same division of the frequency at
     rest."""
     return [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
@@ -248,7 +252,7 @@ def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int)
 
 
 def _omissions(frequencies: MeanFrequencies, results: PointResults, orders: int) -> Iterator[str]:
-    """Notes on speeds at which maxima are not searched for, and on speeds without a result."""
+    """Yield notes on speeds at which maxima are not searched for, and on speeds without a result."""
     grid, unit = frequencies.speeds, frequencies.system.labels.speed_unit
     skipped = frequencies.lowest > (orders + 0.5) * grid
     if skipped.any():

@@ -18,18 +18,19 @@ from solve.units import speeds_given
 _METHOD = Radau()
 
 _SPEEDS = (1.0, 3.0, 9.0, 27.0, 81.0, 243.0)
-"""Speeds (rad/s) from which the dependence of the matrices on the speed is identified; it is checked at other
-speeds. A choice: a geometric sequence over two decades."""
+"""Speeds (rad/s) at which the matrices are sampled to identify how they depend on the speed; the result is
+checked at other speeds. Chosen by judgement: a geometric sequence over two decades."""
 
 _DOUBLINGS = 6
-"""Number of squarings of a monodromy matrix whose norm bounds the spectral radius: k = 64."""
+"""Number of times that a monodromy matrix is squared; the norm of the result, the power k = 64, bounds the
+spectral radius."""
 
 
 @dataclass(frozen=True)
 class SolvedCurves:
-    """Periodic solutions at P speeds: q (P, n, k) on the given steps, and `coarse` (P, n, k) on half as many
-    steps. Their difference estimates the error of q; both are infinite where no periodic solution exists.
-    radius_bound (P,): upper bound on the spectral radius."""
+    """Periodic solutions at P speeds: `q` (P, n, k) with the given number of steps, and `coarse` (P, n, k)
+    with half as many. The difference of the two estimates the error of `q`. Both are infinite at speeds
+    without a periodic solution. `radius_bound` (P,) is an upper bound on the spectral radius."""
 
     q: Array
     coarse: Array
@@ -37,8 +38,8 @@ class SolvedCurves:
 
 
 class PeriodicCurves:
-    """Periodic solutions of one system at arbitrary speeds, on a fixed grid. The matrices are sampled once
-    for all speeds.
+    """Solver for the periodic solutions of one system at arbitrary speeds, on a fixed grid. The matrices are
+    sampled once for all speeds.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ class PeriodicCurves:
     StepsError
         For an invalid number of steps.
     MatricesError
-        For a system with breaks, at which steps would have to end.
+        For a system with breaks, because the steps do not end at them.
 
     Examples
     --------
@@ -85,7 +86,7 @@ class PeriodicCurves:
         return np.arange(count) * (self.system.period / count)
 
     def __call__(self, speeds: float | str | Iterable[float | str]) -> SolvedCurves:
-        """Solve at speeds (P,) in rad/s, or texts with unit. Raises UnitError, ValueOutOfBoundsError."""
+        """Solve at speeds (P,), in rad/s or as texts with a unit. Raises UnitError, ValueOutOfBoundsError."""
         speeds = np.array(speeds_given(speeds), dtype=float)
         n, coarse_steps = self.system.n, self.steps // 2
         coarse, fine = np.full((2, len(speeds), n, len(self.phase)), np.inf)
@@ -100,7 +101,8 @@ class PeriodicCurves:
 
 
 def _radius_bound(Phi: Array) -> Array:
-    """Upper bound (P,) on the spectral radius of matrices (P, N, N): ‖Φ^k‖^(1/k) for a large power k."""
+    """Return an upper bound (P,) on the spectral radius of matrices (P, N, N): ‖Φ^k‖^(1/k) for a large power
+    k."""
     power, scale = Phi, np.zeros(len(Phi))
     for _ in range(_DOUBLINGS):
         power = power @ power

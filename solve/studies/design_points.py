@@ -19,7 +19,8 @@ from solve.single import floquet, periodic
 from solve.system import PeriodicSystem
 
 _AT_BOUND = 1e-12
-"""Distance from a bound, relative to the range, that counts as round-off. A choice."""
+"""Distance of a parameter from its bound, relative to the range of the parameter, that counts as round-off.
+Chosen by judgement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class DesignPoint:
 
     @property
     def orbit(self) -> Orbit:
-        """The orbit, if the solution contains one."""
+        """Solution as an orbit. Only valid if the design requires orbits."""
         return cast(Orbit, self.solved)
 
     def signal(self, name: str, phase: Array) -> Array:
@@ -45,16 +46,17 @@ class DesignPoint:
         return self.orbit.signal(name)(phase)
 
     def signal_slopes(self, name: str, phase: Array) -> Array:
-        """Derivatives (k, r) of a coordinate or output at fixed phases."""
+        """Derivatives (k, r) of a coordinate or output with respect to the free parameters, at fixed
+        phases."""
         return self._grid.forward.signal(name, phase).T
 
     def value(self, quantity: Named) -> float:
-        """Value of a real quantity."""
+        """Value of a quantity with real values."""
         return float(np.real(quantity.value(cast(Solved, self.solved))))
 
     def slopes(self, quantity: Named) -> Array:
-        """Derivatives (r,) of a real quantity. If several multipliers have this value, for example an equal
-        modulus, the derivatives for the first of them are returned. Raises NoDerivativeError."""
+        """Derivatives (r,) of a quantity with real values. If the spectral radius is the modulus of several
+        multipliers, the derivatives for the first of these are returned. Raises NoDerivativeError."""
         (slopes,) = self._grid.slopes([quantity])
         if not isinstance(slopes, NoDerivativeError):
             return np.real(slopes)
@@ -66,9 +68,10 @@ class DesignPoint:
 
 @dataclass(eq=False)
 class Design:
-    """Model with free parameters between bounds. The variables x (r,) range from 0 to 1.
+    """Model with free parameters between bounds. The optimisation variables x (r,) are the parameters, scaled
+    so that they range from 0 to 1.
 
-    orbits: whether orbits are required, or multipliers only.
+    `orbits` is True if orbits are required, and False if multipliers suffice.
     """
 
     model: PeriodicSystem
@@ -83,23 +86,23 @@ class Design:
 
     @property
     def start(self) -> Array:
-        """Variables x (r,) of the parameters of the model."""
+        """Variables x (r,) that correspond to the parameters of the model."""
         values = np.array([self.model.labels.parameters[name] for name in self.names])
         return (values - self.low) / (self.high - self.low)
 
     def parameters(self, x: Array) -> Mapping[str, float]:
-        """Free parameters by name, in the model's units."""
+        """Mapping from the names of the free parameters to their values, in the model's units."""
         values = self.low + x * (self.high - self.low)
         # Round-off must lead neither beyond a bound nor to a tiny number instead of the bound 0.
         values = np.where(x < _AT_BOUND, self.low, np.where(x > 1 - _AT_BOUND, self.high, values))
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def varied(self, x: Array) -> PeriodicSystem:
-        """Model with the free parameters of x."""
+        """Model whose free parameters correspond to x."""
         return self.model.varied(self.parameters(x))
 
     def points(self, x: Array) -> list[DesignPoint]:
-        """Solutions at the speeds of the design. The most recent ones are cached."""
+        """Solutions at the design speeds. The most recent solutions are cached."""
         key = x.tobytes() + np.array(self.speeds).tobytes()
         if key != self._last[0]:
             self._last = key, self.at(x, self.speeds)
@@ -111,8 +114,8 @@ class Design:
         return [DesignPoint(solve(model, speed, self.method, rtol=self.rtol), self.names) for speed in speeds]
 
     def on_grids_of(self, points: Sequence[DesignPoint], x: Array) -> list[DesignPoint]:
-        """Solutions at another x by the methods and grids of `points`, so that errors cancel in
-        differences."""
+        """Solutions for the variables x with the methods and grids of `points`, so that errors cancel in
+        finite differences."""
         model = self.varied(x)
         return [
             DesignPoint(

@@ -22,18 +22,20 @@ from solve.terminal import progress
 from solve.units import speed_in_si
 
 _CONFIDENCE = 0.95
-"""Probability that an interval contains the parameter, for independent normal errors."""
+"""Probability that a confidence interval contains the parameter, for independent normal errors."""
 
 _UNIDENTIFIABLE = 0.5
-"""Relative standard deviation above which a combination of parameters counts as unidentifiable. A choice."""
+"""Relative standard deviation above which a combination of parameters counts as unidentifiable. Chosen by
+judgement."""
 
 _SHARE = 0.1
-"""Smallest component of a parameter, relative to the largest, with which it is listed in a combination. A
-choice."""
+"""Smallest component of a parameter in an unidentifiable combination, relative to the largest component, with
+which the parameter is listed. Chosen by judgement."""
 
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
-"""Lower and upper bounds of parameters by name, as numbers in their own units or texts with unit."""
+"""Type of mappings from names of parameters to lower and upper bounds: numbers in the unit of the parameter,
+or texts with a unit."""
 
 
 @of_model
@@ -47,23 +49,24 @@ def fit(
     method: str | Rule = "auto",
     rtol: float = 1e-7,
 ) -> Fitted:
-    """Fit parameters so that the linear orbit matches a measurement, starting from the values of the model.
+    """Fit parameters so that the linear orbit matches a measurement. The fit starts from the values of the
+    model.
 
     Parameters
     ----------
     model : Model
         Model whose parameters are fitted; its values are the start.
     data : str or Path
-        File of measured vibration, see `solve.studies.measured.measured`. Each channel is normalised by its
-        root mean square.
+        File of measured vibration; for its format, see `solve.studies.measured.measured`. Each channel is
+        normalised by its root mean square.
     free : sequence of str
-        Names of the free parameters. Positive parameters are fitted by their logarithms.
+        Names of the free parameters. For positive parameters, the logarithm is fitted.
     bounds : mapping of str to (float or str, float or str), optional
         Lower and upper bounds by name, in the model's units or as texts with unit.
     speed : float or str, optional
         Speed in rad/s, or a text with unit; required if the file has no column of speeds.
     robust : bool
-        Whether outliers are weighted by their moduli instead of their squares.
+        Whether large residuals contribute their moduli, instead of their squares, to the objective.
     method : str or Method
         "radau", "gauss" or "auto".
     rtol : float
@@ -77,7 +80,7 @@ def fit(
     Raises
     ------
     SolveError
-        A subclass for bad input, and if the model has no orbit at the start.
+        A subclass for bad input, and if the model has no orbit for its initial values.
 
     Notes
     -----
@@ -107,7 +110,8 @@ def fit(
 
 
 def _limits(problem: Problem, bounds: Bounds) -> tuple[Array, Array]:
-    """Lower and upper bounds (r,) of x. Raises ValueOutOfBoundsError, UnitError."""
+    """Return the lower and upper bounds (r,) of the fit variables x. Raises ValueOutOfBoundsError,
+    UnitError."""
     low, high = np.full((2, len(problem.names)), np.inf) * np.array([[-1.0], [1.0]])
     for name, ends in bounds.items():
         if name not in problem.names:
@@ -125,7 +129,7 @@ def _limits(problem: Problem, bounds: Bounds) -> tuple[Array, Array]:
 
 
 def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
-    """Result of the fit with intervals, correlations and warnings."""
+    """Return the result of the fit, with intervals, correlations and warnings."""
     from scipy.stats import t
 
     x, count = minimum.x, len(minimum.residuals)
@@ -160,8 +164,8 @@ def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
 def _uncertainty(
     problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
-    """Covariance (r, r) of x in the identifiable directions; mask (r,) of the parameters with a component in
-    the other directions; and sentences that name unidentifiable combinations."""
+    """Return the covariance (r, r) of x in the identifiable directions, a mask (r,) of the parameters with a
+    component in the other directions, and sentences that name the unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
     is_identifiable = sizes > np.finfo(float).eps * count * sizes[0]
     spread = np.where(is_identifiable, sigma / np.where(is_identifiable, sizes, 1.0), np.inf)
@@ -176,7 +180,7 @@ def _uncertainty(
 
 
 def _sentence(names: Sequence[str], axis: Array) -> str:
-    """Sentence that names a combination of parameters that the data do not determine."""
+    """Return a sentence that names a combination of parameters that the data do not determine."""
     lead = axis[np.abs(axis).argmax()]
     parts = [
         f"{name} by {100 * share:+.3g} %"

@@ -1,5 +1,5 @@
-"""Warnings about a fit: residuals that are not noise, a wrong unit, a channel with constant values, duplicate
-rows.
+"""Warnings about a fit: residuals that are not noise, a doubtful unit, a channel with constant values, and
+duplicate rows.
 
 Residuals are not noise if neighbours are correlated. The test uses the sum of the squared autocorrelations at
 several lags, each divided by its standard deviation (G. M. Ljung, G. E. P. Box, Biometrika 65 (1978)
@@ -15,25 +15,26 @@ from solve.results.fit import Channel
 from solve.studies.least_squares import EXACT
 
 _FALSE_ALARMS = 0.003
-"""Probability of a warning for residuals that are noise. A choice."""
+"""Probability of a false warning, for residuals that are noise. Chosen by judgement."""
 
 _MAX_LAGS, _VALUES_PER_LAG = 6, 6
-"""Maximum number of lags, and smallest number of values per lag. Choices."""
+"""Maximum number of lags, and number of residuals required for each lag. Chosen by judgement."""
 
 _POOR_FIT = 0.5
-"""Relative residual above which the model does not describe the data. A choice."""
+"""Relative residual above which the model counts as not describing the data. Chosen by judgement."""
 
 _FEW, _SENSOR_ERROR = 2 * _VALUES_PER_LAG, 0.05
-"""Number of values below which autocorrelation is not meaningful, and relative residual above which the fit
-to fewer values counts as poor: accelerometers and their amplifiers are specified to 5 % of amplitude."""
+"""Number of values below which autocorrelation is not meaningful, and relative residual above which a fit to
+so few values counts as poor: accelerometers and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT_RATIO = 100.0
-"""Ratio of measured to computed values, or of computed to measured values, above which a unit is doubtful. A
-choice."""
+"""Ratio of measured to computed values, or its inverse, above which a unit is doubtful. Chosen by
+judgement."""
 
 
 def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:
-    """Warnings, one sentence each. ratios: ratio of measured to computed values at the start, by channel."""
+    """Return warnings, one sentence each. `ratios` maps each channel to the ratio of its measured values to
+    those computed at the start."""
     from scipy.stats import chi2
 
     warnings = [
@@ -78,9 +79,9 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
 
 
 def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
-    """Indices (k,) of the measurements of one quantity, the measured values, and computed minus measured
-    values. They are sorted so that neighbours have the same speed and successive phases, or the same order
-    or mode and successive speeds."""
+    """Return, for the measurements of one quantity, their positions (k,) as complex numbers, the measured
+    values, and the computed minus the measured values. They are sorted so that neighbours have the same speed
+    and successive phases, or the same order or mode and successive speeds."""
     by_phase = channels[0].by_phase
     at = np.concatenate([np.mod(channel.at, period) if by_phase else channel.at for channel in channels])
     counts = [len(channel.at) for channel in channels]
@@ -94,9 +95,9 @@ def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, A
 
 
 def _autocorrelation(residuals: Array, lag: int) -> tuple[float, float]:
-    """Autocorrelation at a lag in two normalisations. First: modulus of the sum of the products of residuals,
-    divided by its standard deviation, which is estimated from the products. Second: this sum divided by the
-    sum of the squares of the residuals."""
+    """Return the autocorrelation at a lag, normalised in two ways. The first value is the modulus of the sum
+    of the products of residuals, divided by the standard deviation of the sum, which is estimated from the
+    products. The second value is this sum divided by the sum of the squares of the residuals."""
     products = np.real(residuals[lag:] * np.conj(residuals[:-lag]))
     deviation = float(np.sqrt(np.sum(products**2)))
     size = float(np.sum(np.abs(residuals) ** 2))

@@ -23,18 +23,18 @@ from solve.studies.measured import FREQUENCY, Measured
 from solve.terminal import progress
 
 _MAX_RATIO = 1e6
-"""Limit of the ratio of a positive parameter to its initial value, and of the inverse ratio: it keeps the
+"""Largest factor by which a positive parameter may rise or fall from its initial value. It keeps the
 logarithm finite if the data do not determine the parameter."""
 
 _STEP = 1e-3
-"""Largest step of the finite differences of matrices, relative to the parameter. Extrapolation is exact to
-round-off for entries that are polynomials of degree 8 or less."""
+"""Largest step of the finite differences of matrices, relative to the parameter. For entries that are
+polynomials of degree 8 or less, the extrapolation is exact to round-off."""
 
 
 @dataclass(eq=False)
 class Problem:
-    """Least-squares problem in variables x (r,): logarithms of positive parameters, and other parameters
-    divided by their initial size."""
+    """Least-squares problem in the variables x (r,): logarithms of positive parameters, and other parameters
+    divided by the modulus of their initial value."""
 
     model: Model
     sets: Sequence[Measured]
@@ -57,21 +57,21 @@ class Problem:
 
     @property
     def start(self) -> Array:
-        """Variables x (r,) at the parameters of the model."""
+        """Variables x (r,) that correspond to the parameters of the model."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.by_logarithm, np.log(self.initial), self.initial / self.unit)
 
     def values(self, x: Array) -> Array:
-        """Parameters (r,) at variables x, clipped to the range of trials."""
+        """Parameters (r,) that correspond to x, clipped to the permitted range."""
         return self.unscaled(self.clipped(x))
 
     def clipped(self, x: Array) -> Array:
-        """Variables x (r,), clipped to the range of trials."""
+        """Variables x (r,), clipped to the permitted range."""
         limit = np.log(_MAX_RATIO)
         return np.where(self.by_logarithm, np.clip(x, self.start - limit, self.start + limit), x)
 
     def unscaled(self, x: Array) -> Array:
-        """Parameters (r,) at variables x, without clipping."""
+        """Parameters (r,) that correspond to x, without clipping."""
         return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, x, 0.0)), x * self.unit)
 
     @property
@@ -85,7 +85,7 @@ class Problem:
 
     @property
     def ratios(self) -> dict[str, float]:
-        """Ratios of measured values to values computed at the start, by channel."""
+        """Mapping from channels to the ratio of the measured values to those computed at the start."""
         names = [name for data in self.sets for name in data.channels]
         measured = self.measured
         ends = np.cumsum([len(values) for values in measured])[:-1]
@@ -98,21 +98,21 @@ class Problem:
             return {name: float(np.sqrt(len(row)) / np.linalg.norm(row)) for name, row in totals.items()}
 
     def residuals(self, x: Array) -> Array:
-        """Computed minus measured values (k,), divided by the scales."""
+        """Computed minus measured values (k,), divided by the scales of the channels."""
         return self._solve(x)[0]
 
     def jacobian(self, x: Array) -> Array:
-        """Derivatives (k, r) of the residuals."""
+        """Derivatives (k, r) of the residuals with respect to x."""
         return self._solve(x)[1]
 
     def described(self, x: Array) -> str:
-        """Text that lists the free parameters with values and units."""
+        """Text that lists the free parameters, with values and units."""
         values = zip(self.names, self.values(x).tolist(), strict=True)
         units = self.model.labels.parameter_labels
         return ", ".join(f"{name} = {with_its_unit(value, units[name][0])}" for name, value in values)
 
     def varied(self, x: Array) -> Model:
-        """Model with the parameters at x."""
+        """Model whose free parameters correspond to x."""
         return self.model.varied(dict(zip(self.names, self.values(x).tolist(), strict=True)))
 
     def _solve(self, x: Array) -> tuple[Array, Array]:
@@ -131,7 +131,8 @@ class Problem:
         return self._last[1], self._last[2]
 
     def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
-        """Name, values (k,) and derivatives (r, k) with respect to the parameters, for every channel."""
+        """Name, computed values (k,) and derivatives (r, k) with respect to the free parameters, for every
+        channel of `data`."""
         if data.position is not None:
             return [(FREQUENCY, *_natural_frequencies(model, data, self.names))]
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
@@ -151,8 +152,8 @@ class Problem:
 
 
 def _amplitudes(grid: GridDerivatives, name: str, orders: Array, with_angles: bool) -> tuple[Array, Array]:
-    """Complex amplitudes (k,) of orders and their derivatives (r, k). Without phase angles their moduli are
-    returned, except that the mean keeps its sign."""
+    """Return the complex amplitudes (k,) of orders, and their derivatives (r, k). If `with_angles` is False,
+    the moduli are returned instead, except that the mean keeps its sign."""
     pairs = [grid.figures.harmonic(name, round(order)) for order in orders.tolist()]
     amplitudes = np.array([amplitude for amplitude, _ in pairs])
     derivatives = np.array(grid.forward.derivatives_of([sums for _, sums in pairs])).T
@@ -164,13 +165,14 @@ def _amplitudes(grid: GridDerivatives, name: str, orders: Array, with_angles: bo
 
 
 def _real_values(values: Array) -> Array:
-    """Real values unchanged; complex values as real parts followed by imaginary parts."""
+    """Return real values unchanged, and complex values as their real parts followed by their imaginary
+    parts."""
     return np.concatenate((np.real(values), np.imag(values))) if np.iscomplexobj(values) else values
 
 
 def _natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple[Array, Array]:
-    """Natural frequencies (k,) at rest in rad/s and their derivatives (r, k). A growth rate is returned as a
-    negative frequency, so that a trial with negative stiffness has a large residual."""
+    """Return natural frequencies (k,) at rest in rad/s, and their derivatives (r, k). A growth rate is
+    returned as a negative frequency, so that a trial with negative stiffness has a large residual."""
     modes, position = _modes(data), np.array([data.position])
     count = int(modes.max()) + 1
     values = natural(model, position, count).signed[0, modes]
@@ -210,8 +212,8 @@ def _modes(data: Measured) -> Array:
 
 
 def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str]) -> Array:
-    """Derivatives (r, n) of λ from derivatives of M and K, in the order of the modes at the present
-    values."""
+    """Return the derivatives (r, n) of the eigenvalues λ of K v = λ M v, in the order of the modes of
+    `model`, from the derivatives of M and K."""
 
     def matrices(varied: Model) -> Array:
         M, _, K, _ = at_speed_zero(varied, position)
@@ -223,6 +225,7 @@ def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str])
 
 
 def _slope(values: Callable[[Model], Array], model: Model, name: str) -> Array:
-    """Derivative with respect to one parameter of the array that `values` returns for a model."""
+    """Return the derivative, with respect to one parameter, of the array that `values` returns for a
+    model."""
     at = model.parameters[name]
     return slope(lambda number: values(model.varied({name: number})), at, _STEP * (abs(at) or 1.0))

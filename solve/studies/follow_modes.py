@@ -1,4 +1,4 @@
-"""Floquet modes followed over the speed or a parameter, so that each mode keeps its identity."""
+"""Floquet modes followed as the speed or a parameter varies, so that each mode keeps its identity."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -27,21 +27,21 @@ from solve.threads import one_thread
 from solve.units import speeds_between, speeds_given
 
 _FEWEST_STEPS, _MOST_STEPS = 64, 512
-"""Number of steps of the first and of the last grid that is tried: the phases at which eigenvectors are
-compared must resolve the harmonics of the vectors. Choices."""
+"""Numbers of steps of the coarsest and of the finest grid. The phases at which eigenvectors are compared must
+resolve the harmonics of the vectors. Chosen by judgement."""
 
 _ALLOWED = 100.0
-"""Ratio of the error of a single multiplier to `rtol` up to which the number of steps is not doubled. A
-choice."""
+"""The number of steps is doubled if the relative error of a multiplier exceeds this multiple of `rtol`.
+Chosen by judgement."""
 
 _ADDED = 30
-"""Maximum number of samples added per given value, on average. A choice. A veering takes about 2
-log₂(spacing/width)."""
+"""Maximum number of samples added per given value, on average. Chosen by judgement: a veering requires about
+2 log₂(spacing/width) samples."""
 
 
 @dataclass
 class _Solver:
-    """Solver for the modes at values of the parameter, on a common grid."""
+    """Solver for the modes at values of the varied quantity, on a common grid."""
 
     at: Callable[[float], tuple[PeriodicSystem, float]]
     method: Method
@@ -50,22 +50,22 @@ class _Solver:
     steps: int
 
     def solved(self, x: float) -> ModeVectors:
-        """Modes at a value of the parameter. Raises SolveError subclasses."""
+        """Modes at a value of the varied quantity. Raises SolveError subclasses."""
         system, speed = self.at(x)
         check(system, speed)
         with one_thread(system.n):
             return mode_vectors(SinglePoint(system, speed), self.method, self.steps, self.rtol, self.engine)
 
     def __call__(self, x: float) -> ModeVectors | None:
-        """Modes at a value of the parameter; None if there is no solution."""
+        """Modes at a value of the varied quantity; None if there is no solution."""
         try:
             return self.solved(x)
         except SolveError:
             return None
 
     def choose_steps(self, values: Sequence[float]) -> None:
-        """Double the steps until all multipliers at these values are accurate enough, and a doubling resolves
-        no further multiplier. The search also ends after two doublings without improvement."""
+        """Double the number of steps until all multipliers at these values are accurate enough and the last
+        doubling has resolved no further multiplier, or until two doublings bring no improvement."""
         history: list[tuple[int, float]] = []
         while True:
             count, error = self._quality(values)
@@ -78,8 +78,8 @@ class _Solver:
             self.steps *= 2
 
     def _quality(self, values: Sequence[float]) -> tuple[int, float]:
-        """Number of modes, and largest relative error of a multiplier; infinite if the nodes do not resolve
-        the harmonics."""
+        """Number of resolved modes, and largest relative error of their multipliers; the error is infinite if
+        the nodes resolve the harmonics at none of the values."""
         solved = [self(x) for x in values]
         resolved = [modes for modes in solved if modes is not None and modes.resolved]
         errors = [2 * math.pi * modes.errors.max(initial=0.0) / modes.rotation for modes in resolved]
@@ -87,7 +87,7 @@ class _Solver:
 
 
 def _better(history: Sequence[tuple[int, float]]) -> bool:
-    """Whether the last two doublings gave more modes or reduced the error at least tenfold."""
+    """Whether the last two doublings resolved more modes or reduced the error at least tenfold."""
     (count, error), (latest_count, latest_error) = history[-3], history[-1]
     return latest_count > count or latest_error < 0.1 * error
 
@@ -102,7 +102,7 @@ def follow_modes(
     engine: str = "auto",
     over: Over | None = None,
 ) -> FollowedModes:
-    """Follow each Floquet mode over the speed, or over a parameter.
+    """Follow each Floquet mode as the speed, or a parameter, varies.
 
     Parameters
     ----------
@@ -114,14 +114,14 @@ def follow_modes(
     method : str or Method
         Method with step maps, radau or gauss; by default radau.
     steps : int, optional
-        Steps per period; by default as many as `rtol` requires at the ends of the range.
+        Number of steps per period; by default the number that `rtol` requires at the ends of the range.
     rtol : float
         Relative tolerance of the multipliers. Modes whose exponents differ by less than about 40 `rtol`/T
         are not distinguished.
     engine : str
         "auto", "compiled" or "numpy".
     over : str, sequence of str or mapping of str to values, optional
-        Values of one parameter, in the model's units or with a unit, such as "k1=1e4:9e4:50".
+        Name and values of one parameter, in the model's units or with a unit, for example "k1=1e4:9e4:50".
 
     Returns
     -------
@@ -169,8 +169,8 @@ def follow_modes(
 
 
 def _method(method: str | Rule, coordinates: int) -> Method:
-    """Method that computes step maps, which eigenvectors with error estimates require. Raises StepsError for
-    other methods."""
+    """Return the method, which must compute step maps, because eigenvectors with error estimates require
+    them. Raises StepsError for other methods."""
     rule = chosen(method)
     used = rule if isinstance(rule, Method) else damping(coordinates)
     if used.with_another_stage is None:
@@ -180,7 +180,8 @@ def _method(method: str | Rule, coordinates: int) -> Method:
 
 @dataclass(frozen=True)
 class _Points:
-    """Ascending values of the speed or of a parameter, and the speeds (P,)."""
+    """Ascending values (P,) of the varied quantity, which is the speed or a parameter, and the speed (P,) at
+    each value."""
 
     system: PeriodicSystem
     name: str
@@ -216,7 +217,7 @@ class _Points:
         )
 
     def text(self, x: float) -> str:
-        """Format a value with its unit."""
+        """Text of a value, with its unit."""
         return unit_of(self.system, self.name).text(x, ".6g")
 
     def at(self, x: float) -> tuple[PeriodicSystem, float]:
@@ -227,7 +228,8 @@ class _Points:
 
 
 def _solved(solver: _Solver, values: Array, count: progress.Task) -> tuple[list[Sample], dict[int, str]]:
-    """Samples at the values, and reasons of failures by index. Raises NoResultError if every value failed."""
+    """Return the samples at `values`, and a mapping from the index of each failed value to the reason. Raises
+    NoResultError if every value failed."""
     samples, failures = [], {}
     for position, x in enumerate(values.tolist()):
         try:
@@ -243,7 +245,8 @@ def _solved(solver: _Solver, values: Array, count: progress.Task) -> tuple[list[
 
 
 def _followed(solver: _Solver, samples: Sequence[Sample]) -> tuple[Tracks, Tracks]:
-    """Tracks towards lower and towards higher values, from the sample whose modes are best separated."""
+    """Follow the modes towards lower and towards higher values, from the sample with the fewest coincident
+    modes. Return both sets of tracks."""
     start = min(range(len(samples)), key=lambda k: (samples[k].modes.coincident.sum(), k))
     branches = []
     for following in (samples[:start][::-1], samples[start + 1 :]):
@@ -258,7 +261,8 @@ def _followed(solver: _Solver, samples: Sequence[Sample]) -> tuple[Tracks, Track
 
 
 def _unresolved(points: _Points, solver: _Solver, samples: Sequence[Sample]) -> list[str]:
-    """Sentence on the values, if any, at which the steps do not resolve the harmonics of all modes."""
+    """Return a sentence on the values at which the steps do not resolve the harmonics of all modes; an empty
+    list if there are none."""
     values = [sample.x for sample in samples if not sample.modes.resolved]
     if not values:
         return []
@@ -270,8 +274,8 @@ def _unresolved(points: _Points, solver: _Solver, samples: Sequence[Sample]) -> 
 
 
 def _exhausted(points: _Points, branches: Sequence[Tracks]) -> list[str]:
-    """Sentences on ranges without further refinement because the maximum number of added values was
-    reached."""
+    """Return sentences on the ranges that were not refined further because the maximum number of added values
+    was reached."""
     ranges = [(tracks.exhausted, tracks.samples[-1].x) for tracks in branches if tracks.exhausted is not None]
     return [
         f"modes are not identified from {points.text(start)} to {points.text(end)}: too many values would "
@@ -287,7 +291,7 @@ def _result(
     failures: dict[int, str],
     notes: Sequence[str],
 ) -> FollowedModes:
-    """Result with NaN at the values that failed."""
+    """Return the result, with NaN at the values that failed."""
     rows = np.setdiff1d(np.arange(len(points.values)), list(failures))
 
     def spread(values: Array) -> Array:

@@ -1,4 +1,5 @@
-"""Natural frequencies of the mechanism at rest: at one position, over the period, or over a parameter."""
+"""Natural frequencies of the mechanism at rest: at one position, at positions over the period, or versus a
+parameter."""
 
 import math
 from collections.abc import Sequence
@@ -31,18 +32,18 @@ from solve.units import require_size_of_number, speed_in_si, with_unit
 USUAL_COUNT = 4
 
 TURN = 36
-"""Default number of positions per period. A choice."""
+"""Default number of positions per period. Chosen by judgement."""
 
 _RUNNING = 1.0
-"""Speed in rad/s at which matrices are tested if they do not exist at speed 0 and no case states a speed. A
-choice."""
+"""If matrices do not exist at speed 0 and no case states a speed, their existence is tested at this speed in
+rad/s. Chosen by judgement."""
 
 
 @of_system
 def frequencies(
     system: PeriodicSystem, position: float | str | Sequence[float] | Array = 0.0, count: int | None = None
 ) -> Frequencies:
-    """Natural frequencies of M and K at speed 0 with the drive held at a position.
+    """Compute the natural frequencies of M and K at speed 0, with the drive held at a position.
 
     Parameters
     ----------
@@ -56,8 +57,8 @@ def frequencies(
     Returns
     -------
     Frequencies
-        Natural frequencies in the order of λ in K v = λ M v: first modes with λ < 0, which grow at the rate
-        √−λ, then rigid-body modes of frequency exactly 0, then vibrating modes.
+        Natural frequencies in ascending order of λ in K v = λ M v: first the modes with λ < 0, which grow at
+        the rate √−λ, then the rigid-body modes, whose frequency is exactly 0, then the vibrating modes.
 
     Raises
     ------
@@ -80,7 +81,7 @@ def frequencies(
 
 
 def _angles(position: float | str | Sequence[float] | Array) -> Array:
-    """Positions (m,) in rad. Raises ValueOutOfBoundsError, UnitError."""
+    """Return positions (m,) in rad. Raises ValueOutOfBoundsError, UnitError."""
     phase = with_unit(position, "rad") if isinstance(position, str) else position
     positions = np.atleast_1d(np.asarray(phase, dtype=float))
     if positions.ndim != 1 or positions.size == 0 or not np.isfinite(positions).all():
@@ -93,8 +94,8 @@ def _angles(position: float | str | Sequence[float] | Array) -> Array:
 
 
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
-    """Lowest modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not exist at
-    speed 0."""
+    """Return the frequencies of the `count` lowest modes at positions (m,). Raises MatricesError if M is
+    singular, or if M or K does not exist at speed 0."""
     if system.capabilities.structure is not None:
         omegas = system.capabilities.structure.frequencies(positions, count)
         return NaturalFrequencies(omegas, np.full(omegas.shape, np.nan))
@@ -109,9 +110,9 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 
 
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
-    """Matrices M, C, K, d at positions (m,). Raises DesiredMotionError if the fundamental motion is undefined
-    at speed 0, and MatricesError if the matrices are; the message mentions speed 0 if it is the only
-    cause."""
+    """Return M, C, K, d at positions (m,), for speed 0. Raises DesiredMotionError if the fundamental motion
+    is undefined at speed 0, and MatricesError if the matrices are undefined. The message names speed 0 as the
+    cause if the matrices exist at another speed."""
     unit = system.labels.speed_unit
     elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
     try:
@@ -139,7 +140,7 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
 
 
 def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[RigidBodyMode]:
-    """Rigid-body modes of K at a position (1,); none for structures of beams."""
+    """Return the rigid-body modes of K at a position (1,); an empty list for structures of beams."""
     if system.labels.links:
         return []
     _, C, K, _ = system.at(position, 0.0)
@@ -147,13 +148,14 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
 
 
 def require_position(system: PeriodicSystem, given: object, flag: str = "position") -> None:
-    """Raise NoMotionError if a position, or another flag, is given for a structure at rest."""
+    """Raise NoMotionError if a value of `flag`, by default the position, is given for a structure at rest."""
     if given is not None and not system.labels.moves:
         raise NoMotionError(f"{system.labels.name} is a structure at rest; leave out {flag}")
 
 
 def turn(system: PeriodicSystem, count: int = TURN) -> Array:
-    """Evenly spaced positions (count,) of a period, from 0. Raises ValueOutOfBoundsError below 2."""
+    """Return `count` evenly spaced positions over a period, from 0. Raises ValueOutOfBoundsError if `count`
+    is below 2."""
     require_position(system, count, "turn")
     if count < 2:
         raise ValueOutOfBoundsError(
@@ -171,12 +173,12 @@ def frequencies_over(
     positions: Array,
     count: int | None = None,
 ) -> Variation:
-    """Natural frequencies over a parameter, at one or several positions.
+    """Compute natural frequencies versus a parameter, at one or several positions.
 
     Parameters
     ----------
     system : Model
-        Model in whose parameter the frequencies vary.
+        Model with the parameter.
     parameter : str
         Name of the parameter.
     values : sequence of float or str
@@ -189,8 +191,8 @@ def frequencies_over(
     Returns
     -------
     Variation
-        Natural frequencies at each value. Frequencies at values that the system rejects are NaN, with the
-        reason.
+        Natural frequencies at each value. At values that the system rejects, the frequencies are NaN, with
+        the reason.
 
     Raises
     ------

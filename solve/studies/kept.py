@@ -1,5 +1,5 @@
-"""Quantities that a design must keep unchanged: their initial values, their changes, and the constraint
-equations."""
+"""Quantities that an optimisation must keep unchanged: their initial values, their changes, and the
+constraint equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,9 +16,9 @@ from solve.studies.tracked import Curve, Differences, Single, Tracked, equal_ext
 
 @dataclass(eq=False)
 class KeptValues:
-    """Kept quantities, with their initial values (k,) at each speed of a design.
+    """Quantities to be kept unchanged, with their initial values (k,) at each design speed.
 
-    before: values by speed and quantity.
+    `before[i][j]` contains the initial values of quantity j at speed i.
     """
 
     design: Design
@@ -30,7 +30,7 @@ class KeptValues:
             self.before = [self._values(point) for point in self.design.points(self.design.start)]
 
     def changes(self, points: Sequence[DesignPoint]) -> list[tuple[Kept, float, float]]:
-        """Each kept quantity with its largest change over the speeds and the allowed change."""
+        """Each quantity, its largest change over all design speeds, and the allowed change."""
         return [
             (
                 quantity,
@@ -44,7 +44,7 @@ class KeptValues:
         ]
 
     def limits(self) -> list[Limited]:
-        """Limits on the changes of those quantities that have a tolerance."""
+        """Limits on the changes of the quantities that have a tolerance."""
         limits = []
         for at in range(len(self.before)):
             for place, quantity in enumerate(self.kept):
@@ -55,8 +55,9 @@ class KeptValues:
         return limits
 
     def smooth(self, at: int, place: int) -> Tracked:
-        """Values of a quantity at a speed, with derivatives. The values are the points of a kept curve, or
-        all extrema that equal the kept statistic at the start."""
+        """Smooth function whose values are those of the quantity with index `place` at the speed with index
+        `at`. For a curve, these are its points; for a statistic, all extrema that are equal to it at the
+        start."""
         each, design = self.kept[place], self.design
         if each.phases is not None:
             return Curve(design, at, each.name, each.phases)
@@ -68,10 +69,10 @@ class KeptValues:
     def equations(self) -> Equations | None:
         """Constraint equations of the quantities without a tolerance.
 
-        The equations are combinations of the changes, from the singular value decomposition of the
-        derivatives at the start, relative to the allowed changes. Combinations that stay within the allowed
-        change for all parameters within the bounds are omitted, because several speeds, or neighbouring
-        phases, give the same equation.
+        The equations are linear combinations of the changes, divided by the allowed changes. They follow from
+        the singular value decomposition of the derivatives at the start. Combinations that stay within the
+        allowed change for all parameters within the bounds are omitted: they arise because several speeds, or
+        neighbouring phases, give the same equation.
         """
         chosen = [
             (at, place)
@@ -105,7 +106,8 @@ class KeptValues:
 
 @dataclass(frozen=True)
 class _Change:
-    """Changes (2 k,) of a kept quantity from its initial values (k,), with both signs."""
+    """Changes (2 k,) of a quantity from its initial values (k,), followed by the changes with opposite
+    sign."""
 
     smooth: Tracked
     before: Array
@@ -120,7 +122,7 @@ class _Change:
 
 
 def _values_of(point: DesignPoint, each: Kept) -> Array:
-    """Values (k,) of a kept quantity."""
+    """Values (k,) of a quantity that is to be kept unchanged."""
     if each.phases is not None:
         return point.signal(each.name, each.phases)
     statistics = point.orbit.statistics(each.name)

@@ -1,5 +1,5 @@
-"""Nonlinear least squares in a domain with unknown limits, which trials detect (M. A. Branch, T. F. Coleman,
-Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as implemented in SciPy).
+"""Nonlinear least squares in a domain with unknown limits, which are detected by trials (M. A. Branch, T. F.
+Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as implemented in SciPy).
 
 A trial outside the domain has NaN residuals. SciPy's trust-region reflective method then reduces the trust
 radius to a quarter of the step and tries again from the same point, before the objective is compared with its
@@ -24,48 +24,51 @@ from solve.errors import (
 )
 
 _OUTLIER = 2.0
-"""Number of standard deviations above which a robust fit weights residuals by their moduli. A choice."""
+"""Number of standard deviations above which a residual contributes its modulus, instead of its square, to a
+robust fit. Chosen by judgement."""
 
 _SPREAD = 1.4826
-"""Ratio of the standard deviation to the median of the moduli, for normally distributed errors."""
+"""Ratio of the standard deviation to the median of the moduli, for normally distributed residuals."""
 
 _OFFSET = 0.1
 """Relative offset above which a point does not count as a minimum: the distance to the stationary point is
-then a tenth of the standard error or more. Bates and Watts stop at 0.001; SciPy's ftol of 1e-8 gives 1e-4
-√(n/p), 0.01 for 10 000 values."""
+then at least a tenth of the standard error. Bates and Watts stop at 0.001. SciPy's ftol of 1e-8 leads to 1e-4
+√(n/p) for n values and p parameters, which is about 0.01 for 10 000 values."""
 
 EXACT = 1e-5
-"""Relative residual up to which errors of the orbits (tolerance 1e-7) and of finite differences explain the
-residuals. A choice."""
+"""Relative residual up to which the residuals are explained by errors of the orbits (tolerance 1e-7) and of
+finite differences. Chosen by judgement."""
 
 _MOVED = 1e-8
 """Relative change below which a parameter counts as unchanged: SciPy's xtol."""
 
 _ROUND_OFF = 1e-12
-"""Singular value of the Jacobian, relative to the largest, that may be round-off: derivatives have a
-round-off of 1e-13 of their terms. Measured in directions that the data cannot identify: 4e-14 to 6e-14."""
+"""Singular value of the Jacobian, relative to the largest one, up to which it may be round-off. The round-off
+of a derivative is 1e-13 of its terms. Singular values in directions that the data cannot identify were
+measured as 4e-14 to 6e-14."""
 
 _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
-"""Exceptions that depend on the values of the parameters but do not state the values."""
+"""Exceptions caused by values of the parameters that their messages do not state."""
 
 
 class LeastSquares(Protocol):
-    """Residuals (k,) and Jacobian (k, r) at x (r,). Both raise SolveError subclasses outside the domain."""
+    """Least-squares problem: residuals (k,) and Jacobian (k, r) as functions of x (r,). Both raise SolveError
+    subclasses outside the domain."""
 
     @property
     def start(self) -> Array: ...
     def residuals(self, x: Array) -> Array: ...
     def jacobian(self, x: Array) -> Array: ...
     def described(self, x: Array) -> str:
-        """Text that lists the parameters with values and units at x (r,)."""
+        """Text that lists the parameters at x (r,), with values and units."""
         ...
 
 
 @dataclass
 class Minimum:
-    """Final point of the iteration: x (r,), residuals (k,), Jacobian (k, r) and standard deviation of the
-    residuals. stationary: whether its relative offset shows that it is a minimum. warnings: reasons for
-    doubt, one sentence each."""
+    """Final point of the iteration: x (r,), residuals (k,), Jacobian (k, r), and standard deviation `sigma`
+    of the residuals. `stationary` is True if the point counts as a minimum. `warnings` are reasons for doubt,
+    one sentence each."""
 
     x: Array
     residuals: Array
@@ -76,8 +79,8 @@ class Minimum:
 
 
 def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -> Minimum:
-    """Minimum that the trust-region reflective method reaches from the start. robust: whether outliers
-    contribute the moduli instead of the squares of their residuals. Raises SolveError subclasses, with the
+    """Minimise by the trust-region reflective method, from the start of the problem. If `robust` is True,
+    large residuals contribute their moduli instead of their squares. Raises SolveError subclasses, with the
     initial values in the message, if the residuals do not exist at the start."""
     from scipy.optimize import least_squares
 
@@ -102,7 +105,8 @@ def _spread(residuals: Array) -> float:
 
 @dataclass
 class _Trials:
-    """Residuals of a problem; NaN outside its domain. failures: reasons, one sentence per failed trial."""
+    """Residuals of a problem; NaN outside its domain. `failures` contains the reason for each failed trial,
+    one sentence each."""
 
     problem: LeastSquares
     shape: tuple[int, ...]
@@ -121,7 +125,8 @@ class _Trials:
 
 
 def _at_start(problem: LeastSquares) -> Array:
-    """Residuals (k,) at the start. Raises SolveError subclasses whose message contains the initial values."""
+    """Return the residuals (k,) at the start. Raises SolveError subclasses whose message contains the initial
+    values."""
     where, remedy = problem.described(problem.start), "start from other values with --set NAME=NUMBER"
     try:
         values, slopes = problem.residuals(problem.start), problem.jacobian(problem.start)
@@ -136,7 +141,7 @@ def _at_start(problem: LeastSquares) -> Array:
 
 
 def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool) -> list[str]:
-    """Reasons why the final point may not be a minimum, one sentence each."""
+    """Return reasons why the final point may not be a minimum, one sentence each."""
     count = len(trials.failures)
     outside = f" ({counted(count, 'trial')} had no result, the last {trials.failures[-1]})" if count else ""
     start = problem.start
@@ -159,9 +164,9 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool
 
 
 def _offset(found: Any) -> float:
-    """Relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts, Technometrics 23
-    (1981) 179-183). It is the ratio of the residuals' component in the tangent plane to their normal
-    component, each divided by the square root of its degrees of freedom."""
+    """Return the relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts,
+    Technometrics 23 (1981) 179-183): the ratio of the residuals' component in the tangent plane to their
+    normal component, each divided by the square root of its number of degrees of freedom."""
     free = found.active_mask == 0
     axes, sizes, _ = np.linalg.svd(found.jac[:, free], full_matrices=False)
     is_significant = sizes > _ROUND_OFF * max(sizes, default=0.0)

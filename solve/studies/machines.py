@@ -1,5 +1,5 @@
-"""Sampled machines: a model with randomly deviating parameters, its stability and quantities at several
-speeds, and their gradients."""
+"""Machines sampled from a model with randomly deviating parameters: stability and quantities at several
+speeds, with gradients."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -25,21 +25,22 @@ from solve.studies.tracked import leading
 
 
 class Quantity(NamedTuple):
-    """Quantity with the sign of its unfavourable direction: 1 if large values are worse, -1 if small values
-    are."""
+    """Quantity with the sign of its unfavourable direction: 1 if larger values are worse, -1 if smaller
+    values are worse."""
 
     named: Named
     sign: float
 
 
 STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
-"""Bound of the spectral radius beyond which a machine is unstable."""
+"""Bound on the spectral radius; a machine that violates it is unstable."""
 
 
 class Event(NamedTuple):
-    """Event at points (P,) and speeds (k,). margins (P, k): positive where the event occurs, NaN without a
-    result. occurs (P,): whether the event occurs at any of the speeds. If it does not, the point counts as
-    undetermined or failed if it is undetermined or failed at any of the speeds."""
+    """Event, such as an exceeded limit, at P points and k speeds. `margins` (P, k) are positive where the
+    event occurs, and NaN without a result. `occurs` (P,) is True if the event occurs at any of the speeds. If
+    it does not occur, `failed` (P,) is True if any of the speeds has no result, and otherwise `undetermined`
+    (P,) is True if the event is undetermined at any of the speeds."""
 
     margins: Array
     occurs: Array
@@ -48,8 +49,8 @@ class Event(NamedTuple):
 
     @classmethod
     def from_points(cls, margins: Array, occurs: Array, is_open: Array, failed: Array) -> "Event":
-        """Event from arrays (P, k) over points and speeds: margins, and whether the event occurs, is
-        undetermined, or has no result."""
+        """Event from arrays (P, k): the margins, and masks of the points and speeds at which the event
+        occurs, is undetermined (`is_open`), or has no result."""
         any_occurs, any_open, any_failed = (
             np.asarray(each.any(axis=1)) for each in (occurs, is_open, failed)
         )
@@ -58,8 +59,8 @@ class Event(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Results of P machines: the events of instability and of each exceeded limit, and values (q, P, k) of
-    quantities."""
+    """Results of P machines: the event of instability, the events `beyond` of exceeding each bound, and the
+    values (q, P, k) of q quantities at k speeds."""
 
     unstable: Event
     beyond: Sequence[Event]
@@ -68,9 +69,9 @@ class Outcome(NamedTuple):
 
 @dataclass(eq=False)
 class Machines:
-    """Machines with parameters that deviate by their spreads, at speeds in rad/s.
+    """Machines whose parameters deviate from those of the model by their spreads, at speeds in rad/s.
 
-    solves: number of machines solved so far.
+    `solves` is the number of machines solved so far.
     """
 
     model: Model
@@ -85,23 +86,23 @@ class Machines:
 
     @property
     def limits(self) -> list[Bound]:
-        """Stability limit, followed by `bounds`."""
+        """List of all limits: the stability limit, and then those in `bounds`."""
         return [STABILITY, *self.bounds]
 
     @property
     def nominal(self) -> Array:
-        """Parameters (1, r) of the model."""
+        """Nominal parameters (1, r), which are those of the model."""
         return np.array([[self.model.parameters[name] for name in self.spreads]])
 
     def parameters(self, z: Array) -> Array:
-        """Parameters (P, r) from standard normal variables z (P, r)."""
+        """Parameters (P, r) that correspond to standard normal variables z (P, r)."""
         return np.stack(
             [spread.values(column) for spread, column in zip(self.spreads.values(), z.T, strict=True)], axis=1
         )
 
     def outcome(self, parameters: Array, folder: str) -> Outcome:
-        """Results for machines with parameters (P, r). folder: name of the folder in the store, if results
-        are stored. Raises NoResultError."""
+        """Solve machines with parameters (P, r). If results are stored, `folder` is the name of their folder
+        in the store. Raises NoResultError."""
         count, speeds, period = len(self.speeds), np.tile(self.speeds, len(parameters)), self.model.period
         points = np.column_stack((np.repeat(parameters, count, axis=0), speeds))
         store = None if self.store is None else made_folder(self.store) / folder
@@ -124,22 +125,22 @@ class Machines:
             values = values_of(bound.quantity, results, speeds, period)
             errors = by_speed(errors_of(bound.quantity, values, results, speeds, period))
             margins = bound.sign * by_speed(values - bound.value)
-            # An infinite error leaves the event open.
+            # An infinite error leaves the event undetermined.
             is_open = ~(np.abs(margins) > errors) & ~np.isnan(margins)
             beyond.append(Event.from_points(margins, (margins > 0) & ~is_open, is_open, np.isnan(margins)))
         every = [by_speed(values_of(each.named, results, speeds, period)) for each in self.quantities]
         return Outcome(unstable, beyond, np.array(every))
 
     def worst(self, values: Array) -> tuple[Array, Array]:
-        """Worst values (P, q) over the speeds, and indices (P, q) of the speeds at which they occur; NaN if a
-        value is NaN."""
+        """Worst values (P, q) over all speeds, from values (q, P, k), and indices (P, q) of the speeds at
+        which they occur. A worst value is NaN if the value at any speed is NaN."""
         signs = np.array([each.sign for each in self.quantities])[:, None, None]
         speed_indices = (signs * values).argmax(axis=2)
         return np.take_along_axis(values, speed_indices[..., None], axis=2)[..., 0].T, speed_indices.T
 
     def design(self, speed: float) -> Design:
-        """Design at one speed, whose variables x from 0 to 1 cover all parameter values of nonnegligible
-        probability."""
+        """Design at one speed. Its variables x, from 0 to 1, cover all parameter values whose probability is
+        not negligible."""
         low, high = np.array(
             [
                 (each.first - MAX_DISTANCE * each.second, each.first + MAX_DISTANCE * each.second)
@@ -153,8 +154,8 @@ class Machines:
         return Design(self.model, names, low, high, [speed], rule, rtol, request.orbit)
 
     def gradient(self, limit: Bound, speed: float) -> Gradient:
-        """Margin of a limit at a speed (positive if the limit is exceeded), and its derivatives (r,) with
-        respect to z."""
+        """Function of z (r,) that returns the margin of a limit at a speed, positive if the limit is
+        exceeded, and the derivatives (r,) of the margin with respect to z."""
         design = self.design(speed)
         width = design.high - design.low
 

@@ -1,4 +1,4 @@
-"""Local maxima of computed values over the speed, found for all brackets simultaneously."""
+"""Search for local maxima of computed values versus speed, in all brackets simultaneously."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,37 +15,40 @@ from solve.system import multiplier_count
 from solve.terminal import progress
 
 _PROMINENCE = 1e-2
-"""Smallest prominence of a maximum relative to its height. A choice."""
+"""Smallest prominence of a maximum, relative to its height. Chosen by judgement."""
 
 _ERROR_FACTOR = 2.0
-"""Smallest prominence of a maximum relative to the estimated error of its height. A choice."""
+"""Smallest prominence of a maximum, relative to the estimated error of its height. Chosen by judgement."""
 
 _SUBDIVISION = 3
-"""Initial subdivision of each side of a bracket, so that the highest of several maxima is found. A choice."""
+"""Number of parts into which each side of a bracket is divided first, so that the highest of several maxima
+is found. Chosen by judgement."""
 
 _EVALUATIONS = 14
-"""Typical number of further solutions per bracket (measured), used to estimate the remaining time."""
+"""Typical number of further solutions per bracket, as measured. It is used to estimate the remaining time."""
 
 _SAME_GRID = ("radau", "gauss")
-"""Methods whose more accurate solution, with one stage more, uses the same grid."""
+"""Methods whose error estimate is a solution on the same grid with one more stage."""
 
 _MAX_ITERATIONS = 100
-"""Maximum number of iterations: golden sections alone reduce a bracket to 1e-16 of its width in 77."""
+"""Maximum number of iterations. Golden sections alone reduce a bracket to 1e-16 of its width in 77
+iterations."""
 
 _FLAT_TOP, _HEIGHT_TOLERANCE = 1e-5, 1e-6
-"""Difference between a maximum and the ends of its bracket, relative to the height, up to which the height is
-not refined; and relative tolerance of the height of narrower maxima. Choices."""
+"""The height of a maximum is refined if it exceeds the ends of its bracket by more than the first number,
+relative to the height. The second number is the relative tolerance of the refined height. Chosen by
+judgement."""
 
 Value = Callable[[Array, Array], tuple[Array, Array]]
-"""Type of functions of speeds (m,) within brackets with the indices (m,). They return heights (m,), NaN
-without a result, and guides (m,), values of a smooth function whose maxima may coincide with narrow maxima of
-the heights, NaN without a guide."""
+"""Type of functions of speeds (m,) and the indices (m,) of their brackets. They return heights (m,), NaN
+without a result, and guides (m,), NaN if there are none. Guides are values of a smooth function whose maxima
+may coincide with narrow maxima of the heights."""
 
 
 @dataclass(frozen=True)
 class Brackets:
-    """Maxima between neighbouring speeds: ascending speeds x (k, 3) and heights y (k, 3), of which the middle
-    one is the highest."""
+    """Brackets of maxima: ascending speeds `x` (k, 3) and heights `y` (k, 3), the middle one of which is the
+    highest."""
 
     x: Array
     y: Array
@@ -57,7 +60,7 @@ class Brackets:
         return Brackets(self.x[some], self.y[some])
 
     def with_heights(self, heights: Array) -> "Brackets":
-        """Brackets with the given heights (k,) in the middle, where these are finite."""
+        """Brackets with the heights (k,) in the middle, where these are finite."""
         y = self.y.copy()
         y[:, 1] = np.where(np.isfinite(heights), heights, y[:, 1])
         return Brackets(self.x, y)
@@ -72,12 +75,12 @@ class Brackets:
 
 
 class Trials:
-    """Solver at speeds within brackets. Each bracket has one grid, the finest of the grids at its ends and
-    middle.
+    """Solver at speeds within brackets. All solutions in a bracket use one grid, the finest of those at its
+    ends and middle.
 
-    Errors are the largest errors at the ends and the middle, and are not estimated again by a second grid.
-    results: solutions on the original grid; `brackets` (k, 3): indices of the brackets' speeds among these
-    solutions.
+    Errors are not estimated again by a second grid: they are set to the largest errors at the ends and the
+    middle. `results` are the solutions at the original speeds; `brackets` (k, 3) are the indices of the
+    brackets' speeds among these.
     """
 
     def __init__(self, batch: Batch, kept: Kept, results: PointResults, brackets: Array):
@@ -86,7 +89,7 @@ class Trials:
         self._on_one_grid = bool(np.isin(results.methods[brackets], _SAME_GRID).all())
 
     def solve(self, speeds: Array, numbers: Array) -> PointResults:
-        """Solutions at speeds (m,) in the brackets with the indices `numbers` (m,)."""
+        """Solve at speeds (m,) in the brackets with the indices `numbers` (m,)."""
         if not self._on_one_grid:
             return gathered(self._batch, speeds[:, None], self._kept)
         results = PointResults.blank(len(speeds), multiplier_count(self._batch.family.example), self._kept)
@@ -99,10 +102,11 @@ class Trials:
 
 
 def peaks(values: Array, errors: Array) -> Array:
-    """Indices (k, 3) of each prominent local maximum and its nearest finite neighbours: left, maximum, right.
+    """Return the indices (k, 3) of each prominent local maximum and its nearest finite neighbours: left,
+    maximum, right.
 
-    values (P,): NaN where unknown. errors (P,): errors of the values. A maximum is prominent if its
-    prominence exceeds both a hundredth of its height and twice its error."""
+    `values` (P,) are NaN where unknown, and `errors` (P,) are their errors. A maximum counts as prominent if
+    its prominence exceeds both a hundredth of its height and twice its error."""
     finite = np.flatnonzero(np.isfinite(values))
     top, prominences = find_peaks(values[finite])
     height, error = np.abs(values[finite[top]]), np.nan_to_num(errors[finite[top]], nan=0.0)
@@ -111,9 +115,9 @@ def peaks(values: Array, errors: Array) -> Array:
 
 
 def find_peaks(values: Array) -> tuple[Array, Array]:
-    """Indices (k,) and prominences (k,) of local maxima of finite values (P,), as from
-    `scipy.signal.find_peaks`, whose import takes a second. Of equal neighbours, the middle one is
-    returned."""
+    """Return the indices (k,) and prominences (k,) of the local maxima of finite values (P,). The result
+    equals that of `scipy.signal.find_peaks`, whose import takes a second. Of several equal neighbours, the
+    middle one is returned."""
     starts = np.flatnonzero(np.append(True, np.diff(values) != 0)) if len(values) else np.zeros(0, dtype=int)
     levels, ends = values[starts], np.append(starts[1:], len(values)) - 1
     tops = 1 + np.flatnonzero((levels[1:-1] > levels[:-2]) & (levels[1:-1] > levels[2:]))
@@ -127,11 +131,11 @@ def find_peaks(values: Array) -> tuple[Array, Array]:
 
 
 def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, tolerance: float) -> Brackets:
-    """Brackets of the highest maxima, each narrowed to a tolerance relative to its speed. guides (k, 3):
-    values of a guide function at the speeds of the brackets.
+    """Return a bracket of the highest maximum in each bracket, narrowed to a tolerance relative to its speed.
+    `guides` (k, 3) are the guides at the speeds of the brackets; see `Value`.
 
-    The maximum of the heights, and that of the guide, are refined from the highest of equidistant speeds in
-    each bracket. The highest of all solved speeds is returned.
+    The maximum of the heights and the maximum of the guides are each refined, from the highest of equidistant
+    speeds in the bracket. The result surrounds the highest of all solved speeds.
     """
     if len(brackets) == 0:
         return brackets
@@ -148,8 +152,8 @@ def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, toleran
 
 
 def narrow_to_height(brackets: Brackets, value: Value) -> Brackets:
-    """Brackets narrowed until the height meets its tolerance, for resonances narrower than the tolerance of
-    the speed."""
+    """Return brackets narrowed until the heights meet their tolerance, for resonances that are narrower than
+    the tolerance of the speed."""
     rise = brackets.y[:, 1] - brackets.y.min(axis=1)
     narrow = np.flatnonzero(rise > _FLAT_TOP * np.abs(brackets.y[:, 1]))
     if len(narrow) == 0:
@@ -166,9 +170,9 @@ def narrow_to_height(brackets: Brackets, value: Value) -> Brackets:
 def _find_minimum(
     values: "_CachedValues", x: Array, lanes: tuple[Array, Array], tolerances: dict[str, float]
 ) -> Brackets:
-    """Brackets narrowed by Chandrupatla's method until one of the tolerances is met. Each iteration solves
-    one speed in every bracket x (k, 3), in one batch. lanes: indices (k,) of the brackets, and (k,) 0 for
-    their heights or 1 for their guides."""
+    """Narrow brackets by Chandrupatla's method until one of the tolerances is met. Each iteration solves one
+    speed in every bracket `x` (k, 3), in one batch. `lanes` are the indices (k,) of the brackets in `values`,
+    and the numbers (k,) 0 for heights or 1 for guides."""
     from scipy.optimize.elementwise import find_minimum
 
     all_tolerances = {"xatol": 0.0, "fatol": 0.0, **tolerances}
@@ -181,11 +185,12 @@ def _find_minimum(
 
 
 class _CachedValues:
-    """Negated heights and guides at speeds within brackets. Each speed is solved only once."""
+    """Function that returns negated heights and guides at speeds within brackets, and solves each speed only
+    once."""
 
     def __init__(self, brackets: Brackets, guides: Array, value: Value):
         self._value = value
-        # A missing height is replaced by one below both ends, since SciPy abandons a bracket with NaN.
+        # A missing value is replaced by the lowest of its bracket, because SciPy abandons a bracket with NaN.
         self._floor = np.column_stack(
             (brackets.y.min(axis=1), np.where(np.isnan(guides), 0, guides).min(axis=1))
         )
@@ -212,9 +217,9 @@ class _CachedValues:
             self._cache[number][speed] = row
 
     def subdivide(self, x: Array) -> tuple[Array, Array]:
-        """Brackets (k, 3) within brackets x (k, 3), for heights and for guides: the highest value at speeds
-        that divide both sides evenly, and its two neighbours. NaN where a guide is largest at an end of the
-        bracket."""
+        """Return narrower brackets (k, 3) within the brackets `x` (k, 3), first for heights and then for
+        guides. They are the speed with the highest value, among speeds that divide both sides of the bracket
+        evenly, and its two neighbours. They are NaN where a guide is largest at an end of the bracket."""
         low, best, high = x.T
         sides = [np.linspace(*ends, _SUBDIVISION + 1, axis=1) for ends in ((low, best), (best, high))]
         speeds = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)
@@ -223,8 +228,8 @@ class _CachedValues:
         return self._around_highest_of(speeds, 0), self._around_highest_of(speeds, 1)
 
     def _around_highest_of(self, x: Array, column: int) -> Array:
-        """Brackets (k, 3) around the highest of ascending speeds x (k, m); NaN where an end is the
-        highest."""
+        """Brackets (k, 3) around the speed with the highest value among ascending speeds `x` (k, m). `column`
+        is 0 for heights and 1 for guides; brackets of guides are NaN where an end has the highest value."""
         y = np.array([[self._cache[n][speed][column] for speed in row] for n, row in enumerate(x.tolist())])
         top = y[:, 1:-1].argmax(axis=1)[:, None] + 1
         three = np.take_along_axis(x, top + np.array([-1, 0, 1]), axis=1)
@@ -232,7 +237,7 @@ class _CachedValues:
         return three if column == 0 else np.where(inside[:, None], three, np.nan)
 
     def around_highest(self) -> Array:
-        """Brackets (k, 3) around the highest of all speeds solved so far."""
+        """Brackets (k, 3) around the speed with the greatest height among all speeds solved so far."""
         brackets = []
         for values in self._cache:
             speeds = sorted(values)

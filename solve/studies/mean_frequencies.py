@@ -1,5 +1,5 @@
-"""Cycle means of the frozen natural frequencies over the speed, and the speeds of combination resonances, at
-which sums or differences of the means are integer multiples of the speed."""
+"""Cycle means of the frozen natural frequencies as functions of the speed, and the speeds of combination
+resonances: there, sums or differences of the means are integer multiples of the speed."""
 
 import itertools
 import math
@@ -19,34 +19,36 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 
 _TOLERANCE, _MAX_ITERATIONS = 1e-10, 10
-"""Relative tolerance of the speeds of divisions, and limit of the iterations. Means are nearly linear between
-two speeds of the grid: four iterations suffice, and only jumps of the means reach the limit."""
+"""Relative tolerance of the speeds of divisions, and maximum number of iterations. Means are nearly linear
+between two speeds of the grid, so that four iterations suffice; only jumps of the means reach the maximum."""
 
 _JUMP = 1e-2
-"""Remaining relative difference between a mean frequency and a multiple of the speed above which the mean
-jumps over the multiple instead of crossing it. A choice."""
+"""Relative difference between a mean frequency and a multiple of the speed, after the iteration, above which
+the mean jumps over the multiple instead of crossing it. Chosen by judgement."""
 
 CLOSE = 0.05
 """Relative difference between a frequency and an integer multiple of the speed up to which they may belong to
-a resonance. A choice."""
+a resonance. Chosen by judgement."""
 
 _SAMPLES = 24
-"""Smallest number of speeds, if available, at which frequencies with and without C are compared. A choice."""
+"""Frequencies with and without C are compared at this number of speeds or more, if available. Chosen by
+judgement."""
 
 _MAX_LOW_ORDER = 4
-"""Highest order of combination resonances for which grid points are added. A choice: their growth rates
-decrease with the order, because higher orders require a higher harmonic of the matrices or a higher power of
-the first harmonic."""
+"""Highest order of combination resonances for which grid points are added. Chosen by judgement: their growth
+rates decrease with the order, because higher orders require a higher harmonic of the matrices or a higher
+power of the first harmonic."""
 
 _CORRECTIONS = 2
-"""Number of corrections of a resonant speed with the mean frequencies at that speed. A choice."""
+"""Number of times that a resonant speed is recomputed from the mean frequencies at that speed. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)
 class MeanFrequencies:
-    """Cycle means, in rad/s and ascending, of the undamped natural frequencies with M and K frozen, at speeds
-    (P,); see `mean_modes`. NaN at speeds without matrices. Copies at other speeds, `replace(frequencies,
-    speeds=…)`, share a cache."""
+    """Cycle means, in rad/s and in ascending order, of the undamped natural frequencies of M and K frozen at
+    phases of the period, at speeds (P,); see `mean_modes`. They are NaN at speeds without matrices. Copies at
+    other speeds, `replace(frequencies, speeds=…)`, share a cache."""
 
     system: PeriodicSystem
     speeds: Array
@@ -64,12 +66,13 @@ class MeanFrequencies:
 
     @property
     def rigid(self) -> int:
-        """Largest number of rigid-body modes over the speeds. These modes come first, with frequency 0."""
+        """Largest number of rigid-body modes at any of the speeds. These modes come first, with frequency
+        0."""
         return int(self._results[2].max(initial=0))
 
     @property
     def lowest(self) -> Array:
-        """Lowest elastic frequency (P,) in rad/s."""
+        """Lowest frequency (P,) of an elastic mode, in rad/s."""
         return self.values[:, min(self.rigid, self.system.n - 1)]
 
     @cached_property
@@ -77,7 +80,7 @@ class MeanFrequencies:
         means = np.full((len(self.speeds), self.system.n), np.nan)
         imaginary, rigid = np.zeros(len(self.speeds), dtype=bool), np.zeros(len(self.speeds), dtype=int)
         for at, speed in enumerate(self.speeds.tolist()):
-            # Where matrices are missing, the solution at the speed reports the reason.
+            # If matrices are missing at a speed, the solution at that speed reports the reason.
             with progress.subtask("speeds"), suppress(SolveError, np.linalg.LinAlgError):
                 if speed not in self._cache:
                     mean, _, is_imaginary, count = mean_modes(self.system, speed)
@@ -90,8 +93,8 @@ class MeanFrequencies:
         return replace(self, speeds=np.array([speed])).values[0]
 
     def shift_notes(self) -> list[str]:
-        """Note on speeds at which C changes a mean frequency by more than the fraction `CLOSE`. Empty if
-        there are none, or if frequencies are imaginary."""
+        """List with a note on the speeds at which C changes a mean frequency by more than the fraction
+        `CLOSE`. It is empty if there are no such speeds. Speeds with imaginary frequencies are excluded."""
         real = self.speeds[~self.imaginary & np.isfinite(self.values[:, 0])]
         speeds = real[:: max(1, len(real) // _SAMPLES)]
         shifts = np.array([shift_by_rates(self.system, speed) for speed in speeds.tolist()])
@@ -108,8 +111,9 @@ class MeanFrequencies:
 
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
-    """Combination resonances (ω̄i ± ω̄j)/k within the speeds, in descending order of speed, for orders k up
-    to `orders` that the period of the matrices permits. Integer divisions of one frequency are excluded."""
+    """Return the combination resonances (ω̄i ± ω̄j)/k within the range of the speeds, in descending order of
+    speed, for those orders k up to `orders` that the period of the matrices permits. Integer divisions of a
+    single frequency are excluded."""
     listed = [
         Combination(speed, (high + 1, low + 1), sign, order)
         for low, high, sign, weights in _sums_of_two(frequencies.rigid, frequencies.values.shape[1])
@@ -120,8 +124,8 @@ def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]
 
 
 def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]]:
-    """Lower mode, higher mode, sign and weights (n,) of all sums and differences of two elastic
-    frequencies."""
+    """Yield the lower mode, the higher mode, the sign and the weights (n,) of each sum or difference of two
+    elastic frequencies."""
     unit = np.eye(count)
     for low, high in itertools.combinations_with_replacement(range(rigid, count), 2):
         for sign in (1, -1) if high > low else (1,):
@@ -131,8 +135,8 @@ def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]
 def resonance_speeds(
     frequencies: MeanFrequencies, weights: Array, orders: int
 ) -> Iterator[tuple[int, float]]:
-    """Orders k per revolution and speeds Ω at which the sum of the mean frequencies, weighted by `weights`
-    (n,), equals kΩ."""
+    """Yield the order k per revolution and the speed Ω wherever the sum of the mean frequencies, weighted by
+    `weights` (n,), equals kΩ."""
     from scipy.optimize.elementwise import find_root
 
     def excess(speeds: Array, order: Array) -> Array:
@@ -147,15 +151,15 @@ def resonance_speeds(
         return
     ends, tolerances = (speeds[at], speeds[at + 1]), {"xrtol": _TOLERANCE, "xatol": 0.0, "fatol": 0.0}
     root = find_root(excess, ends, args=(row + 1,), tolerances=tolerances, maxiter=_MAX_ITERATIONS)
-    # The means jump where two modes are no longer exchanged during a period.
+    # At some speeds, the means jump because two modes are no longer exchanged during a period.
     crosses = np.abs(root.f_x) <= _JUMP * (row + 1) * speeds[at]
     yield from zip((row[crosses] + 1).tolist(), root.x[crosses].tolist(), strict=True)
 
 
 def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
-    """Speeds of combination resonances of low order between two limits, for modes that keep on average more
-    than half their amplitude per period. Mean frequencies are evaluated at these speeds. rest: mean
-    frequencies at speed 0."""
+    """Return the speeds, between `low` and `high`, of combination resonances of low order. Only modes that,
+    on average, keep more than half of their amplitude per period are considered. The search starts from
+    `rest`, the mean frequencies at speed 0."""
     system, (values,) = rest.system, rest.values
     candidates = [
         (weights, order)
@@ -182,11 +186,11 @@ def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
 
 
 def _decay_per_period(system: PeriodicSystem, speed: float) -> Array:
-    """Logarithmic decrement (n,) of the modes per period."""
+    """Return the logarithmic decrements (n,) of the modes per period."""
     return mean_modes(system, speed).rates * system.period / speed
 
 
 def is_excited(system: PeriodicSystem, order: int) -> bool:
-    """Whether matrices with the system's period can have a harmonic of the given order per revolution."""
+    """Return whether matrices with the system's period can have a harmonic of this order per revolution."""
     number = order * system.period / (2 * math.pi)
     return math.isclose(number, round(number), abs_tol=1e-9)

@@ -11,26 +11,27 @@ from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
 _PHASES, _FEW_PHASES = 64, 16
-"""Number of phases for the means, and for the comparison with C. Choices: both means converge
-exponentially."""
+"""Number of phases for the means, and for the comparison of the means with and without C. Chosen by
+judgement: both converge exponentially."""
 
 _ROUNDOFF, _COMPLEX = 1e-12, 1e-6
-"""Relative sizes up to which negative squares of frequencies, and imaginary parts of these squares, count as
-round-off, relative to the largest square. The second is larger because double eigenvalues lose half their
+"""Negative squares of frequencies, and imaginary parts of these squares, count as round-off up to these
+fractions of the largest square. The second fraction is larger because double eigenvalues lose half of their
 digits."""
 
 _MIN_OVERLAP = 1e-30
-"""Lower limit of the overlap of two shapes in logarithms. Any very small positive number is suitable."""
+"""Lower limit of the overlap of two mode shapes before its logarithm is taken. Any very small positive number
+is suitable."""
 
 _NEAR = 0.5
 """Two frequencies count as close at a phase if their difference is below this fraction of its maximum over
-the period. A choice."""
+the period. Chosen by judgement."""
 
 
 class MeanModes(NamedTuple):
-    """Cycle means of the frozen modes: ascending frequencies in rad/s (n,), and decay rates in 1/s (n,) to
-    first order in C. Frequencies are set to 0 where K is not positive definite. imaginary: whether a
-    frequency is imaginary or complex at some phase. rigid: number of rigid-body modes, with frequency 0."""
+    """Cycle means of the frozen modes: ascending `frequencies` (n,) in rad/s, and decay `rates` (n,) in 1/s
+    to first order in C. Imaginary frequencies count as 0 in the means; `imaginary` is True if a frequency is
+    imaginary or complex at some phase. `rigid` is the number of rigid-body modes, whose frequency is 0."""
 
     frequencies: Array
     rates: Array
@@ -39,14 +40,15 @@ class MeanModes(NamedTuple):
 
 
 def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
-    """Cycle means of the undamped modes with M and K frozen, at a speed (rad/s); 0 is the mechanism at rest.
-    Raises SolveError subclasses, and LinAlgError if there are no matrices.
+    """Return cycle means of the undamped modes of M and K frozen at phases of the period, at a speed (rad/s).
+    Speed 0 is the mechanism at rest. Raises SolveError subclasses, and LinAlgError if there are no matrices.
 
-    With first-order coordinates, frequencies are moduli of complex frozen eigenvalues, and rates are exact.
+    For systems with first-order coordinates, frequencies are moduli of the complex eigenvalues of the frozen
+    system, and rates are the means of their real parts without approximation.
 
-    Modes are followed by their shapes where frequencies cross, see `_follow`; modes that exchange their ranks
-    within a period have a common mean. If the small component of the vibration that keeps its rank decays so
-    slowly that it dominates after a period, the sorted frequencies are averaged instead.
+    Where frequencies cross, modes are followed by their shapes, see `_follow`. Modes that exchange their
+    ranks within a period have a common mean. A small component of the vibration keeps its rank; if it decays
+    so slowly that it dominates after a period, the sorted frequencies are averaged instead.
     """
     step = system.period / _PHASES
     M, C, K, d = system.at((np.arange(_PHASES) + 0.5) * step, speed)
@@ -62,7 +64,7 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     shapes = np.take_along_axis(shapes, order[:, None], axis=2)
     real, size = np.real(squares), np.abs(squares).max()
     imaginary = real.min() < -_ROUNDOFF * size or np.abs(np.imag(squares)).max() > _COMPLEX * size
-    # Linearly dependent shapes have no inverse.
+    # Linearly dependent mode shapes have no inverse.
     inverse = np.linalg.pinv(shapes)
     rates = np.real(np.einsum("kij,kji->ki", inverse @ np.linalg.solve(M, C), shapes)) / 2
     values = np.stack((np.sqrt(np.maximum(real, 0.0)), rates), axis=1)
@@ -79,11 +81,11 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
 
 
 def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
-    """Largest relative difference between mean frequencies with and without C, at a speed (rad/s).
+    """Return the largest relative difference between mean frequencies with and without C, at a speed (rad/s).
 
-    With C, frequencies are moduli of eigenvalues. Gyroscopic forces and damping that couples modes change
-    these moduli; modal damping does not. The result is 0 if an eigenvalue is real, and for systems with
-    first-order coordinates, whose frequencies include C.
+    With C, frequencies are moduli of complex eigenvalues. Gyroscopic forces, and damping that couples modes,
+    change these moduli; modal damping does not. The result is 0 if an eigenvalue is real. It is also 0 for
+    systems with first-order coordinates, whose mean frequencies always include C.
     """
     if len(system.states):
         return 0.0
@@ -101,8 +103,8 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
 
 
 def _of_states(rates: Array, n: int) -> MeanModes:
-    """Means of the moduli of complex eigenvalues of x′ = A x, and of their decay rates, for n modes, from A
-    (k, N, N). If fewer than n modes oscillate, the first ones have frequency 0."""
+    """Return the means, for n modes of x′ = A x, of the moduli of complex eigenvalues and of their decay
+    rates, from A (k, N, N) at k phases. If fewer than n modes oscillate, the first ones have frequency 0."""
     values = np.linalg.eigvals(rates)
     values = np.where(np.imag(values) > _ROUNDOFF * np.abs(values).max(), values, 0.0)
     order = np.argsort(np.abs(values), axis=1, kind="stable")[:, -n:]
@@ -112,18 +114,18 @@ def _of_states(rates: Array, n: int) -> MeanModes:
 
 
 def _without_smallest(values: Array, count: int) -> Array:
-    """Values (k, n) without the `count` values of smallest modulus."""
+    """Return each row of `values` (k, n) without its `count` values of smallest modulus."""
     return np.take_along_axis(values, np.argsort(np.abs(values), axis=1)[:, count:], axis=1)
 
 
 def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
-    """Rank (k, n) of each mode at k phases that pass at `rate` per second; index (n,) of the mode whose rank
-    each mode takes after the period; and logarithm of the component of a vibration that keeps its rank
-    where its mode changes rank.
+    """Follow n modes through k phases, of which `rate` pass per second. Return the rank (k, n) of each mode
+    at each phase; the index (n,) of the mode whose rank each mode takes after the period; and the logarithm
+    of the component of a vibration that keeps its rank although its mode changes rank.
 
-    As long as the shapes of modes rotate faster than their frequencies differ, θ rate > Δω, a vibration keeps
-    its shape: by the Landau-Zener formula (C. Zener, Proceedings of the Royal Society A 137, 1932, 696) more
-    than half of it then changes its rank in an avoided crossing.
+    While the mode shapes rotate faster than the frequencies differ, θ rate > Δω, the vibration cannot follow
+    them and keeps its shape. By the Landau-Zener formula (C. Zener, Proceedings of the Royal Society A 137,
+    1932, 696), more than half of it then changes its rank in an avoided crossing.
     """
     count, n = frequencies.shape
     following, identity = np.roll(np.arange(count), -1), np.arange(n)
@@ -132,8 +134,8 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
     difference = np.where(difference < _NEAR * difference.max(axis=0), difference, np.inf)
 
     def adapts(at: Array | int, now: Array, then: Array) -> Array:
-        """Whether modes (…, n) with these ranks at two consecutive phases have enough time between the phases
-        to change their shapes."""
+        """Return whether modes (…, n) have enough time between two consecutive phases to change their shapes.
+        `at` are the indices of the first phases; `now` and `then` are the ranks at the two phases."""
         rotated, before, after = (
             matrix[np.asarray(at)[..., None, None], first[:, None], second]
             for matrix, first, second in (
@@ -148,7 +150,8 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
     all_adapt = adapts(np.arange(count), identity, identity).all(axis=-1)
     if all_adapt.all() and (np.einsum("kii->ki", overlaps) > 0.5).all():
         return np.tile(identity, (count, 1)), identity, 0.0
-    # During an exchange, a shape identifies neither mode. The first phase is therefore outside exchanges.
+    # During an exchange, a mode shape identifies neither of the two modes. The first phase is therefore one
+    # without an exchange.
     first = int(all_adapt.argmax())
     ranks, log_unchanged, now = np.empty((count, n), dtype=int), 0.0, identity
     reference, left, reference_rank = shapes[first], inverse[first], identity
@@ -168,14 +171,16 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
 
 
 def _overlaps(left: Array, shapes: Array, others_left: Array, others: Array) -> Array:
-    """Overlaps (…, n, n) between two sets of shapes, given as columns (…, n, n) with their inverses. For
-    orthogonal shapes they are squared cosines."""
+    """Return the overlaps (…, n, n) between two sets of mode shapes. The sets `shapes` and `others` (…, n, n)
+    contain the shapes as columns; `left` and `others_left` are their inverses. For orthogonal shapes, the
+    overlaps are squared cosines."""
     return np.abs((left @ others) * np.swapaxes(others_left @ shapes, -1, -2))
 
 
 def _mean_over_cycles(means: Array, next_modes: Array) -> Array:
-    """Means (2, n) over as many periods as each mode needs to return to its rank, from the means over one
-    period. next_modes (n,): index of the mode whose rank each mode takes after a period."""
+    """Return means (2, n) over the number of periods after which each mode returns to its rank, from the
+    means over one period. `next_modes` (n,) are the indices of the modes whose ranks the modes take after a
+    period."""
     averaged = means.copy()
     for mode in range(len(next_modes)):
         cycle = [mode]

@@ -1,5 +1,5 @@
-"""Measured vibration read from files (curves over a period or in time, amplitudes of orders, or natural
-frequencies), and computed values at the same points."""
+"""Measured vibration read from files, and computed values at the same points. The files contain curves versus
+phase or time, amplitudes of orders, or natural frequencies."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -33,26 +33,28 @@ _SPEED, _PHASE, _POSITION = "speed", "_phase", "position"
 ENDINGS = ".csv", ".mat", ".uff", ".unv"
 
 AXES = {"phase": "rad", "time": "s", "order": "1", "mode": "1"}
-"""Allowed names of the independent variable's column, with their units."""
+"""Allowed names of the column of the independent variable, with their units."""
 
 _ABSCISSAS = {"s": "time", "deg": "phase", "rad": "phase", "order": "order", "1": "order"}
-"""Names of the abscissa of universal files, by the label of its unit."""
+"""Mapping from labels of units in universal files to names of the independent variable."""
 
 
 _MOST_ORDERS, _LARGEST = 10**5, 1e100
-"""Largest permitted order, and largest permitted value, whose square does not overflow in sums. Choices."""
+"""Largest permitted order, and largest permitted value; sums of squares of such values do not overflow.
+Chosen by judgement."""
 
 _ALIKE = 1e-3
-"""Relative difference up to which the speeds of an orbit and of a measurement count as equal. A choice."""
+"""Relative difference up to which the speeds of an orbit and of a measurement count as equal. Chosen by
+judgement."""
 
 FREQUENCY = "frequency"
-"""Name of the channel of natural frequencies."""
+"""Name of the channel that contains natural frequencies."""
 
 
 class Record(NamedTuple):
-    """Measurement file whose columns have titles that end in a unit. columns: values (k,) of each column;
-    None for a CSV table, whose `texts` are parsed only when a column is read, so that unused columns may
-    contain anything."""
+    """Content of a measurement file. The titles of its columns end in a unit. `columns` contains the values
+    (k,) of each column. For a CSV table, `columns` is None and `texts` contains the rows: a column is parsed
+    only when it is read, so that unused columns may contain anything."""
 
     path: Path
     titles: Sequence[str]
@@ -67,8 +69,8 @@ class Record(NamedTuple):
 
 
 def record(file: str | Path) -> Record:
-    """Read the columns of a file, the axis first. Raises CaseFileError, and MissingLibraryError for universal
-    files without pyuff."""
+    """Read the columns of a file. Raises CaseFileError, and MissingLibraryError for universal files without
+    pyuff."""
     path = Path(file)
     ending = path.suffix.lower()
     if ending not in ENDINGS:
@@ -86,8 +88,8 @@ def record(file: str | Path) -> Record:
 
 
 def _matlab(path: Path) -> Record:
-    """Record from a .mat file with vectors of equal length and a struct `units` with the unit of each vector.
-    A scalar applies to all rows."""
+    """Read a .mat file that contains vectors of equal length and a struct `units` with the unit of each
+    vector. A scalar applies to all rows."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -119,7 +121,7 @@ def _matlab(path: Path) -> Record:
 
 
 def _universal(path: Path) -> Record:
-    """Record from a universal file with functions at nodal degrees of freedom (dataset 58) over a common
+    """Read a universal file that contains functions at nodal degrees of freedom (dataset 58) with a common
     abscissa. The first text line of each function names the coordinate or output."""
     try:
         import pyuff
@@ -164,10 +166,10 @@ def _label(dataset: dict[str, Any], axis: str) -> str:
 class Measured:
     """Measurement at one speed (rad/s), in SI units.
 
-    orders: whether `at` (k,) contains orders, counted per period, instead of phases. channels: values (k,) by
-    coordinate or output; for orders complex amplitudes if phase angles are given, otherwise moduli. position:
-    the phase at which natural frequencies were measured at rest; `at` then contains their modes, from 1 on,
-    and FREQUENCY is the only channel.
+    `at` (k,) contains phases in rad or, if `orders` is True, orders counted per period. `channels` maps each
+    coordinate or output to its values (k,); amplitudes of orders are complex if phase angles are given,
+    otherwise moduli. `position` is the phase at which natural frequencies were measured at rest. In this
+    case, `at` contains the numbers of the modes, from 1, and FREQUENCY is the only channel.
     """
 
     speed: float
@@ -180,14 +182,14 @@ class Measured:
 def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> list[Measured]:
     """Read measurements from a .csv, .mat, .uff or .unv file, one measurement per speed or position.
 
-    The titles of columns have units. The first column is "phase (deg)", "time (s)" or "order (1)". The next
-    columns are coordinates and outputs, such as "q3 (m)", and for orders also their phase angles, such as
-    "q3_phase (deg)". Alternatively "mode (1)" is followed by "frequency (Hz)" and, if needed, "position
-    (deg)".
+    Each title of a column ends in a unit. The first column is "phase (deg)", "time (s)" or "order (1)". The
+    next columns are coordinates and outputs, for example "q3 (m)". For orders, their phase angles may be
+    added, for example "q3_phase (deg)". Alternatively, the first column is "mode (1)", followed by "frequency
+    (Hz)" and, if needed, "position (deg)".
 
-    A column "speed (rpm)", anywhere, distinguishes several speeds; without it, the given speed (rad/s)
-    applies. A column of the phase in addition to the time, as in files of orbits, is not read. Raises
-    CaseFileError, UnitError, UnknownNameError, MissingValueError, ValueOutOfBoundsError.
+    A column "speed (rpm)" at any place distinguishes measurements at several speeds; without it, `speed`
+    (rad/s) applies. If the first column is the time, a column of the phase, as in files of orbits, is not
+    read. Raises CaseFileError, UnitError, UnknownNameError, MissingValueError, ValueOutOfBoundsError.
     """
     read = record(file)
     names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in read.titles]
@@ -224,8 +226,8 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
 
 
 def compared_at_speed(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
-    """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
-    ValueOutOfBoundsError if there are no measurements at this speed."""
+    """Return the measured and the computed values of every channel that was measured at the speed of an
+    orbit. Raises ValueOutOfBoundsError if there are no measurements at this speed."""
     channels = []
     for measurement in sets:
         if measurement.position is not None or not np.isclose(measurement.speed, orbit.speed, rtol=_ALIKE):
@@ -251,8 +253,8 @@ def compared_at_speed(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
 
 
 def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
-    """Complex amplitudes (k,) of orders. Without phase angles their moduli are returned, except that the mean
-    keeps its sign."""
+    """Return complex amplitudes (k,) of orders. If `angles` is False, their moduli are returned instead,
+    except that the mean keeps its sign."""
     size, angle = orbit.harmonics(name, round(orders.max()))
     at = np.round(orders).astype(int)
     return (size * np.exp(1j * angle))[at] if angles else size[at]
@@ -292,7 +294,7 @@ def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Map
 def _frequencies(
     read: Record, modes: Array, columns: Mapping[str, Array], system: PeriodicSystem
 ) -> list[Measured]:
-    """Measured natural frequencies, one set for each position."""
+    """Return the measured natural frequencies, one set for each position."""
     if FREQUENCY not in columns or not len(modes):
         raise CaseFileError(
             f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give the column, with at "
@@ -321,7 +323,7 @@ def _frequencies(
 
 
 def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, place: int) -> Array:
-    """Values (k,) of a column in SI units."""
+    """Return the values (k,) of a column in SI units."""
     name = names[place]
     of_modes = {FREQUENCY: "rad/s", _POSITION: "rad"} if axis == "mode" else {}
     if name == axis:
@@ -343,7 +345,7 @@ def _size(title: str, unit: str) -> float:
 
 
 def _speed_unit(title: str) -> GivenSpeed:
-    """Speed in rad/s that equals one unit of a column of speeds."""
+    """Return the speed in rad/s that corresponds to one unit in a column of speeds."""
     match = re.search(r"\(([^()]*)\)\s*$", title)
     if match is None:
         raise UnitError(f"data: column '{title}' has no unit; write it as in 'speed (rpm)'")

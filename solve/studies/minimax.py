@@ -1,7 +1,7 @@
 """Minimisation of the largest of several values, subject to bounds and equations.
 
 Sequential quadratic programming (D. Kraft, A software package for sequential quadratic programming, DFVLR-FB
-88-28, 1988, in SciPy) on the epigraph: the smallest t that is not exceeded by any value is sought."""
+88-28, 1988, in SciPy) is applied to the epigraph: it minimises a bound t that no value may exceed."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,11 +13,13 @@ from solve.arrays import Array
 from solve.studies.tracked import Tracked
 
 _MAX_ITERATIONS = 60
-"""Largest number of iterations in a round. A choice: rounds of cam and manipulator take 10 to 40."""
+"""Maximum number of iterations of one minimisation. Chosen by judgement: minimisations for the models `cam`
+and `manipulator` take 10 to 40."""
 
 _LINE_SEARCH, _MAX_STALLED = 5, 2
-"""Number of evaluations above which a line search is stalled, and number of stalled line searches after which
-a round ends: extrema have then merged or vanished, or the gain is within the error of the values. Choices."""
+"""Number of evaluations above which a line search counts as stalled, and number of stalled line searches
+after which the minimisation ends: extrema have then merged or vanished, or the improvement is within the
+error of the values. Chosen by judgement."""
 
 _CORRECTIONS = 3
 """Number of corrections after which equations hold to round-off: SLSQP satisfies the equations to 4 to 6
@@ -26,7 +28,7 @@ digits, and each correction doubles the number of digits."""
 
 @dataclass(frozen=True)
 class Limited:
-    """Values that must not exceed a limit. scale: size by which they are divided in the optimisation."""
+    """Values that must not exceed a limit. In the optimisation they are divided by `scale`."""
 
     values: Tracked
     limit: float
@@ -35,7 +37,8 @@ class Limited:
 
 @dataclass(frozen=True)
 class Excess:
-    """Amounts by which values exceed their limit, in units of its scale; negative below it."""
+    """Amounts by which values exceed their limit, divided by the scale of the limit; negative if the limit is
+    met."""
 
     limited: Limited
 
@@ -48,8 +51,8 @@ class Excess:
 
 @dataclass(frozen=True)
 class Equations:
-    """Equations f(x) = 0 with derivatives. `residuals` (e,) and `slopes` (e, r) refer to x scaled to 0 …
-    1."""
+    """Constraint equations f(x) = 0: functions that return f (e,) and its derivatives (e, r). The variables x
+    (r,) are scaled to the range 0 … 1."""
 
     residuals: Callable[[Array], Array]
     slopes: Callable[[Array], Array]
@@ -63,16 +66,17 @@ def minimised(
     reach: float,
     rtol: float,
 ) -> tuple[Array, float]:
-    """Variables x (r,) in 0 … 1 that minimise the largest value of the objective, and the relative change of
-    this value. reach: largest change of an element of x. Raises the exceptions of the functions that compute
-    the values."""
+    """Minimise the largest value of the objective. Return the variables x (r,), each between 0 and 1, and the
+    relative change of the largest value. No element of x changes by more than `reach`. Raises the exceptions
+    of the functions that compute the values."""
     from scipy.optimize import minimize
 
     scale = max(float(np.abs(each.values(x)).max()) for each in objective) or 1.0
     rows = [Limited(each, np.nan, scale) for each in objective], limits
 
     def slack(z: Array) -> Array:
-        """Distances of the values from t, or from their limits, at z = (x, t)."""
+        """Return the distances of the values of the objective from t, and of the limited values from their
+        limits, at z = (x, t)."""
         parts = [z[-1] - each.values.values(z[:-1]) / scale for each in rows[0]]
         parts += [(each.limit - each.values.values(z[:-1])) / each.scale for each in rows[1]]
         return np.concatenate(parts)
@@ -87,8 +91,8 @@ def minimised(
 
     largest = max(float(each.values(x).max()) for each in objective) / scale
     start, level = np.append(x, largest), np.append(np.zeros(len(x)), 1.0)
-    # Values are scaled to derivatives of at most 1 at the start, so that the first step, along the gradient,
-    # is not too long.
+    # Variables are scaled so that derivatives at the start are at most 1. The first step, which follows the
+    # gradient, is then not too long.
     steep = np.abs(slack_slopes(start)).max(axis=0)
     units = 1 / np.maximum(steep, 1.0)
     constraints = [
@@ -121,8 +125,8 @@ def minimised(
 
 
 def restored(equations: Equations, x: Array) -> Array:
-    """Variables x (r,) in 0 … 1 with smaller residuals of the equations, by Gauss-Newton corrections within
-    the bounds. Raises the exceptions of the equations."""
+    """Reduce the residuals of the equations by Gauss-Newton corrections of x (r,) within the bounds 0 and 1.
+    Raises the exceptions of the equations."""
     for _ in range(_CORRECTIONS):
         inner = (x > 0) & (x < 1)
         change = np.linalg.lstsq(equations.slopes(x)[:, inner], equations.residuals(x))[0]
@@ -132,12 +136,12 @@ def restored(equations: Equations, x: Array) -> Array:
 
 
 class _StalledError(Exception):
-    """Raised to end a round whose line searches stall."""
+    """Raised to end a minimisation whose line searches stall."""
 
 
 @dataclass
 class _Iterates:
-    """Latest iterate, and the number of line searches that stalled."""
+    """Record of the latest iterate and of the number of stalled line searches."""
 
     last: Array
     evaluations: int = 0

@@ -1,5 +1,5 @@
-"""Modes of a result, from tracks: one mode of each conjugate pair, with its harmonics, crossings and
-veerings."""
+"""Modes of a result, extracted from tracks: one mode of each conjugate pair, with its harmonics, crossings
+and veerings."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -14,22 +14,24 @@ from solve.studies.mode_tracks import Approach, Doubt, Sample, State, Tracks
 from solve.studies.mode_vectors import SURE, ModeVectors
 
 _COVERED = 0.99
-"""Fraction of each mode that the listed harmonics contain, unless this requires more than `_MOST_HARMONICS`
-harmonics on either side. A choice."""
+"""Fraction of each mode that the listed harmonics must contain. `_MOST_HARMONICS` limits their number. Chosen
+by judgement."""
 
 _MOST_HARMONICS = 12
-"""Maximum number of harmonics on either side of the main one: a choice."""
+"""Maximum number of harmonics listed on either side of the main harmonic. Chosen by judgement."""
 
 _SAME = 1e-6
-"""Relative difference between the participations of two harmonics that counts as zero: a choice."""
+"""Relative difference between the participations of two harmonics up to which they count as equal. Chosen by
+judgement."""
 
 _LEAST_EXCHANGE = 4.0
-"""Smallest ratio of the range of values to the width of a veering for which the veering is listed: in a wider
-veering the vectors are exchanged only in part. A choice."""
+"""Smallest ratio of the range of values to the width of a veering with which the veering is listed. In a
+wider veering, the modes exchange their vectors only in part. Chosen by judgement."""
 
 
 class Identities(NamedTuple):
-    """Modes at the given values (P,) and along the whole path (S,); see `FollowedModes`."""
+    """Modes at the P given values and at the S samples of the whole path; for the fields see
+    `FollowedModes`."""
 
     exponents: Array
     errors: Array
@@ -45,7 +47,7 @@ class Identities(NamedTuple):
 
 @dataclass(frozen=True)
 class _Path:
-    """Samples in ascending order, with the states of T tracks at each sample."""
+    """All samples in ascending order of x, with the states of T tracks at each sample."""
 
     samples: Sequence[Sample]
     states: Sequence[State]
@@ -63,7 +65,7 @@ class _Path:
         return np.array([sample.x for sample in self.samples])
 
     def of_modes(self, name: str) -> Array:
-        """Values (S, T) of an attribute of the modes; NaN where a track has no mode."""
+        """Values (S, T) of the attribute `name` of the modes; NaN where a track has no mode."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             values = getattr(sample.modes, name)[state.modes]
@@ -76,7 +78,8 @@ class _Path:
         return np.array([[sample.modes.rotation] for sample in self.samples])
 
     def partners(self) -> Array:
-        """Indices (S, T) of the complex conjugate tracks; -1 for a real track."""
+        """Index (S, T) of the track that contains the complex conjugate mode: the track itself if its
+        multiplier is real, -1 if there is none."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             track_of = np.full(len(sample.modes.exponents) + 1, -1)
@@ -88,7 +91,8 @@ class _Path:
 
 
 def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Identities:
-    """Modes at the given values, from the tracks downwards and upwards from one sample."""
+    """Identify the modes at the given values. The two branches are the tracks from one sample towards lower
+    and towards higher values."""
     path = _Path.from_branches(branches)
     indices = np.searchsorted(path.x, values)
     main = np.array([_main_harmonic(path, indices, track) for track in range(len(path.states[0].modes))])
@@ -121,8 +125,8 @@ def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Iden
 
 
 def _main_harmonic(path: _Path, given: Array, track: int) -> int:
-    """Harmonic with the largest sum of participations over all given values, numbered as in the track. Of
-    several with equal sums, the one with the highest frequency."""
+    """Return the harmonic whose participation, summed over all given values, is largest; its number is that
+    in the track. Of several harmonics with equal sums, the one with the highest frequency is returned."""
     totals: dict[int, float] = {}
     frequencies: dict[int, float] = {}
     for at in given.tolist():
@@ -142,14 +146,15 @@ def _main_harmonic(path: _Path, given: Array, track: int) -> int:
 
 
 def _every_harmonic(modes: ModeVectors) -> Array:
-    """Numbers of the harmonics that the nodes resolve."""
+    """Return the numbers of all harmonics that the nodes resolve."""
     most = (len(modes.nodes) - 1) // 2
     return np.arange(-most, most + 1)
 
 
 def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[Array, Array]:
-    """One track of each conjugate pair, and the exponents (S, T). Of two conjugate tracks, the one with
-    positive mean imaginary part is selected, or the less damped one if the multipliers are real."""
+    """Return the first track of each conjugate pair, and the exponents (S, T). Of two conjugate exponents,
+    the one whose imaginary part is positive on average is returned; where the multipliers are real, the less
+    damped one."""
     partners, columns = path.partners(), exponents.copy()
     tracks = [track for track in range(exponents.shape[1]) if twins.get(track, track) >= track]
     for track in tracks:
@@ -162,7 +167,8 @@ def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[A
 
 
 def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> tuple[Array, Array]:
-    """Harmonics (H,) around the main one, and their participation (P, M, n, H)."""
+    """Return the harmonics (H,) relative to the main one, and their participation (P, M, n, H) in each mode
+    and coordinate."""
     window = np.arange(-_MOST_HARMONICS, _MOST_HARMONICS + 1)
     n = len(path.samples[0].modes.inertia)
     values = np.full((len(given), len(tracks), n, len(window)), np.nan)
@@ -186,7 +192,8 @@ def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> t
 
 
 def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str] | None:
-    """Labels of two tracks in order; None for a mode and its own conjugate, or for tracks without a label."""
+    """Return the labels of two tracks in ascending order; None for a mode and its own conjugate, or if a
+    track has no label."""
     labels = [label_of.get(pair.first), label_of.get(pair.second)]
     if None in labels or labels[0] == labels[1]:
         return None
@@ -195,8 +202,8 @@ def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str
 
 
 def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[Ambiguity]:
-    """Ambiguities in ascending order. Ambiguities of the same pair and kind are joined where their ranges
-    touch."""
+    """Return the ambiguities in ascending order. Those of the same pair and kind are joined where their
+    ranges touch."""
     ambiguities = set()
     for doubt in doubts:
         pair = _pair(label_of, doubt)
@@ -214,8 +221,8 @@ def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[A
 
 
 def _veerings(approaches: Sequence[Approach], label_of: Mapping[int, str], x: Array) -> list[Meeting]:
-    """Veerings narrower than a quarter of the range of the values: pairs with exceptional points on both
-    sides of the real axis."""
+    """Return the veerings that are narrower than a quarter of the range of the values. A pair of modes veers
+    if its exceptional points lie on both sides of the real axis."""
     by_pair: dict[tuple[str, str], list[tuple[float, float, float]]] = {}
     for approach in sorted(approaches, key=lambda approach: approach.gap):
         pair = _pair(label_of, approach)
@@ -238,8 +245,8 @@ def _crossings(
     labels: Sequence[str],
     ambiguous: Sequence[Ambiguity],
 ) -> list[Meeting]:
-    """Pairs whose unfolded frequencies (S, M) cross, with the values interpolated between samples. Ambiguous
-    pairs are omitted."""
+    """Return the crossings of unfolded frequencies, from exponents (S, M), with values interpolated between
+    samples. Crossings of ambiguous pairs are omitted."""
     crossings, frequencies = [], np.abs(np.imag(exponents))
     for first, second in itertools.combinations(range(len(labels)), 2):
         difference, pair = frequencies[:, first] - frequencies[:, second], (labels[first], labels[second])

@@ -1,8 +1,8 @@
-"""Identity of Floquet modes over a parameter, by adaptive refinement until it is unambiguous.
+"""Identity of Floquet modes as a parameter varies, by adaptive refinement until the identity is unambiguous.
 
-Modes are followed from one sample to the next. Their identity is unambiguous if every mode overlaps with one
-mode of the next sample only, and if no exceptional point of two coupled modes lies near the segment between
-both samples. Otherwise a sample is added in the middle.
+Modes are followed from one sample to the next. Their identity is unambiguous if every mode overlaps with only
+one mode of the next sample, and if no exceptional point of two coupled modes lies near the segment between
+the two samples. Otherwise, a sample is added in the middle.
 """
 
 from collections.abc import Callable, Collection
@@ -19,52 +19,54 @@ from solve.studies.mode_vectors import SURE, ModeVectors
 
 _ACCEPTED = 0.8
 """Overlap above which a mode of the next sample counts as the same mode. Any value above 1/2 excludes a
-second candidate; larger values require more samples."""
+second candidate; the larger the value, the more samples are required."""
 
 _CLEAR = 0.5
-"""Distance of exceptional points from the segment between two samples, relative to its length, above which
-the vectors change gradually within the segment: they rotate by less than 45° (tan 2θ = 1 / (2 · 0.5))."""
+"""Distance of exceptional points from the segment between two samples, relative to the length of the segment,
+above which the vectors change gradually: within the segment they rotate by less than 45° (tan 2θ = 1 / (2 ·
+0.5))."""
 
 _FEWEST_LEVELS, _MOST_LEVELS = 1, 36
-"""Smallest and largest number of bisections of an interval. With one bisection no assignment relies on two
-samples alone; after the largest number the interval is still longer than the round-off of the parameter."""
+"""Smallest and largest number of bisections of an interval. With at least one bisection, no assignment relies
+on two samples alone. After the largest number, the interval is still longer than the round-off of the
+parameter."""
 
 _REAL = 0.05
-"""Imaginary part of two exceptional points, relative to their distance, up to which the points count as real:
-between two real points the pair is locked, which means that its exponents have equal imaginary parts. A
-choice."""
+"""Imaginary part of two exceptional points, relative to the distance between them, up to which the points
+count as real. Between two real points the pair of modes is locked: its exponents have equal imaginary parts.
+Chosen by judgement."""
 
 _WIDE, _FEWEST_LOCKED = 0.5, 4
-"""Smallest distance between two real exceptional points, relative to the step, and smallest number of
-bisections, with which a pair counts as locked. Vectors that rotate with the parameter without coupling show
-an apparent coupling that decreases with the square of the step; the distance between the two exceptional
-points that it produces decreases in proportion to the step."""
+"""A pair counts as locked if the distance between its two real exceptional points, relative to the step,
+exceeds the first number after at least the second number of bisections. Vectors that rotate with the
+parameter show an apparent coupling, which decreases with the square of the step; relative to the step, the
+distance between the exceptional points that it produces decreases in proportion to the step."""
 
 
 _NEAR, _NARROW = 1.0, 0.1
-"""Distance and half-width of the exceptional points of a mode and its own conjugate, relative to the step,
-within which the vector of the mode is not used as a reference. Narrower resonances lie between two samples.
-Choices."""
+"""The vector of a mode is not used as a reference if the exceptional points of the mode and its own conjugate
+are nearer to the segment than the first number and half of their separation exceeds the second number, both
+relative to the step. Narrower resonances lie between two samples. Chosen by judgement."""
 
 
 _TIE = 0.01
-"""Weight of the overlap with the last sample. It decides between equal overlaps with an earlier sample. A
-choice."""
+"""Weight of the overlap with the last sample if a track is compared with an earlier sample. It only decides
+between equal overlaps with the earlier sample. Chosen by judgement."""
 
 _FARTHEST = 8.0
-"""Distance of exceptional points, relative to the step, up to which the linear model locates them. A
-choice."""
+"""Distance of exceptional points, relative to the step, up to which the linear model locates them. Chosen by
+judgement."""
 
 
 class Sample(NamedTuple):
-    """Modes at a value x of the parameter."""
+    """Modes at a value `x` of the parameter."""
 
     x: float
     modes: ModeVectors
 
 
 class Doubt(NamedTuple):
-    """Two tracks whose identity is undetermined between the values `low` and `high`."""
+    """Two tracks whose identities are undetermined between the values `low` and `high`."""
 
     first: int
     second: int
@@ -74,8 +76,8 @@ class Doubt(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """Two coupled tracks near their exceptional points (complex), and the gap between their exponents in
-    rad/s."""
+    """Two coupled tracks, the two complex exceptional points that they approach, and the gap in rad/s between
+    their exponents."""
 
     first: int
     second: int
@@ -84,7 +86,8 @@ class Approach(NamedTuple):
 
 
 class State(NamedTuple):
-    """Mode (T,) and shift (T,) of each track at a sample; -1 for a track without a mode."""
+    """Index (T,) of the mode, and shift (T,) of the harmonics, of each track at a sample. The index is -1 for
+    a track without a mode."""
 
     modes: Array
     shifts: Array
@@ -97,23 +100,23 @@ class Tracks:
     Attributes
     ----------
     solve : callable
-        Modes at a value of the parameter; None without a solution.
+        Function that returns the modes at a value of the parameter, or None if there is no solution.
     samples, states : list
-        Accepted samples, and the modes of the tracks.
+        Accepted samples, and the states of the tracks at these samples.
     doubts, approaches : list
         Undetermined identities, and approaches of coupled modes.
     base : int
         Index of the sample with which the next sample is compared.
     held : dict
-        Position of the sample, by track, for tracks that are compared with a sample earlier than `base`.
+        Mapping from tracks that are compared with an earlier sample than `base` to the index of that sample.
     twins : dict
-        Tracks of complex conjugates.
+        Mapping from each track to the track of its complex conjugate.
     locked : set
         Pairs of tracks that are locked at the last sample.
     budget : int
         Number of samples that may still be added.
     exhausted : float or None
-        Value from which on required samples were not added because the budget was exhausted.
+        Value at which the budget was exhausted; beyond it, samples that were required were not added.
     """
 
     solve: Callable[[float], ModeVectors | None]
@@ -164,7 +167,7 @@ class Tracks:
 
 
 class Step:
-    """Assignment of the tracks to the modes of the next sample."""
+    """Assignment of the modes of the next sample to the tracks."""
 
     def __init__(self, tracks: Tracks, sample: Sample, level: int):
         self.tracks, self.sample, self.level = tracks, sample, level
@@ -179,20 +182,21 @@ class Step:
         self.quality = self._quality()
 
     def _references(self) -> tuple[State, Array]:
-        """State with which each track is compared, and the overlaps (T, k, S)."""
+        """Return the state with which each track is compared, and its overlaps (T, k, S) with k modes of the
+        next sample at S shifts."""
         tracks = self.tracks
         modes, shifts = (values.copy() for values in tracks.states[tracks.base])
         products = np.where((modes >= 0)[:, None, None], self.overlaps.products[modes], 0.0)
         for track, at in tracks.held.items():
             earlier = Overlaps.between(tracks.samples[at].modes, self.sample.modes).products
             modes[track], shifts[track] = (values[track] for values in tracks.states[at])
-            # The last sample decides between modes that overlap equally with the earlier sample.
+            # The last sample decides between modes whose overlaps with the earlier sample are equal.
             products[track] = earlier[modes[track]] + _TIE * products[track]
         return State(modes, shifts), products
 
     def _quality(self) -> Array:
-        """Overlap (T,) of each track with its mode. Modes that coincide at one of the two samples, and a mode
-        and its conjugate, are taken together."""
+        """Overlap (T,) of each track with its mode. Overlaps are summed over modes that coincide at one of
+        the two samples, and over a mode and its conjugate."""
         quality, base = np.zeros(len(self.modes)), self.tracks.states[self.tracks.base].modes
         for track in np.flatnonzero(self.modes >= 0).tolist():
             twin = self.tracks.twins.get(track, track)
@@ -206,23 +210,23 @@ class Step:
 
     @cached_property
     def self_overlap(self) -> Array:
-        """Overlap (T,) of each track with its mode, without coincident and conjugate modes."""
+        """Overlap (T,) of each track with its mode alone, without coincident or conjugate modes."""
         return np.where(self.modes >= 0, self.products[np.arange(len(self.modes)), self.modes], 0.0)
 
     @property
     def noise(self) -> Array:
-        """Bounds (T,) on the errors of the exponents of each track at both samples."""
+        """Bounds (T,) on the sum of the errors of each track's exponents at the two samples."""
         at_base = self.tracks.states[self.tracks.base].modes
         return SURE * (self.before.modes.errors[at_base] + self.sample.modes.errors[self.modes])
 
     @cached_property
     def compared(self) -> Array:
-        """Tracks that are compared with the previous sample and have a mode at both samples."""
+        """Indices of the tracks that have a mode both at the sample `base` and at the next sample."""
         return np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
 
     @cached_property
     def pairs(self) -> CoupledPairs:
-        """Exceptional points between the compared tracks."""
+        """Exceptional points of all pairs of the compared tracks."""
         at, base = self.compared, self.tracks.states[self.tracks.base]
         mode_indices, points = (base.modes[at], self.modes[at]), (self.before.modes, self.sample.modes)
         shifts = self.references.shifts + self.shifts - base.shifts
@@ -230,14 +234,15 @@ class Step:
 
     @cached_property
     def twins(self) -> Array:
-        """Whether pairs (r,) of `pairs` are a mode and its conjugate."""
+        """Mask (r,) of the pairs in `pairs` that consist of a mode and its conjugate."""
         first, second = (self.compared[each] for each in (self.pairs.first, self.pairs.second))
         pairs = zip(first.tolist(), second.tolist(), strict=True)
         return np.array([self.tracks.twins.get(one) == other for one, other in pairs], dtype=bool)
 
     @cached_property
     def close(self) -> Array:
-        """Mask (r, S) of the pairs and shifts of coupled tracks with exceptional points near the segment."""
+        """Mask (r, S) of the pairs and shifts whose tracks are coupled and have exceptional points near the
+        segment."""
         pairs = self.pairs
         modes = self.tracks.states[self.tracks.base].modes[self.compared]
         is_separate = ~self.before.modes.coincident[modes[pairs.first], modes[pairs.second]]
@@ -260,7 +265,7 @@ class Step:
 
     @cached_property
     def unsettled(self) -> list[tuple[int, int]]:
-        """Pairs of tracks whose identity is undetermined after this step."""
+        """Pairs of tracks whose identities are undetermined after this step."""
         pairs = self._pairs(self.close & ~self.locked)
         exempt = {*self.tracks.held, *(track for pair in self.locked_pairs for track in pair)}
         weak = [track for track in np.flatnonzero(self.quality < _ACCEPTED).tolist() if track not in exempt]
@@ -277,13 +282,13 @@ class Step:
         return [*zip(first.tolist(), second.tolist(), strict=True)]
 
     def _rival(self, track: int) -> int:
-        """Other track that has the largest overlap with the mode of this track."""
+        """Return the other track whose overlap with the mode of this track is largest."""
         overlap = self.products[:, self.modes[track]].copy()
         overlap[track] = -1.0
         return int(overlap.argmax())
 
     def accept(self) -> None:
-        """Add the sample to the tracks."""
+        """Append the sample to the tracks."""
         tracks, here = self.tracks, len(self.tracks.samples)
         low, high = self.before.x, self.sample.x
         tracks.locked |= set(self.locked_pairs)
@@ -299,8 +304,8 @@ class Step:
             tracks.base = here
 
     def _hold(self) -> None:
-        """Compare tracks with an earlier sample while their eigenvectors are mixed: tracks of locked pairs,
-        and of modes near a resonance with their own conjugates."""
+        """Decide which tracks are compared with an earlier sample because their eigenvectors are mixed:
+        tracks of locked pairs, and of modes near a resonance with their own conjugates."""
         tracks, found = self.tracks, self.pairs
         width = np.abs(found.roots[0] - found.roots[1]) / 2
         is_near = found.coupled & (found.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
@@ -313,8 +318,8 @@ class Step:
             tracks.held.setdefault(track, tracks.base)
 
     def _is_locked(self, first: int, second: int) -> bool:
-        """Whether the exponents of two tracks at the sample have equal imaginary parts and different growth
-        rates."""
+        """Return whether the exponents of two tracks at the sample have equal imaginary parts and different
+        growth rates."""
         if self.modes[first] < 0 or self.modes[second] < 0:
             return False
         modes = self.sample.modes
@@ -324,8 +329,8 @@ class Step:
         return abs(turns - round(turns)) * modes.rotation <= limit < abs((one - other).real)
 
     def _is_released(self, track: int, near: Collection[int]) -> bool:
-        """Whether a held track can be compared with the last sample again, because its eigenvector is no
-        longer mixed or the earlier sample is too far away."""
+        """Return whether a held track can be compared with the last sample again: its eigenvector is no
+        longer mixed, or the earlier sample is too different."""
         mode = self.modes[track]
         is_real = mode >= 0 and track in self.tracks.twins and self.sample.modes.partners[mode] == mode
         if any(track in pair for pair in self.tracks.locked):
@@ -335,7 +340,7 @@ class Step:
         return bool(self.self_overlap[track] >= _ACCEPTED)
 
     def _coincidence_is_new(self) -> bool:
-        """Whether modes coincide at this sample but not at the previous one."""
+        """Return whether modes coincide at this sample that do not coincide at the sample `base`."""
         present = np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
         before = self.tracks.states[self.tracks.base].modes[present]
         after = self.modes[present]
@@ -343,7 +348,7 @@ class Step:
         return bool((self.sample.modes.coincident[np.ix_(after, after)] & ~coincident_before).any())
 
     def _note_approaches(self) -> None:
-        """Record the exceptional points of coupled pairs whose middle lies in this step."""
+        """Record the exceptional points of coupled pairs if their midpoint lies within this step."""
         pairs, width = self.pairs, self.sample.x - self.before.x
         middle = np.real(pairs.roots).mean(axis=0)
         is_near = pairs.coupled & (middle >= 0) & (middle < 1) & (pairs.distance < _FARTHEST)
@@ -355,8 +360,8 @@ class Step:
 
 
 def _assigned(overlaps: Array) -> Array:
-    """Mode (T,) of each track, assigned so that the sum of the overlaps (T, k) is maximal; -1 for a track
-    without a mode."""
+    """Return the index (T,) of the mode of each track, assigned so that the sum of the overlaps (T, k) is
+    maximal; -1 for a track without a mode."""
     from scipy.optimize import linear_sum_assignment
 
     modes = np.full(len(overlaps), -1)

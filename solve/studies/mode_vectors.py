@@ -1,4 +1,4 @@
-"""All Floquet modes of a point over the period, on a grid that is common to several points."""
+"""All Floquet modes of a system at one point, over the period, on a grid that several points share."""
 
 import math
 from dataclasses import dataclass
@@ -25,29 +25,29 @@ from solve.period.product_eigenvalues import (
 )
 
 SURE = 10.0
-"""Smallest ratio between the difference of two exponents and their estimated errors for which they are
-distinct. A choice."""
+"""Smallest ratio of the difference of two exponents to the sum of their estimated errors with which they
+count as distinct. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class ModeVectors:
-    """Floquet modes p(φ) exp(λt) of a system at a speed, without rigid-body modes and without unresolved
-    modes.
+    """Floquet modes p(φ) exp(λt) of a system at a speed, without rigid-body modes or unresolved modes.
 
     Attributes
     ----------
     rotation : float
         2π/T in rad/s.
     nodes, weights : (m,)
-        Phases at the starts of the steps, from 0 to 2π over a period, and their weights in a mean.
+        Phases at the starts of the steps, scaled to 2π per period, and their weights in a mean over the
+        period.
     exponents : (k,)
-        λ in 1/s, complex, with an imaginary part within ±π/T.
+        Complex exponents λ in 1/s, with imaginary parts within ±π/T.
     errors : (k,)
         Estimated absolute errors of the exponents in 1/s.
     parts : (m, N, k)
-        p at the nodes: coordinates, then their derivatives with respect to time.
+        Vectors p at the nodes: coordinates, then their derivatives with respect to time.
     inertia : (n,)
-        Mean inertia of each coordinate, in any unit.
+        Mean inertia of each coordinate, in an arbitrary common unit.
     """
 
     rotation: float
@@ -69,8 +69,8 @@ class ModeVectors:
 
     @property
     def resolved(self) -> bool:
-        """Whether the nodes resolve the harmonics of all modes: the fraction of a mode in the upper third of
-        the harmonics is at most what `solve.period.floquet_modes` permits."""
+        """Whether the nodes resolve the harmonics of all modes: the upper third of the harmonics must not
+        contain a larger fraction of a mode than `solve.period.floquet_modes` permits."""
         most = (len(self.nodes) - 1) // 2
         harmonics = np.arange(-most, most + 1)
         power = self.power(harmonics).sum(axis=1)
@@ -78,7 +78,8 @@ class ModeVectors:
         return bool((upper <= ALIASED * power.sum(axis=1)).all())
 
     def power(self, harmonics: Array) -> Array:
-        """|p_h|² (k, n, h) of the harmonics h of the coordinates, weighted by their inertia."""
+        """Squared amplitudes |p_h|² (k, n, h) of the given harmonics of each mode and coordinate, weighted by
+        the inertia of the coordinates."""
         coordinates, m = self.parts[:, : len(self.inertia)], len(self.nodes)
         if self._is_uniform:
             amplitudes = np.fft.fft(coordinates, axis=0)[harmonics % m] / m
@@ -101,20 +102,22 @@ class ModeVectors:
 
     @cached_property
     def partners(self) -> Array:
-        """Index (k,) of each mode's complex conjugate; the mode's own index for a real multiplier."""
+        """Index (k,) of the complex conjugate of each mode; the index of the mode itself if its multiplier is
+        real."""
         return self.distances(self.exponents.conj()).argmin(axis=1)
 
     @cached_property
     def coincident(self) -> Array:
-        """Mask (k, k) of the pairs of modes with equal exponents within their errors. The eigenvectors of
-        such a pair are undetermined within the plane that they span."""
+        """Mask (k, k) of the pairs of modes whose exponents are equal within their errors. Individual
+        eigenvectors of such a pair are undetermined; only the plane that they span is known."""
         limit = SURE * (self.errors[:, None] + self.errors)
         return self.distances(self.exponents) <= limit
 
 
 def mode_vectors(point: SinglePoint, method: Method, steps: int, rtol: float, engine: str) -> ModeVectors:
-    """Modes of a point by a method with step maps. Errors are estimated by one more stage per step and
-    correspond to relative errors of the multipliers of at least `rtol`. Raises SolveError subclasses."""
+    """Compute the modes of a point by a method with step maps. Errors are estimated with one more stage per
+    step; they correspond to relative errors of the multipliers of at least `rtol`. Raises SolveError
+    subclasses."""
     finer = method.with_another_stage
     assert finer is not None
     frozen_modes = frozen(point)
@@ -143,15 +146,16 @@ def mode_vectors(point: SinglePoint, method: Method, steps: int, rtol: float, en
 
 
 def _rigid(point: SinglePoint, logarithms: Array) -> Array:
-    """Indices of the multipliers of rigid-body modes, which are those nearest to +1."""
+    """Return the indices of the multipliers of rigid-body modes, which are the multipliers nearest to +1."""
     held = free(point)
     count = 0 if held is None else int(held.modes.multiplicity[0])
     return np.argsort(np.abs(logarithms), kind="stable")[:count]
 
 
 def _inertia(point: SinglePoint, modes: FrozenModes, units: Array) -> Array:
-    """Mean of the diagonal of M (n,), relative to its largest entry. For systems with first-order states,
-    which have no inertia, the squares of the units (N,) that balance the step maps."""
+    """Return the mean of the diagonal of M (n,), relative to its largest entry. Systems with first-order
+    states have no inertia; for these, return weights from `units` (N,), the units that balance the step
+    maps."""
     if point.first_order:
         return 1 / units[: point.n] ** 2
     mean = np.abs(modes.mean_mass[0].diagonal())
@@ -159,8 +163,8 @@ def _inertia(point: SinglePoint, modes: FrozenModes, units: Array) -> Array:
 
 
 def _eigenvalues(maps: Array) -> tuple[Blocks, ProductEigenvalues]:
-    """Block products of the step maps (m, N, N), and the eigenvalues of their product with right
-    eigenvectors."""
+    """Return block products of the step maps (m, N, N), and the eigenvalues and right eigenvectors of the
+    product of all maps."""
     if slicot.available():
         blocks = balanced_blocks(maps[None])
         return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors=True)
@@ -177,7 +181,7 @@ def _eigenvalues(maps: Array) -> tuple[Blocks, ProductEigenvalues]:
 
 
 def _logarithms(maps: Array) -> Array:
-    """Logarithms (N,) of the eigenvalues of the product of the step maps."""
+    """Return the logarithms (N,) of the eigenvalues of the product of the step maps."""
     if slicot.available():
         return eigenvalue_logarithms(balanced_blocks(maps[None]).factors[0])
     return _eigenvalues(maps)[1].logarithms[0]

@@ -1,4 +1,5 @@
-"""Nonlinear orbits at the points of a sweep, each started from the nearest solved point."""
+"""Nonlinear orbits at the points of a sweep. The iteration at each point starts from the nearest solved
+point."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -20,12 +21,13 @@ from solve.system import multiplier_count
 from solve.terminal import progress
 
 _ON_A_LINE = 1e-9
-"""Distance, relative to the ranges, up to which a point counts as lying on a line: round-off. A choice."""
+"""Distance from a line, relative to the ranges of the quantities, up to which a point counts as lying on the
+line. Chosen by judgement, well above round-off."""
 
 
 def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> PointResults:
-    """Results of nonlinear orbits at points (P, v), in the order of the points. Each point is saved if there
-    is a store.
+    """Solve for nonlinear orbits at points (P, v), in the order of the points. If there is a store, each
+    result is saved.
 
     Raises SolveError subclasses for errors that affect all points."""
     multipliers = multiplier_count(task.family.example)
@@ -58,7 +60,8 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
 def _solve(
     task: Task, points: Array, at: int, results: PointResults, orbits: dict[int, NonlinearOrbit]
 ) -> None:
-    """Solve a point, write its results, and store its orbit as a start for neighbouring points."""
+    """Solve point `at`, write its results, and add its orbit to `orbits`, from which neighbouring points
+    start."""
     try:
         orbit = _orbit(task, points, at, orbits)
     except LinearModelError:
@@ -76,8 +79,8 @@ def _solve(
 
 
 def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]) -> NonlinearOrbit:
-    """Orbit started from the nearest solved point. The strategies of `solve.nonlinear` are used if there is
-    no solved point, if no orbit is found, or if the orbit is unstable."""
+    """Solve for the orbit at point `at`, from the nearest solved point. If there is no solved point, if no
+    orbit is found, or if the orbit is unstable, the strategies of `solve.nonlinear` are used."""
     system, speed = task.family.system(points[at])
     request = task.request
     settings = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}
@@ -100,8 +103,8 @@ def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]
 def _predicted(
     points: Array, at: int, orbits: dict[int, NonlinearOrbit]
 ) -> NonlinearOrbit | Callable[[Array], Array]:
-    """Start for a point: linear extrapolation from the orbits at the two nearest points if all three lie on a
-    line, otherwise the orbit at the nearest point."""
+    """Return the initial curve for point `at`: the linear extrapolation from the orbits at the two nearest
+    solved points if all three points lie on a line, otherwise the orbit at the nearest solved point."""
     spans, solved = np.ptp(points, axis=0), list(orbits)
     scaled = (points - points[at]) / np.where(spans > 0, spans, 1.0)
     ways = scaled[solved]
@@ -119,7 +122,7 @@ def _predicted(
 
 
 def _write_figures(results: PointResults, orbit: NonlinearOrbit) -> None:
-    """Write statistics and amplitudes of the stored quantities."""
+    """Write the statistics and amplitudes of the quantities that `results` stores."""
     selection: Kept = results.kept
     for row, name in enumerate(selection.names):
         statistics: Statistics = orbit.statistics(name)

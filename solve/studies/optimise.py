@@ -1,5 +1,6 @@
-"""Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds,
-with exact derivatives. Values are increased by their error estimates before they are compared with limits."""
+"""Optimisation of parameters with guaranteed stability: the largest vibration at any of several speeds is
+minimised, with exact derivatives. The spectral radius is increased by its error estimate before it is
+compared with its limit."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -36,7 +37,7 @@ Objective = str | Callable[[Sequence[Orbit]], float]
 """Type of objectives: a quantity by name, or a function of the orbits at all speeds."""
 
 _CURVE_PHASES = 721
-"""Number of phases of the stored curves: every half degree of a revolution."""
+"""Number of phases of the stored curves, one for every half degree of a revolution."""
 
 
 @of_system
@@ -54,40 +55,42 @@ def optimise(
     robust: float | str | None = None,
     vary: Mapping[str, str] | None = None,
 ) -> Optimum:
-    """Minimise the maximum of a quantity over speeds, subject to bounds and to stability at every speed.
+    """Minimise the largest value of a quantity at several speeds, subject to bounds and to stability at every
+    speed.
 
     Parameters
     ----------
     model : Model or OutputFeedback
         System with derivatives with respect to the free parameters, such as the gains of a feedback.
     minimise : str or callable
-        Quantity such as "q3.max_abs", "shaft_torque.rms" or "spectral_radius"; or a function of the sequence
-        of orbits at the speeds, which is differentiated by finite differences.
+        Quantity to minimise, such as "q3.max_abs", "shaft_torque.rms" or "spectral_radius"; or a function
+        that returns a number from the sequence of orbits at the speeds and is differentiated by finite
+        differences.
     free : mapping of str to (float or str, float or str)
-        Lower and upper bounds of each free parameter by name, in the model's units or as texts with unit. The
-        search starts from the parameters of the model.
+        Mapping from the name of each free parameter to its lower and upper bound, in the model's units or as
+        texts with a unit. The search starts from the parameters of the model.
     speeds : float, str or sequence, optional
-        Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm", a range in which speeds between
-        the given ones are checked too; by default the speed of the case.
+        Speeds in rad/s, texts with a unit, or one text such as "50:300:11 rpm"; by default the speed of the
+        case. A text of this form is a range: speeds between the given ones are checked too.
     keep : sequence of str
         Quantities that must not change: a statistic such as "lift.range" or "lift.max", or a curve such as
         "lift@80:100 deg". Changes up to a tolerance are allowed by "lift.range within 0.1 mm".
     subject : sequence of str
         Bounds of quantities at every speed, such as "contact_force.min > 0" or "spectral_radius < 0.9".
     starts : int
-        Number of starts: the parameters of the model, and random values within the bounds.
+        Number of starting points: the first is that of the model, the others are random within the bounds.
     method : str or Method
         "radau", "gauss" or "auto".
     rtol : float
-        Relative tolerance of the orbits and of the optimum.
+        Relative tolerance of the orbits; the optimum is found to 100 times this tolerance.
     prove : bool
         Whether to prove the verdicts of the optimum, as by `solve.prove`.
     robust : float or str, optional
-        Minimise the mean plus this many standard deviations of the quantity, or, for a text such as "95 %",
-        its quantile. Both refer to machines whose parameters deviate by the tolerances of the case and those
-        of `vary`. The widths of the deviations are those at the start.
+        Minimise a statistic of the quantity over machines whose parameters deviate by the tolerances of the
+        case and of `vary`: the mean plus this number of standard deviations or, for a text such as "95 %",
+        this quantile. Tolerances in per cent refer to the initial values of the parameters.
     vary : mapping of str to str, optional
-        Tolerance or distribution by parameter, as in `tolerances`.
+        Mapping from parameters to tolerances or distributions, as in `tolerances`.
 
     Returns
     -------
@@ -103,9 +106,9 @@ def optimise(
 
     Notes
     -----
-    Every local extremum that may be the largest is a constraint of the epigraph. The spectral radius plus its
-    error stays below 1 at every speed, or equals 1 within its error for a model without damping. The optimum
-    is a local one.
+    The optimisation minimises a bound on all local extrema that may be the largest. At every speed, the
+    spectral radius plus its error stays below 1; for a model without damping, it equals 1 within its error.
+    The optimum is a local one.
 
     Examples
     --------
@@ -146,7 +149,8 @@ def _machines(
     vary: Mapping[str, str] | None,
     is_range: bool,
 ) -> list[Design]:
-    """Deviating machines of a robust objective; empty for other objectives. Raises SolveError subclasses."""
+    """Return the deviating machines of a robust objective, and an empty list for other objectives. Raises
+    SolveError subclasses."""
     if statistic is None:
         if vary:
             raise ValueOutOfBoundsError(
@@ -166,8 +170,8 @@ def _machines(
 
 
 def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Array]:
-    """Names, lower bounds (r,) and upper bounds (r,) of the free parameters. Raises UnknownNameError,
-    ValueOutOfBoundsError, UnitError, NoDerivativeError."""
+    """Return the names, lower bounds (r,) and upper bounds (r,) of the free parameters. Raises
+    UnknownNameError, ValueOutOfBoundsError, UnitError, NoDerivativeError."""
     names = unique_names(free)
     if not names:
         raise ValueOutOfBoundsError("'free' is empty; give parameters with bounds, such as k1=4e4:1e5")
@@ -184,7 +188,7 @@ def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Ar
 
 
 def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Optimum:
-    """Result, confirmed by nonlinear orbits and, if requested, by proofs."""
+    """Return the result, checked against nonlinear orbits and, if requested, by proofs."""
     design, objective = search.design, search.minimise
     before, points = design.at(design.start, design.speeds), design.points(best.x)
     values = search.values_at(best.x, points)
@@ -230,8 +234,8 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
 
 
 def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any], list[str]]:
-    """Objective and verdicts of nonlinear orbits, proved verdicts, and sentences on results that are not
-    confirmed."""
+    """Return the objective and the verdicts of nonlinear orbits, and proved verdicts; and sentences on
+    results that these do not confirm."""
     design, model = search.design, search.design.varied(best.x)
     confirmed: dict[str, Any] = {}
     doubts: list[str] = []
@@ -260,8 +264,8 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
 
 
 def _contradictions(search: Search, best: State, value: float, points: Sequence[DesignPoint]) -> list[str]:
-    """Sentences on the objective and on bounds that nonlinear orbits contradict. value: nonlinear
-    objective."""
+    """Return sentences on the objective and the bounds where nonlinear orbits contradict the linear model.
+    `value` is the objective of the nonlinear orbits."""
     doubts, minimised = [], search.minimise
     linear = float(search.values(search.design.points(best.x)).max())
     if abs(value - linear) > ACCEPTABLE_ERROR * max(abs(value), abs(linear)):

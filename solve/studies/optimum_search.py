@@ -1,4 +1,4 @@
-"""Search for the optimum of a design: rounds of minimisation from several starts."""
+"""Search for the optimum of a design, by rounds of minimisation from several starting points."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,31 +26,35 @@ ROUNDS = "rounds"
 """Name of the unit in progress reports."""
 
 _MAX_ROUNDS = 30
-"""Largest number of rounds, each of which follows the extrema that are largest at its start. A choice: cam
-and manipulator take up to 8."""
+"""Maximum number of rounds, each of which follows the extrema that are largest at its start. Chosen by
+judgement: the models `cam` and `manipulator` take up to 8."""
 
 _SHRINKING, _SMALLEST_REACH = 4.0, 1e-6
-"""Factor by which the largest change of x is reduced after a round without gain, and lower limit of this
-change. Choices."""
+"""Factor by which the permitted change of x is reduced after a round without improvement, and permitted
+change below which the search ends. Chosen by judgement."""
 
 STATIONARY = 100.0
-"""Change of the objective in a round, relative and in units of rtol, below which the search ends. With 10 the
-errors of the orbits, which differ from grid to grid, prevent the end for some optima of the manipulator."""
+"""The search ends if a round changes the objective by less than this multiple of rtol, relative to the
+objective. With 10, the search does not end for some optima of the model `manipulator`, because the errors of
+the orbits differ from grid to grid."""
 
 _MAX_RESTORATIONS, _GAIN = 6, 0.01
-"""Maximum number of minimisations of the violation, and relative reduction below which the violation counts
-as a local minimum. Choices."""
+"""Maximum number of successive minimisations of the violation, and relative reduction below which the
+violation counts as a local minimum. Chosen by judgement."""
 
 _RESTARTS = 4
-"""Number of random designs from which the violation is minimised if no feasible design is near. A choice."""
+"""Number of random designs from which the violation is minimised if the search finds no feasible design
+nearby. Chosen by judgement."""
 
 _VIOLATION = 1e-7
-"""Largest violation of a bound, relative to its scale, with which the bound counts as satisfied. A choice."""
+"""Largest violation of a bound, divided by its scale, with which the bound counts as satisfied. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)
 class State:
-    """Design with its largest objective value and its violation of the requirements (0 if none)."""
+    """Design `x` with its objective, which is the largest value at any speed, and its largest violation of a
+    requirement (0 if it violates none)."""
 
     x: Array
     objective: float
@@ -58,11 +62,13 @@ class State:
 
     @property
     def feasible(self) -> bool:
-        """Whether all requirements hold."""
+        """Whether the design satisfies all requirements."""
         return self.violation <= _VIOLATION
 
     def better_than(self, other: "State") -> bool:
-        """Whether the design violates the requirements less, or equally with a lower objective."""
+        """Whether this design is preferred to another. A feasible design is better if its objective is lower.
+        An infeasible one is better if its violation is less than half, or if neither its violation nor its
+        objective is higher."""
         if other.feasible:
             return self.feasible and self.objective < other.objective
         lower = self.violation <= other.violation and self.objective < other.objective
@@ -73,10 +79,11 @@ class State:
 class Search:
     """Search for the optimum of a quantity, or of a function of the orbits at all speeds.
 
-    machines, statistic: deviating machines of a robust objective, and the statistic of their values.
-    limit: largest permitted spectral radius. failures: reasons of trials without a solution. given: speeds
-    without those of the peaks. peaks: local maxima over the speed. edges: edges of unstable bands, which must
-    stay outside the range. rng: generator of the random designs, which differ from search to search.
+    For a robust objective, `machines` are the deviating machines and `statistic` is the statistic of their
+    values. `limit` is the largest permitted spectral radius. `failures` contains the reason for each trial
+    without a solution. `peaks` are the followed local maxima versus speed; `given` are the speeds without
+    those of the peaks. `edges` are the edges of unstable bands that must stay outside the range. `rng`
+    generates new random designs in each search for a feasible design.
     """
 
     design: Design
@@ -92,19 +99,21 @@ class Search:
 
     def __post_init__(self) -> None:
         verdicts = {point.solved.verdict for point in self.design.points(self.design.start)}
-        # Without damping, all multipliers remain on the unit circle.
+        # If all solutions at the start are stable but not asymptotically, the model is undamped and all
+        # multipliers remain on the unit circle.
         self.limit = 1 + KNOWN_ON_CIRCLE if verdicts == {"stable"} else 1 - UNIT_CIRCLE
         self.given = tuple(self.design.speeds)
         self._evaluate_kept()
 
     def _evaluate_kept(self) -> None:
-        """Evaluate the kept quantities, which depend only on the start and the speeds."""
+        """Evaluate the quantities to be kept unchanged, whose initial values depend only on the start and the
+        speeds."""
         self.kept_values = KeptValues(self.design, self.kept)
         self.equations, self.kept_limits = self.kept_values.equations(), self.kept_values.limits()
 
     def best(self, starts: int) -> State:
-        """Best local optimum from the given start and from random ones. Raises the exception of the given
-        start."""
+        """Return the best local optimum found from the parameters of the model and from `starts - 1` random
+        designs. Raises SolveError subclasses if the search from the parameters of the model fails."""
         best = self.descended(self.design.start)
         for x in np.random.default_rng(0).random((starts - 1, len(best.x))):
             try:
@@ -116,27 +125,27 @@ class Search:
         return best
 
     def follow(self, peaks: Sequence[PeakSpeed], edges: Sequence[BandEdge]) -> None:
-        """Replace the local maxima over the speed, and the edges of bands, that the search follows."""
+        """Replace the local maxima versus speed, and the edges of bands, that the search follows."""
         self.peaks, self.edges = list(peaks), list(edges)
         self.design.speeds[:] = sorted({*self.given, *(speed for peak in peaks for speed in peak.speeds)})
         self._evaluate_kept()
 
     def values(self, points: Sequence[DesignPoint]) -> Array:
-        """Value (k,) of the minimised quantity at each speed. If a function is minimised, its single value is
-        repeated."""
+        """Values (k,) of the minimised quantity at the speeds. If a function is minimised, its single value
+        is repeated."""
         if isinstance(self.minimise, Named):
             return np.array([point.value(self.minimise) for point in points])
         return np.full(len(points), Function(self.design, self.minimise).value(points))
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
-        """Objective (k,) at each speed, over the deviating machines if it is robust. points: the solutions at
-        x."""
+        """Values (k,) of the objective at the speeds, for a robust objective over the deviating machines.
+        `points` are the solutions at x."""
         if self.statistic is None:
             return self.values(points)
         return np.concatenate([each.values(x) for each in self._objective(x)])
 
     def requirements(self, points: Sequence[DesignPoint]) -> list[Requirement]:
-        """Requirements with their worst values over the speeds."""
+        """Requirements with their worst values at any of the speeds."""
         changes = [
             Requirement(f"change of {each.text}", change, allowed)
             for each, change, allowed in self.kept_values.changes(points)
@@ -144,7 +153,8 @@ class Search:
         return [requirement for requirement, _ in self.bounded(points)] + changes
 
     def bounded(self, points: Sequence[DesignPoint]) -> list[tuple[Requirement, float]]:
-        """Bounds with the worst values over the speeds, and their violations (negative if satisfied)."""
+        """Bounds with their worst values at any of the speeds, and their violations, which are negative for
+        satisfied bounds."""
         radius = max(map(safe_radius, points))
         bounded = [(Requirement(RADIUS, radius, self.limit), radius - self.limit)]
         for each in self.bounds:
@@ -158,7 +168,8 @@ class Search:
         points = self.design.points(x)
         violations = [violation for _, violation in self.bounded(points)]
         violations += [float(each.values(x)[0]) / each.end for each in self.edges]
-        # A change of a kept quantity by twice the allowed change counts as much as 1e-7 beyond a bound.
+        # If a quantity to be kept changes by twice the allowed change, this counts as much as a bound
+        # violated by 1e-7.
         violations += [
             _VIOLATION * (change / allowed - 1) for _, change, allowed in self.kept_values.changes(points)
         ]
@@ -169,7 +180,7 @@ class Search:
         return State(x, objective, max(0.0, *violations))
 
     def descended(self, x: Array) -> State:
-        """Local optimum from a start. Raises the exception of the start if it has no solution."""
+        """Return a local optimum, from the design x. Raises SolveError subclasses if x has no solution."""
         state, reach = self._state(x), 0.5
         for _ in range(_MAX_ROUNDS):
             if reach < _SMALLEST_REACH:
@@ -196,9 +207,9 @@ class Search:
         return state
 
     def _feasible_near(self, state: State) -> State:
-        """Feasible design near an infeasible one or near random ones; if none is found, the design of least
-        violation. Random designs help because the violation has several local minima if an unstable band
-        moves through the speeds. Raises the exceptions of `_round`."""
+        """Return a feasible design near an infeasible one or near random designs; if none is found, the
+        design of least violation. Random designs help if an unstable band moves across the speeds, because
+        the violation then has several local minima. Raises SolveError subclasses."""
         best = self._least_violation(state)
         for x in self.rng.random((_RESTARTS, len(best.x))):
             if best.feasible:
@@ -210,8 +221,8 @@ class Search:
         return best
 
     def _least_violation(self, state: State) -> State:
-        """Design near an infeasible one whose largest violation is a local minimum. Raises the exceptions of
-        `_round`."""
+        """Return a design near an infeasible one at which the largest violation is a local minimum. Raises
+        SolveError subclasses."""
         for _ in range(_MAX_RESTORATIONS):
             excess = [Excess(each) for each in self._limits(state.x)]
             with progress.subtask(ROUNDS):
@@ -224,7 +235,7 @@ class Search:
         return state
 
     def unmet(self, points: Sequence[DesignPoint]) -> list[tuple[str, str]]:
-        """Violated requirements, and their values with unit."""
+        """Texts of the violated requirements, each with its value and unit."""
         units = ["1", *(each.quantity.unit for each in self.bounds)]
         bounded = zip(self.bounded(points), units, strict=True)
         found = [(each, unit) for (each, violation), unit in bounded if violation > _VIOLATION]
@@ -237,14 +248,14 @@ class Search:
         return [(each.name, measured(each.value, unit)) for each, unit in found]
 
     def _round(self, x: Array, reach: float) -> tuple[Array, float]:
-        """Optimum near x, for the extrema that are largest near x, and the relative change of the
-        objective."""
+        """Minimise near x, taking into account the extrema that are largest at x. Return the new x and the
+        relative change of the objective."""
         rtol = STATIONARY * self.design.rtol
         x, change = minimised(self._objective(x), self._limits(x), self.equations, x, reach, rtol)
         return (x if self.equations is None else restored(self.equations, x)), change
 
     def _limits(self, x: Array) -> list[Limited]:
-        """Limits on all bounded quantities, for the extrema that are largest near x."""
+        """Limits on all bounded quantities, taking into account the extrema that are largest at x."""
         design, limits = self.design, [*self.kept_limits]
         for at, point in enumerate(design.points(x)):
             for each in self.bounds:
@@ -267,9 +278,11 @@ class Search:
         return [self._at_speed(tracked(self.design, x, at, self.minimise)) for at in speed_indices]
 
     def _at_speed(self, values: Single | Extrema) -> Tracked:
-        """Values at a speed of the design, or their local maximum near this speed if it is followed.
+        """Values at a design speed or, if a local maximum at this speed is followed, the maximum near this
+        speed.
 
-        Bounds are not followed: the largest spectral radius of a band that moves does not change.
+        For bounds, maxima are not followed: when an unstable band moves, its largest spectral radius does not
+        change.
         """
         speeds = self.design.speeds
         for peak in self.peaks:

@@ -1,4 +1,4 @@
-"""Values of a design over a range of speeds: local maxima over the speed, and edges of unstable bands."""
+"""Values of a design in a range of speeds: local maxima versus speed, and edges of unstable bands."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,44 +14,47 @@ from solve.studies.design_points import Design, DesignPoint
 from solve.studies.tracked import Tracked
 
 SPECTRAL_RADIUS = Named(RADIUS, "1", RADIUS)
-"""The spectral radius as a quantity."""
+"""Spectral radius as a named quantity."""
 
 _TOLERANCE = 1e-10
-"""Tolerance of the edge of a band, relative to its speed. A choice: far below that of the optimum."""
+"""Tolerance of the edge of a band, relative to its speed. Chosen by judgement: far below that of the
+optimum."""
 
 _BRACKETS = 0.25, 0.02
-"""Half widths of the bracket of a predicted edge, in widths of the band at the start. Choices: small, so that
-the other edge stays outside the bracket even if the band becomes narrower."""
+"""Half-widths of the brackets around a predicted edge, relative to the initial width of the band. Chosen by
+judgement: small, so that the other edge stays outside the bracket even if the band becomes narrower."""
 
 _SMALLEST_STEP = 1e-3
-"""Change of the design within which a band counts as closed if its edge is not found again. A choice."""
+"""If an edge is lost within this change of the design, the band counts as closed. Chosen by judgement."""
 
 _MAX_STEPS = 20
-"""Maximum number of steps in which an edge is followed to a design. A choice."""
+"""Maximum number of steps in which an edge is followed from a known design to another. Chosen by
+judgement."""
 
 _DIFFERENCE = 1e-6
-"""Relative difference of the speed for the derivative of the spectral radius at an edge, near the cube root
-of the round-off, which balances the errors of a central difference."""
+"""Relative step of the speed in the central difference for the derivative of the spectral radius at an edge.
+It is near the cube root of the round-off, which balances the errors of a central difference."""
 
 
 class PeakSpeed(NamedTuple):
-    """Speed of a local maximum, and its distance to the two further speeds with which it is followed."""
+    """Speed of a local maximum, and the distance to the two neighbouring speeds by which the maximum is
+    followed."""
 
     speed: float
     spacing: float
 
     @property
     def speeds(self) -> tuple[float, float, float]:
-        """The three speeds, ascending."""
+        """The three speeds in ascending order."""
         return self.speed - self.spacing, self.speed, self.speed + self.spacing
 
 
 @dataclass(frozen=True)
 class Peak:
-    """Local maxima (k,) over the speed of values at three equidistant speeds, on the parabolas through them.
+    """Local maxima (k,) versus speed, on the parabolas through values at three equidistant speeds.
 
-    The maximum between the speeds is a smooth function of the design, and exact if it is at the middle speed.
-    Its derivatives are those of the parabola at a fixed speed (envelope theorem).
+    Such a maximum is a smooth function of the design, and exact if it is at the middle speed. Its derivatives
+    are those of the parabola at a fixed speed (envelope theorem).
     """
 
     three: Sequence[Tracked]
@@ -66,7 +69,7 @@ class Peak:
 
 
 def _weights(values: Array) -> Array:
-    """Weights (3, k) with which three values (3, k) enter the maximum of the parabola through them."""
+    """Return the weights (3, k) of three values (3, k) in the maximum of the parabola through them."""
     low, middle, high = values
     slope, bend = (high - low) / 2, low - 2 * middle + high
     is_peak = bend < 0
@@ -86,10 +89,13 @@ class _Edge(NamedTuple):
 class BandEdge:
     """Edge of an unstable band, which must not enter the range of speeds.
 
-    The value is the distance of the edge from an end of the range, positive if the edge is inside.
+    The value is the distance of the edge from an end of the range, and is positive if the edge is inside the
+    range.
 
-    is_lower: whether it is the lower edge, which must be above the upper end of the range. start, width:
-    edge and width of the band at the design x. limit: spectral radius at the edge.
+    If `is_lower` is True, this is the lower edge of the band, which must lie above the upper end of the
+    range; otherwise it is the upper edge, which must lie below the lower end. `end` is the speed of that end.
+    `start` and `width` are the edge and the width of the band for the design x. `limit` is the spectral
+    radius at the edge.
     """
 
     design: Design
@@ -115,8 +121,8 @@ class BandEdge:
 
     @property
     def may_leave(self) -> bool:
-        """Whether the edge may leave the range within the bounds of the design: whether the derivatives at
-        the start predict at least half of the required shift."""
+        """Whether the edge may leave the range within the bounds of the design: the derivatives for the
+        initial design must predict at least half of the required shift."""
         (distance,), (slopes,) = self.values(self.x), self.slopes(self.x)
         decrease = float(np.maximum(slopes * self.x, slopes * (self.x - 1)).sum())
         return decrease > distance / 2
@@ -126,9 +132,10 @@ class BandEdge:
         return -1.0 if self.is_lower else 1.0
 
     def _found(self, x: Array) -> _Edge | None:
-        """Edge at a design, followed from the nearest known one; None if the band has closed on the way.
+        """Return the edge for the design x, followed from the nearest known edge; None if the band has closed
+        on the way.
 
-        Raises NoResultError if it is too far away.
+        Raises NoResultError if the edge is too far away.
         """
         for _ in range(_MAX_STEPS):
             nearest = min(self.known, key=lambda known: float(np.abs(known.x - x).max()))
@@ -143,7 +150,8 @@ class BandEdge:
         raise NoResultError("an edge of an unstable band is too far away to be followed")
 
     def _refined(self, x: Array, known: _Edge) -> float | None:
-        """Edge at a design, searched near the prediction from a known edge; None if it is not found there."""
+        """Return the edge for the design x, searched for near the prediction from a known edge; None if it is
+        not found there."""
         from scipy.optimize import brentq
 
         predicted = known.speed + float(known.slopes @ (x - known.x))

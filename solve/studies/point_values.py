@@ -11,8 +11,8 @@ from solve.results.points import Kept, PointResults
 
 
 def kept_for(quantities: Sequence[Named], limited: Sequence[str] = ()) -> Kept:
-    """Selection of the data that must be stored at each point for the quantities, and for `limited`, the
-    coordinates and outputs with limits."""
+    """Return the selection of data that must be stored at each point for the quantities, and for the
+    coordinates and outputs with limits, `limited`."""
     of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
     orders = [quantity.number for quantity in of_orbit if quantity.figure == HARMONIC]
     spectra = dict.fromkeys(quantity.subject for quantity in of_orbit if quantity.figure == HARMONIC)
@@ -21,7 +21,8 @@ def kept_for(quantities: Sequence[Named], limited: Sequence[str] = ()) -> Kept:
 
 
 def values_of(quantity: Named, results: PointResults, speeds: Array, period: float) -> Array:
-    """Values (P,) of a quantity; NaN without a result. Speeds (P,) are in rad/s, the period is in phase."""
+    """Return the values (P,) of a quantity; NaN at points without a result. Speeds (P,) are in rad/s;
+    `period` is a phase."""
     if quantity.figure == HARMONIC:
         return results.amplitudes[:, results.kept.spectra.index(quantity.subject), quantity.number]
     if quantity.of_orbit:
@@ -35,8 +36,9 @@ def values_of(quantity: Named, results: PointResults, speeds: Array, period: flo
 
 
 def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Array, period: float) -> Array:
-    """Estimated absolute errors (P,) of values (P,), from errors of the orbit relative to its largest
-    modulus, and errors of multipliers relative to the spectral radius."""
+    """Return the estimated absolute errors (P,) of `values` (P,), from the errors of the orbit, which are
+    relative to its largest modulus, and the errors of the multipliers, which are relative to the spectral
+    radius."""
     orbit, multipliers = results.errors.T
     if quantity.of_orbit:
         place = results.kept.names.index(quantity.subject)
@@ -49,6 +51,6 @@ def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Arr
 
 
 def _bounded(relative: Array, sizes: Array) -> Array:
-    """Absolute errors (P,) from relative errors and sizes. An unknown relative error remains unknown if the
-    size is 0."""
+    """Return the absolute errors (P,) from relative errors and sizes. An infinite relative error, which means
+    unknown, stays infinite even if the size is 0."""
     return np.where(np.isinf(relative), np.inf, np.where(np.isinf(relative), 0.0, relative) * sizes)

@@ -1,8 +1,8 @@
 """Probabilities of events of standard normal variables z, with confidence intervals.
 
-Rare events are sampled about the points of the events nearest to z = 0, which the gradient finds. Samples
-about all centres are weighted with the density of the mixture (E. Veach, L. J. Guibas, SIGGRAPH 1995,
-419-428), so that no weight exceeds the inverse of the fraction of samples about 0.
+Rare events are sampled about centres: the points nearest to z = 0 at which the events occur, which a gradient
+search finds. All samples are weighted with the density of the mixture of all centres (E. Veach, L. J. Guibas,
+SIGGRAPH 1995, 419-428), so that no weight exceeds the inverse of the fraction of samples about 0.
 """
 
 import math
@@ -17,40 +17,40 @@ from solve.errors import SolveError
 from solve.results.tolerances import Probability
 
 Gradient = Callable[[Array], tuple[float, Array]]
-"""Type of functions that return the margin of an event at z (r,), positive where the event occurs, and its
-derivatives (r,)."""
+"""Type of functions of z (r,) that return the margin of an event, positive where the event occurs, and the
+derivatives (r,) of the margin."""
 
 QUANTILE = 1.959963984540054
-"""Quantile of the normal distribution for intervals of 95 %."""
+"""Quantile of the normal distribution for 95 % intervals."""
 
 SEARCH_SPREAD = 2.5
-"""Standard deviation of the samples that search for events. A choice: an event at a distance of 4.3, with
-probability 1e-5, is then found by one sample in 23."""
+"""Standard deviation of the samples used to search for events. Chosen by judgement: an event at a distance of
+4.3 standard deviations, with probability 1e-5, is then found by one sample in 23."""
 
 _PLAIN, _WIDE = 0.3, 0.2
-"""Fractions of the samples of a mixture that are drawn about 0 with unit and with wide spread. Choices: with
-them, intervals for events that surround 0 in three dimensions contain the true value as often as other
-intervals."""
+"""Fractions of the samples of a mixture that are drawn about 0 with unit standard deviation and with the
+larger `SEARCH_SPREAD`. Chosen by judgement: with these fractions, intervals for events that surround 0 in
+three dimensions contain the true value as often as other intervals."""
 
 _STEPS, _STEP_END = 12, 0.02
-"""Largest number of Newton steps to the nearest point of an event, and change of z below which they end.
-Choices."""
+"""Maximum number of Newton steps to the nearest point of an event, and change of z below which the iteration
+ends. Chosen by judgement."""
 
 MAX_DISTANCE = 8.0
 """Largest distance from the mean, in standard deviations, at which events are sought and gradients are
-calculated. A choice: larger values of one variable have the probability 1e-15."""
+computed. Chosen by judgement: the probability that a single variable is farther from its mean is 1e-15."""
 
 MAX_CENTRES = 8
-"""Largest number of centres of a mixture, of which the nearest to 0 are kept. A choice."""
+"""Maximum number of centres of a mixture; those nearest to 0 are kept. Chosen by judgement."""
 
 _COVERED = 1.0
-"""Distance from the tangent plane through a centre, on the side of 0, up to which events belong to this
-centre. A choice."""
+"""Events belong to a centre if they are beyond the tangent plane through the centre, or on the side of 0 up
+to this distance from the plane. Chosen by judgement."""
 
 
 class Mixture(NamedTuple):
-    """Mixture of normal densities with standard deviations (k,) about centres (k, r), of which the first is
-    0; counts (k,): numbers of samples."""
+    """Mixture of normal densities about `centres` (k, r), of which the first is 0, with standard deviations
+    `deviations` (k,) and numbers of samples `counts` (k,)."""
 
     centres: Array
     deviations: Array
@@ -58,8 +58,8 @@ class Mixture(NamedTuple):
 
     @classmethod
     def about(cls, centres: Sequence[Array], dimensions: int, samples: int) -> "Mixture":
-        """Mixture with given numbers of samples about 0, about 0 with wide spread (for regions far from all
-        centres), and about the centres."""
+        """Mixture for a total number of samples about 0, about 0 with a larger spread (for regions far from
+        all centres), and about the centres."""
         origin = np.zeros(dimensions)
         if not len(centres):
             return cls(origin[None], np.ones(1), np.array([samples]))
@@ -76,7 +76,8 @@ class Mixture(NamedTuple):
         return centres + deviations[:, None] * rng.standard_normal(centres.shape)
 
     def weights(self, z: Array) -> Array:
-        """Importance weights (P,): ratio of the standard normal density to that of the mixture."""
+        """Importance weights (P,) of samples z (P, r): ratio of the standard normal density to the density of
+        the mixture."""
         density = np.zeros(len(z))
         for centre, deviation, count in zip(*self, strict=True):
             distances = (((z - centre) / deviation) ** 2).sum(axis=1)
@@ -84,16 +85,18 @@ class Mixture(NamedTuple):
         return self.counts.sum() / density
 
     def probability(self, weights: Array, events: Array, undetermined: Array, failed: Array) -> Probability:
-        """Probability of an event (P,) with Wilson's interval. Undetermined and failed samples are included
-        in the upper end of the interval, but not in the lower end."""
+        """Probability of an event that occurs at the samples `events` (P,), with Wilson's interval.
+        Undetermined and failed samples count as events for the upper end of the interval, but not for the
+        lower end."""
         value, low, _ = self._interval(weights * events)
         _, _, high = self._interval(weights * (events | undetermined | failed))
         counts = (int(np.count_nonzero(each)) for each in (events, undetermined, failed))
         return Probability(value, low, high, *counts)
 
     def _interval(self, weighted: Array) -> tuple[float, float, float]:
-        """Mean of weighted events (P,) and its interval (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927)
-        209-212), for the number of equally weighted samples with the same variance."""
+        """Mean of weighted events (P,) and the ends of its interval (E. B. Wilson, J. Am. Stat. Assoc. 22
+        (1927) 209-212). The interval is that for the number of equally weighted samples with the same
+        variance."""
         total = len(weighted)
         value = min(float(weighted.mean()), 1.0)
         by_centre = np.split(weighted, np.cumsum(self.counts)[:-1])
@@ -106,19 +109,20 @@ class Mixture(NamedTuple):
 
 
 def normal_variables(cube: Array) -> Array:
-    """Standard normal variables from points of the unit cube. Quasi-random points may lie on its faces."""
+    """Return standard normal variables that correspond to points of the unit cube. Points on its faces, as in
+    quasi-random sequences, are permitted."""
     from scipy.special import ndtri
 
     return ndtri(np.clip(cube, 1e-12, 1 - 1e-12))
 
 
 def centres_of(gradient: Gradient, found: Array) -> list[Array]:
-    """Points of an event nearest to z = 0, at most `MAX_CENTRES`: the one reached from 0, and one for each
-    separate group of the events `found` (k, r)."""
+    """Return at most `MAX_CENTRES` points of an event that are nearest to z = 0: the point reached from 0,
+    and one point for each separate group of the samples `found` (k, r) at which the event occurs."""
     starts, centres = [np.zeros(found.shape[1])], []
     with suppress(SolveError):
         if gradient(starts[0])[0] > 0:
-            # An event that includes 0 is frequent and needs no further centre.
+            # An event that occurs at 0 is frequent and needs no further centre.
             return []
     left = found[np.argsort((found**2).sum(axis=1))]
     while starts and len(centres) < MAX_CENTRES:
@@ -135,9 +139,9 @@ def centres_of(gradient: Gradient, found: Array) -> list[Array]:
 
 
 def _nearest(gradient: Gradient, z: Array) -> Array | None:
-    """Point of an event nearest to z = 0, by the iteration of A. M. Hasofer and N. C. Lind (J. Eng. Mech.
-    Div. ASCE 100 (1974) 111-121) and R. Rackwitz and B. Fiessler (Comput. Struct. 9 (1978) 489-494). None
-    if it does not converge."""
+    """Return the point of an event that is nearest to z = 0, by the iteration of A. M. Hasofer and N. C. Lind
+    (J. Eng. Mech. Div. ASCE 100 (1974) 111-121) and R. Rackwitz and B. Fiessler (Comput. Struct. 9 (1978)
+    489-494), started from `z`; None if the iteration does not converge."""
     for _ in range(_STEPS):
         try:
             margin, slopes = gradient(z)

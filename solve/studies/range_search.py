@@ -17,36 +17,41 @@ from solve.studies.optimum_search import STATIONARY, Search, State
 from solve.studies.over_speed import BandEdge, PeakSpeed
 
 _BETWEEN, _MAX_ROUNDS = 4, 10
-"""Number of parts of each interval of speeds, at whose ends the optimum of a range is checked, and maximum
-number of rounds in which maxima are added. Choices."""
+"""Number of parts into which each interval of speeds is divided to check an optimum between the speeds, and
+maximum number of rounds in which maxima are added. Chosen by judgement."""
 
 _MAX_BANDS = 4
-"""Maximum number of unstable bands that are removed, one after another. A choice."""
+"""Maximum number of unstable bands that are removed, one after another. Chosen by judgement."""
 
 _NEARLY = 0.01
-"""Distance from the largest value, relative to this value, within which a maximum between speeds is refined.
-A choice."""
+"""A maximum between speeds is refined if it is lower than the largest value by at most this fraction of the
+largest value. Chosen by judgement."""
 
 _SPEED_TOLERANCE = 1e-5
-"""Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
+"""Relative tolerance of the speed of a refined maximum. The value at the maximum changes only with the square
+of the error of the speed. Chosen by judgement."""
 
 _DROP = 1e-3
-"""Relative decrease from a maximum to the two speeds with which it is followed, while maxima are added.
-Afterwards it is √rtol, which balances the errors of the orbits and of the parabola. A choice."""
+"""Relative decrease of the value from a maximum to the two neighbouring speeds by which it is followed, while
+maxima are added. Afterwards it is √rtol, which balances the errors of the orbits and of the parabola. Chosen
+by judgement."""
 
 _SPACING, _WIDER = (1e-4, 1e-2), 10.0
-"""Smallest and largest distance between a maximum and these two speeds, relative to the speed, and multiple
-of the smallest distance at which the decrease is measured. Choices."""
+"""Smallest and largest distance between a maximum and the two neighbouring speeds by which it is followed,
+relative to the speed; and multiple of the smallest distance at which the decrease is computed. Chosen by
+judgement."""
 
 _SAME_PEAK = 4.0
-"""Distance, in spacings, up to which a maximum that has moved replaces the previous one. A choice."""
+"""A new maximum replaces a previous one if the distance between them is at most this multiple of the spacing
+of the previous one. Chosen by judgement."""
 
 _Trial = tuple[State, tuple[Sequence[PeakSpeed], Sequence[BandEdge]]]
-"""Optimum, and the maxima and edges that were followed."""
+"""Optimum, and the maxima and edges that were followed to find it."""
 
 
 def over_range(search: Search, state: State) -> tuple[State, list[str]]:
-    """Optimum over a range of speeds, from the optimum at the given speeds, and reasons for doubt."""
+    """Return the optimum for a range of speeds, and reasons for doubt. `state` is the optimum at the given
+    speeds."""
     state, doubts = _with_peaks(search, state)
     for _ in range(_MAX_BANDS):
         missed, unsearched = _missed_bands(search, state)
@@ -67,7 +72,8 @@ def over_range(search: Search, state: State) -> tuple[State, list[str]]:
 
 
 def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
-    """Optimum that also follows the maxima over the speed that are worse than values at the given speeds."""
+    """Return an optimum for which local maxima between the given speeds are followed if they are worse than
+    the values at the given speeds; and reasons for doubt."""
     drop, fine = _DROP, min(_DROP, math.sqrt(search.design.rtol))
     for _ in range(_MAX_ROUNDS):
         found = _worse_between(search, state, drop)
@@ -95,8 +101,9 @@ def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
 
 
 def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Iterator[_Trial]:
-    """Optima, if found, in which the first of the missed bands is closed, lies above the range, or lies below
-    the range. At the end the search follows the same maxima and edges as before."""
+    """Yield optima in which the first of the missed bands is closed, lies above the range, or lies below the
+    range; those of the three that can be found. At the end, the search follows the same maxima and edges as
+    before."""
     (peaks, edges), design = (search.peaks, search.edges), search.design
     band, low, high = missed[0], search.given[0], search.given[-1]
     width = band.high - band.low
@@ -120,8 +127,8 @@ def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Itera
 
 
 def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]:
-    """Local maxima over the speed, of the objective or a bounded quantity, that are worse than all values at
-    the speeds of the design. Their spacing is the distance in which they decrease by `drop`."""
+    """Return the local maxima versus speed, of the objective or of a bounded quantity, that are worse than
+    all values at the design speeds. Their spacing is the distance within which they decrease by `drop`."""
     from scipy.optimize import minimize_scalar
 
     found = []
@@ -138,7 +145,7 @@ def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]
         return excess_of(*search.design.at(state.x, [float(speed)]))
 
     def spacing(speed: float, top: float) -> float:
-        """Distance in which the excess decreases by `drop`."""
+        """Return the distance within which the excess decreases from `top` by `drop`."""
         near = _SPACING[0] * _WIDER * speed
         decrease = top - (excess(speed - near) + excess(speed + near)) / 2
         wanted = near * math.sqrt(drop / decrease) if decrease > 0 else math.inf
@@ -146,7 +153,7 @@ def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]
 
     speeds = search.design.speeds
     given = [excess_of(point) for point in search.design.points(state.x)]
-    # A requirement that no design fulfils is exceeded near its worst speed too.
+    # If no design satisfies a requirement, it is also violated near its worst speed.
     known = max(0.0, *given)
     for (low, first), (high, last) in itertools.pairwise(zip(speeds, given, strict=True)):
         between = np.linspace(low, high, _BETWEEN + 1)
@@ -172,12 +179,12 @@ def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]
 
 
 def _missed_bands(search: Search, state: State) -> tuple[list[Band], list[str]]:
-    """Unstable bands of the range that contain no speed of the design, the largest growth first, and a
-    sentence if they were not searched."""
+    """Return the unstable bands in the range that contain no design speed, the one with the largest growth
+    first; and a sentence if bands could not be searched for."""
     speeds, model = search.design.speeds, search.design.varied(state.x)
     try:
         found = bands(model, speeds, search.design.method, search.design.rtol)
     except SolveError as reason:
-        return [], [f"unstable bands between the speeds were not searched: {reason}"]
+        return [], [f"unstable bands between the speeds were not searched for: {reason}"]
     missed = [band for band in found if not any(band.low <= speed <= band.high for speed in speeds)]
     return sorted(missed, key=lambda band: -band.spectral_radius), []

@@ -1,5 +1,5 @@
-"""Requirements on designs, parsed from texts: bounds on quantities, statistics and curves to be kept, and
-spreads of parameters."""
+"""Requirements on designs, parsed from texts: bounds on quantities, and statistics or curves to be kept
+unchanged. Spreads of parameters are parsed here too."""
 
 import math
 import re
@@ -21,19 +21,21 @@ from solve.system import PeriodicSystem
 from solve.units import apart, in_unit, quantity
 
 RANGE = "range"
-"""Name of a statistic of kept quantities: maximum minus minimum."""
+"""Name of the statistic maximum minus minimum, in requirements that keep a quantity unchanged."""
 
 _RELATION = re.compile(r"\s*(\S+?)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
 _CURVE_PHASES = 33
-"""Number of phases, the Chebyshev points of the interval, at which a curve is kept. A choice."""
+"""Number of phases at which a curve is kept unchanged: Chebyshev points of the interval. Chosen by
+judgement."""
 
 _TOLERANCE = 1e-9
-"""Largest change of a kept quantity without a stated tolerance, relative to its largest modulus. A choice."""
+"""Largest permitted change of a quantity that is kept unchanged without a stated tolerance, relative to its
+largest modulus. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """Upper (sign 1) or lower (sign -1) bound of a quantity, in its SI unit."""
+    """Upper (`sign` 1) or lower (`sign` -1) bound `value` of a quantity, in the SI unit of the quantity."""
 
     text: str
     quantity: Named
@@ -56,9 +58,9 @@ class Bound:
 
 @dataclass(frozen=True)
 class Kept:
-    """Statistic of a quantity, or its curve at given phases (k,), that an optimum must not change. figures:
-    name of the statistic, or two names for the difference between two statistics. tolerance: largest change
-    in the SI unit; None if no tolerance is stated.
+    """Statistic of a quantity, or its curve at the phases `phases` (k,), that an optimisation must not
+    change. `figures` is the name of the statistic, or two names for the difference of two statistics.
+    `tolerance` is the largest permitted change in the SI unit; None if none is stated.
     """
 
     text: str
@@ -91,17 +93,18 @@ class Kept:
         return cls(text, name, ("max", "min") if figure == RANGE else (figure,), None, tolerance)
 
     def allowed(self, values: Array) -> float:
-        """Largest allowed change, from the initial values (k,)."""
+        """Largest allowed change of a quantity with the initial values (k,)."""
         if self.tolerance is not None:
             return self.tolerance
         return _TOLERANCE * (float(np.abs(values).max()) or 1.0)
 
 
 def real_quantity(system: PeriodicSystem, text: str) -> Named:
-    """Quantity with real values, from its name. Raises UnknownNameError, ValueOutOfBoundsError."""
+    """Return the quantity with this name, which must have real values. Raises UnknownNameError,
+    ValueOutOfBoundsError."""
     named = Named.parse(system, text)
     if named.figure == "" and named.subject != RADIUS:
-        raise ValueOutOfBoundsError(f"'{text}' is complex; give a part, such as {text}.re")
+        raise ValueOutOfBoundsError(f"'{text}' is complex; give its real part, {text}.re, for example")
     if named.figure.endswith("_phase"):
         raise ValueOutOfBoundsError(
             f"'{text}' is the phase of an extremum, which has no derivatives; give another statistic, such "
@@ -111,17 +114,18 @@ def real_quantity(system: PeriodicSystem, text: str) -> Named:
 
 
 def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:
-    """Bounds from texts; see `Bound.parse`."""
+    """Parse bounds; see `Bound.parse`."""
     return [Bound.parse(system, text) for text in unique_names(texts)]
 
 
 def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
-    """Kept quantities from texts; see `Kept.parse`."""
+    """Parse quantities to be kept unchanged; see `Kept.parse`."""
     return [Kept.parse(system, text) for text in unique_names(texts)]
 
 
 def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:
-    """Spreads of the varying parameters. Raises SolveError subclasses."""
+    """Return the spreads of the varying parameters: those of the case, replaced or supplemented by `vary`.
+    Raises SolveError subclasses."""
     case, found = model.setup.case, {}
     for name in {**case.spreads, **vary}:
         require_name(f"parameter of {model.labels.name}", name, model.parameters)
@@ -154,7 +158,8 @@ def _quantity(text: str, whole: str) -> float | str:
 
 
 def _phases(interval: str, whole: str) -> Array:
-    """Chebyshev points (k,) in rad of an interval "A:B deg". Raises ValueOutOfBoundsError, UnitError."""
+    """Return the Chebyshev points (k,) in rad of an interval "A:B deg". Raises ValueOutOfBoundsError,
+    UnitError."""
     numbers, _, unit = apart(interval).partition(" ")
     try:
         low, high = (

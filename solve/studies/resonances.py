@@ -1,4 +1,4 @@
-"""Labels of maxima over speed: integer divisions of a natural frequency, and combinations of two natural
+"""Labels of maxima versus speed: integer divisions of a natural frequency, and combinations of two natural
 frequencies."""
 
 import itertools
@@ -18,41 +18,41 @@ from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem
 
 _NEAR = 0.2
-"""Largest difference between the ratio of frequency to speed and an integer at which a maximum may belong to
-this integer division. The relative difference is at most `CLOSE`. A choice."""
+"""A maximum may belong to an integer division if the ratio of frequency to speed differs from the integer by
+at most this number, and by at most the fraction `CLOSE` of the integer. Chosen by judgement."""
 
 _ANGLE_TOLERANCE = 0.02
-"""Allowed difference between the angle of a multiplier and that of a division or combination, as a fraction
-of 2π. A choice."""
+"""Allowed difference between the angle of a multiplier and the angle implied by a division or combination, as
+a fraction of 2π. Chosen by judgement."""
 
 _DECAY_TOLERANCE = 0.25
 """Allowed relative difference between the decay of a mode per period and the mean of the frozen decay rates.
-A choice."""
+Chosen by judgement."""
 
 _MAX_COST = 9.0
-"""Upper limit of a single squared difference, reached at three times the allowed difference. No single
-difference then decides the matching. A choice."""
+"""Upper limit of each squared difference, reached at three times the allowed difference, so that no single
+difference decides the matching. Chosen by judgement."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
-"""Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part;
-for a maximum of the spectral radius, because such maxima are narrower; and the excess over the smallest sum
-up to which a label counts as equally good. Choices."""
+"""Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part,
+and for a maximum of the spectral radius, which is narrower. The third number is the excess over the smallest
+sum up to which a label counts as equally good. Chosen by judgement."""
 
 _ORDER_PENALTY = 0.1
-"""Penalty that is added to the sum for each order above the first, because resonances of higher order are
-weaker. A choice."""
+"""Penalty added to the sum of squared differences for each order above the first, because resonances of
+higher order are weaker. Chosen by judgement."""
 
 _SAME_SPEED = 1e-3
-"""Relative difference of speeds up to which maxima of the real part and of the modulus of a multiplier
-coincide. A choice."""
+"""Relative difference of the speeds of two maxima, one of the real part and one of the modulus of a
+multiplier, up to which they count as the same resonance. Chosen by judgement."""
 
 Fit = tuple[float, Combination]
-"""Misfit of a combination, and the combination."""
+"""Misfit of a combination, followed by the combination."""
 
 
 class Label(NamedTuple):
-    """Maximum with the resonances that may explain it: integer divisions, given by mode (from 1) and order
-    per revolution, or combinations. Several are listed if they explain it equally well."""
+    """Maximum with the resonances that may explain it: integer divisions, given as mode (from 1) and order
+    per revolution, or combinations. If several explain it equally well, all are listed."""
 
     maximum: Maximum
     divisions: set[tuple[int, int]]
@@ -65,21 +65,22 @@ class Label(NamedTuple):
 
 
 def allowed_distance(orders: Array | float) -> Array:
-    """Largest difference, for each order, between the order and the ratio of a frequency to the speed, up to
-    which the order may explain a maximum."""
+    """Return, for each order, the largest difference between the order and the ratio of a frequency to the
+    speed with which the order may explain a maximum."""
     return np.minimum(_NEAR, CLOSE * orders)
 
 
 @dataclass(frozen=True)
 class MultiplierMatcher:
-    """Matching of multipliers to modes at a speed (rad/s). rho (2n,): multipliers; ratios (n,): ascending
-    ratios of mean natural frequencies to the speed.
+    """Matching of multipliers `rho` (2n,) to modes at a speed (rad/s). `ratios` (n,) are the ascending ratios
+    of the mean natural frequencies to the speed.
 
     Multipliers are matched to modes in pairs: conjugate multipliers, and real multipliers of equal sign, of
     which only the product identifies the mode. The pair of a mode has the angle ω̄T, up to sign and multiples
-    of 2π, and the logarithmic decrement δT. All pairs are matched together such that the sum of the squared
-    differences, each relative to its allowed value, is smallest. Pairs with the same angle may exchange
-    energy. Their decay may then differ from that of the mode by as much as from the mean of the pairs.
+    of 2π, and the logarithmic decrement δT. All pairs are matched simultaneously so that the sum of the
+    squared differences of angles and decrements, each relative to its allowed value, is smallest. Pairs with
+    the same angle may exchange energy: the decrement of such a pair may differ from that of its mode by as
+    much as from the mean of these pairs.
     """
 
     system: PeriodicSystem
@@ -108,16 +109,16 @@ class MultiplierMatcher:
         return pairs + list(zip(remaining[::2], remaining[1::2], strict=True))
 
     def pair_of(self, multiplier: int) -> int:
-        """Index of the pair that contains a multiplier."""
+        """Index of the pair that contains the multiplier with index `multiplier`."""
         return next(at for at, pair in enumerate(self.pairs) if multiplier in pair)
 
     @cached_property
     def angles(self) -> Array:
-        """Angles of the pairs (n,) as fractions of 2π, from 0 to 1/2."""
+        """Angles (n,) of the pairs as fractions of 2π, from 0 to 1/2."""
         return np.abs(np.angle(self.rho[[first for first, _ in self.pairs]])) / (2 * math.pi)
 
     def pairs_at_angle_of(self, pair: int) -> list[int]:
-        """Resolved pairs, other than the given one, with the angle of the given one."""
+        """Indices of the other pairs that are resolved and have the same angle as this pair."""
         near = np.flatnonzero(np.abs(self.angles - self.angles[pair]) <= _ANGLE_TOLERANCE)
         return [int(other) for other in near if other != pair and self._resolved[other]]
 
@@ -128,8 +129,8 @@ class MultiplierMatcher:
 
     @cached_property
     def _costs(self) -> Array:
-        """Squared differences (n, n) between the angles of pairs and modes; 0 for pairs that are not
-        resolved."""
+        """Costs (n, n) of matching pairs to modes: sums of the squared differences of angles and of
+        decrements, relative to the allowed values. They are 0 for pairs that are not resolved."""
         modulus = np.abs(self.rho[np.array(self.pairs)])
         logs = -np.log(np.where(modulus > 0, modulus, 1.0))
         decays, tolerance = logs.mean(axis=1), np.abs(np.diff(logs, axis=1))[:, 0] / 2
@@ -151,8 +152,8 @@ class MultiplierMatcher:
         return float(self._costs[matched(self._costs)].sum())
 
     def misfit(self, modes: dict[int, int]) -> float:
-        """Cost of the best matching in which some pairs have the given modes, minus the cost of the best
-        matching without this condition."""
+        """Cost of the best matching in which the pairs in `modes` have the modes stated there, minus the cost
+        of the best matching without this condition."""
         pairs, others = (
             [at for at in range(len(self.pairs)) if at not in fixed] for fixed in (modes, modes.values())
         )
@@ -162,8 +163,8 @@ class MultiplierMatcher:
         return float(least + fixed) - self._least_cost
 
     def divisions(self, pair: int, orders: int) -> list[Fit]:
-        """Divisions that explain why a pair passes +1, as combinations of a mode with itself. The best is
-        first."""
+        """Divisions, as combinations of a mode with itself, that explain why a pair passes through +1. The
+        best comes first."""
         return _plausible(
             [
                 (
@@ -176,8 +177,8 @@ class MultiplierMatcher:
         )
 
     def combinations(self, pair: int, orders: int) -> list[Fit]:
-        """Combinations of two modes, or of one mode with itself, that excite a pair at its angle. The best is
-        first."""
+        """Combinations of two modes, or of one mode with itself, that excite a pair at its angle. The best
+        comes first."""
         elastic, others = np.flatnonzero(self.ratios).tolist(), self.pairs_at_angle_of(pair)
         best: dict[Combination, float] = {}
         for (low, high), sign in itertools.product(
@@ -196,8 +197,8 @@ class MultiplierMatcher:
     def _assignments(
         self, pair: int, others: list[int], low: int, high: int, signed_order: int
     ) -> list[dict[int, int]]:
-        """Assignments of modes to pairs for which a combination can excite a pair, either alone or together
-        with another pair at the same angle."""
+        """Assignments of modes to pairs with which the combination of the modes `low` and `high` can excite a
+        pair, either alone or together with one of the pairs `others` at the same angle."""
         if low != high:
             return [{pair: one, other: two} for other in others for one, two in ((low, high), (high, low))]
         angle = _folded(signed_order * self.revolutions / 2)
@@ -205,8 +206,8 @@ class MultiplierMatcher:
         return [{pair: low}] if signed_order > 0 and at_angle else []
 
     def _deviation(self, order: int, total: float) -> float:
-        """Squared deviation of an order from the ratio of a sum of frequencies to the speed, relative to the
-        allowed value."""
+        """Squared difference between an order and `total`, the ratio of a sum of frequencies to the speed,
+        relative to the allowed difference."""
         return float((total - order) / allowed_distance(order)) ** 2
 
     def _combination(self, low: int, high: int, sign: int, order: int) -> Combination:
@@ -216,10 +217,11 @@ class MultiplierMatcher:
     def label_real_part(self, maximum: Maximum, multiplier: int, orders: int, unstable: bool) -> Label:
         """Label of a maximum of the real part of the multiplier with index `multiplier`.
 
-        Where the multiplier passes +1, up to the angle arctan(δ/ω) at which exp(-δT) cos ωT is largest, the
-        maximum is attributed to an order of the multiplier's mode. Elsewhere, and where the motion is
-        unstable, it is attributed to a combination under two conditions: the multiplier of another mode has
-        the same angle, and the sum or difference of the frozen frequencies is near an order.
+        If the motion is stable and the angle of the multiplier is near 0, or at most arctan(δ/ω), the angle
+        at which exp(-δT) cos ωT is largest, the maximum is attributed to an integer division of the
+        multiplier's mode. Otherwise it is attributed to a combination if two conditions hold: the multiplier
+        of another mode has the same angle, and the sum or difference of the frozen frequencies is near an
+        integer multiple of the speed.
         """
         rho = self.rho[multiplier]
         if rho == 0:
@@ -232,8 +234,8 @@ class MultiplierMatcher:
         return _label(maximum, divisions or self.combinations(pair, orders))
 
     def label_radius(self, maximum: Maximum, orders: int) -> Label:
-        """Label of a maximum of the spectral radius, where the multipliers of two modes meet or one
-        multiplier passes +1 or -1."""
+        """Label of a maximum of the spectral radius, at which the multipliers of two modes meet, or one
+        multiplier passes through +1 or -1."""
         fits = self.combinations(self.pair_of(0), orders)
         return _label(maximum, [fit for fit in fits if fit[0] <= _MAX_RADIUS_MISFIT])
 
@@ -241,9 +243,9 @@ class MultiplierMatcher:
 def assign(
     rows: list[Critical], labels: list[Label], frequencies: MeanFrequencies, column: str
 ) -> list[Critical]:
-    """Rows with maxima inserted in a column, the highest first, each in the row of the nearest division that
-    fits. A maximum that no division explains, or at which the frozen frequencies are imaginary, is inserted
-    in the row of the same combination or in a new row.
+    """Return rows with maxima inserted in a column, the highest first. Each is inserted in the row of the
+    nearest division that explains it. A maximum that no division explains, or at which frozen frequencies are
+    imaginary, is inserted in the row of the same combination or in a new row.
     """
     rows = list(rows)
     for label in sorted(labels, key=lambda label: -label.maximum.height):
@@ -264,7 +266,8 @@ def assign(
 
 
 def _row_of_division(rows: list[Critical], label: Label, ratios: Array, column: str) -> int | None:
-    """Index of the row of the nearest division, if it is near enough and its column is empty."""
+    """Return the index of the row of the nearest division of the label whose column is empty; None if no such
+    division is near enough."""
     distances = [
         (abs(ratios[(row.mode or 0) - 1] - (row.order or 0)), at)
         for at, row in enumerate(rows)
@@ -275,7 +278,8 @@ def _row_of_division(rows: list[Critical], label: Label, ratios: Array, column: 
 
 
 def _belongs(row: Critical, label: Label, combination: Combination | None, column: str) -> bool:
-    """Whether a row without a division shows the resonance of a label."""
+    """Return whether a row, with an empty column, shows the resonance of a label that no division
+    explains."""
     if getattr(row, column) is not None:
         return False
     distance = abs(row.speed - label.maximum.speed) / label.maximum.speed
@@ -285,7 +289,7 @@ def _belongs(row: Critical, label: Label, combination: Combination | None, colum
 
 
 def _label(maximum: Maximum, fits: list[Fit]) -> Label:
-    """Label with the divisions if all combinations are divisions of the same order; otherwise with the
+    """Return a label that contains divisions if all fits are divisions of the same order, and otherwise
     combinations."""
     explaining = [one for _, one in fits]
     if explaining and all(one.is_division and one.order == explaining[0].order for one in explaining):
@@ -294,8 +298,8 @@ def _label(maximum: Maximum, fits: list[Fit]) -> Label:
 
 
 def _plausible(fits: list[Fit], penalty: float = 0.0) -> list[Fit]:
-    """Combinations with a small misfit, the best first, without combinations that are clearly worse than
-    another. penalty: added to the misfit for each order above the first."""
+    """Return the combinations with a small misfit, the best first, without those that are clearly worse than
+    the best. `penalty` is added to the misfit for each order above the first."""
 
     def rank(fit: Fit) -> float:
         return fit[0] + penalty * (fit[1].order - 1)
@@ -309,5 +313,5 @@ def _nearest(total: float) -> int:
 
 
 def _folded(turns: Array | float) -> Array:
-    """Angles as fractions of 2π, reduced modulo 1, without sign, to 0 … 1/2."""
+    """Return the absolute distance, 0 … 1/2, of angles in fractions of 2π from the nearest integer."""
     return np.abs(turns - np.round(turns))

@@ -1,8 +1,8 @@
-"""Robust objectives: statistics of a quantity over machines whose parameters deviate, with exact
+"""Robust objectives: statistics of a quantity over a set of machines whose parameters deviate, with exact
 derivatives.
 
-The deviations are the same for every design, so that the objective is a smooth function of the design, or a
-continuous one for quantiles.
+The deviations are the same for every design. The objective is therefore a smooth function of the design; for
+quantiles, it is only continuous.
 """
 
 import math
@@ -21,17 +21,19 @@ from solve.studies.probability import normal_variables
 from solve.studies.tracked import leading, tracked
 
 _MACHINES, _BEYOND = 16, 2
-"""Smallest number of machines, and smallest number of machines beyond a quantile. Numbers are powers of two,
-for a Sobol sequence. Choices. Measured for an oscillator: mean and deviation agree with integrals to 2 %;
-quantiles of 90, 95 and 99 %, from 32, 64 and 256 machines with one to five varied parameters, agree to 1 to 4
-%."""
+"""Smallest number of machines, and smallest number of machines beyond a quantile. The number of machines is a
+power of two, as a Sobol sequence requires. Chosen by judgement. Measured for an oscillator with one to five
+varied parameters: mean and standard deviation agree with integrals to 2 %; the 90, 95 and 99 % quantiles,
+from 32, 64 and 256 machines, agree to between 1 and 4 %."""
 
 _EXTREME = 0.01
-"""Smallest distance of a quantile from 0 and 1, for which 256 machines are required. A choice."""
+"""Smallest permitted distance of a quantile from 0 and from 1. At this distance, 256 machines are required.
+Chosen by judgement."""
 
 
 class Statistic(NamedTuple):
-    """Statistic of the values of machines: mean plus a multiple of the standard deviation, or a quantile."""
+    """Statistic of the values of several machines: the mean plus a multiple of the standard deviation, or a
+    quantile. `amount` is the multiple or the quantile."""
 
     amount: float
     is_quantile: bool
@@ -59,7 +61,7 @@ class Statistic(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Name for tables."""
+        """Name of the statistic in tables."""
         return f"{100 * self.amount:g} % quantile" if self.is_quantile else f"mean + {self.amount:g} σ"
 
     @property
@@ -71,13 +73,13 @@ class Statistic(NamedTuple):
         return max(_MACHINES, 2 ** math.ceil(math.log2(needed)))
 
     def weights(self, values: Array) -> Array:
-        """Derivatives (s,) of the statistic with respect to values (s,). Their scalar product with the values
-        is the statistic, which is homogeneous."""
+        """Derivatives (s,) of the statistic with respect to values (s,). The statistic is homogeneous of
+        degree 1, so that it equals the scalar product of these derivatives and the values."""
         count = len(values)
         weights = np.zeros(count)
         if self.is_quantile:
-            # Quantiles are interpolated linearly between the sorted values, of which value i is the quantile
-            # of (i - 1/2) / s (Hazen).
+            # Quantiles are interpolated linearly between the s sorted values; value i is the quantile (i -
+            # 1/2) / s (Hazen).
             place = min(max(self.amount * count - 0.5, 0.0), count - 1.0)
             below, order = min(int(place), count - 2), np.argsort(values, kind="stable")
             weights[order[below : below + 2]] = below + 1 - place, place - below
@@ -110,8 +112,8 @@ class Robust:
 
 
 def deviating(design: Design, spreads: Mapping[str, Spread], count: int) -> list[Design]:
-    """Machines of a design, `count` in number (a power of two). The spreads, which are those of the model's
-    values, give the deviations of the machines from the parameters of the design."""
+    """Return `count` machines, a power of two, whose parameters deviate from those of the design. The
+    deviations follow from the spreads about the parameters of the model and are the same for all designs."""
     from scipy.stats.qmc import Sobol
 
     cube = Sobol(len(spreads), rng=np.random.default_rng(0)).random(count)

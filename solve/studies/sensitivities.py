@@ -1,5 +1,6 @@
-"""Sensitivities over speed, and sensitivities of speeds (edges of unstable bands and critical speeds) by the
-implicit function theorem (S. G. Krantz, H. R. Parks, The Implicit Function Theorem, 2013)."""
+"""Sensitivities of quantities at several speeds, and sensitivities of the speeds at edges of unstable bands
+and of critical speeds. The latter follow from the implicit function theorem (S. G. Krantz, H. R. Parks, The
+Implicit Function Theorem, 2013)."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -26,17 +27,19 @@ from solve.terminal import progress
 from solve.units import speeds_given
 
 _CURVATURE_STEP = 1e-4
-"""Relative step of the speed in the finite difference for the curvature of a response. A choice."""
+"""Relative step of the speed in the finite difference for the curvature of a response. Chosen by
+judgement."""
 
 _MAX_SHIFT = 1e-2
-"""Largest relative correction of a speed, and largest relative step of differences. A choice."""
+"""Largest relative correction of a speed, and largest relative step of finite differences. Chosen by
+judgement."""
 
 _WIDTH_FRACTION = 0.1
-"""Step of the differences of derivatives, relative to the width of a maximum. A choice."""
+"""Step of the finite differences of derivatives, relative to the width of a maximum. Chosen by judgement."""
 
 _MAX_ERROR = 1e-3
-"""Relative error of the derivative with respect to the speed above which an edge has no derivatives. A
-choice."""
+"""Relative error of the derivative with respect to the speed above which an edge counts as having no
+derivatives. Chosen by judgement."""
 
 _MEET = "two multipliers coincide at this edge, so that it has no derivatives"
 _DAMP = "if the system is undamped, add a little damping, or use finite differences of the edges"
@@ -51,14 +54,14 @@ _UNBOUNDED = (
 )
 
 _SMOOTH = 0.5
-"""Largest relative change of the curvature of a maximum when the step is doubled. A choice."""
+"""Largest relative change of the curvature of a maximum when the step is doubled. Chosen by judgement."""
 
 _STEP_REDUCTION = 8.0
-"""Factor by which the step is reduced for a narrower maximum. A choice."""
+"""Factor by which the step is reduced if the maximum is too narrow for it. Chosen by judgement."""
 
 _NEWTON_STEPS = 3
-"""Number of Newton corrections of a speed that is accurate to a tolerance. A choice: each correction doubles
-the number of accurate digits."""
+"""Number of Newton corrections of a speed that is accurate to a tolerance. Chosen by judgement: each
+correction doubles the number of accurate digits."""
 
 
 @of_system
@@ -161,15 +164,15 @@ def speed_sensitivities(
     Raises
     ------
     NoResultError
-        If there is no such speed.
+        If the result contains no such edge or maximum.
     SolveError
         Other subclasses, as in `sensitivities`.
 
     Notes
     -----
-    At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the derivative g
-    with respect to the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact
-    derivatives.
+    At an edge, the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum, the derivative
+    g with respect to the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω). The derivatives of g are computed
+    from finite differences, between two speeds, of exact derivatives.
     """
     system = found.system
     names = moving_parameters(system, by)
@@ -204,8 +207,8 @@ def speed_sensitivities(
 
 
 def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
-    """Names of parameters on which speeds may depend; by default all for which derivatives are available.
-    Raises UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
+    """Return the names of the parameters with respect to which speeds are differentiated; by default all for
+    which derivatives are available. Raises UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
     _, differentiable = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in differentiable:
         raise ValueOutOfBoundsError(
@@ -216,7 +219,7 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
 
 
 def _edges(found: Bands) -> list[tuple[str, str, float]]:
-    """Name, quantity and speed of each edge that is not an end of the range of speeds."""
+    """Return the name, quantity and speed of each edge that is not an end of the range of speeds."""
     return [
         (f"band{number}.{word}", RADIUS, speed)
         for number, band in enumerate(found, start=1)
@@ -226,7 +229,8 @@ def _edges(found: Bands) -> list[tuple[str, str, float]]:
 
 
 def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
-    """Name, quantity and speed of each maximum. The quantity is empty if the response is unbounded."""
+    """Return the name, quantity and speed of each maximum. The quantity is empty if the response is
+    unbounded."""
     ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "", "radius": RADIUS}
 
     def quantity(stated: str, maximum: Maximum) -> str:
@@ -244,7 +248,8 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
 
 
 def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
-    """Name of the real part of the largest multiplier, excluding the multipliers +1 of rigid-body modes."""
+    """Return the name of the real part of the largest multiplier, excluding the multipliers +1 of rigid-body
+    modes."""
     rigid = free(SinglePoint(system, maximum.speed))
     largest = np.array([maximum.height])
     before = 0 if rigid is None or before_rigid(largest) else int(rigid.modes.multiplicity[0])
@@ -273,7 +278,7 @@ def _of_edge(quantity: str, speed: float, derivatives: Derivatives) -> Sensitivi
 
 
 def _of_maximum(quantity: str, speed: float, derivatives: Derivatives) -> Sensitivity:
-    # Cached, because the differences below share all points but one.
+    # Cached, because the finite differences below share all points except one.
     @functools.cache
     def gradient(omega: float) -> Array:
         return derivatives(quantity, omega).derivatives
@@ -304,6 +309,6 @@ def _of_maximum(quantity: str, speed: float, derivatives: Derivatives) -> Sensit
 
 
 def _none(speed: float, count: int, reason: str) -> Sensitivity:
-    """Entry for a speed without derivatives, with the reason."""
+    """Return an entry for a speed without derivatives, with the reason."""
     nothing = np.full(count, np.nan)
     return Sensitivity(speed, "rad/s", nothing, nothing, reason)

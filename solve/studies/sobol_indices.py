@@ -1,6 +1,6 @@
-"""Sobol indices of a function of independent variables: samples and the first-order estimator for centred
-values by A. Saltelli et al. (Comput. Phys. Commun. 181 (2010) 259-270), and the total estimator by M. J.
-W. Jansen (Comput. Phys. Commun. 117 (1999) 35-43)."""
+"""Sobol indices of a function of independent variables. The samples and the first-order estimator, for
+centred values, are those of A. Saltelli et al. (Comput. Phys. Commun. 181 (2010) 259-270). The total
+estimator is that of M. J. W. Jansen (Comput. Phys. Commun. 117 (1999) 35-43)."""
 
 from collections.abc import Callable
 
@@ -11,8 +11,8 @@ from solve.results.tolerances import SobolIndices
 from solve.studies.probability import QUANTILE
 
 _RESAMPLES = 200
-"""Number of bootstrap samples for the error estimates. A choice: the estimates then have a relative error of
-5 %."""
+"""Number of bootstrap samples for the error estimates. Chosen by judgement: the estimates then have a
+relative error of 5 %."""
 
 
 def sobol_indices(
@@ -22,10 +22,12 @@ def sobol_indices(
     rng: np.random.Generator,
     error: float = 0.0,
 ) -> tuple[list[list[SobolIndices]], int]:
-    """First-order and total index of each quantity for each variable, and number of samples without a value.
+    """Return the first-order and total index of each quantity for each variable, and the number of samples
+    without a value.
 
-    evaluate: values (P, q) of quantities at points (P, r) of the unit cube. samples: a power of two. error:
-    relative error of the values; the indices of quantities that vary by less are NaN.
+    `evaluate` returns the values (P, q) of q quantities at points (P, r) of the unit cube. `samples` is a
+    power of two. `error` is the relative error of the values; quantities that vary by less have NaN as
+    indices.
     """
     from scipy.stats.qmc import Sobol
 
@@ -55,7 +57,8 @@ def sobol_indices(
 
 
 def _estimates(values: Array) -> Array:
-    """First-order and total indices (2, r, q) from values (r + 2, P, q); 0 for a constant."""
+    """Return the first-order and total indices (2, r, q) from values (r + 2, P, q); 0 for a constant
+    quantity."""
     first, second, mixed = values[0], values[1], values[2:]
     both = np.concatenate((first, second))
     variance = both.var(axis=0)

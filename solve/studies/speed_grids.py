@@ -14,45 +14,49 @@ from solve.system import PeriodicSystem, check
 from solve.units import ShownUnit
 
 LIGHTLY_DAMPED = 0.5
-"""Modulus of the largest multiplier above which instability is searched for between stable speeds. A choice:
-with stronger damping, only a parametric resonance that doubles the amplitude in a period causes
-instability."""
+"""Instability is searched for between stable speeds if the largest modulus of a multiplier exceeds this.
+Chosen by judgement: with stronger damping, only a parametric resonance that doubles the amplitude in a period
+causes instability."""
 
 _INTERVALS = 40
-"""Number of intervals of the speed range at whose ends the existence of matrices is tested. A choice."""
+"""Number of intervals of the speed range at whose ends the existence of matrices is tested. Chosen by
+judgement."""
 
 _PHASES = 16
-"""Number of phases at which the rotation rate of the multipliers is computed from frozen matrices. A
-choice."""
+"""Number of phases at which the rotation rate of the multipliers is computed from frozen matrices. Chosen by
+judgement."""
 
 _DAMPED_OUT = 1e-2
-"""Modulus of a multiplier of the frozen matrices below which its mode is ignored: it can become unstable only
-by a parametric resonance that increases the amplitude a hundredfold in a period. A choice."""
+"""Modes of the frozen matrices whose multipliers have a modulus below this are ignored: they can become
+unstable only by a parametric resonance that increases the amplitude a hundredfold in a period. Chosen by
+judgement."""
 
 _HALVINGS = 20
-"""Maximum number of halvings of an interval in which two pairs of multipliers may pass +1 or -1. A bound on
-the work, and a choice."""
+"""Maximum number of times that an interval in which two pairs of multipliers may pass through +1 or -1 is
+halved. It limits the computing time. Chosen by judgement."""
 
 _NEIGHBOURHOOD, _COINCIDENT = 0.5, 1e-4
-"""Largest distance from +1 or -1 at which a pair of multipliers may pass this point before the next speed;
-difference between two such distances below which both pairs count as one. Choices."""
+"""Largest distance from +1 or -1 at which a pair of multipliers is assumed to be able to pass this point
+before the next speed; and difference between the distances of two pairs below which they count as one pair.
+Chosen by judgement."""
 
 Rotation = Callable[[Array], Array]
-"""Type of functions of speeds (k,) that return the angle by which the fastest relevant multiplier rotates per
-unit of 1/Ω: its frequency times the period in phase."""
+"""Type of functions of speeds (k,) that return the angles (k,) by which the fastest relevant multiplier
+rotates per unit of 1/Ω: its frequency times the period of the phase."""
 
 
 def no_rotation(speeds: Array) -> Array:
-    """Rotation of multipliers for methods whose grid is not limited by it: zero at speeds (k,)."""
+    """Return zero rotation at speeds (k,), for searches whose grid of speeds is not limited by rotation."""
     return np.zeros(len(speeds))
 
 
 def multiplier_rotation(
     system: PeriodicSystem, ends: tuple[float, float], max_angle: float = np.inf
 ) -> Rotation:
-    """Rotation from the matrices frozen at several phases and at the two ends of the range.
+    """Return the rotation of the multipliers, from the matrices frozen at several phases at the two ends of
+    the range.
 
-    Ignored are modes that are damped out within a period, and modes whose phase advance per period exceeds
+    Modes are ignored if they are damped out within a period, or if their phase advance per period exceeds
     `max_angle` at the lowest speed.
     """
     values = [omega * frozen(SinglePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
@@ -67,15 +71,15 @@ def multiplier_rotation(
 
 
 def by_speed(samples: StabilitySamples) -> StabilitySamples:
-    """Samples sorted by speed."""
+    """Return samples sorted by speed."""
     return samples[np.argsort(samples.points[:, 0])]
 
 
 def separate_crossings(
     evaluate: Evaluate, samples: StabilitySamples, rotation: Rotation, signs: Sequence[int] = (1, -1)
 ) -> StabilitySamples:
-    """Samples over ascending speeds, refined where two pairs of multipliers may both pass +1, or both -1,
-    between two speeds. Each pair then has a separate minimum of the distance."""
+    """Add samples, at ascending speeds, where two pairs of multipliers may both pass through +1, or both
+    through -1, between two speeds. Each pair then has a separate minimum of the distance."""
     for _ in range(_HALVINGS):
         speeds = samples.points[:, 0]
         max_change = np.minimum(-2 * np.diff(1 / speeds) * rotation(speeds[1:]), _NEIGHBOURHOOD)
@@ -87,8 +91,9 @@ def separate_crossings(
 
 
 def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> Array:
-    """Mask (k - 1,) of the intervals in which two pairs may pass +1, or -1: at one end the distances of both
-    pairs from this point are below the largest possible change."""
+    """Return a mask (k - 1,) of the intervals in which two pairs may both pass through the point +1 (`sign`
+    1) or -1. A pair may do so if its distances from this point at both ends are below `max_change` (k -
+    1,)."""
     values = crossing_function(samples.multipliers, sign)
     distance, beyond = np.sqrt(np.maximum(values, 0.0)), values[:, 1:] < 0
     farther, separation = (
@@ -99,8 +104,9 @@ def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> A
 
 
 def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, float]:
-    """Lowest and highest speed (rad/s) with valid matrices, among ascending speeds and speeds that divide
-    their range evenly. If the matrices are valid at no speed, raises the exception of the highest one."""
+    """Return the lowest and the highest speed (rad/s) with valid matrices, among ascending speeds and speeds
+    that divide their range evenly. If the matrices are valid at no speed, raises the exception for the
+    highest speed."""
     evenly = np.linspace(speeds[0], speeds[-1], _INTERVALS + 1)
     candidates = np.unique(np.concatenate((speeds, evenly))).tolist()
     errors: list[SolveError] = []
@@ -120,7 +126,8 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
 
 
 def without_result(speeds: Array, failed: Array, unit: ShownUnit, reason: str) -> str:
-    """Message with the number and the ranges of those ascending speeds (P,) that failed, and the reason."""
+    """Return a message with the number and the ranges of the failed ones among ascending speeds (P,), and the
+    reason."""
     ranges = unit.spans((float(speeds[low]), float(speeds[high])) for low, high in runs(failed))
     of = f"of {len(speeds)} speeds"
     return f"{counted(failed.sum(), f'{of} has', f'{of} have')} no result, {ranges}: {reason}"

@@ -17,22 +17,22 @@ from solve.terminal import progress
 _STABILITY = Kept(warnings=False, meetings=False)
 
 _UNREACHABLE = 1e6
-"""Distance assigned to a kind of instability that cannot occur; any value far above the distances of
-multipliers of modulus near 1 is suitable."""
+"""Distance assigned to a kind of instability that cannot occur. Any value far above the distances of
+multipliers with a modulus near 1 is suitable."""
 
 NOISE = 1e-6
-"""Distance from the unit circle that counts as round-off, because multipliers that coincide lose half their
-digits."""
+"""Distance from the unit circle up to which it counts as round-off: multipliers that coincide lose half of
+their digits."""
 
 
 @dataclass(frozen=True)
 class StabilitySamples:
     """Stability at points (k, v).
 
-    unstable (k,): whether a multiplier lies outside the unit circle by more than its error; stable (k,):
-    whether all multipliers lie inside or on it within their errors. Both are False where the point failed or
-    the verdict is undetermined. multipliers (k, N): in descending order of modulus, 0 where failed. distances
-    (k, 4): see `distances_to_instability`.
+    `unstable` (k,) is True if a multiplier lies outside the unit circle by more than its error; `stable` (k,)
+    is True if all multipliers lie inside or on it, within their errors. Both are False where the point failed
+    or the verdict is undetermined. `multipliers` (k, N) are in descending order of modulus, and 0 at failed
+    points. For `distances` (k, 4), see `distances_to_instability`.
     """
 
     points: Array
@@ -81,28 +81,29 @@ class StabilitySamples:
 
     @property
     def failed(self) -> Array:
-        """Mask (k,) of the points with neither a stable nor an unstable verdict."""
+        """Mask (k,) of the points that are neither stable nor unstable."""
         return ~(self.stable | self.unstable)
 
     @property
     def for_plus_one(self) -> "StabilitySamples":
-        """Samples in which a point counts as stable unless a multiplier has passed +1 along the real axis."""
+        """Copy in which a point counts as unstable only if a multiplier has passed through +1 along the real
+        axis."""
         first, known = self.distances[:, 0], ~self.failed
         distances = np.where(np.arange(self.distances.shape[1]) == 0, self.distances, _UNREACHABLE)
         return replace(self, stable=known & (first > 0), unstable=known & (first < 0), distances=distances)
 
     @property
     def kinds(self) -> Array:
-        """Index in KINDS (k,) of the largest multiplier."""
+        """Index in KINDS (k,) that describes the largest multiplier."""
         return kinds_of(self.multipliers)
 
     @cached_property
     def crossing_values(self) -> Array:
         """Smooth functions (k, 4) that become negative where a point becomes unstable.
 
-        The columns are det(I - Φ), for +1, and det(I + Φ), for -1, both negative wherever a multiplier is
-        beyond +1 or -1; the distance of the largest multiplier from the unit circle; and the squared distance
-        between pairs that coincide on the circle.
+        The columns are det(I - Φ), which is negative if a multiplier is beyond +1; det(I + Φ), which is
+        negative if a multiplier is beyond -1; the distance of the largest multiplier from the unit circle;
+        and the squared distance between two pairs that coincide on the circle.
         """
         size = np.maximum(np.abs(self.multipliers[:, 0]), NOISE)
         leaving = np.where(size > 1 + NOISE, -np.square(size - 1 / size), self.distances[:, 2])
@@ -112,9 +113,9 @@ class StabilitySamples:
 
 
 def distances_to_instability(multipliers: Array) -> Array:
-    """Distances (k, 4) of multipliers (k, N) from each type of instability: the smallest `crossing_function`
-    for +1 and for -1, the squared distance between two pairs, and the distance of a pair from the unit
-    circle."""
+    """Return the distances (k, 4) of multipliers (k, N) from four kinds of instability. These are the
+    smallest value of `crossing_function` for +1 and for -1, the squared distance between two pairs, and the
+    distance of a pair from the unit circle."""
     rho = np.ascontiguousarray(multipliers.T)
     upper = np.imag(rho) > 0
     pairs = np.full(rho.shape[1], _UNREACHABLE)
@@ -130,10 +131,12 @@ def distances_to_instability(multipliers: Array) -> Array:
 
 
 def crossing_function(multipliers: Array, sign: int) -> Array:
-    """Values (k, N / 2) of (1 ∓ ρ)(1 ∓ ρ′) for each pair of multipliers (k, N), in ascending order.
+    """Return (1 ∓ ρ)(1 ∓ ρ′) for each pair ρ, ρ′ of multipliers (k, N), as an array (k, N / 2) in ascending
+    order.
 
-    The value passes smoothly through zero where one of the two passes +1 (sign 1) or -1 (sign -1). Pairs are
-    conjugate, or real with the same sign, the largest with the smallest.
+    The value passes smoothly through zero where one of the two multipliers passes through +1 (`sign` 1) or -1
+    (`sign` -1). Pairs are conjugate, or consist of real multipliers of the same sign: the largest with the
+    smallest, and so on.
     """
     rho, order = sign * multipliers, np.arange(multipliers.shape[1])
     if len(order) == 2:
@@ -150,8 +153,9 @@ def crossing_function(multipliers: Array, sign: int) -> Array:
 
 
 def coalescence_distance(multipliers: Array, leading: Array) -> Array:
-    """Signed distance (k,) from coalescence of the multipliers (k, N) with indices `leading` (k,) and their
-    partners: the square of half their difference divided by their product.
+    """Return the signed distance (k,) from coalescence of two multipliers: the one with the index `leading`
+    (k,) among `multipliers` (k, N), and its partner. The distance is the square of half the difference of the
+    two, divided by the modulus of their product.
 
     It is negative for conjugate pairs, positive for real ones, and passes smoothly through zero where the two
     multipliers meet on the real axis.
@@ -169,29 +173,30 @@ def coalescence_distance(multipliers: Array, leading: Array) -> Array:
 
 
 def crosses_plus_one(multipliers: Array, error: Array) -> Array:
-    """Mask (k,): whether a multiplier passes +1 at the second of three neighbouring points.
+    """Return a mask (k,) that is True if a multiplier passes through +1 at the second of three neighbouring
+    points.
 
-    multipliers (3, k, N) with absolute errors (3, k). A multiplier passes +1 along the real axis at the edge
-    of an unstable range, and along the unit circle at an undamped resonance, with or without a narrow
-    unstable range around it.
+    `multipliers` is (3, k, N), with absolute errors `error` (3, k). A multiplier passes through +1 along the
+    real axis at the edge of an unstable range, and along the unit circle at an undamped resonance, which may
+    be surrounded by a narrow unstable range.
     """
     distance, modulus = np.abs(1 - multipliers), np.abs(multipliers)
     nearest = distance.argmin(axis=2)[..., None]
     distance, modulus = (np.take_along_axis(values, nearest, 2)[..., 0] for values in (distance, modulus))
     on_circle = (np.abs(modulus - 1) <= error + UNIT_CIRCLE)[::2].all(axis=0)
-    # det(I - Φ) changes its sign where a multiplier passes +1 along the real axis; the sign is unknown where
-    # a multiplier is +1 within its error.
+    # det(I - Φ) changes its sign where a multiplier passes through +1 along the real axis. The sign is
+    # unknown where a multiplier equals +1 within its error.
     signs = np.sign([crossing_function(rho, 1)[:, 0] for rho in multipliers])
     side = np.where(distance > error, signs, 0.0)
     return (side[0] * side[2] < 0) | on_circle & (distance[1] < distance[::2].min(axis=0))
 
 
 Evaluate = Callable[[Array], StabilitySamples]
-"""Function that evaluates the stability at points (k, v)."""
+"""Type of functions that evaluate the stability at points (k, v)."""
 
 
 def evaluator(batch: Batch) -> Evaluate:
-    """Function that evaluates the stability of points by solving them with a batch."""
+    """Return a function that evaluates the stability of points by solving them with a batch."""
     return partial(_solve, batch)
 
 

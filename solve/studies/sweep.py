@@ -1,4 +1,4 @@
-"""Periodic orbits over many speeds and parameter values, for one system or several variants, and the speed up
+"""Periodic orbits at many speeds and parameter values, for one system or several variants; and the speed up
 to which the linear model is valid."""
 
 import math
@@ -41,7 +41,8 @@ from solve.terminal import progress
 from solve.units import evenly, speeds_given
 
 Over = str | Sequence[str] | Mapping[str, str | Sequence[float | str] | Array]
-"""Type of varied parameters: values by name, or texts such as "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad"."""
+"""Type of varied parameters: a mapping from names to values, or texts such as "k1=1e4:9e4:50" and
+"k1=10:90:50 kN m/rad"."""
 
 
 @of_any_system
@@ -60,31 +61,31 @@ def sweep(
     store: str | Path | None = None,
     nonlinear: bool = False,
 ) -> Sweep:
-    """Solve for the periodic orbit at every speed, and keep the statistics of each orbit.
+    """Solve for the periodic orbit at every speed, and store the statistics of each orbit.
 
     Parameters
     ----------
     system : PeriodicSystem
         System to solve.
     speeds : float, str or sequence of float or str, optional
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm"; with `over` by default the
-        speed of the case.
+        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". If `over` is given, the
+        default is the speed of the case.
     method, steps, rtol : optional
         As in `periodic`.
     executor : concurrent.futures.Executor, optional
-        Computes chunks of the sweep.
+        Executor that computes chunks of the sweep.
     quantities : sequence of str, optional
-        Coordinates and outputs whose statistics are kept, by default all. Only bounds on these outputs are
-        checked.
+        Coordinates and outputs whose statistics are stored, by default all. The model's bounds are checked
+        only for these.
     spectra : sequence of str
-        Quantities whose amplitudes are kept too.
+        Quantities whose amplitudes are stored too.
     harmonics : int
         Highest harmonic of the amplitudes.
     engine : str
         "compiled", "numpy", or "auto" for compiled code if a C compiler is available.
     over : str, sequence of str or mapping of str to values, optional
-        Values of parameters by name, in the model's units or as texts with unit; or texts such as
-        "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad". Every combination is solved, with the speed varying
+        Mapping from names of parameters to values, in the model's units or as texts with a unit; or texts
+        such as "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad". Every combination is solved; the speed varies
         fastest.
     store : str or Path, optional
         Folder that keeps completed chunks; the same call resumes from it.
@@ -143,7 +144,8 @@ def sweep(
 
 
 def varied_values(given: Over | None, system: PeriodicSystem) -> dict[str, Array]:
-    """Values of parameters in their own units by name. Raises ValueOutOfBoundsError, UnitError."""
+    """Return a mapping from names of parameters to their values, in the units of the parameters. Raises
+    ValueOutOfBoundsError, UnitError."""
     texts = [given] if isinstance(given, str) else given or ()
     pairs = given.items() if isinstance(given, Mapping) else [_name_and_values(text) for text in texts]
     numbers: dict[str, Array] = {}
@@ -162,7 +164,8 @@ def varied_values(given: Over | None, system: PeriodicSystem) -> dict[str, Array
 def parameter_values(
     name: str, values: str | Sequence[float | str] | Array, system: PeriodicSystem | None
 ) -> list[float]:
-    """Values of a parameter in its own unit, or plain numbers without a system. Empty if they are invalid."""
+    """Return the values of a parameter in its unit, or as plain numbers if there is no system; an empty list
+    if they are invalid."""
     texts: Any = ()
     numbers: list[float] = []
     with suppress(ValueError):
@@ -180,7 +183,8 @@ def _name_and_values(text: str) -> tuple[str, str]:
 
 
 def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
-    """Speeds of a sweep; if only parameters vary, the speed of the case. Raises MissingValueError."""
+    """Return the speeds of a sweep; if none are given and parameters vary, the speed of the case. Raises
+    MissingValueError."""
     if speeds is not None or not over:
         return speeds
     if system.labels.case_speed is None:
@@ -191,7 +195,8 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
 
 
 def _rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
-    """Statistics and amplitudes of the outputs at points (P, v), for a mechanism without coordinates."""
+    """Compute the statistics and amplitudes of the outputs at points (P, v), for a mechanism without
+    coordinates."""
     results = PointResults.blank(len(points), 0, kept)
     with progress.task("points", len(points)) as count:
         for at, point in enumerate(points):
@@ -221,7 +226,7 @@ def _keep_rigid(results: PointResults, at: int, orbit: RigidOrbit) -> None:
 
 
 def _output_figures(system: PeriodicSystem, speed: float) -> Array:
-    """Fields of `Statistics` (o, 7) of the outputs."""
+    """Return the fields of `Statistics`, as an array (o, 7), for all outputs."""
 
     def values(phase: Array) -> Array:
         none = np.zeros((0, len(phase)))
@@ -247,12 +252,12 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     name : str
         Name of the parameter or option.
     values : sequence of float or str
-        Values of a parameter in its own unit, or texts with unit; or choices of an option.
+        Values of a parameter, in its unit or as texts with a unit; or values of an option.
 
     Returns
     -------
     dict
-        Models by the text of their value.
+        Mapping from the text of each value to the model.
 
     Raises
     ------
@@ -300,23 +305,23 @@ def sweeps(
     Parameters
     ----------
     systems : mapping of str to PeriodicSystem
-        Systems by label.
+        Mapping from labels to systems.
     speeds : float, str or sequence of float or str
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
     quantities : sequence of str
-        Quantities whose statistics are kept: coordinates and outputs that all systems have, or names formed
+        Quantities whose statistics are stored: coordinates and outputs that all systems have, or names formed
         by `largest_of`.
     title : str
         Title of the figure.
     method, rtol, executor : optional
         As in `sweep`.
     store : str or Path, optional
-        As in `sweep`, with a folder inside for each of the systems.
+        As in `sweep`, with a subfolder for each system.
 
     Returns
     -------
     Sweeps
-        Sweeps by label.
+        One sweep for each label.
 
     Raises
     ------

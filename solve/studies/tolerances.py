@@ -37,19 +37,21 @@ from solve.terminal import progress
 from solve.units import speeds_given
 
 _SEARCH = 8
-"""Divisor of the number of samples: 1 / _SEARCH of the samples search for rare events. A choice."""
+"""The fraction 1 / _SEARCH of the samples is used to search for rare events. Chosen by judgement."""
 
 _MOST_SPEEDS = 4
-"""Largest number of speeds at which points of an event are sought. A choice."""
+"""Maximum number of speeds at which the nearest points of an event are sought. Chosen by judgement."""
 
 _MOST_STEPS = 40
-"""Largest number of evaluations in the search for a worst point. A choice."""
+"""Maximum number of evaluations in the search for a worst point. Chosen by judgement."""
 
 _STARTS = 3
-"""Number of the worst samples from which a worst point is sought. A choice: maxima may be local."""
+"""Number of samples, the worst ones, from which a worst point is sought. Chosen by judgement: several are
+needed because maxima may be local."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 64, 10**7
-"""Smallest and largest number of samples. Intervals from fewer samples are too wide to be useful. Choices."""
+"""Smallest and largest number of samples. Intervals from fewer samples are too wide to be useful. Chosen by
+judgement."""
 
 
 @of_model
@@ -78,8 +80,8 @@ def tolerances(
         Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm"; by default the speed of the
         case. A machine counts as unstable if it is unstable at one of these speeds.
     vary : mapping of str to str, optional
-        Tolerance or distribution by parameter, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)" or "uniform(7e4,
-        9e4)"; in addition to the tolerances of the case, which they replace for the same parameter.
+        Mapping from parameters to tolerances or distributions, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)"
+        or "uniform(7e4, 9e4)". They supplement those of the case, or replace them for the same parameter.
     subject : sequence of str
         Limits of quantities at every speed, such as "q3.max_abs < 9 um".
     of : sequence of str
@@ -88,7 +90,7 @@ def tolerances(
         Number of samples for the probabilities.
     index_samples : int
         Base number of samples for the Sobol indices, rounded up to a power of two; 0 for no indices. The
-        model is solved at this number times (number of parameters + 2) points.
+        model is solved for this number times (number of parameters + 2) machines.
     method : str or Method
         "radau", "gauss" or "auto".
     rtol : float
@@ -185,8 +187,9 @@ def _machines(
     texts: tuple[Sequence[str], Sequence[str]],
     accuracy: tuple[str | Rule, float, str],
 ) -> Machines:
-    """Sampled machines from the arguments. texts: limits and quantities. Raises SolveError subclasses for
-    invalid input."""
+    """Return the machines to be sampled, from the arguments of `tolerances`. `texts` contains the limits and
+    the quantities; `accuracy` contains the method, the tolerance and the engine. Raises SolveError subclasses
+    for invalid input."""
     given = speeds_given(speed_or_usual(model, None) if speeds is None else speeds)
     model = shown_in(model, given[0])
     spreads = spreads_of(model, vary)
@@ -209,8 +212,8 @@ def _machines(
 
 
 def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> Mixture:
-    """Mixture density about 0 and about the points of each event that are nearest to 0. z (P, r): points
-    already evaluated."""
+    """Return a mixture of densities about 0 and about the points of each event that are nearest to 0. `z` (P,
+    r) are points that are already evaluated, with the results `searched`."""
     centres: list[Array] = []
     for limit, event in zip(machines.limits, (searched.unstable, *searched.beyond), strict=True):
         for place in _speeds_of(event):
@@ -221,7 +224,8 @@ def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> M
 
 
 def _speeds_of(event: Event) -> list[int]:
-    """Indices of the speeds with the most events; without events, of the speed with the largest margin."""
+    """Return the indices of the speeds with the most occurrences of an event; if it never occurs, the index
+    of the speed with the largest margin."""
     counts = np.count_nonzero(event.margins > 0, axis=0)
     order = np.argsort(-counts, kind="stable")[:_MOST_SPEEDS]
     if counts.any():
@@ -233,7 +237,8 @@ def _speeds_of(event: Event) -> list[int]:
 def _sobol(
     machines: Machines, samples: int, rng: np.random.Generator
 ) -> tuple[dict[str, dict[str, SobolIndices]], int]:
-    """Sobol indices by quantity and parameter, and number of samples without a value."""
+    """Return the Sobol indices as a mapping from quantities to a mapping from parameters, and the number of
+    samples without a value."""
     if not samples:
         return {}, 0
 
@@ -249,8 +254,8 @@ def _sobol(
 
 
 def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
-    """Worst case of each quantity, by a search from the worst of points (P, r) with values (q, P, k); the
-    last point is the nominal one."""
+    """Search for the worst case of each quantity, from the worst of the points (P, r), whose values are
+    `values` (q, P, k). The last point is the nominal one."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
     worst, speed_index = machines.worst(values)
@@ -272,8 +277,8 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
 def _local_worst_point(
     machines: Machines, quantity: Quantity, speed: float, start: Array, ends: tuple[Array, Array]
 ) -> tuple[float, Array]:
-    """Worst value at a speed within the ends of the tolerances, and its parameters (r,), by a gradient search
-    from `start`."""
+    """Return the worst value of a quantity at a speed, for parameters within the ends of their tolerances,
+    and these parameters (r,). The gradient search begins at `start`."""
     from scipy.optimize import minimize
 
     design = machines.design(speed)
@@ -300,7 +305,7 @@ def _local_worst_point(
 
 
 def _doubts(probability: Mapping[str, Probability], unknown: int) -> list[str]:
-    """Sentences on samples without a result, and on intervals that are too wide."""
+    """Return sentences on samples without a result or with an undetermined verdict."""
     doubts = []
     for name, each in probability.items():
         if each.undetermined or each.failed:

@@ -1,4 +1,4 @@
-"""Narrow unstable tongues between stable neighbouring points on lines."""
+"""Search for narrow unstable tongues between stable neighbouring points on lines."""
 
 import functools
 
@@ -9,29 +9,30 @@ from solve.studies.speed_grids import LIGHTLY_DAMPED
 from solve.studies.stability_samples import Evaluate, StabilitySamples
 
 _MAX_PARABOLAS, _DECREASE = 10, 0.5
-"""Maximum number of parabolas per minimum, and largest ratio of the predicted to the current minimum with
+"""Maximum number of parabolas per minimum, and largest ratio of the predicted minimum to the current one with
 which the search continues. SciPy's `find_minimum` would continue to the minimum; here the search ends at the
-first unstable point, or as soon as the minimum cannot reach zero. Choices."""
+first unstable point, or as soon as the minimum is unlikely to reach zero. Chosen by judgement."""
 
 _MIN_WIDTH = 1e-10
-"""Width of a bracket, as a fraction of the interval, below which the descent ends."""
+"""Width of a bracket, as a fraction of the initial interval, below which the search ends."""
 
 _TRIAL_SPACING, _MARGIN = 0.05, 1e-3
-"""Distance of the outer trials from the predicted minimum, as a fraction of the bracket; smallest distance of
-trials from the ends of the bracket, as a fraction of the first distance."""
+"""Distance of the outer trials from the predicted minimum, as a fraction of the bracket; and smallest
+distance of trials from the ends of the bracket, as a fraction of the first distance."""
 
 _MIN_STEP = 1e-14
-"""Distance between two abscissas below which a slope would be round-off."""
+"""Smallest distance between two abscissas; for smaller distances, a slope would be round-off."""
 
 
 def find_narrow_tongues(
     evaluate: Evaluate, samples: StabilitySamples, middle: Array, stride: int = 1, predicted: float = 1.0
 ) -> StabilitySamples:
-    """Unstable points between stable neighbours on lines.
+    """Return unstable points found between stable neighbours on lines.
 
-    Each line is three samples: the middle one at positions (k,), the others `stride` before and after. Where
-    a distance to instability is smallest at the middle, parabolas locate its minimum; `predicted` is the
-    fraction of the distance at the middle below which the first parabola must predict the minimum.
+    Each of k lines consists of three samples: the one with the index `middle` (k,), and those `stride` before
+    and after it. Where the distance to a kind of instability is smallest at the middle sample, its minimum is
+    located by parabolas. The search is skipped if the first parabola predicts a minimum above the fraction
+    `predicted` of the distance at the middle.
     """
     stable, distances = samples.stable, samples.distances
     middle = middle[stable[middle - stride] & stable[middle] & stable[middle + stride]]
@@ -50,8 +51,8 @@ def find_narrow_tongues(
 def _descend(
     evaluate: Evaluate, start: Array, span: Array, kind: Array, t: Array, h: Array
 ) -> StabilitySamples:
-    """Narrow brackets of minima, with values h (k, 3) at fractions t (k, 3) of the spans, until an unstable
-    point is found."""
+    """Narrow brackets of minima until unstable points are found, and return these. The brackets have the
+    values `h` (k, 3) at the fractions `t` (k, 3) of the spans (k, v)."""
     unstable_samples = []
     for _ in range(_MAX_PARABOLAS):
         if len(t) == 0:
@@ -76,7 +77,7 @@ def _descend(
 
 
 def _vertex(t: Array, h: Array) -> tuple[Array, Array]:
-    """Abscissa and value (k,) of the vertex of the parabola through three points (k, 3)."""
+    """Return the abscissas (k,) and values (k,) of the vertices of parabolas through three points (k, 3)."""
     left, right = np.maximum(np.diff(t, axis=1), _MIN_STEP).T
     fall, rise = (h[:, 1] - h[:, 0]) / left, (h[:, 2] - h[:, 1]) / right
     bend = (rise - fall) / (left + right)
@@ -88,7 +89,7 @@ def _vertex(t: Array, h: Array) -> tuple[Array, Array]:
 
 
 def _around_lowest(t: Array, h: Array) -> tuple[Array, Array]:
-    """Abscissas and values (k, 3) at the lowest interior point and its neighbours."""
+    """Return the abscissas and values (k, 3) of the lowest interior point and its two neighbours."""
     order = np.argsort(t, axis=1)
     t, h = (np.take_along_axis(column, order, axis=1) for column in (t, h))
     lowest = 1 + h[:, 1:-1].argmin(axis=1)

@@ -1,9 +1,9 @@
-"""Quantities as smooth functions in the neighbourhood of a design. Each local extremum over the period that
-may become the largest is followed separately.
+"""Quantities as smooth functions of the design, near a design. Each local extremum over the period that may
+become the largest is followed separately.
 
-The maximum over the period is not differentiable where two extrema are equally large, to which minimisation
-leads. The individual extrema are differentiable, and their derivatives are those at a fixed phase (envelope
-theorem).
+The maximum over the period is not differentiable where two extrema are equally large, and minimisation leads
+to such designs. The individual extrema are differentiable, and their derivatives are those at a fixed phase
+(envelope theorem).
 """
 
 import math
@@ -22,33 +22,38 @@ from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
 
 _SAMPLES = 2048
-"""Samples per period in which extrema are found, as for the statistics of an orbit."""
+"""Number of samples per period among which the extrema are sought; the same as for the statistics of an
+orbit."""
 
 _LEADING = 0.5
-"""Extrema lower than the largest by more than this fraction of the range of the values are not followed,
-unless a later round finds them among the largest."""
+"""Extrema that are lower than the largest by more than this fraction of the range of the values are not
+followed, unless they are among the largest in a later round."""
 
 _WINDOW = np.linspace(-1.0, 1.0, 33)
-"""Sampling points of the window in which an extremum is found again, relative to the half width. The window
-ends half way to the neighbouring extremum."""
+"""Sampling points of the window in which an extremum is searched for again, relative to the half-width of the
+window. The window ends halfway to the neighbouring extremum."""
 
 _ZOOMS, _ZOOM = 2, 16
-"""Number of times that a window is searched, and reduction of its width: for an oscillator, derivatives of
-extrema are accurate to 2e-4 with one search, and to 1e-7 with two."""
+"""Number of times that a window is searched, and factor by which its width is reduced for the next search.
+Measured for an oscillator: derivatives of extrema are accurate to 2e-4 with one search, and to 1e-7 with
+two."""
 
 _WIDEST = 1 / 16
-"""Largest half width of a window, in periods. A choice."""
+"""Largest half-width of a window, in periods. Chosen by judgement."""
 
 _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
-"""Weights of five values in the first and second difference of fourth order, for a Newton step to the phase
-of an extremum. Derivatives of extrema then agree with differences to 1e-6."""
+"""Weights of five values in the fourth-order finite differences for the first and second derivatives. These
+are used for a Newton step to the phase of an extremum, after which derivatives of extrema agree with finite
+differences to 1e-6."""
 
 _OF_CONSTANT = 16
-"""Number of windows, over the whole period, in which maxima of a constant are followed. A choice."""
+"""Number of windows, spread over the whole period, in which the maxima of a quantity that is constant over
+the period are followed. Chosen by judgement."""
 
 _DIFFERENCE = 1e-4
-"""Step in x, whose range is 0 to 1, of finite differences for a function without derivatives. The truncation
-error is of the order of the squared step; round-off on equal grids, divided by the step, is smaller."""
+"""Step of finite differences for a function without derivatives; the variables x range from 0 to 1. The
+truncation error is of the order of the squared step. The error due to round-off, which is divided by the
+step, is smaller on equal grids."""
 
 
 class Tracked(Protocol):
@@ -61,7 +66,7 @@ class Tracked(Protocol):
 
 @dataclass(frozen=True)
 class Single:
-    """Quantity at one speed, multiplied by a sign and a factor (1 + error)."""
+    """Quantity at one speed, multiplied by a sign and by `factor`, for example 1 + error."""
 
     design: Design
     at: int
@@ -79,7 +84,8 @@ class Single:
 
 @dataclass(frozen=True)
 class Extrema:
-    """Local maxima of sides · signal in windows about phases (k,) with half widths (k,)."""
+    """Local maxima of `sides` (k,) times the signal `name`, in windows about `phases` (k,) with half-widths
+    `widths` (k,). A side is 1 for maxima of the signal and -1 for minima."""
 
     design: Design
     at: int
@@ -96,8 +102,8 @@ class Extrema:
         return self.design.slopes(self.sides[:, None] * point.signal_slopes(self.name, phases))
 
     def _found(self, x: Array) -> tuple[Array, Array]:
-        """Phases and values (k,) of the maxima in the windows; a phase is at an end of its window if the
-        window contains no maximum."""
+        """Phases (k,) and values (k,) of the maxima in the windows. If a window contains no maximum, its
+        phase is at an end of the window."""
         point, found, widths = self.design.points(x)[self.at], self.phases, self.widths
         for _ in range(_ZOOMS):
             phases = found[:, None] + widths[:, None] * _WINDOW
@@ -129,8 +135,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class Differences:
-    """Maxima (k,) of a curve. If minima (l,) are given, differences (k + l - 1,): each maximum minus the
-    first minimum, followed by the first maximum minus each further minimum."""
+    """Maxima (k,) of a curve if `extrema` contains only these. If it also contains minima (l,), the
+    differences (k + l - 1,): each maximum minus the first minimum, followed by the first maximum minus each
+    further minimum."""
 
     extrema: Sequence[Extrema]
 
@@ -178,7 +185,7 @@ class Function:
             return self.value(self.design.on_grids_of(points, np.r_[x[:place], end, x[place + 1 :]]))
 
         for place, at in enumerate(x.tolist()):
-            # At a bound the difference is one-sided and is corrected by the second difference.
+            # At a bound, the difference is one-sided and is corrected by the second difference.
             middle = min(max(at, _DIFFERENCE), 1 - _DIFFERENCE)
             below, above = value(place, middle - _DIFFERENCE), value(place, middle + _DIFFERENCE)
             bend = 0.0 if middle == at else below - 2 * value(place, middle) + above
@@ -187,7 +194,7 @@ class Function:
 
 
 def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> Single | Extrema:
-    """Values at one speed whose largest is the quantity multiplied by a sign."""
+    """Return a smooth function whose largest value is the quantity at one speed, multiplied by a sign."""
     sides = {("max", 1.0): (1.0,), ("min", -1.0): (-1.0,), ("max_abs", 1.0): (1.0, -1.0)}.get(
         (quantity.figure, sign)
     )
@@ -205,8 +212,8 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
 
 
 def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> tuple[float, Array]:
-    """Value of a quantity at one speed, multiplied by a sign, and its derivatives (r,) with respect to x,
-    both at its leading extremum."""
+    """Return the value of a quantity at one speed, multiplied by a sign, and the derivatives (r,) of this
+    value with respect to x. Both belong to the largest extremum."""
     followed = tracked(design, x, at, quantity, sign)
     values = followed.values(x)
     lead = int(values.argmax())
@@ -214,7 +221,8 @@ def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
 
 
 def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> Extrema:
-    """Largest local maxima of side · signal at one speed; several if they are equally large."""
+    """Return the largest local maxima of `side` times the signal `name` at one speed; several if they are
+    equally large."""
     extrema = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
     assert isinstance(extrema, Extrema)
     values = extrema.values(x)
@@ -223,11 +231,11 @@ def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> 
 
 
 def _maxima(values: Array, least: float, period: float) -> Array:
-    """Phases (k,) of the local maxima of samples over a period that are at least `least`."""
+    """Return the phases (k,) of those local maxima, of samples over a period, that are at least `least`."""
     before, after = np.roll(values, 1), np.roll(values, -1)
     indices = np.flatnonzero((values >= before) & (values > after) & (values >= least))
     if not len(indices):
-        # A constant has no maxima in this design, but may have maxima at any phase in the next design.
+        # A signal that is constant for this design may have maxima at any phase for the next design.
         indices = np.arange(0, len(values), len(values) // _OF_CONSTANT)
     neighbours = np.stack((before, values, after), axis=1)[indices]
     phases = (indices[:, None] + np.array([-1, 0, 1])) * (period / len(values))
@@ -235,7 +243,8 @@ def _maxima(values: Array, least: float, period: float) -> Array:
 
 
 def _half_widths(phases: Array, period: float) -> Array:
-    """Half widths (k,) of windows about ascending phases, such that windows do not overlap."""
+    """Return the half-widths (k,) of windows about ascending phases (k,), chosen so that the windows do not
+    overlap."""
     if len(phases) < 2:
         return np.full(len(phases), _WIDEST * period)
     gaps = np.diff(np.append(phases, phases[0] + period))
@@ -243,8 +252,9 @@ def _half_widths(phases: Array, period: float) -> Array:
 
 
 def _refined(values: Array, indices: Array, phases: Array) -> Array:
-    """Phases (k,) of the vertices of parabolas through three samples with the middle one at `indices` (k,).
-    Where the middle one is the first or the last sample, its phase in `phases` (k, j) is returned."""
+    """Return the phases (k,) of the vertices of parabolas through three samples, the middle one of which has
+    the index `indices` (k,) among `values` (k, j) at `phases` (k, j). Where this is the first or the last
+    sample, its own phase is returned."""
     rows, inner = np.arange(len(indices)), np.clip(indices, 1, values.shape[1] - 2)
     below, top, above = (values[rows, inner + shift] for shift in (-1, 0, 1))
     bend = 2 * top - below - above

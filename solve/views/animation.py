@@ -1,4 +1,4 @@
-"""Mechanism in motion: rigid motion, and motion with magnified vibration."""
+"""Animations of a mechanism: its rigid motion, and its motion with magnified vibration."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -30,17 +30,17 @@ from solve.views.style import Figure, drawn
 ENDINGS = (".gif", ".html", *PICTURES)
 
 FREE_TURNS = 8
-"""Number of periods of a free vibration. A choice."""
+"""Number of periods over which a free vibration is shown. Chosen by judgement."""
 
 _FRAMES, _FREE_FRAMES, _POSITIONS = 90, 240, 6
 MOST_FRAMES, MOST_POSITIONS = 720, 12
 
 _PANELS = 4
-"""Number of coordinates whose curves are shown by default. A choice."""
+"""Number of coordinates whose curves are shown by default. Chosen by judgement."""
 
 VISIBLE = 0.12
-"""Largest displacement by automatic magnification, relative to the size of the mechanism: a choice with which
-vibration is clearly visible and the mechanism is not distorted."""
+"""Largest displacement with automatic magnification, relative to the size of the mechanism. Chosen by
+judgement: the vibration is clearly visible, and the mechanism is not distorted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +56,9 @@ class Animation:
     vibration : callable
         Function from phases (k,) to coordinates (n, k).
     signals : mapping of str to callable
-        Functions of the phase that are drawn as curves.
+        Quantities that are drawn as curves, as functions of the phase.
     scale : float
-        Magnification.
+        Magnification of the vibration.
     frames : int or None
         Number of frames; None for the default.
     about : str
@@ -81,8 +81,8 @@ class Animation:
     warnings: Sequence[str]
 
     def lines(self, phase: Array, scale: float) -> Mapping[str, Plane]:
-        """Points x + iy (points, k) of the mechanism's lines at phases (k,), by name of the line. scale:
-        magnification of the coordinates; 0 gives the rigid motion."""
+        """Return a mapping from the names of the mechanism's lines to their points x + iy (points, k) at
+        phases (k,). The coordinates are multiplied by `scale`; 0 gives the rigid motion."""
         return sketched(self.system, phase, self.speed, scale * self.vibration(phase))
 
     @property
@@ -103,7 +103,7 @@ class Animation:
         return self.span > self.system.period
 
     def drawn(self, still: bool) -> Drawn:
-        """Content of a picture of positions (`still`) or of an animation."""
+        """Content of a picture of several positions if `still` is True, otherwise of an animation."""
         count = frame_count(self.frames, self._free, still)
         phase = np.arange(count) * (self.span / count)
         caption = f"grey: rigid motion; blue: with the {self._shown}" if self.system.labels.vibrates else ""
@@ -124,8 +124,8 @@ class Animation:
         return page_text(self.drawn(still=False), warnings)
 
     def save(self, path: str | Path) -> None:
-        """Write the animation (.gif, .html) or a picture of positions (.png, .pdf, .svg), completely or not
-        at all. Raises FileError."""
+        """Write the animation (.gif, .html), or a picture of several positions (.png, .pdf, .svg), completely
+        or not at all. Raises FileError."""
         file = checked(path, ENDINGS, "animation")
         if file.suffix.lower() in PICTURES:
             write_atomic(file, drawn(self.plot(), file))
@@ -139,7 +139,7 @@ class Animation:
         return f"Animation of {self.title}; .save('{self.system.labels.name}.gif') writes it"
 
     def _repr_html_(self) -> str:
-        """HTML frame with the page, for notebooks."""
+        """HTML frame that contains the page, for notebooks."""
         return f'<iframe srcdoc="{escape(self.html)}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 
 
@@ -154,9 +154,10 @@ def animate(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Animation:
-    """Animate the mechanism over a period: rigid motion, and motion with magnified vibration.
+    """Animate a mechanism over a period: its rigid motion, and its motion with magnified vibration.
 
-    Without a load the free vibration over eight periods is shown, with the largest coordinate 1.
+    If there is no load, the free vibration over eight periods is shown, scaled so that the largest coordinate
+    is 1.
 
     Parameters
     ----------
@@ -167,8 +168,8 @@ def animate(
     scale : float, optional
         Magnification; by default chosen so that the vibration is visible.
     frames : int, optional
-        Number of frames, by default 90 (240 for a free vibration), or of positions in a picture, by default
-        6.
+        Number of frames, by default 90 (240 for a free vibration); or number of positions in a picture, by
+        default 6.
     show : sequence of str, optional
         Coordinates and outputs drawn as curves, by default the first four coordinates.
     nonlinear : bool
@@ -179,7 +180,7 @@ def animate(
     Returns
     -------
     Animation
-        Its method `save` writes the animation or a picture.
+        Animation, whose method `save` writes it or a picture.
 
     Raises
     ------
@@ -217,7 +218,7 @@ def _calculated(
     method: str | Rule,
     rtol: float,
 ) -> Animation:
-    """Animation of the orbit, or of the free vibration if there is no load."""
+    """Return the animation of the orbit or, if there is no load, of the free vibration."""
     try:
         if system.labels.vibrates:
             require_load(system, omega)
@@ -230,7 +231,7 @@ def _calculated(
 
 
 def _require_nothing(is_given: bool) -> None:
-    """Raise ValueOutOfBoundsError if arguments are given that do not apply to an existing orbit."""
+    """Raise ValueOutOfBoundsError if an argument is given that does not apply to an existing orbit."""
     if is_given:
         raise ValueOutOfBoundsError(
             "an orbit already has a speed, a method and equations; leave out speed, method and nonlinear, "
@@ -239,7 +240,7 @@ def _require_nothing(is_given: bool) -> None:
 
 
 def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animation:
-    """Animation of an orbit, before the magnification is chosen."""
+    """Return the animation of an orbit, before its magnification is chosen."""
     signals = {name: orbit.signal(name) for name in names}
     unstable = "unstable: disturbances grow, and this vibration is not sustained"
     doubt = unstable if orbit.verdict == "unstable" else ""
@@ -260,7 +261,8 @@ def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animati
 def _free(
     system: PeriodicSystem, omega: float, names: Sequence[str], frames: int | None, rtol: float
 ) -> Animation:
-    """Animation of the free vibration from q = 1 at rest, scaled so that the largest coordinate is 1."""
+    """Return the animation of the free vibration from the initial state q = 1, q̇ = 0, scaled so that the
+    largest coordinate is 1."""
     from scipy.interpolate import CubicHermiteSpline
 
     known_quantities(system, names)
@@ -294,8 +296,8 @@ def _free(
 
 
 def _scaled(animation: Animation, scale: float | None) -> Animation:
-    """Animation with a magnification; by default the largest of 1, 2, 5, 10, … that displaces no point by
-    more than 12 % of the mechanism's size."""
+    """Return the animation with the magnification `scale`; by default, it is the largest of 1, 2, 5, 10, …
+    that displaces no point by more than 12 % of the mechanism's size."""
     if scale is None:
         phase = np.linspace(0.0, animation.span, SAMPLES // 4)
         rigid, moved = animation.lines(phase, 0.0), animation.lines(phase, 1.0)
@@ -319,7 +321,7 @@ def require_magnification(scale: float | None) -> None:
 
 
 def frame_count(frames: int | None, free: bool, still: bool) -> int:
-    """Number of frames or positions; None selects the default number. Raises ValueOutOfBoundsError."""
+    """Return the number of frames or positions; None selects the default. Raises ValueOutOfBoundsError."""
     if frames is None:
         return _POSITIONS if still else _FREE_FRAMES if free else _FRAMES
     most = MOST_POSITIONS if still else MOST_FRAMES

@@ -47,13 +47,13 @@ _MARKS = {
 
 
 _SIGNS = "o", "^", "s", "D", "v"
-"""Markers of initial states, one for each orbit to which initial states lead."""
+"""Markers of initial states, one for each orbit on which motions settle."""
 
 
 @figure.register(Branch)
 def branch_figure(branch: Branch) -> Figure:
-    """Largest moduli and spectral radius over the continuation parameter, dashed where the branch is
-    unstable; for unforced modes the energy instead of the spectral radius."""
+    """Figure of the largest moduli and the spectral radius versus the varied quantity, dashed where the
+    branch is unstable. For unforced modes, the energy is drawn instead of the spectral radius."""
     names = branch.system.coordinates[: MOST_SHOWN - 1]
     count = len(names) + 1
     title = "unforced nonlinear modes" if len(branch.energies) else "branch of nonlinear orbits"
@@ -76,7 +76,7 @@ def branch_figure(branch: Branch) -> Figure:
 
 
 def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
-    """Draw the sections of a branch, each with one verdict, and the special points."""
+    """Draw the special points, and the sections of a branch between changes of the verdict."""
     x, labelled = unit_of(branch.system, branch.over).from_si(branch.values), set[str]()
     for number in range(int(branch.numbers.max()) + 1):
         in_branch = np.flatnonzero(branch.numbers == number)
@@ -97,8 +97,8 @@ def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
 
 
 def _verdicts_between(branch: Branch, points: Array) -> list[str]:
-    """Verdict of each segment between neighbouring points of one branch; undetermined if the verdicts at its
-    ends differ. Special points are ignored, because they lie on the stability boundary."""
+    """Return the verdict on each segment between neighbouring points of one branch; "undetermined" if the
+    verdicts at its ends differ. Special points are ignored, because they lie on the stability boundary."""
     verdicts = [
         None if branch.kinds[at] else verdict
         for at, verdict in zip(points.tolist(), np.array(branch.verdicts)[points].tolist(), strict=True)

@@ -21,24 +21,25 @@ _LINES = {"+1": "-", "-1": (0, (5, 2)), "complex": (0, (1, 1.2))}
 _SHORT = {"+1": "+1", "-1": "−1", "complex": "pair"}
 _STABLE, _UNKNOWN = "#DCE9F4", "#9A9A9A"
 _MOST_GROWTH = 4.0
-"""Growth exponent per period above which colours do not change: a choice that resolves the boundaries."""
+"""Growth exponent per period above which colours no longer change. Chosen by judgement, so that colours
+resolve the boundaries."""
 
 _FEW = 40_000
 """Maximum number of grid points with which colours are interpolated up to the boundaries; a denser grid
-resolves the boundaries itself. A choice."""
+resolves the boundaries without this. Chosen by judgement."""
 
 _LETTER = 0.007, 0.035
-"""Half width and half height of a letter including its margin, as fractions of the figure (measured)."""
+"""Half-width and half-height of a letter including its margin, as fractions of the figure, as measured."""
 
 _FEWEST = 5
-"""Minimum number of points of a curve that is smoothed by Akima's cubics."""
+"""Minimum number of points with which a curve is smoothed by Akima's cubics."""
 
 
 class Field(NamedTuple):
-    """Stability over x (nx,) and y (ny,) in the displayed units: growth ln|ρ| per period (ny, nx), kind of
-    each unstable point (empty for stable points), and whether a point is unknown. boundaries: kinds and
-    curves (k, 2); decided, open: boxes (k, 4) with and without a proved verdict, given by their ends along
-    x and y."""
+    """Stability as a function of x (nx,) and y (ny,), in the displayed units. At each point (ny, nx), there
+    is the growth ln|ρ| per period, the kind of instability, which is empty for stable points, and whether the
+    verdict is unknown. `boundaries` are pairs of a kind and a curve (k, 2). `decided` and `open` are boxes
+    (k, 4) with and without a proved verdict, given by their ends along x and y."""
 
     x: Array
     y: Array
@@ -52,8 +53,8 @@ class Field(NamedTuple):
 
 @figure.register(Chart)
 def chart_figure(chart: Chart) -> Figure:
-    """Figure of stable and unstable regions with growth ln|ρ| per period, or with the requested quantity, and
-    of the boundaries."""
+    """Figure of the stable and unstable regions and their boundaries, coloured by the growth ln|ρ| per period
+    or by the requested quantity."""
     system, names = chart.system, (chart.x_name, chart.y_name)
     units = [unit_of(system, name) for name in names]
     with np.errstate(divide="ignore"):
@@ -75,7 +76,7 @@ def chart_figure(chart: Chart) -> Figure:
 
 
 def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
-    """Boxes with a proved verdict, and boxes without one, in the displayed units."""
+    """Return the boxes with a proved verdict, and those without one, in the displayed units."""
     if chart.proved is None:
         return None, None
     open_ = chart.proved.verdicts == UNDETERMINED
@@ -83,8 +84,8 @@ def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
 
 
 def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
-    """Figure of stable regions, unstable regions with growth per period by kind of multiplier, and
-    boundaries."""
+    """Figure of the stable regions, the unstable regions with their growth per period, coloured by kind of
+    instability, and the boundaries."""
     from matplotlib.patches import Patch
 
     shown = [kind for kind in KIND_NAMES if (field.kinds == kind).any()]
@@ -107,7 +108,8 @@ def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]
 def values_figure(
     system: PeriodicSystem, field: Field, labels: tuple[str, str], values: Array, scale: str
 ) -> Figure:
-    """Map of values (ny, nx) with boundaries, grey where values are missing. scale: label of the values."""
+    """Figure of values (ny, nx) as colours, grey where values are missing, with the boundaries. `scale` is
+    the label of the values."""
     with page(5.0, f"{title_of(system)}: {scale.partition(' (')[0]}") as figure:
         axes = figure.subplots()
         axes.set_facecolor(_UNKNOWN)
@@ -119,7 +121,8 @@ def values_figure(
 def _draw_boundaries(
     figure: Figure, axes: Axes, field: Field, labels: tuple[str, str], keys: Sequence[Any]
 ) -> None:
-    """Draw the boundaries, dashed by kind, the axis labels, and a legend that begins with the given keys."""
+    """Draw the boundaries, with a dash pattern for each kind, the axis labels, and a legend that begins with
+    `keys`."""
     from matplotlib.lines import Line2D
 
     kinds = {kind for kind, _ in field.boundaries}
@@ -136,8 +139,8 @@ def _draw_boundaries(
 
 
 def _draw_boxes(axes: Axes, field: Field) -> list[Any]:
-    """Draw the outlines of boxes with a proved verdict, and all other boxes in black. Returns the keys of the
-    legend."""
+    """Draw the outlines of the boxes with a proved verdict, and all other boxes in black. Return the keys of
+    the legend."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Patch
 
@@ -163,7 +166,7 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
     top = np.clip(np.nanmax(np.where(field.kinds != "", growth, 0.0)), 1e-3, _MOST_GROWTH)
     levels = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, top))
     levels = levels[levels >= 0]
-    # With negative values outside, the interpolated field is zero at the boundary.
+    # Values outside the region are negative, so that the interpolated field is zero at the boundary.
     plane = _plane(field, np.where(field.kinds != "", growth, -levels[1]))
     colours = {"levels": levels, "extend": "max"}
     for kind in reversed(kinds):
@@ -186,8 +189,8 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
 
 
 class _Plane(NamedTuple):
-    """Values at points, kind of the nearest unstable point, and function of axes and values that draws filled
-    contours."""
+    """Values at points, the kind of the nearest unstable point, and a function of axes and values that draws
+    filled contours."""
 
     values: Array
     kinds: Array
@@ -195,7 +198,7 @@ class _Plane(NamedTuple):
 
 
 def _plane(field: Field, values: Array) -> _Plane:
-    """Values at the points of the grid, with zeros at the points of the boundaries."""
+    """Return the values at the points of the grid, and zeros at the points of the boundaries."""
     from scipy.spatial import Delaunay, KDTree
 
     points = np.column_stack([axis.ravel() for axis in np.meshgrid(field.x, field.y)])
@@ -223,7 +226,8 @@ def _plane(field: Field, values: Array) -> _Plane:
 
 
 def _shades(kind: str, count: int) -> Array:
-    """Colours from a light to a dark shade of the kind's colour. The last colour is used above all levels."""
+    """Return colours from a light to a dark shade of the kind's colour. The last colour applies above all
+    levels."""
     from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
     colour = np.array(to_rgb(KIND_COLORS[kind]))
@@ -245,7 +249,7 @@ def _name_regions(axes: Axes, field: Field, kinds: Sequence[str]) -> None:
         regions: Any = ndimage.label(inside)
         for number in range(1, regions[1] + 1):
             framed = np.pad(regions[0] == number, 1)
-            # Distances in units of the space that the name needs on either side.
+            # Distances are divided by the space that the name requires on either side.
             need = _LETTER[1] * ny, _LETTER[0] * len(words) * nx
             scales = 1 / need[0], 1 / need[1]
             distance: Any = ndimage.distance_transform_edt(framed, sampling=scales)
@@ -257,7 +261,7 @@ def _name_regions(axes: Axes, field: Field, kinds: Sequence[str]) -> None:
 
 
 def smooth(curve: Array) -> Array:
-    """Curve (k, 2) with interpolated points: Akima's cubics over the arc length."""
+    """Return a curve (k, 2) with points interpolated by Akima's cubics as functions of the arc length."""
     from scipy.interpolate import Akima1DInterpolator
 
     steps = np.hypot(*(np.diff(curve, axis=0) / np.maximum(np.ptp(curve, axis=0), 1e-300)).T)

@@ -1,4 +1,5 @@
-"""Comparison of methods: error and processor time; stability regions of Newmark's method."""
+"""Figures and tables that compare methods: error and processor time; stability regions of Newmark's
+method."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -35,7 +36,7 @@ _LEGEND = {
 _MARKERS = "osD^vPXph*<>"
 _DOTS: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4, "markersize": 5.5}
 _LINES = ("-", "--", ":")
-"""Line styles. Each style is used with all colours before the next style."""
+"""Line styles. Each style is used with all colours before the next one is used."""
 
 _WORST = 3.0
 """Largest relative error that is drawn: a result with a larger error is not accurate to even one digit."""
@@ -43,7 +44,7 @@ _WORST = 3.0
 
 @figure.register(Comparison)
 def comparison_figure(comparison: Comparison) -> Figure:
-    """Figure of the error over the processor time, with a line per method."""
+    """Figure of the error versus processor time, with one line per method."""
     methods = grouped((row.method, row) for row in comparison.measured if row.reason is None)
     kinds = [ORBIT, MULTIPLIERS] if comparison.judged_by == ORBIT else [MULTIPLIERS]
     known_to = {kind: getattr(comparison.reference.error_estimate, kind) for kind in kinds}
@@ -57,11 +58,11 @@ def work_precision_figure(
     known_to: Mapping[str, float],
     targets: Mapping[str, Sequence[float]],
 ) -> Figure:
-    """Figure of the error over the processor time, with one panel per kind of error and one line per method.
-    Points are in order of increasing steps; targets are dashed.
+    """Figure of the error versus processor time, with one panel per kind of error and one line per method.
+    The points of a line are in ascending order of the number of steps; targets are dashed.
 
-    known_to: error of the reference by kind; below it, in the shaded area, errors cannot be measured. Errors
-    above 3, and below a tenth of the error of the reference, are not drawn.
+    `known_to` maps each kind of error to the error of the reference; below it, in the shaded area, errors
+    cannot be measured. Errors above 3, or below a tenth of the error of the reference, are not drawn.
     """
     from cycler import cycler
     from matplotlib.ticker import LogLocator
@@ -107,7 +108,7 @@ def _goal(comparison: Comparison, row: Row) -> str:
 
 
 def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> list[RenderableType]:
-    """Table of the rows with a result, and notes on rows without one."""
+    """Return a table of the rows with a result, and notes on those without one."""
     done = [row for row in rows if row.reason is None]
     if rows[0].target is not None:
         done.sort(key=lambda row: row.time)
@@ -123,9 +124,9 @@ def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> li
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Reasons why methods have no result, and warnings, each followed by the names of the methods
-    concerned."""
-    # The mark of a method that does not resolve the fastest mode replaces its last warning.
+    """Return the reasons why methods have no result, and the warnings, each followed by the names of the
+    methods concerned."""
+    # For a method that does not resolve the fastest mode, a mark in the table replaces the last warning.
     texts = [(row.warnings if row.followed else row.warnings[:-1], row) for row in rows]
     reasons = grouped(
         (reason, row.method)
@@ -148,7 +149,7 @@ _LEVELS = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 
 def newmark_region_figure() -> Figure:
     """Figure of the stability regions in the (γ, β) plane: unstable for γ < 1/2, stable up to a limit of ω h
-    (contours), stable for any step (after thesis Fig. 6.1)."""
+    (contours), stable for any step (after Fig. 6.1 of the thesis)."""
     with styled():
         figure = new_figure(4.3)
         axes = figure.add_subplot()

@@ -14,19 +14,19 @@ from solve.views.style import GREY, Axes, Figure, page
 from solve.views.tables import RenderableType, stacked, table, text
 
 _ROW = 1.6
-"""Height of the panel of a signal in inches."""
+"""Height in inches of the panel of a signal."""
 
 _MOST_ROWS, _MOST_CURVES = 3, 8
-"""Largest number of panels, and of curves in a panel: as many as are legible."""
+"""Maximum number of panels, and maximum number of curves in a panel: as many as are legible."""
 
 _MOST_GAINS, _SHOWN = 16, 4
-"""Largest number of rows, and number of harmonics, of the table of gains. Choices."""
+"""Maximum number of rows of the table of gains, and number of harmonics in it. Chosen by judgement."""
 
 
 @figure.register(Controller)
 def controller_figure(result: Controller) -> Figure:
-    """Figure of the gains over the phase, one panel per signal, each relative to its largest modulus, and of
-    the multipliers."""
+    """Figure of the gains versus phase, with one panel per signal, and of the multipliers. Each gain is
+    divided by its largest modulus."""
     phase = np.linspace(0.0, result.system.period, SAMPLES)
     gains = np.moveaxis(result.gain(phase), 0, -1)
     gains = gains.swapaxes(0, 1) if result.kind == "kalman" else gains
@@ -44,7 +44,7 @@ def controller_figure(result: Controller) -> Figure:
 
 
 def _draw_gains(axes: Axes, result: Controller, name: str, degrees: np.ndarray, curves: np.ndarray) -> None:
-    """Draw the gains of one signal for all states, divided by their largest modulus."""
+    """Draw the gains of one signal for all states, each divided by its largest modulus."""
     sizes = np.abs(curves).max(axis=1)
     for state, curve, size in list(zip(result.states, curves, sizes, strict=True))[:_MOST_CURVES]:
         axes.plot(degrees, curve / (size or 1.0), label=f"{state} ({size:.3g})")
@@ -73,7 +73,7 @@ def controller_tables(result: Controller) -> Sequence[RenderableType]:
 
 @brief.register(Controller)
 def controller_in_brief(result: Controller) -> RenderableType:
-    """Heading and verdict."""
+    """Short form of the result, with its heading and verdict."""
     return stacked(heading_of(result), text(f"\n{result.summary}", "bold"))
 
 
@@ -98,7 +98,7 @@ def _norm_table(result: Controller) -> RenderableType:
 
 
 def _margin_sentence(margin: StabilityMargin) -> str:
-    """Smallest change of parameters that makes the closed loop unstable."""
+    """Return a sentence on the smallest change of parameters that makes the closed loop unstable."""
     if not np.isfinite(margin.distance):
         return "Changes of up to 100 % of these parameters leave the closed loop stable."
     changes = ", ".join(f"{name} {100 * change:+.3g} %" for name, change in margin.changes.items())
@@ -106,7 +106,7 @@ def _margin_sentence(margin: StabilityMargin) -> str:
 
 
 def _gain_table(result: Controller) -> RenderableType:
-    """Table of the mean and the amplitudes of the harmonics of the gains, in SI units."""
+    """Return a table of the means and the amplitudes of harmonics of the gains, in SI units."""
     harmonics = np.moveaxis(result.harmonics, 0, -1)
     entries = list(zip(result.gain_names, harmonics.reshape(-1, harmonics.shape[-1]), strict=True))
     rows = [

@@ -1,4 +1,4 @@
-"""Critical speeds: response, dominant multiplier and Campbell diagram over speed."""
+"""Figures and tables of critical speeds: response, dominant multiplier and Campbell diagram versus speed."""
 
 import math
 from collections.abc import Sequence
@@ -25,19 +25,19 @@ _CAPTIONS = {
 }
 
 _ROOM = 1.6
-"""Factor of free space above and below curves on a logarithmic axis."""
+"""Factor by which the limits of a logarithmic axis exceed the range of the curves."""
 
 _CLEAR, _ASIDE = 0.05, 0.015
-"""Distances of labels from curves and the frame, as fractions of the height and the width."""
+"""Distances of labels from curves and from the frame, as fractions of the height and of the width."""
 
 _BESIDE = 0.03
-"""Distance between labels as a fraction of the width."""
+"""Distance between labels, as a fraction of the width."""
 
 
 @figure.register(CriticalSpeeds)
 def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> Figure:
-    """Figure of the response, the dominant multiplier (omitted with `campbell`) and the Campbell diagram over
-    speed."""
+    """Figure of the response, the dominant multiplier and the Campbell diagram versus speed. If `campbell` is
+    True, the multiplier is omitted."""
     drawn = (_draw_response, _draw_campbell) if campbell else _ALL
     title = "Campbell diagram" if campbell else "critical speeds"
     height, ratios = (5.4, (0.9, 1.3)) if campbell else (7.6, (1.1, 0.9, 1.3))
@@ -49,7 +49,7 @@ def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> 
 
 @tables.register(CriticalSpeeds)
 def critical_speeds_tables(found: CriticalSpeeds) -> Sequence[RenderableType]:
-    """Table of critical speeds; tables of unstable ranges and combinations."""
+    """Tables of critical speeds, of unstable ranges and of combination resonances."""
     unit = found.system.labels.speed_unit
     span = unit.span(found.speeds[0], found.speeds[-1])
     none = text(f"\nno maximum and no division up to order {found.orders} found from {span}")
@@ -95,14 +95,14 @@ def _combinations_table(found: CriticalSpeeds) -> Table:
 
 
 def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
-    """Interpolated curve through the computed points and the maxima between them."""
+    """Return an interpolated curve through the computed points and the maxima `marks` between them."""
     return through(*np.array([*zip(speeds, values, strict=True), *marks]).T)
 
 
 def _near_poles(speeds: Array, response: Array, poles: Sequence[float]) -> list[tuple[float, float]]:
-    """Points of the response curve between each pole (speed of unbounded response) and its neighbours among
-    ascending speeds (P,). Near a pole the response (P,) is proportional to the inverse distance from the
-    pole."""
+    """Return points of the response curve between each pole, a speed of unbounded response, and its
+    neighbours among ascending speeds (P,). Near a pole, the response (P,) is proportional to the inverse
+    distance from the pole."""
     points, distances = [], np.geomspace(1.0, 1e-3, 24)[1:]
     for pole in poles:
         above = int(np.searchsorted(speeds, pole))
@@ -115,7 +115,7 @@ def _near_poles(speeds: Array, response: Array, poles: Sequence[float]) -> list[
 def _draw_marks(
     axes: Axes, unit: ShownUnit, marks: Sequence[tuple[float, float]], factor: float, color: str, label: str
 ) -> None:
-    """Mark maxima, given by speeds (rad/s) and heights."""
+    """Mark maxima, which are given as pairs of a speed (rad/s) and a height."""
     if marks:
         speeds, heights = np.array(marks).T
         style = {"color": color, "markersize": 4.5, "zorder": 4, "label": label}
@@ -123,8 +123,8 @@ def _draw_marks(
 
 
 def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
-    """Shade intervals around unstable speeds, up to half way to the neighbouring speeds. unstable (P,): mask
-    of the ascending speeds (P,)."""
+    """Shade intervals around unstable speeds, which extend halfway to the neighbouring speeds. `unstable`
+    (P,) is a mask of the ascending `speeds` (P,)."""
     shown = unit.from_si(speeds)
     between = np.concatenate((shown[:1], (shown[1:] + shown[:-1]) / 2, shown[-1:]))
     style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0}
@@ -136,8 +136,8 @@ def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
 def _label_order(
     axes: Axes, unit: ShownUnit, speeds: Array, order: int, frequencies: Array, top: float
 ) -> None:
-    """Label the ray of an order where there is space: below `top` (Hz), and away from the frequencies (P, k)
-    in rad/s and from other labels."""
+    """Label the ray of an order where there is space: below `top` (Hz), and away from other labels and from
+    the frequencies (P, k), in rad/s."""
     clear = _CLEAR * top * 2 * math.pi
     ray = order * speeds
     free = (ray < 2 * math.pi * top - clear) & (np.abs(ray[:, None] - frequencies) > clear).all(axis=1)
@@ -178,15 +178,16 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
 
 
 def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
-    """Draw the real part of the dominant multiplier on a scale of signed fourth roots, on which small values
-    are visible."""
+    """Draw the real part of the dominant multiplier on a signed fourth-root scale, on which small values are
+    visible."""
     power = 0.25
 
     def rooted(values: Array) -> Array:
         return np.sign(values) * np.abs(values) ** power
 
     maxima = found.maxima("multiplier")
-    # If only resonances of higher orders occur, the speeds do not resolve the rotation of the multiplier.
+    # At speeds at which only resonances of higher orders occur, the grid does not resolve the rotation of the
+    # multiplier.
     seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
     speeds, real_part = _curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
     shown = found.system.labels.speed_unit.from_si

@@ -1,4 +1,4 @@
-"""Figures and tables of fits, with measured and computed values, and of sensitivities to parameters."""
+"""Figures and tables of fits, with measured and computed values, and of sensitivities."""
 
 import math
 from collections.abc import Sequence
@@ -24,19 +24,20 @@ from solve.views.tables import RenderableType, Table, table, text
 
 _MOST_PANELS, _MOST_ORDERS = 8, 60
 _SAME, _EVEN = 1e-6, 1e-3
-"""Relative tolerances with which phases, and distances between phases, count as equal. Choices: below the
-precision of measured data."""
+"""Relative differences up to which phases, and up to which distances between phases, count as equal. Chosen
+by judgement, below the precision of measured data."""
 
 _CLOSE = 0.9
-"""Correlation above which a pair of parameters is listed. A choice."""
+"""Correlation above which a pair of parameters is listed. Chosen by judgement."""
 
 _LEAST = 1e-6
-"""Smallest amplitude that is drawn, relative to the largest measured amplitude. A choice."""
+"""Smallest amplitude in figures, relative to the largest measured amplitude. Chosen by judgement."""
 
 
 @figure.register(Fitted)
 def fit_figure(fitted: Fitted) -> Figure:
-    """Figure of measured points and computed curves, one panel per channel and speed, at most 8."""
+    """Figure of measured points and computed curves, with one panel per channel and speed, and at most 8
+    panels."""
     title = f"{title_of(fitted.system)}: fitted to {fitted.data}"
     return compared_figure(fitted.system, fitted.channels, title)
 
@@ -77,8 +78,8 @@ def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
 
 
 def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: str) -> Figure:
-    """Figure of measured points and computed curves, one panel per channel and speed, at most 8; with spectra
-    of curves measured at equidistant phases."""
+    """Figure of measured points and computed curves, with one panel per channel and speed, and at most 8
+    panels. Curves that are measured at equidistant phases have a spectrum too."""
     shown = channels[:_MOST_PANELS]
     with page(0.7 + 1.9 * len(shown), title) as figure:
         rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
@@ -105,7 +106,8 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
 
 
 def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str]:
-    """Draw measured and computed values. Returns the displayed unit and its factor from SI units."""
+    """Draw the measured and the computed values of a channel. Return the conversion factor from SI units, and
+    the displayed unit."""
     measured, computed = (
         np.abs(values) if np.iscomplexobj(values) else values for values in (each.measured, each.computed)
     )
@@ -123,8 +125,8 @@ def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str
 
 
 def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
-    """Indices, in order, of values at equidistant phases of one period; None if the phases are not
-    equidistant."""
+    """Return the indices of values at equidistant phases over one period, in ascending order of phase; None
+    if the phases are not equidistant."""
     phases = np.mod(each.at, system.period)
     order = np.argsort(phases, kind="stable")
     # The end of a period coincides with its beginning.
@@ -136,8 +138,8 @@ def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
 
 @figure.register(Sensitivities)
 def sensitivities_figure(result: Sensitivities) -> Figure:
-    """Figure of the elasticities of every quantity as bars, the largest at the top; real and imaginary parts
-    for complex quantities."""
+    """Figure of the elasticities of every quantity as bars, the largest at the top. Complex quantities have
+    bars for the real and the imaginary part."""
     ranked = {quantity: result.ranked(quantity)[:MOST_ROWS] for quantity in result.found}
     heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
     name = title_of(result.system) if result.speed is None else titled(result.system, result.speed)
@@ -188,8 +190,8 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
 
 @figure.register(SensitivitiesOver)
 def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
-    """Figure of the largest elasticities over speed, one panel per quantity; moduli for complex
-    quantities."""
+    """Figure of the largest elasticities versus speed, with one panel per quantity. For complex quantities,
+    the moduli are drawn."""
     count, speeds = len(result.quantities), result.system.labels.speed_unit.from_si(result.speeds)
     with panels_over(
         result.system, result.speeds, "what matters most", 0.7 + 2.2 * count, count, align=False
@@ -228,6 +230,6 @@ def _over_table(result: SensitivitiesOver, place: int) -> RenderableType:
 
 
 def _size(value: Any) -> str:
-    """Text of a real value, or of the modulus of a complex value."""
+    """Format a real value, or the modulus of a complex value."""
     size = abs(value) if value.imag else value.real
     return f"{size:.4g}" if math.isfinite(size) else "–"

@@ -1,4 +1,4 @@
-"""Figures and tables of followed modes: Campbell diagram with damping, and tables."""
+"""Figures and tables of followed modes, including a Campbell diagram with damping."""
 
 import math
 from collections.abc import Sequence
@@ -16,16 +16,17 @@ from solve.views.style import BLACK, GREY, LIGHT, MANY, VERMILION, Axes, Figure
 from solve.views.tables import MOST_ROWS, RenderableType, Table, table
 
 _SIDEBAND = 0.1
-"""Participation above which a harmonic of a mode is drawn as a thin line. A choice."""
+"""Participation above which a side harmonic of a mode is drawn, as a thin line. Chosen by judgement."""
 
 _LEAST_NAMED = 0.01
-"""Participation above which tables list a harmonic. A choice."""
+"""Participation above which tables list a harmonic. Chosen by judgement."""
 
 _MOST_HARMONICS, _WIDTH = 3, 48
-"""Maximum number of harmonics that tables name, and of characters for these harmonics in 80 columns."""
+"""Maximum number of harmonics that tables list, and maximum number of characters for these in a table of 80
+columns."""
 
 _MOST_RAYS = 12
-"""Maximum number of rays of the harmonics of the speed, so that curves remain visible. A choice."""
+"""Maximum number of rays of the orders of the speed, so that curves remain visible. Chosen by judgement."""
 
 
 @figure.register(FollowedModes)
@@ -81,7 +82,7 @@ def _draw_sidebands(axes: Axes, followed: FollowedModes, column: int, style: dic
 
 
 def _draw_rays(axes: Axes, followed: FollowedModes, top: float) -> None:
-    """Draw the orders of the speed as rays, below the highest frequency."""
+    """Draw the orders of the speed as rays, up to the frequency `top`."""
     if followed.over != SPEED:
         return
     x = _places(followed, followed.values)
@@ -110,15 +111,15 @@ def _places(followed: FollowedModes, values: Array) -> Array:
 
 
 def _styles(followed: FollowedModes) -> Sequence[dict[str, Any]]:
-    """Line style of each mode."""
+    """Return the line style of each mode."""
     count = len(followed.labels)
     return [{"color": color} for color in MANY[:count]] if count <= len(MANY) else shades(count)
 
 
 @tables.register(FollowedModes)
 def followed_modes_tables(followed: FollowedModes) -> Sequence[RenderableType]:
-    """Tables of frequencies and damping over the values, of the strongest harmonics, and of crossings,
-    veerings and ambiguous pairs."""
+    """Tables of frequencies and damping versus the varied quantity; of the strongest harmonics; and of
+    crossings, veerings and ambiguous pairs."""
     printed: list[RenderableType] = [_frequency_table(followed), _mode_table(followed)]
     if followed.meetings or followed.ambiguous:
         printed.append(_meeting_table(followed))
@@ -126,7 +127,7 @@ def followed_modes_tables(followed: FollowedModes) -> Sequence[RenderableType]:
 
 
 def _frequency_table(followed: FollowedModes) -> Table:
-    """Table with one row per value: frequency and damping of the first modes."""
+    """Return a table of the frequencies and damping ratios of the first modes, with one row per value."""
     shown = range(min(len(followed.labels), MOST_SHOWN - 1))
     unit = unit_of(followed.system, followed.over)
     step = math.ceil(len(followed.values) / MOST_ROWS)
@@ -147,8 +148,8 @@ def _frequency_table(followed: FollowedModes) -> Table:
 
 
 def _mode_table(followed: FollowedModes) -> Table:
-    """Table with one row per mode: its least damping, and its largest harmonics at the first value with a
-    result."""
+    """Return a table with one row per mode: its least damping ratio, and its largest harmonics at the first
+    value with a result."""
     unit, rows, coordinates = unit_of(followed.system, followed.over), [], followed.system.coordinates
     for column, label in enumerate(followed.labels):
         ratios = followed.damping[:, column]
@@ -175,7 +176,7 @@ def _mode_table(followed: FollowedModes) -> Table:
 
 
 def _meeting_table(followed: FollowedModes) -> Table:
-    """Table with one row per crossing, veering and ambiguous pair."""
+    """Return a table with one row per crossing, veering or ambiguous pair."""
     unit = unit_of(followed.system, followed.over)
     rows = [
         (

@@ -1,5 +1,5 @@
 """Figures and tables of natural frequencies: mode shapes at a position, and frequencies over the revolution
-and over a parameter."""
+and versus a parameter."""
 
 import itertools
 import math
@@ -48,7 +48,7 @@ _MARKERS: dict[str, dict[str, Any]] = {
 
 @figure.register(Frequencies)
 def frequencies_figure(found: Frequencies) -> Figure:
-    """Figure of the mode shapes at one position, or of the frequencies over several positions. Raises
+    """Figure of the mode shapes at one position, or of the frequencies versus position. Raises
     ValueOutOfBoundsError for a system without links to draw."""
     system = found.system
     if len(found.positions) > 1:
@@ -63,8 +63,8 @@ def frequencies_figure(found: Frequencies) -> Figure:
 
 @figure.register(Findings)
 def findings_figure(found: Findings) -> Figure:
-    """Figure of the frequencies over the parameter or the revolution, if computed; otherwise of the mode
-    shapes at the position."""
+    """Figure of the frequencies versus the parameter or over the revolution if these are computed; otherwise,
+    figure of the mode shapes at the position."""
     return figure(found.widest)
 
 
@@ -91,8 +91,8 @@ def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[
 
 
 def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
-    """Figure of the frequencies (m, k) over the positions (m,) of a revolution, with dashed means. Growth
-    rates are negative."""
+    """Figure of the frequencies (m, k) versus positions (m,) of a revolution, with dashed means. Growth rates
+    are drawn as negative frequencies."""
     from matplotlib.ticker import MultipleLocator
 
     degrees = np.degrees(np.append(positions, positions[0] + system.period))
@@ -119,13 +119,13 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
 
 @figure.register(Variation)
 def variation_figure(found: Variation) -> Figure:
-    """Figure of the lowest elastic frequency over the parameter with its range over the revolution, and of
-    the frequencies of the separate links (thesis Fig. 9.1)."""
+    """Figure of the lowest elastic frequency, with its range over the revolution, versus the parameter; and
+    of the frequencies of the separate links (Fig. 9.1 of the thesis)."""
     system, parameter, values, mode = found.system, found.parameter, found.values, found.shown_modes[-1]
     figures = {name: values[:, mode] for name, values in found.statistics(1).items()}
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
     several = not np.array_equal(figures["min"], figures["max"], equal_nan=True)
-    with page(3.8, f"{title_of(system)}: {which} over {parameter}") as drawing:
+    with page(3.8, f"{title_of(system)}: {which} versus {parameter}") as drawing:
         axes = drawing.subplots()
         if several:
             axes.fill_between(values, figures["min"], figures["max"], color=BLUE, alpha=0.15, linewidth=0)
@@ -146,8 +146,8 @@ def variation_figure(found: Variation) -> Figure:
 
 
 def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
-    """Lower left and upper right corner (x, y) of the area that contains the structure and its displaced
-    links."""
+    """Return the lower left and the upper right corner (x, y) of the area that contains the structure and its
+    displaced links."""
     points = np.concatenate(
         [*shapes[0].places, *(curve for shape in shapes for curve in _displaced_points(shape))]
     )
@@ -156,7 +156,7 @@ def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
 
 
 def _displaced_points(shape: ModeShape) -> list[Array]:
-    """Positions x + iy of the points of the displaced links."""
+    """Return the positions x + iy of points on the displaced links, one array per link."""
     scale = DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
     links = zip(shape.places, shape.displacements, strict=True)
     return [place + scale * displacement for place, displacement in links]
@@ -173,8 +173,8 @@ def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> Non
 
 
 def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None]:
-    """Limits of the vertical axis. The lower limit is 0 unless a mode grows. top: upper limit for
-    frequencies, if known."""
+    """Return the limits of the vertical axis. The lower limit is 0 unless a mode grows. `top` is the upper
+    limit for frequencies, if known."""
     lowest = float(np.nanmin(roots, initial=0.0))
     if lowest == 0.0 and not top:
         return 0.0, 1.0 if not np.nan_to_num(roots).any() else None
@@ -182,8 +182,8 @@ def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None
 
 
 def _label_frequencies(axes: Axes) -> None:
-    """Label the vertical axis in rad/s and the right axis in Hz. Growth rates are drawn below zero, as
-    negative frequencies."""
+    """Label the left axis in rad/s and the right axis in Hz. Growth rates are drawn below zero, as negative
+    frequencies."""
     turn = 2 * math.pi
     scales = lambda omega: np.divide(omega, turn), lambda hertz: np.multiply(hertz, turn)
     right = axes.secondary_yaxis("right", functions=scales)
@@ -210,8 +210,8 @@ def frequencies_tables(found: Frequencies) -> Sequence[Table]:
 
 @tables.register(Variation)
 def variation_tables(found: Variation) -> Sequence[Table]:
-    """Table with one row per value of the parameter: the lowest frequency, the lowest elastic frequency if
-    the lowest mode is a rigid-body mode, and the frequencies of up to three separate links."""
+    """Table with one row per value of the parameter. It contains the lowest frequency; the lowest elastic
+    frequency if the lowest mode is a rigid-body mode; and the frequencies of up to three separate links."""
     mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
     caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
     title = f"Over {found.parameter}, rad/s{mean_of}"
@@ -220,8 +220,8 @@ def variation_tables(found: Variation) -> Sequence[Table]:
 
 @tables.register(Findings)
 def findings_tables(found: Findings) -> Sequence[RenderableType]:
-    """Tables of the frequencies at the position (with the largest bending of each link in each mode shape),
-    over the revolution, and over a parameter."""
+    """Tables of the frequencies at the position, with the largest deflection of each link in each mode shape;
+    over the revolution; and versus a parameter."""
     roots, captions = found.here.signed[0], _about_modes(found)
     columns = {
         "mode": Column(range(1, len(roots) + 1), heading="mode"),
@@ -242,12 +242,12 @@ def findings_tables(found: Findings) -> Sequence[RenderableType]:
 
 
 def _lowest(listed: int, count: int) -> str:
-    """Text for the title of a table that lists only the lowest modes."""
+    """Return the text that a title adds if a table lists only the lowest modes."""
     return f": the lowest {listed} of {count}" if listed < count else ""
 
 
 def _about_modes(found: Findings) -> list[str]:
-    """Captions on growing modes and on rigid-body modes."""
+    """Return captions about growing modes and rigid-body modes."""
     first = int((found.here.signed[0] < 0).sum())
     texts = ["i: growth rate in 1/s of a mode that grows instead of vibrating"] * (first > 0)
     names = found.here.system.coordinates

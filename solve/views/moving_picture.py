@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 _TALL = 1.8
-"""Ratio of height to width of a mechanism above which six positions fit side by side."""
+"""Ratio of height to width of a mechanism above which six positions fit side by side in a figure."""
 
 _SAME = 1e-9
-"""Distance, relative to the mechanism's size, up to which two points count as equal; a bound on the
-round-off."""
+"""Distance between two points, relative to the mechanism's size, up to which they count as equal. It is a
+bound on round-off."""
 
 _RIGID = {"color": "#B4B4B4", "linewidth": 2.4, "solid_capstyle": "round", "zorder": 2}
 _MOVED = {"color": BLUE, "linewidth": 1.5, "solid_capstyle": "round", "zorder": 3}
@@ -38,7 +38,7 @@ _DOT = {"color": VERMILION, "marker": "o", "markersize": 4, "linestyle": "", "zo
 
 
 class Panel(NamedTuple):
-    """Quantity with its curve, and its values (frames,) at the frames."""
+    """Quantity with its curve, and with its values (frames,) at the frames."""
 
     name: str
     curve: Array
@@ -46,9 +46,9 @@ class Panel(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Content of a picture: phases (k,) of its frames and `fine` phases of the curves; lines by name, as
-    points x + iy (points, k), for the rigid motion and for the motion with vibration; one panel per
-    quantity."""
+    """Content of a picture. `phase` (k,) are the phases of the frames, and `fine` those of the curves.
+    `rigid` and `moved` map the names of lines to points x + iy (points, k) for the rigid motion and for the
+    motion with vibration. There is one panel per quantity."""
 
     system: PeriodicSystem
     title: str
@@ -62,7 +62,7 @@ class Drawn(NamedTuple):
 
     @property
     def labels(self) -> list[str]:
-        """Label of each frame: its phase, and the number of its period if there are several."""
+        """Label of each frame: its phase, and the number of its period if there are several periods."""
         several = self.fine[-1] > 1.5 * self.system.period
         return [
             f"φ = {math.degrees(phase % self.system.period if several else phase):.0f}°"
@@ -72,7 +72,7 @@ class Drawn(NamedTuple):
 
 
 class Mover(NamedTuple):
-    """Line of the figure with its points x + iy (points, frames) in axes units."""
+    """Line of the figure, with its points x + iy (points, frames) in the units of its axes."""
 
     artist: "Line2D"
     points: Plane
@@ -98,10 +98,11 @@ class Scene(NamedTuple):
 
 
 def scene(drawn: Drawn) -> Scene:
-    """Scene with the mechanism on the left and one panel per quantity, with a moving mark, on the right."""
+    """Return a scene with the mechanism on the left and, on the right, one panel per quantity with a moving
+    mark."""
     low, high = _frame(drawn)
     width, height = (high - low).real, (high - low).imag
-    # In inches: axes 3.7 wide, at least 0.85 a panel.
+    # Inches: the axes are 3.7 wide, and each panel is at least 0.85 high.
     tall = min(max(3.7 * height / width, 2.0, 0.85 * len(drawn.panels)), 4.8)
     with page(tall + 0.95, drawn.title) as figure:
         grid = figure.add_gridspec(len(drawn.panels), 2, width_ratios=(1.3, 1))
@@ -143,7 +144,7 @@ def still(drawn: Drawn) -> Figure:
 
 
 def gif(drawn: Drawn) -> bytes:
-    """Animated GIF that repeats endlessly, as bytes."""
+    """Return the bytes of an animated GIF that repeats endlessly."""
     images = [*_images(scene(drawn))]
     stream = BytesIO()
     images[0].save(stream, "GIF", save_all=True, append_images=images[1:], duration=40, loop=0, optimize=True)
@@ -151,7 +152,7 @@ def gif(drawn: Drawn) -> bytes:
 
 
 def _images(scene: Scene) -> Iterator:
-    """Images of the frames with a common palette. The fixed background is drawn only once."""
+    """Yield the images of the frames, with a common palette. The fixed background is drawn only once."""
     from PIL import Image
 
     artists = [*(mover.artist for mover in scene.movers), scene.label]
@@ -174,7 +175,8 @@ def _images(scene: Scene) -> Iterator:
 
 
 def _mechanism(axes: Axes, drawn: Drawn) -> list[Mover]:
-    """Draw the mechanism: fixed lines black, rigid motion grey, vibration blue, and joints between lines."""
+    """Draw the mechanism and its joints: fixed lines are black, the rigid motion is grey, and the vibration
+    is blue."""
     movers, size = [], abs(np.subtract(*_frame(drawn)))
     for name, rigid in drawn.rigid.items():
         moved = drawn.moved[name]
@@ -190,7 +192,7 @@ def _mechanism(axes: Axes, drawn: Drawn) -> list[Mover]:
 
 
 def _joints(drawn: Drawn, size: float) -> list[Plane]:
-    """Positions x + iy (k,) of each joint."""
+    """Return the positions x + iy (k,) of each joint."""
     ends = meeting_ends(drawn.rigid, drawn.moved, size)
     return [drawn.moved[name][end] for name, end in ends]
 
@@ -198,8 +200,8 @@ def _joints(drawn: Drawn, size: float) -> list[Plane]:
 def meeting_ends(
     rigid: Mapping[str, Plane], moved: Mapping[str, Plane], size: float
 ) -> list[tuple[str, int]]:
-    """Line and end (0 or -1) of each joint, where ends of two moving lines coincide in all frames. size: size
-    of the mechanism."""
+    """Return the name of a line and its end (0 or -1) for each joint: a point at which the ends of two moving
+    lines coincide in all frames. `size` is the size of the mechanism."""
     open_lines = [name for name, line in rigid.items() if not is_closed(line, size)]
     ends = [(name, end) for name in open_lines for end in (0, -1)]
     meeting = []
@@ -212,17 +214,17 @@ def meeting_ends(
 
 
 def is_still(line: Plane, size: float) -> bool:
-    """Whether a line is at the same position in all frames."""
+    """Return whether a line has the same position in all frames."""
     return bool(np.abs(line - line[:, :1]).max() < _SAME * size)
 
 
 def is_closed(line: Plane, size: float) -> bool:
-    """Whether a line ends where it begins."""
+    """Return whether a line ends where it begins."""
     return bool(np.abs(line[0] - line[-1]).max() < _SAME * size)
 
 
 def _panel(axes: Axes, drawn: Drawn, panel: Panel) -> list[Mover]:
-    """Draw a quantity over the phase, with a mark at the phase of the frame."""
+    """Draw a quantity versus phase, with a mark at the phase of the frame."""
     from matplotlib.ticker import MultipleLocator
 
     factor, unit = prefixed(drawn.system.labels.units.get(panel.name, ""), float(np.abs(panel.curve).max()))
@@ -249,7 +251,7 @@ def _mover(axes: Axes, points: Plane, style: Mapping) -> Mover:
 
 
 def _frame(drawn: Drawn) -> tuple[complex, complex]:
-    """Lower left and upper right corner of the area that contains all frames."""
+    """Return the lower left and the upper right corner of the area that contains all frames."""
     lines = (*drawn.rigid.values(), *drawn.moved.values())
     return frame_of(np.concatenate([line.ravel() for line in lines]))
 
@@ -273,7 +275,8 @@ def _caption(figure: Figure, drawn: Drawn) -> None:
 
 _SCRIPT = Path(__file__).with_name("moving_page.js")
 _RIGID_TOLERANCE = 1e-6
-"""Distance from a rigid motion, relative to the size of the line, that counts as zero: below a pixel."""
+"""Distance from a rigid motion, relative to the size of the line, up to which the motion counts as rigid. It
+is below a pixel."""
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 _STYLE = """\
@@ -288,7 +291,7 @@ path.mover { fill: none; stroke-linecap: round; stroke-linejoin: round; }
 
 
 def page_text(drawn: Drawn, warnings: Sequence[str]) -> str:
-    """HTML page with an animation, and the warnings below it."""
+    """Return an HTML page with an animation and the warnings below it."""
     animated = scene(drawn)
     picture, parts = _picture(animated)
     data = {"labels": animated.labels, "parts": parts}
@@ -307,11 +310,11 @@ const data = {json.dumps(data, ensure_ascii=False, separators=(",", ":"))};
 
 
 def _picture(scene: Scene) -> tuple[str, list[dict]]:
-    """SVG picture with its moving lines, and for each moving line an attribute and its value in each
-    frame."""
+    """Return an SVG picture with its moving lines and, for each moving line, an attribute and the value of
+    this attribute in each frame."""
     figure = scene.figure
     with styled():
-        # SVG pictures of matplotlib have 72 points per inch.
+        # The unit of SVG pictures by matplotlib is 1/72 inch.
         figure.set_dpi(72)
         figure.canvas.draw()
     figure.set_layout_engine("none")
@@ -331,15 +334,15 @@ def _picture(scene: Scene) -> tuple[str, list[dict]]:
 
 
 def _on_paper(artist, points: Plane, height: float) -> Plane:
-    """Points x + iy converted to the units of the picture, with y downwards."""
+    """Return points x + iy in the units of the picture, with y pointing downwards."""
     pairs = np.stack((points.real, points.imag), axis=-1).reshape(-1, 2)
     x, y = artist.axes.transData.transform(pairs).T
     return (x + 1j * (height - y)).reshape(points.shape)
 
 
 def _part(artist, line: Plane) -> tuple[str, dict]:
-    """SVG path of a line and its motion: transformations if the line is rigid, otherwise its points in each
-    frame."""
+    """Return the SVG path of a line, and its motion: transformations if the line moves rigidly, otherwise the
+    path in each frame."""
     width = artist.get_linewidth() if artist.get_linestyle() != "None" else artist.get_markersize()
     style = f'class="mover" stroke="{artist.get_color()}" stroke-width="{width}"'
     first = line[:, 0]
@@ -360,6 +363,6 @@ def _part(artist, line: Plane) -> tuple[str, dict]:
 
 
 def _path(points: Plane) -> str:
-    """SVG path through points; a single point is drawn as a dot."""
+    """Return the SVG path through points. A single point is drawn as a dot."""
     numbers = [f"{place.real:.2f} {place.imag:.2f}" for place in points]
     return f"M{numbers[0]}" + ("L" + " ".join(numbers[1:]) if len(numbers) > 1 else "h0")

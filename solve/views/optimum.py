@@ -1,4 +1,4 @@
-"""Figures and tables that compare an optimum with the initial design: curves over the period, values over
+"""Figures and tables that compare an optimum with the initial design: curves over the period, values versus
 speed, and free parameters within their bounds."""
 
 from collections.abc import Sequence
@@ -28,8 +28,8 @@ _MOST_PARAMETERS = 24
 
 @figure.register(Optimum)
 def optimum_figure(optimum: Optimum) -> Figure:
-    """Figure that compares the initial design and the optimum: curve at the worst speed, values over speed,
-    and parameters within their bounds."""
+    """Figure that compares the initial design and the optimum: curves at the worst speed, values versus
+    speed, and parameters within their bounds."""
     names = list(optimum.parameters)[:_MOST_PARAMETERS]
     heights = [0.5 + 0.18 * len(names)]
     heights += [2.0] if len(optimum.speeds) > 1 else []
@@ -86,7 +86,7 @@ def _draw_parameters(axes: Axes, optimum: Optimum, names: Sequence[str]) -> None
 
 @tables.register(Optimum)
 def optimum_tables(optimum: Optimum) -> Sequence[RenderableType]:
-    """Tables of the objective, parameters, requirements, and values over speed."""
+    """Tables of the objective, the parameters, the requirements, and the values versus speed."""
     unit_of = partial(labels.unit_of, optimum.system)
     parameters = table(
         "Free parameters",
@@ -98,18 +98,18 @@ def optimum_tables(optimum: Optimum) -> Sequence[RenderableType]:
         ],
     )
     requirements = table(
-        "Requirements, worst over the speeds",
+        "Requirements, worst at any of the speeds",
         *("quantity", "value", "bound"),
         rows=[(each.name, f"{each.value:.6g}", f"{each.bound:.9g}") for each in optimum.constraints],
     )
     shown = [text(f"\n{optimum.summary}{_confirmation(optimum)}", "bold"), parameters, requirements]
     if len(optimum.speeds) > 1:
-        shown.append(table_of(f"{optimum.minimised} over speed", optimum.columns, most=MOST_ROWS))
+        shown.append(table_of(f"{optimum.minimised} versus speed", optimum.columns, most=MOST_ROWS))
     return shown
 
 
 def _confirmation(optimum: Optimum) -> str:
-    """Sentence on the nonlinear orbits, if they were computed."""
+    """Return a sentence on the nonlinear orbits; empty if they were not computed."""
     if "objective" not in optimum.confirmed:
         return ""
     verdicts = ", ".join(dict.fromkeys(optimum.confirmed["verdicts"]))

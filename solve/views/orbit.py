@@ -22,19 +22,19 @@ from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, Table, table
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
-"""Heights of a row in inches by the number of rows, so that all fit on a page."""
+"""Mapping from the number of rows to the height of a row in inches, so that all rows fit on a page."""
 
 _DB_FLOOR = -120.0
 
 _VISIBLE = 4e-3
-"""Fraction of the largest amplitude below which a harmonic is invisible on a linear scale: about one
-pixel."""
+"""Fraction of the largest amplitude below which a harmonic is invisible on a linear scale, because it is
+below about one pixel."""
 
 _CROWDED = 80
-"""Number of harmonics above which lines are thin and have no markers."""
+"""Number of harmonics above which lines are drawn thin and without markers."""
 
 _TITLE = 46
-"""Number of characters that fit above a panel (measured)."""
+"""Number of characters that fit above a panel, as measured."""
 
 
 _RANKS = ("strongest", "second", "third")
@@ -44,8 +44,8 @@ SCALES = ("linear", "dB")
 
 
 class Motion(NamedTuple):
-    """Quantity over one period: values (k,) at equidistant phases, including both ends; values of a second
-    solution for comparison, if any; amplitudes (m + 1,), beginning with the mean."""
+    """Quantity over one period: values (k,) at equidistant phases, including both ends; values (k,) of a
+    second solution for comparison, if there is one; and amplitudes (m + 1,), beginning with the mean."""
 
     values: Array
     beside: Array | None
@@ -60,8 +60,8 @@ def orbit_figure(
     scale: str = "linear",
     harmonics: int | None = None,
 ) -> Figure:
-    """Time history and spectrum of each quantity, and multipliers if the system has coordinates; see
-    `Orbit.plot`."""
+    """Figure with the time history and the spectrum of each quantity, and with the multipliers if the system
+    has coordinates; see `Orbit.plot`."""
     require_name("scale", scale, SCALES)
     system, vibrates = orbit.system, orbit.system.labels.vibrates
     motions = {name: _motion(orbit, name, quasi_static, harmonics) for name in shown(system, names)}
@@ -87,8 +87,8 @@ def orbit_figure(
 
 
 def _motion(orbit: Orbit, name: str, quasi_static: bool, harmonics: int | None) -> Motion:
-    """Quantity of the orbit and, for comparison, of the quasi-static solution or, for a nonlinear orbit, of
-    the linear orbit."""
+    """Return a quantity of the orbit with a second solution for comparison: the quasi-static solution if
+    requested, or, for a nonlinear orbit, the linear one."""
     phase, beside = np.linspace(0.0, orbit.system.period, orbit.samples + 1), None
     if quasi_static:
         beside = orbit.quasi_static.signal(name)(phase)
@@ -101,7 +101,7 @@ def _motion(orbit: Orbit, name: str, quasi_static: bool, harmonics: int | None) 
 def _draw_curve(
     axes: Axes, system: PeriodicSystem, name: str, motion: Motion, labels: tuple[str, str]
 ) -> tuple[float, str]:
-    """Draw a time history. Returns the factor and unit, which its spectrum uses too."""
+    """Draw a time history. Return the conversion factor and the unit, which apply to the spectrum too."""
     degrees = np.linspace(0.0, math.degrees(system.period), len(motion.values))
     curves: list[tuple[Array, dict[str, Any]]] = [(motion.values, {"color": BLUE, "label": labels[0]})]
     if motion.beside is not None:
@@ -119,7 +119,7 @@ def _draw_curve(
 
 
 def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
-    """Harmonics to draw, up to the highest harmonic that is visible in any spectrum."""
+    """Return the harmonics to draw: all up to the highest that is visible in any spectrum."""
     least = 10 ** (_DB_FLOOR / 20) if scale == "dB" else _VISIBLE
     spectra = [motion.amplitudes[1:] for motion in motions.values()]
     visible = (np.flatnonzero(spectrum > least * spectrum.max()) for spectrum in spectra)
@@ -154,7 +154,7 @@ def _draw_spectrum(
 
 
 def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
-    """Label phase and order at the bottom of the columns, time and frequency at the top."""
+    """Label the columns: phase and order at the bottom, time and frequency at the top."""
     from matplotlib.ticker import MaxNLocator, MultipleLocator
 
     left, right = axes[-1]
@@ -174,8 +174,8 @@ def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
 
 @tables.register(Orbit)
 def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[RenderableType]:
-    """Tables of extrema, strongest harmonics, stability and, if requested, extrema of the quasi-static
-    solution."""
+    """Tables of the extrema, the strongest harmonics, the stability and, if requested, the extrema of the
+    quasi-static solution."""
     motion = [_extrema_table(orbit, "Motion over one period"), _order_table(orbit)]
     if quasi_static:
         motion.append(_extrema_table(orbit.quasi_static, "Quasi-static, without inertia and damping"))
@@ -184,13 +184,13 @@ def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[Renderabl
 
 @brief.register(RigidOrbit)
 def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
-    """Complete tables of the orbit of a mechanism without coordinates. There is no short form, because it
-    would state the verdict, which does not exist."""
+    """Complete tables of the orbit of a mechanism without coordinates. They replace the short form, which
+    would state a verdict that does not exist."""
     return printout(orbit)
 
 
 def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
-    """Table of extrema with their phases, and of means."""
+    """Return a table of the extrema, with their phases, and of the means."""
     motion.evaluate_outputs()
     period, rows = motion.system.period, []
     for name in known_quantities(motion.system):
@@ -205,14 +205,14 @@ def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
 
 
 def _degrees(period: float, phase: float) -> str:
-    """Text of a phase in degrees; the end of the period is written as 0."""
+    """Format a phase in degrees; the end of the period is written as 0."""
     rounded = round(math.degrees(phase), 1)
     return f"{rounded if rounded < round(math.degrees(period), 1) else 0.0:.1f}°"
 
 
 def _order_table(orbit: Orbit) -> Table:
-    """Table of the amplitudes and phase angles of the strongest harmonics; "–" for harmonics below the error
-    of the orbit."""
+    """Return a table of the amplitudes and phase angles of the strongest harmonics, with "–" for harmonics
+    below the error of the orbit."""
     rotation, rows = 2 * math.pi / orbit.system.period, []
     for name in known_quantities(orbit.system):
         amplitudes, angles = orbit.harmonics(name, orbit.samples // 8)
@@ -228,6 +228,6 @@ def _order_table(orbit: Orbit) -> Table:
 
 
 def _broken(name: str) -> str:
-    """Name, with a line break after an underscore if it is too long for a table of 80 columns."""
+    """Return a name, with a line break after an underscore if it is too long for a table of 80 columns."""
     place = name.rfind("_", 0, _LONGEST_NAME) + 1
     return name if len(name) <= _LONGEST_NAME or not place else f"{name[:place]}\n{name[place:]}"

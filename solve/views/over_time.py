@@ -1,4 +1,4 @@
-"""Figures and tables of motion over time: transients, curves over a period, and contributions of modes."""
+"""Figures and tables of motion versus time: transients, curves over a period, and contributions of modes."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -35,7 +35,7 @@ from solve.views.tables import MOST_ROWS, RenderableType, table, table_of, text
 
 @figure.register(Transient)
 def transient_figure(transient: Transient, names: Sequence[str] | None = None) -> Figure:
-    """Figure of each quantity over the periods, with the extrema of the orbit; see `Transient.plot`."""
+    """Figure of each quantity versus time, with the extrema of the orbit; see `Transient.plot`."""
     names = shown(transient.system, names)
     turns = transient.time if transient.ramp else transient.phase / transient.system.period
     kind = "nonlinear" if transient.nonlinear else "linear"
@@ -62,7 +62,7 @@ def transient_figure(transient: Transient, names: Sequence[str] | None = None) -
 
 
 def _add_speeds(axes: Axes, transient: Transient) -> None:
-    """Add an axis of speed at the top. The speed is linear in time."""
+    """Add a speed axis at the top. The speed is linear in time."""
     first, last = transient.system.labels.speed_unit.from_si(transient.ends[[0, -1]])
     slope = (last - first) / transient.time[-1]
     above = axes.secondary_xaxis(
@@ -73,8 +73,8 @@ def _add_speeds(axes: Axes, transient: Transient) -> None:
 
 @tables.register(Transient)
 def transient_tables(transient: Transient) -> Sequence[RenderableType]:
-    """Table of the largest moduli and distances to the orbit, one row per period, and table of the extrema of
-    outputs."""
+    """Table of the largest moduli and of the distances from the orbit, with one row per period; and table of
+    the extrema of outputs."""
     columns = {"": Column(range(1, transient.turns + 1), heading="turn")}
     for name, peaks in zip(transient.system.coordinates[:MOST_SHOWN], transient.peaks.T, strict=False):
         columns[name] = sized(peaks, transient.system.labels.units.get(name, ""), "", name, 6)
@@ -116,8 +116,8 @@ def require_turn(system: PeriodicSystem, name: str, curves: int) -> None:
 
 
 def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
-    """Figure of a coordinate or output over one period, one curve per orbit of a system at several speeds;
-    the slowest is darkest.
+    """Figure of a coordinate or output over one period, with one curve for each orbit of a system at several
+    speeds. The curve of the lowest speed is the darkest.
 
     Raises UnknownNameError and ValueOutOfBoundsError.
     """
@@ -131,7 +131,7 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
 
 
 def turns_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: bool = False) -> Figure:
-    """Figure of a coordinate or output over one period, with a labelled curve per orbit."""
+    """Figure of a coordinate or output over one period, with one labelled curve per orbit."""
     system = next(iter(orbits.values())).system
     phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits.values()) + 1)
     curves = {label: orbit.signal(name)(phase) for label, orbit in orbits.items()}
@@ -148,8 +148,9 @@ def curves_figure(
     styles: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
     about: str = "",
 ) -> Figure:
-    """Figure of curves (k,) of a coordinate or output at phases (k,) of one period, by label. styles: line
-    styles of some curves, by label. about: subject in the title (default: the quantity)."""
+    """Figure of curves of a coordinate or output over one period. `curves` maps labels to values (k,) at
+    phases (k,), and `styles` maps labels to line styles. `about` is the subject in the title, by default the
+    quantity."""
     shown = about or f"{name.replace('_', ' ')} over one turn"
     with page(3.3, f"{title_of(system)}: {shown}") as figure:
         axes = figure.subplots()
@@ -167,8 +168,8 @@ def curves_figure(
 def contributions_figure(
     model: PeriodicSystem, found: Contributions, speed: float, uncoupled: Array | None = None
 ) -> Figure:
-    """Figure of an output over the period and of the contribution of each mode to it, at a speed in rad/s.
-    uncoupled: values (k,) of the output if the modes are not coupled."""
+    """Figure of an output over the period, and of the contribution of each mode to it, at a speed in rad/s.
+    `uncoupled` (k,) are the values of the output without coupling of the modes."""
     curves = {"all modes": found.total}
     curves |= {f"mode {number}": values for number, values in enumerate(found.values, 1)}
     if uncoupled is not None:
@@ -179,7 +180,7 @@ def contributions_figure(
 
 
 def fits_figure(model: Model) -> Figure:
-    """Figure of the series fitted to the tables of the model's case, one panel per table. Raises
+    """Figure of the series fitted to the tables of the model's case, with one panel per table. Raises
     NoResultError for a case without tables."""
     if not model.fits:
         raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")

@@ -1,4 +1,4 @@
-"""Report on a system as a self-contained HTML page for screens, telephones and paper."""
+"""Report on a system as a self-contained HTML page for large and small screens and for paper."""
 
 import itertools
 import re
@@ -22,7 +22,8 @@ from solve.views.style import Figure, drawn
 from solve.views.tables import table, text
 
 OVER_SPEEDS = 1e-6
-"""Smallest tolerance of results over speed. A choice: curves and tables over speed show fewer digits."""
+"""Smallest relative tolerance of results versus speed. Chosen by judgement: curves and tables versus speed
+show fewer digits."""
 
 ENDINGS = (".html",)
 
@@ -32,12 +33,13 @@ _UNNEEDED = re.compile(
     r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->|(?<=<svg)[^>]*?(?= viewBox)", re.DOTALL
 )
 _NAME = re.compile(r'(\bid="|href="#|url\(#)')
-"""Pattern of the beginning of an identifier in a picture; identifiers must be unique on the page."""
+"""Pattern that matches the beginning of an identifier in a picture. Identifiers must be unique on the
+page."""
 
 _NUMBER = re.compile(r"\d+$")
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""Content security policy: the page loads nothing from elsewhere."""
+"""Content security policy, by which the page loads nothing from elsewhere."""
 
 _GIVEN = "given"
 
@@ -46,8 +48,8 @@ _GIVEN = "given"
 class Part:
     """Section of a report.
 
-    heading, about: title, and a sentence on the content. result, reason: the result, or the reason why there
-    is none. orbit: name of the orbit if the report contains two orbits.
+    `heading` is the title, and `about` a sentence on the content. `result` is None if there is none, and
+    `reason` then states why. `orbit` is the name of the orbit if the report contains two orbits.
     """
 
     heading: str
@@ -64,13 +66,13 @@ class Report:
     Attributes
     ----------
     system : PeriodicSystem
-        The system.
+        System of the report.
     parts : sequence of Part
         Sections in the order of the page.
     speeds : sequence of float
         Requested speeds in rad/s.
     rtol : float
-        Requested tolerance.
+        Requested relative tolerance.
     """
 
     system: PeriodicSystem
@@ -86,7 +88,7 @@ class Report:
 
     @cached_property
     def warnings(self) -> dict[str, list[str]]:
-        """Warnings, each with the headings of the sections that contain it."""
+        """Mapping from each warning to the headings of the sections that contain it."""
         headings: dict[str, list[str]] = {}
         for part in self.parts:
             for warning in part.result.warnings if part.result is not None else ():
@@ -99,12 +101,12 @@ class Report:
 
     @property
     def missing(self) -> dict[str, str]:
-        """Reasons why sections have no result, by heading."""
+        """Mapping from the headings of sections without a result to the reasons."""
         return {part.heading: part.reason for part in self.parts if part.reason}
 
     @cached_property
     def html(self) -> str:
-        """Page as HTML."""
+        """HTML text of the page."""
         return _page(self)
 
     def save(self, path: str | Path) -> None:
@@ -144,8 +146,8 @@ def _page(report: Report) -> str:
 
 
 def document(title: str, policy: str, style: str, body: str) -> str:
-    """Self-contained HTML page. policy: content security policy. style, body: lines, each ending in a
-    newline."""
+    """Return a self-contained HTML page. `policy` is its content security policy. All lines of `style` and
+    `body` end in a newline."""
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -167,7 +169,7 @@ def _section(heading: str, content: str) -> str:
 
 
 def _anchor(heading: str) -> str:
-    """HTML identifier of a section, from its heading."""
+    """Return the HTML identifier of a section, from its heading."""
     return re.sub(r"\W+", "-", heading.lower())
 
 
@@ -176,7 +178,7 @@ def _link(heading: str, text: str = "") -> str:
 
 
 def _findings(report: Report) -> str:
-    """HTML of the verdict, the other findings and the warnings."""
+    """Return the HTML of the verdict, the other findings and the warnings."""
     verdict = [f'<p class="verdict">{escape(sentence)}</p>' for sentence in report.summary[:1]]
     lines = [*verdict, _list(map(escape, report.summary[1:]), "found")]
     if report.warnings:
@@ -223,7 +225,7 @@ def _parameters(system: PeriodicSystem) -> str:
 
 
 def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
-    """Rows after merging. Successive rows whose names and meanings differ only in their numbers become one
+    """Yield rows. Successive rows whose names and meanings differ only in their numbers are merged to one
     row."""
 
     def kind(row: tuple[str, ...]) -> tuple[str, ...]:
@@ -237,7 +239,7 @@ def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...
 
 
 def _joined(first: str, last: str) -> str:
-    """Text for a range of names with a common beginning.
+    """Return a text for a range of names with a common beginning.
 
     >>> _joined("order 1", "order 12"), _joined("b1", "b12")
     ('order 1 … 12', 'b1 … b12')
@@ -257,13 +259,13 @@ def _part(part: Part) -> str:
     except SolveError as reason:
         lines.append(f'<p class="missing">No picture: {escape(str(reason))}.</p>')
     shown = result._repr_html_()
-    # Orbits and stability print their notes in the heading, other results do not.
+    # Orbits and stability contain their notes in the heading; other results do not.
     notes = [note for note in map(escape, getattr(result, "notes", ())) if note not in shown]
     return "\n".join([*lines, _wide(shown), _list(notes, "notes")])
 
 
 def _wide(content: str) -> str:
-    """HTML with each table in a frame that scrolls if the table is wider than the page."""
+    """Return HTML in which each table is in a frame that scrolls if the table is wider than the page."""
     framed = content.replace("<table>", '<div class="wide" tabindex="0"><table>')
     return framed.replace("</table>", "</table></div>")
 
@@ -276,7 +278,7 @@ def _picture(figure: Figure, part: Part) -> str:
 
 
 def svg_of(figure: Figure) -> str:
-    """Figure as an SVG element of HTML."""
+    """Return a figure as an SVG element of HTML."""
     stream = BytesIO()
     drawn(figure, Path("picture.svg"))(stream)
     element = _SVG.search(stream.getvalue().decode())
@@ -285,7 +287,7 @@ def svg_of(figure: Figure) -> str:
 
 
 def _settings(report: Report) -> str:
-    """HTML table of tolerances, options and versions. Methods, steps and errors are stated in the
+    """Return an HTML table of tolerances, options and versions. Methods, steps and errors are stated in the
     sections."""
     system = report.system
     rows = {
@@ -301,7 +303,7 @@ def _settings(report: Report) -> str:
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[str]], number: str = "") -> str:
-    """HTML table of texts, with the column of one heading formatted as numbers."""
+    """Return an HTML table of texts. The column with the heading `number` is formatted as numbers."""
     cells = [[*map(text, row)] for row in rows]
     content = table("", *headings, left=len(headings), rows=cells)
     for column in content.columns:

@@ -1,4 +1,4 @@
-"""Building blocks of figures: panels over speed, curves, colours, labels and titles."""
+"""Elements of figures: panels versus speed, curves, colours, labels and titles."""
 
 import math
 import textwrap
@@ -20,18 +20,19 @@ Value = TypeVar("Value", bound=Hashable)
 
 
 SAMPLES = 721
-"""Number of phases at which curves over a period are drawn: every half degree of a revolution."""
+"""Number of phases at which curves over a period are drawn, one for every half degree of a revolution."""
 
 _BETWEEN = 16
-"""Number of line segments between two points of a curve."""
+"""Number of line segments that are drawn between two computed points of a curve."""
 
 _ALIKE = 1e-6
-"""Distance from 1 below which differences between spectral radii are round-off and are not resolved by the
-axis."""
+"""Differences of spectral radii from 1 up to this size count as round-off, and the axis does not resolve
+them."""
 
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
-"""Position in the colour map beyond which curves are too light for a white page. A choice."""
+"""Position in the colour map beyond which colours are too light for curves on a white page. Chosen by
+judgement."""
 
 _FEW = 60
 """Maximum number of points of a curve that are marked."""
@@ -40,18 +41,19 @@ MOST_CURVES = 12
 """Maximum number of curves that can be distinguished in one figure."""
 
 HEADROOM = 1.15
-"""Ratio of the height of a Campbell diagram to the highest frequency."""
+"""Ratio of the upper limit of a Campbell diagram to the highest frequency."""
 
 DEFLECTION = 0.1
-"""Largest displacement in figures, relative to the size of the structure or path: visible without overlap."""
+"""Largest displacement in figures, relative to the size of the structure or path, at which displacements are
+visible and do not overlap."""
 
 _LABEL = 54
 """Number of characters per line of a label."""
 
 
 def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
-    """Names of the quantities to show; by default the first coordinates. Raises UnknownNameError, and
-    ValueOutOfBoundsError for more quantities than fit on a page."""
+    """Return the names of the quantities to show, by default the first coordinates. Raises UnknownNameError,
+    and ValueOutOfBoundsError for more quantities than fit on a page."""
     if not names:
         return list((system.coordinates or system.outputs)[:MOST_SHOWN])
     quantities = known_quantities(system, names)
@@ -63,12 +65,12 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:
-    """Title of a figure with model, case and speed."""
+    """Return a title with the model, the case and the speed."""
     return f"{title_of(system)}, {system.labels.speed_unit.text(speed)}"
 
 
 def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) -> Sequence[str]:
-    """Labels of values, with as few digits as distinguish different values.
+    """Return labels of values, with as few digits as are needed to distinguish different values.
 
     >>> distinct_labels([1.0, 1.00000002], lambda value, form: f"{value:{form}}")
     ['1', '1.00000002']
@@ -82,13 +84,13 @@ def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) 
 
 
 def title_of(system: PeriodicSystem) -> str:
-    """Title of a figure with model and case."""
+    """Return a title with the model and the case."""
     case = f", case {system.labels.case}" if system.labels.case else ""
     return f"{system.labels.name.replace('_', ' ')}{case}"
 
 
 def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> None:
-    """Draw values z (ny, nx) as colours over x and y, with a colour bar."""
+    """Draw values z (ny, nx) as colours in the plane of x and y, with a colour bar."""
     mesh = axes.pcolormesh(x, y, z, shading="nearest", rasterized=True, **colours)
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
     bar.set_label(label, color=GREY)
@@ -97,7 +99,7 @@ def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: st
 
 
 def axis_label(system: PeriodicSystem, name: str) -> str:
-    """Label of a parameter or the speed with its unit and meaning."""
+    """Return the label of a parameter, or of the speed, with its unit and meaning."""
     label = headed(name, unit_of(system, name).name)
     _, meaning = system.labels.parameter_labels.get(name, ("", ""))
     return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
@@ -123,12 +125,12 @@ def panels_over(
     ratios: Sequence[float] | None = None,
     align: bool = True,
 ) -> Iterator[tuple[Figure, Any]]:
-    """Figure of `count` panels, one below the other, over speeds (k,) in rad/s or over the values of a
-    parameter.
+    """Context manager that provides a figure with `count` panels, one below the other, versus speeds (k,) in
+    rad/s or versus the values of a parameter.
 
-    title: text after the model's name. height: height of the figure in inches. ratios: ratios of the heights
-    of the panels. The horizontal axis is labelled, and the vertical labels are aligned, at the end of the
-    block.
+    `title` is the text after the model's name, `height` the height of the figure in inches, and `ratios` the
+    ratios of the heights of the panels. At the end of the block, the horizontal axis is labelled, and the
+    vertical labels are aligned.
     """
     with page(height, f"{title_of(system)}: {title}") as figure:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
@@ -146,7 +148,7 @@ def legend_above(axes: Axes, columns: int = 2) -> None:
 
 
 def label_phases(axes: Axes, period: float) -> None:
-    """Label the horizontal axis with phases in degrees, for a period in rad."""
+    """Label the horizontal axis with phases in degrees, from 0 to the period, which is given in rad."""
     from matplotlib.ticker import MultipleLocator
 
     axes.set_xlim(0.0, math.degrees(period))
@@ -155,7 +157,8 @@ def label_phases(axes: Axes, period: float) -> None:
 
 
 def through(x: Array, y: Array) -> tuple[Array, Array]:
-    """Interpolated curve through points with abscissas x (k,) in any order, with gaps where y is NaN.
+    """Return an interpolated curve through points with abscissas x (k,), in any order, with gaps where y is
+    NaN.
 
     The interpolation by monotone cubics (F. Fritsch, R. Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246) adds
     no extrema.
@@ -175,8 +178,8 @@ def through(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **style: Any) -> None:
-    """Draw an interpolated curve over x (k,), see `through`. by_logarithm: whether positive values are
-    interpolated by their logarithms. If there are few points, they are marked."""
+    """Draw an interpolated curve versus x (k,); see `through`. If `by_logarithm` is True, the logarithms of
+    positive values are interpolated. If there are few points, they are marked."""
     with np.errstate(divide="ignore"):
         fine, values = through(x, np.log(y) if by_logarithm else y)
     axes.plot(fine, np.exp(values) if by_logarithm else values, **style)
@@ -186,8 +189,8 @@ def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **s
 
 
 def shades(count: int) -> list[dict[str, Any]]:
-    """Colours and dashes for several curves, of which the first is darkest. Dashes distinguish the curves in
-    black and white."""
+    """Return colours and dash patterns for several curves, of which the first is the darkest. The dash
+    patterns distinguish the curves in black and white."""
     import matplotlib
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
@@ -195,7 +198,7 @@ def shades(count: int) -> list[dict[str, Any]]:
 
 
 def frame_of(points: Plane) -> tuple[complex, complex]:
-    """Lower left and upper right corner around points x + iy, with a margin."""
+    """Return the lower left and the upper right corner of a frame around points x + iy, with a margin."""
     low = complex(points.real.min(), points.imag.min())
     high = complex(points.real.max(), points.imag.max())
     room = 0.07 * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
@@ -203,7 +206,8 @@ def frame_of(points: Plane) -> tuple[complex, complex]:
 
 
 def label_radius(axes: Axes, radius: Array) -> None:
-    """Label the axis of spectral radii, with a line at 1. The axis is logarithmic beyond a factor of ten."""
+    """Label the axis of spectral radii, and draw a line at 1. The axis is logarithmic if the radii span more
+    than a factor of ten."""
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
     if np.nanmin(radius, initial=1.0) <= 0.1 or np.nanmax(radius, initial=1.0) >= 10:
         axes.set_yscale("log")
@@ -214,8 +218,8 @@ def label_radius(axes: Axes, radius: Array) -> None:
 
 
 def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:
-    """Label the vertical axis for values of a quantity, and write its meaning above. Returns the factor from
-    SI units to the displayed unit."""
+    """Label the vertical axis for values of a quantity, and write the meaning of the quantity above the
+    panel. Return the conversion factor from SI units to the displayed unit."""
     factor, unit = prefixed(system.labels.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
     axes.set_ylabel(labelled(named(figure, name) if figure else name, unit))
     axes.set_title(system.labels.meanings.get(name, ""), loc="left", color=GREY)
@@ -223,7 +227,8 @@ def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array,
 
 
 def labelled(name: str, unit: str) -> str:
-    """Label of a quantity: a few characters per line, Greek letters, and the unit in brackets."""
+    """Return the label of a quantity, with a few characters per line, Greek letters, and the unit in
+    brackets."""
     lines = textwrap.wrap(greek(name).replace("_", " "), 12)
     if unit and len(lines) == 1 and len(lines[0] + unit) < 9:
         return f"{lines[0]} ({unit})"

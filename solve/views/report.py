@@ -32,8 +32,8 @@ from solve.views.page import OVER_SPEEDS, Part, Report
 
 
 class Request(NamedTuple):
-    """Section to compute: the function that returns its result, and a function that returns a substitute if
-    there is no result."""
+    """Section to compute: its texts, the function that computes its result, and a function that computes a
+    substitute if there is no result."""
 
     part: Part
     calculate: Callable[[], Result]
@@ -48,10 +48,11 @@ def report(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Report:
-    """Compute all results of a system, for one HTML page.
+    """Compute all results of a system, for a report on one HTML page.
 
-    At a speed these are vibration, stability, natural frequencies and sensitivities; over speeds they are
-    response, critical speeds, unstable bands and validity.
+    Results at `speed` are the vibration, the stability, the natural frequencies and the sensitivities.
+    Results at several speeds are the response, the critical speeds, the unstable bands and the validity of
+    the linear model.
 
     Parameters
     ----------
@@ -65,12 +66,12 @@ def report(
     method : str or Method
         Method, as in `periodic`.
     rtol : float
-        Relative tolerance at the speed; over the speeds at least 1e-6.
+        Relative tolerance of results at `speed`. For results at several speeds, it is at least 1e-6.
 
     Returns
     -------
     Report
-        Its method `save` writes the page. A section without a result states the reason.
+        Report, whose method `save` writes the page. A section without a result states the reason.
 
     Raises
     ------
@@ -101,7 +102,7 @@ def report(
 
 
 def _parts(requests: Sequence[Request]) -> list[Part]:
-    """Sections with their results, or with the reasons why results are missing."""
+    """Compute sections. Return them with their results, or with the reasons why results are missing."""
     parts = []
     with progress.steps(len(requests)) as step:
         for part, calculate, instead in requests:
@@ -114,7 +115,7 @@ def _parts(requests: Sequence[Request]) -> list[Part]:
 
 
 def _tried(calculate: Callable[[], Result]) -> tuple[Result | None, str]:
-    """Result of a calculation, or None and the reason of its failure."""
+    """Return the result of a computation, or None and the reason of the failure."""
     try:
         return calculate(), ""
     except SolveError as reason:
@@ -124,7 +125,8 @@ def _tried(calculate: Callable[[], Result]) -> tuple[Result | None, str]:
 def _of_motion(
     system: PeriodicSystem, omega: float, omegas: Sequence[float], rule: Rule, rtol: float
 ) -> list[Request]:
-    """Sections of the report for a model with equations of motion, not only natural frequencies."""
+    """Return the sections of the report for a model that has equations of motion, and not only natural
+    frequencies."""
     unit, options = system.labels.speed_unit, {"method": rule, "rtol": rtol}
     at, linear, other = unit.text(omega), "linear orbit" * is_nonlinear(system), "nonlinear orbit"
     orbit = Part(
@@ -185,7 +187,7 @@ def _over_speeds(
         return critical_speeds_of(swept(), **options)
 
     return [
-        Request(Part("Response over speed", response), _loaded(swept, system, omega)),
+        Request(Part("Response versus speed", response), _loaded(swept, system, omega)),
         Request(Part("Critical speeds", critical), _loaded(between_swept, system, omega)),
         Request(Part("Unstable bands", unstable), partial(bands, system, omegas, **options)),
         Request(Part("Validity of the linear model", off), _loaded(valid, system, omega)),
@@ -193,7 +195,7 @@ def _over_speeds(
 
 
 def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: float) -> Callable[[], Result]:
-    """Wrap a calculation so that it first checks that there is a load."""
+    """Return a computation that first requires that there is a load."""
 
     def checked() -> Result:
         require_load(system, omega)
@@ -203,8 +205,8 @@ def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: floa
 
 
 def _modes(system: PeriodicSystem) -> list[Request]:
-    """Sections on natural frequencies: mode shapes of structures, frequencies over the revolution of
-    mechanisms."""
+    """Return the sections on natural frequencies: mode shapes of structures, and frequencies of mechanisms
+    over the revolution."""
     place = " with the drive at the beginning of the turn" if system.labels.moves else ""
 
     def at_start() -> Findings:

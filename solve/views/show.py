@@ -1,4 +1,4 @@
-"""Text and HTML of results, by functions that are selected by the class of the result."""
+"""Text and HTML of results. The class of a result selects the functions that display it."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ from solve.views.style import Figure
 from solve.views.tables import RenderableType, Table, console, heading, stacked, table_of
 
 _LINES, _WIDTH = 15, 80
-"""Maximum number of lines of a result as text, and its width."""
+"""Maximum number of lines, and width in characters, of a result as text."""
 
 _VIEWS = {
     "bands": "sweep",
@@ -37,13 +37,13 @@ _VIEWS = {
     "tolerances": "tolerances",
     "transient": "over_time",
 }
-"""Module of this package by the module of `solve.results` whose classes it displays."""
+"""Mapping from modules of `solve.results` to the modules of this package that display their classes."""
 
 T = TypeVar("T")
 
 
 class ByClass(Generic[T]):
-    """Function of a result that dispatches on the class of the result, like `functools.singledispatch`.
+    """Function of a result that is selected by the class of the result, as by `functools.singledispatch`.
 
     The modules that register functions for classes of `solve.results` are imported at the first call.
     """
@@ -53,7 +53,7 @@ class ByClass(Generic[T]):
         update_wrapper(self, default)
 
     def register(self, kind: type) -> Callable[[Callable[..., T]], Callable[..., T]]:
-        """Register a function for a class of results, as a decorator."""
+        """Decorator that registers a function for a class of results."""
         return self._selected.register(kind)
 
     def __call__(self, result: Result, *arguments: Any, **options: Any) -> T:
@@ -72,8 +72,8 @@ def figure(result: Result, *_: Any, **__: Any) -> Figure:
 
 @ByClass
 def waterfall(result: Result, name: str) -> Figure:
-    """Figure of the spectrum of a quantity over the varying quantity."""
-    raise NotImplementedError(f"{type(result).__name__} has no spectra over the speed")
+    """Figure of the spectra of a quantity versus the varied quantity."""
+    raise NotImplementedError(f"{type(result).__name__} has no spectra versus speed")
 
 
 @ByClass
@@ -85,8 +85,8 @@ def tables(result: Result) -> Sequence[RenderableType]:
 
 @ByClass
 def printout(result: Result, choices: Sequence[str] = (), **options: Any) -> RenderableType:
-    """Everything that a command prints, except warnings. choices: settings other than the case; options:
-    options of the tables."""
+    """Everything that a command prints except warnings. `choices` are settings other than the case; `options`
+    are those of the tables."""
     return stacked(heading_of(result, choices), *tables(result, **options))
 
 
@@ -121,7 +121,7 @@ else:
     Table = object
 
 _LEFT = ' style="text-align: left"'
-"""CSS style of text cells, because notebooks align all cells to the right."""
+"""CSS style of cells with text. It is needed because notebooks align all cells to the right."""
 
 
 def html(printed: RenderableType) -> str:
@@ -148,7 +148,7 @@ def html(printed: RenderableType) -> str:
 
 
 def _table(table: Table) -> str:
-    """HTML of a table; the first column contains the headings of the rows."""
+    """Return the HTML of a table, whose first column contains the headings of the rows."""
     lines = ["<table>"]
     title = _words(table.title or "")
     if title:
@@ -180,7 +180,7 @@ def _kind(column: Any) -> str:
 
 
 def _words(content: Any) -> str:
-    """HTML of a text. Line feeds become positions where a long name may be broken."""
+    """Return the HTML of a text. Line feeds become positions at which a long name may be broken."""
     from rich.console import Console
 
     console = Console(markup=False, emoji=False, no_color=True)

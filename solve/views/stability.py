@@ -1,4 +1,4 @@
-"""Stability at one speed: multipliers, verdict and proofs."""
+"""Figures and tables of stability at one speed: multipliers, verdict and proofs."""
 
 import math
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ CIRCLE_ROW = 2.45
 """Height in inches of the panels that show multipliers."""
 
 _CLOSER = 0.4
-"""Spectral radius below which multipliers are also drawn magnified. A choice."""
+"""If the spectral radius is below this value, multipliers are also drawn magnified. Chosen by judgement."""
 
 _MOST_MULTIPLIERS = 8
 VERDICT_STYLES = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
@@ -50,7 +50,8 @@ def stability_in_brief(result: Stability) -> RenderableType:
 
 
 def _multiplier_table(result: Stability) -> RenderableType:
-    """Table of the multipliers with growth rates and frequencies, one row per conjugate pair."""
+    """Return a table of the multipliers, with growth rates and frequencies, and with one row per conjugate
+    pair."""
     multipliers = zip(
         result.multipliers, result.exponents, result.modes, result.multiplier_errors, strict=True
     )
@@ -89,7 +90,7 @@ def _verdict_line(result: Stability) -> RenderableType:
 
 
 def draw_stability(place: Figure | SubFigure, result: Stability) -> None:
-    """Draw panels of the multipliers (also magnified if they are small) and of the verdict."""
+    """Draw panels with the multipliers, with small multipliers magnified, and with the verdict."""
     from matplotlib.patches import Circle
 
     rho = result.multipliers[~np.isnan(result.multipliers)]
@@ -142,12 +143,12 @@ def _write_summary(axes: Axes, result: Stability) -> None:
 
 
 _LONGEST = 60
-"""Number of digits of a bound that fit next to its name in 80 columns."""
+"""Number of digits of a bound that fit next to its name in a line of 80 columns."""
 
 
 def proof_printout(proof: Proof) -> RenderableType:
-    """Texts and tables of the verdict, discs of the multipliers, bounds on maxima, true errors and
-    assumption."""
+    """Texts and tables of the verdict, the discs of the multipliers, the bounds on maxima, the true errors,
+    and the assumption of the proof."""
     maxima = [_maxima_table(proof)] if proof.max_abs else []
     place = [_place_table(proof, proof.orbit)] if proof.orbit else []
     return stacked(
@@ -172,7 +173,7 @@ def _proof_line(proof: Proof) -> RenderableType:
 
 
 def _disc_table(proof: Proof) -> RenderableType:
-    """Table of the discs that contain the multipliers, one row per conjugate pair."""
+    """Return a table of the discs that contain the multipliers, with one row per conjugate pair."""
     discs = [*zip(proof.multipliers.tolist(), proof.radii.tolist(), proof.isolated.tolist(), strict=True)]
     pairs, rows = [disc for disc in discs if disc[0].imag >= 0 or not disc[2]], []
     for center, radius, isolated in pairs[:_MOST_MULTIPLIERS]:
@@ -218,7 +219,7 @@ def _errors(proof: Proof) -> str:
 
 
 def rounded(value: float, digits: int, rounding: str) -> str:
-    """Number rounded to `digits` digits in the given direction.
+    """Round a number to `digits` digits in the direction `rounding`, and format it.
 
     >>> rounded(1.42e-11, 2, ROUND_CEILING)
     '1.5e-11'

@@ -1,4 +1,4 @@
-"""Style of figures: sizes and colours for a printed page, without pyplot's global state."""
+"""Style of figures: sizes and colours for a printed page. The global state of pyplot is not used."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 else:
-    # For annotations: matplotlib is imported when something is drawn.
+    # For annotations only: matplotlib is imported when something is drawn.
     Artist = Axes = Figure = SubFigure = object
 
-# Palette of Okabe and Ito, which colour-blind readers can distinguish; dark colours first.
+# Palette of Okabe and Ito, whose colours colour-blind readers can distinguish; dark colours come first.
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 BLACK, GREY, LIGHT = "#222222", "#666666", "#DDDDDD"
 MANY = BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY, "#7A4B00", "#5B2A86", GREY, "#8A8D00", "#B00060"
 
 PAGE_WIDTH = 7.2
-"""Width of figures in inches: two columns of a journal."""
+"""Width of figures in inches, which spans two columns of a journal."""
 
 _STYLE: dict[Any, Any] = {
     "font.size": 8.5,
@@ -55,7 +55,7 @@ _STYLE: dict[Any, Any] = {
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Context manager in which figures are created or drawn in the style of this program."""
+    """Context manager in which figures are created and drawn in the style of this program."""
     import matplotlib
 
     with matplotlib.rc_context(_STYLE):
@@ -63,7 +63,7 @@ def styled() -> Iterator[None]:
 
 
 def new_figure(height: float) -> Figure:
-    """Empty figure of page width, with a layout that avoids overlaps."""
+    """Return an empty figure of page width, with a layout that avoids overlaps."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -74,8 +74,8 @@ def new_figure(height: float) -> Figure:
 
 @contextmanager
 def page(height: float, title: str) -> Iterator[Figure]:
-    """New figure with a title, of `height` in inches, drawn in the style of this program. A "$" in texts,
-    which may come from a user, is shown unchanged."""
+    """Context manager that provides a new figure with a title, `height` inches high, in the style of this
+    program. A "$" in texts, which may come from a user, is shown unchanged."""
     with styled():
         figure = new_figure(height)
         figure.suptitle(greek(title), fontweight="bold")
@@ -104,7 +104,7 @@ def save_figure(figure: Figure, file: Path) -> None:
 
 
 def drawn(figure: Figure, file: Path) -> Callable[[BinaryIO], None]:
-    """Function that writes the figure to a stream, in the format of the file's ending."""
+    """Return a function that writes the figure to a stream, in the format that the file's ending states."""
     metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix.lower(), {})
     kind = file.suffix.lower().removeprefix(".")
 

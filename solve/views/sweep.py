@@ -1,4 +1,4 @@
-"""Figures and tables over speed or a parameter: sweeps of one or several systems, unstable bands,
+"""Figures and tables versus speed or a parameter: sweeps of one or several systems, unstable bands, and
 validity."""
 
 import itertools
@@ -36,33 +36,35 @@ from solve.views.style import BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure
 from solve.views.tables import RenderableType, table, table_of, text
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
-"""Colours of unstable bands and boundaries, by the multiplier that leaves the unit circle."""
+"""Colours of unstable bands and boundaries, by the way in which a multiplier leaves the unit circle."""
 
 KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex": "complex pair"}
 
 _FLOOR = -80.0
-"""Lowest amplitude of a spectrum in dB that is drawn."""
+"""Lowest amplitude that spectra show, in dB."""
 
 _WIDTH = 48
-"""Number of characters for columns of quantities in a table of 80 characters, which also has columns of
-speed, spectral radius and stability."""
+"""Number of characters for the columns of quantities in a table of 80 columns, which also contains the speed,
+the spectral radius and the stability."""
 
 _MOST_ROWS = 60
-"""Maximum number of rows; if there are more speeds, every k-th speed is shown. A choice."""
+"""Maximum number of rows of a table. If there are more speeds, every k-th speed is shown. Chosen by
+judgement."""
 
 Edges = Sequence[tuple[float, float, str]]
-"""Unstable bands: lower and upper edge (rad/s), kind."""
+"""Type of unstable bands: lower edge, upper edge (rad/s) and kind of each."""
 
 
 def _quantities_to_draw(sweep: Sweep) -> Sequence[str]:
-    """Names of the quantities to draw: the stored coordinates, or the outputs if no coordinate is stored."""
+    """Return the names of the quantities to draw: the stored coordinates, or the outputs if no coordinate is
+    stored."""
     kept = sweep.results.kept.names
     return [name for name in kept if name in sweep.system.coordinates] or kept
 
 
 @figure.register(Sweep)
 def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
-    """Figure of the response and the spectral radius over speed; see `Sweep.plot`."""
+    """Figure of the response and the spectral radius versus speed; see `Sweep.plot`."""
     names = known_quantities(sweep.system, names or _quantities_to_draw(sweep))
     responses = {name: sweep.figures(name, figure) for name in names}
     radius = sweep.spectral_radius if sweep.system.labels.vibrates else None
@@ -71,8 +73,8 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 
 @tables.register(Sweep)
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
-    """Table with one row per point: the largest moduli of the named quantities; by default of as many
-    coordinates as fit."""
+    """Table with one row per point, which contains the largest moduli of the named quantities, by default of
+    as many coordinates as fit."""
     names = names or _quantities_to_draw(sweep)
     units = sweep.system.labels.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
@@ -102,20 +104,20 @@ def response_figure(
     figure: str = "max_abs",
     bands: Edges = (),
 ) -> Figure:
-    """Figure with one panel per quantity, which shows its statistic over the last varying parameter, and a
-    panel of the spectral radius.
+    """Figure of a statistic of each quantity, one panel per quantity, and of the spectral radius, versus the
+    last quantity that varies.
 
-    varied, responses: values (P,) by name. radius: spectral radii (P,); None without vibration. There is a
-    curve for each combination of the other parameters; the maxima of a single curve are marked. Unstable
-    bands are shaded; the response within them is not drawn because it is not sustained. Raises
-    ValueOutOfBoundsError for more curves than can be distinguished.
+    `varied` and `responses` map names to values (P,). `radius` (P,) are the spectral radii; None if nothing
+    vibrates. There is one curve for each combination of the other parameters; if there is only one curve, its
+    maxima are marked. Unstable bands are shaded, and the response within them is not drawn, because it is not
+    sustained. Raises ValueOutOfBoundsError for more curves than can be distinguished.
     """
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
     x = unit_of(system, along).from_si(varied[along])
     rows = len(responses) + (radius is not None)
-    title = f"response over {along}"
+    title = f"response versus {along}"
     with panels_over(system, varied[along], title, 1.4 + 1.35 * rows, rows, along) as (page, panels):
         for axes, (name, values) in zip(panels, responses.items(), strict=False):
             heights = values * label_quantity(axes, system, name, values, figure)
@@ -140,8 +142,8 @@ def response_figure(
 def _lines(
     system: PeriodicSystem, varied: Mapping[str, Array], others: Sequence[str], along: str
 ) -> dict[str, list[int]]:
-    """Indices of the points of each curve, in ascending order of the parameter `along`, by the label of the
-    other parameters."""
+    """Return a mapping from the label of each curve, which states the values of the other parameters, to the
+    indices of its points in ascending order of the parameter `along`."""
     lines: dict[str, list[int]] = {}
     labels: Sequence[str] = [""] * len(varied[along])
     if others:
@@ -157,7 +159,7 @@ def _lines(
 
 def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
     """Mark values that exceed both neighbours. Values next to a gap are not marked, because the response may
-    rise within the gap."""
+    rise further in the gap."""
     inner = heights[1:-1]
     top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
     axes.plot(x[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
@@ -165,12 +167,13 @@ def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
 
 
 def moving(varied: Mapping[str, Array]) -> list[str]:
-    """Names of the quantities that vary, from their values (P,) by name; the last quantity if none varies."""
+    """Return the names of the quantities that vary, from a mapping of names to values (P,); if none varies,
+    the name of the last one."""
     return [name for name, values in varied.items() if np.ptp(values) > 0] or [*varied][-1:]
 
 
 def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence[str]:
-    """Labels (P,) of points by their values of the speed (rad/s) or of parameters."""
+    """Return the labels (P,) of points, which state the values of the speed (rad/s) or of parameters."""
     points = list(zip(*(column.tolist() for column in values.values()), strict=True))
 
     def words(point: tuple[float, ...], form: str) -> str:
@@ -185,8 +188,8 @@ def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence
 
 @waterfall.register(Sweep)
 def waterfall_figure(sweep: Sweep, name: str) -> Figure:
-    """Figure of the amplitudes of a quantity over the varying quantity and the order of rotation, in dB
-    relative to the largest. See `Sweep.waterfall`."""
+    """Figure of the amplitudes of a quantity, in dB relative to the largest, versus the varied quantity and
+    the order of rotation. See `Sweep.waterfall`."""
     system, varied, amplitudes = sweep.system, sweep.varied, sweep.spectrum(name)
     *others, along = moving(varied)
     if others:
@@ -206,7 +209,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     factor, unit = prefixed(system.labels.units.get(name, ""), largest)
     with np.errstate(divide="ignore"):
         decibels = 20 * np.log10(heights / largest)
-    with page(4.4, f"{title_of(system)}: spectrum of {name} over {along}") as drawing:
+    with page(4.4, f"{title_of(system)}: spectra of {name} versus {along}") as drawing:
         axes = drawing.subplots()
         orders = np.arange(1, len(heights) + 1) * rotation
         seen = np.where(decibels > _FLOOR, decibels, np.nan)
@@ -220,7 +223,8 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
 
 @figure.register(Bands)
 def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
-    """Figure of the spectral radius over speed, with the unstable bands shaded by kind; see `Bands.plot`."""
+    """Figure of the spectral radius versus speed, with the unstable bands shaded by kind; see
+    `Bands.plot`."""
     if not isinstance(sweep, Sweep | None):
         raise ValueOutOfBoundsError(
             f"sweep is {described(sweep)}; give a Sweep, such as solve.sweep(...), or leave it out; "
@@ -280,7 +284,7 @@ def sweeps_figure(
     responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
     order, count = np.argsort(sweeps.speeds), len(responses)
     speeds = sweeps.system.labels.speed_unit.from_si(sweeps.speeds[order])
-    with panels_over(sweeps.system, sweeps.speeds, "response over speed", 1.1 + 1.9 * count, count) as (
+    with panels_over(sweeps.system, sweeps.speeds, "response versus speed", 1.1 + 1.9 * count, count) as (
         page,
         panels,
     ):
@@ -297,7 +301,7 @@ def sweeps_figure(
 
 @figure.register(Validity)
 def validity_figure(validity: Validity) -> Figure:
-    """Figure of linearisation errors over speed."""
+    """Figure of the linearisation errors versus speed."""
     unit, names = validity.system.labels.speed_unit, validity.system.coordinates[:MOST_SHOWN]
     with panels_over(validity.system, validity.speeds, "error of the linear orbit", 3.4, 1) as (
         page,
@@ -317,7 +321,7 @@ def validity_figure(validity: Validity) -> Figure:
 
 @tables.register(Sweeps)
 def sweeps_tables(sweeps: Sweeps) -> Sequence[RenderableType]:
-    """Table per quantity with its peaks, quiet speeds and largest values."""
+    """Tables, one per quantity, of the peaks, the quiet speeds and the largest values."""
     return [_extremes_table(sweeps, name) for name in sweeps.quantities]
 
 

@@ -15,18 +15,19 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
     from rich.table import Table
 else:
-    # For annotations: rich is imported when something is printed.
+    # For annotations only: rich is imported when something is printed.
     Console = ConsoleOptions = RenderableType = RenderResult = Table = object
 
 
 MOST_ROWS = 40
-"""Maximum number of rows of long tables, so that they fit on two screens; every k-th row is shown."""
+"""Maximum number of rows of long tables, so that they fit on two screens. In longer ones, every k-th row is
+shown."""
 
 MOST_LISTED = 20
-"""Maximum number of rows of lists in the order of their importance; the others are counted."""
+"""Maximum number of rows of tables in order of importance. The number of the remaining rows is stated."""
 
 _UNBROKEN = 10_000
-"""Width in columns at which no table wraps."""
+"""Width, in characters, at which no table wraps."""
 
 
 def stacked(*items: RenderableType) -> RenderableType:
@@ -44,7 +45,7 @@ def text(content: str, style: str = "") -> RenderableType:
 
 
 def assembled(*pieces: str | tuple[str, str]) -> RenderableType:
-    """Renderable text from pieces, some with a Rich style."""
+    """Renderable text from pieces, each of which may have a Rich style."""
     from rich.text import Text
 
     return Text.assemble(*pieces)
@@ -64,7 +65,7 @@ def table(
     rows: Iterable[Sequence[Any]] = (),
     caption: str | None = None,
 ) -> Table:
-    """Table whose first `left` columns are aligned to the left. Spelt-out Greek letters are replaced by
+    """Table whose first `left` columns are aligned to the left. Names of Greek letters are replaced by
     symbols."""
     from rich.box import SIMPLE_HEAD
 
@@ -88,8 +89,8 @@ def table(
 def table_of(
     title: str, columns: Columns, left: int = 0, most: int | None = None, caption: str | None = None
 ) -> Table:
-    """Table of the columns that have a heading. If there are more rows than `most`, every k-th row is
-    shown, which the title then states."""
+    """Table of the columns that have a heading. If there are more rows than `most`, only every k-th row is
+    shown, as the title then states."""
     shown = [column for column in columns.values() if column.heading]
     rows = [*zip(*(column.texts for column in shown), strict=True)]
     step = math.ceil(len(rows) / (most or len(rows) or 1)) or 1
@@ -100,8 +101,8 @@ def table_of(
 
 @functools.cache
 def _number_table() -> type[Table]:
-    """Class of tables that do not truncate numbers. In a narrow terminal, long names continue on the next
-    line."""
+    """Return a class of tables that do not truncate numbers. In a narrow terminal, long names continue on the
+    next line."""
     import rich.table
     from rich.text import Text
 
@@ -134,7 +135,7 @@ def _number_table() -> type[Table]:
 def heading(
     system: PeriodicSystem, speed: float | None, choices: Sequence[str], rows: HeaderRows = ()
 ) -> Table:
-    """Heading with model, speed (rad/s), choices of the user, and further rows."""
+    """Heading with the model, the speed (rad/s), the settings of the user, and further rows."""
     from rich.table import Table
     from rich.text import Text
 
@@ -161,14 +162,14 @@ def heading(
 
 
 def _with_unit(system: PeriodicSystem, choice: str) -> str:
-    """Text NAME=NUMBER of a parameter, with the unit added."""
+    """Return the text NAME=NUMBER of a parameter with its unit added."""
     name, _, value = choice.partition("=")
     unit = unit_of(system, name).name if name in system.labels.parameter_labels else ""
     return choice if unit in ("", "1") or not is_number(value) else f"{choice} {unit}"
 
 
 def in_every_unit(speed: float, first: ShownUnit) -> str:
-    """Text of a speed (rad/s) in the usual units, beginning with `first`.
+    """Format a speed (rad/s) in the usual units, beginning with `first`.
 
     >>> from solve.units import RPM
     >>> in_every_unit(1.0, RPM)

@@ -17,18 +17,19 @@ from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table, text
 
 _MOST_QUANTITIES, _MOST_BARS = 4, 8
-"""Largest numbers of quantities in the picture, and of parameters per quantity: as many as fit."""
+"""Maximum numbers of quantities in the picture and of parameters per quantity: as many as fit."""
 
 _BINS = 40
-"""Number of bars of a histogram. A choice."""
+"""Number of bars of a histogram. Chosen by judgement."""
 
 _OUTSIDE = 5e-4
-"""Fraction of the distribution that histograms omit at each end. A choice."""
+"""Fraction of a distribution that histograms omit at each end. Chosen by judgement."""
 
 
 @figure.register(Tolerances)
 def tolerances_figure(result: Tolerances) -> Figure:
-    """Figure with one row per quantity: its distribution with the limit, and its Sobol indices."""
+    """Figure with one row per quantity, which shows its distribution with the limit, and its Sobol
+    indices."""
     names = _shown(result)
     columns = 2 if result.sobol else 1
     bars = min(len(result.spreads), _MOST_BARS)
@@ -48,7 +49,7 @@ def tolerances_figure(result: Tolerances) -> Figure:
 
 
 def _shown(result: Tolerances) -> list[str]:
-    """Quantities that vary owing to the parameters, or that have limits, with the spectral radius last."""
+    """Return the quantities that vary with the parameters or have limits. The spectral radius comes last."""
     varying = [
         name
         for name, column in zip(result.units, result.values.T, strict=True)
@@ -59,7 +60,7 @@ def _shown(result: Tolerances) -> list[str]:
 
 
 def _is_influenced(result: Tolerances, name: str) -> bool:
-    """Whether a quantity has Sobol indices, or none were computed."""
+    """Return whether a quantity has Sobol indices; True if none were computed."""
     indices = result.sobol.get(name, {}).values()
     return not indices or any(np.isfinite(each.total) for each in indices)
 
@@ -70,7 +71,8 @@ def _spread(values: Array) -> bool:
 
 
 def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
-    """Draw the density of a quantity (worst value over the speeds), with its limit and its nominal value."""
+    """Draw the distribution of the worst value of a quantity at any speed, with its limits and its nominal
+    value."""
     values, unit = result.values[:, list(result.units).index(name)], result.units[name]
     known = np.isfinite(values)
     factor, shown = prefixed(unit, float(np.abs(values[known]).max(initial=0.0)))
@@ -91,7 +93,7 @@ def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
 
 
 def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
-    """Draw first-order and total indices of the parameters, the largest at the top."""
+    """Draw the first-order and total indices of the parameters, the largest at the top."""
     indices = result.sobol[name]
     ranked = sorted(indices, key=lambda parameter: -indices[parameter].total)[:_MOST_BARS]
     rows = np.arange(len(ranked))
@@ -136,7 +138,7 @@ def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
 
 
 def _event(name: str) -> str:
-    """Text that describes an event."""
+    """Return a text that describes an event."""
     return name if name == UNSTABLE else f"violated: {name}"
 
 
@@ -159,8 +161,8 @@ def _with_error(value: float, error: float) -> str:
 
 
 def _worst_table(result: Tolerances) -> RenderableType:
-    """Table with one column per quantity: nominal and worst value, with the speed and the parameters of the
-    worst case."""
+    """Return a table with one column per quantity: its nominal value, its worst value, and the speed and the
+    parameters of the worst case."""
     worst, unit = result.worst, result.system.labels.speed_unit
     rows = [
         ("nominal", *(measured(each.nominal, result.units[name]) for name, each in worst.items())),

@@ -1,1 +1,1 @@
-"""The studies of `python -m models.four_bar`: one module each, with computation, result and command."""
+"""Studies of `python -m models.four_bar`. Each is a module with its computation, result and command."""

@@ -1,4 +1,5 @@
-"""Comparison of one corrected element per link with finer models over a revolution (thesis Fig. 7.9)."""
+"""Comparison of one corrected element per link with finer models, over a revolution (Fig. 7.9 of the
+thesis)."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -32,7 +33,7 @@ from solve.views.tables import RenderableType, table_of
 
 REFERENCE = "reference"
 _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
-"""Quintic elements of the reference model; its stresses are accurate to about 0.2 %."""
+"""Elements of the reference model: quintic ones, with which its stresses are accurate to about 0.2 %."""
 
 
 @serializable
@@ -40,8 +41,9 @@ _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
 class OneModel:
     """Result computed with one model.
 
-    drawn: name of the output with the largest value; `figures`: its statistics. values (k,): the plotted
-    output, which is `drawn` of the reference model, at phases over a revolution including both ends.
+    `drawn` is the name of the output with the largest value, and `figures` are the statistics of this output.
+    `values` (k,) are those of the plotted output, which is `drawn` of the reference model, at phases over a
+    revolution including both ends.
     """
 
     drawn: str
@@ -54,8 +56,8 @@ class OneModel:
 
 @dataclass(frozen=True)
 class Corrections(Result):
-    """Values of a quantity at a speed (rad/s) from several models of one mechanism, by the label of the
-    model."""
+    """Values of a quantity at a speed (rad/s), computed with several models of one mechanism. `models` maps
+    labels to results."""
 
     _rows: ClassVar[str] = "models"
 
@@ -99,8 +101,8 @@ class Corrections(Result):
         }
 
     def file_contents(self) -> FileContents:
-        """Contents of files: the quantity over the revolution, with one column per model. The rows of the
-        table are metadata."""
+        """Content of files: the quantity over the revolution, with one column per model. The rows of the
+        table are part of the metadata."""
         unit = self.system.labels.units.get(self.reference.drawn, "")
         columns = {"phase": Column(self._phase, "rad", "phase of the drive", axes=("phase",))}
         for label, model in self.models.items():
@@ -112,8 +114,8 @@ class Corrections(Result):
         return np.linspace(0.0, self.system.period, SAMPLES)
 
     def plot(self) -> Figure:
-        """Figure of the quantity over the revolution, one curve per model; the reference is a wide line
-        behind the others."""
+        """Figure of the quantity over the revolution, with one curve per model. The curve of the reference is
+        a wide line behind the others."""
         curves = {label: model.values for label, model in self.models.items()}
         return curves_figure(
             self.system,
@@ -127,7 +129,7 @@ class Corrections(Result):
 
 @tables.register(Corrections)
 def corrections_tables(result: Corrections) -> Sequence[RenderableType]:
-    """Table of the reference and of the compared models."""
+    """Table of the reference model and of the compared models."""
     caption = "reference: 2 quintic elements per link, each with an inner node"
     return [table_of(result.quantity, result.columns, left=1, caption=caption)]
 
@@ -135,12 +137,12 @@ def corrections_tables(result: Corrections) -> Sequence[RenderableType]:
 def corrections(
     model: StructureModel, speed: float, of: str, elements: Sequence[str], rtol: float = 1e-6
 ) -> Corrections:
-    """Values of a quantity at a speed (rad/s) from three kinds of models: the reference, cubic elements, and
+    """Compute a quantity at a speed (rad/s) with three kinds of models: the reference, cubic elements, and
     one corrected element per link.
 
-    of: a coordinate or output, or the common name of several outputs, of which the largest is used. elements:
-    numbers of cubic elements per link. The corrected element is solved with both loads. Raises SolveError
-    subclasses.
+    `of` is a coordinate or output, or the common name of several outputs, of which the largest is used.
+    `elements` are numbers of cubic elements per link. The model with corrected elements is solved with each
+    of the two inertia loads. Raises SolveError subclasses.
     """
     systems: dict[str, PeriodicSystem] = {REFERENCE: model.varied(options=_REFERENCE_OPTIONS)}
     systems |= {count: model.varied(options={"element": "cubic", "elements": count}) for count in elements}
@@ -158,7 +160,7 @@ def corrections(
 
 
 def _solved(system: PeriodicSystem, speed: float, quantity: str, drawn: str | None, rtol: float) -> OneModel:
-    """Result of one model. drawn: output to sample (default: the one with the largest value)."""
+    """Solve one model. `drawn` is the output to sample, by default the one with the largest value."""
     orbit = solve.periodic(system, speed, rtol=rtol)
     figures = {name: orbit.statistics(name) for name in parts_of(system, quantity)}
     largest = max(figures, key=lambda name: figures[name].max_abs)

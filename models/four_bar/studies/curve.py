@@ -1,4 +1,4 @@
-"""Path of a coupler point, compared with its path on the rigid linkage (thesis Figs. 8.3, 8.4)."""
+"""Path of a coupler point, compared with its path on the rigid linkage (Figs. 8.3 and 8.4 of the thesis)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,8 @@ from solve.views.tables import RenderableType, table_of
 @serializable
 @dataclass(frozen=True)
 class CouplerCurve:
-    """Positions x + iy (m) of a point at phases (k,), on the rigid and on the flexible linkage, each (k,)."""
+    """Positions x + iy (m) of a point at phases (k,): on the rigid linkage (k,) and on the flexible linkage
+    (k,)."""
 
     phase: Array
     rigid: Array
@@ -34,14 +35,14 @@ class CouplerCurve:
 
     @property
     def deviation(self) -> Array:
-        """Displacement x + iy (m) from the rigid path."""
+        """Displacement x + iy (m) of the point from its position on the rigid linkage."""
         return self.elastic - self.rigid
 
 
 @dataclass(frozen=True)
 class CurveOfPoint(AtOneSpeed):
-    """Path of the point at the fraction `along` of the coupler, at the distance `across` (m) from the
-    coupler's axis."""
+    """Path of the point at the fraction `along` of the coupler's length and the distance `across` (m) from
+    the coupler's axis."""
 
     along: float
     across: float
@@ -63,7 +64,7 @@ class CurveOfPoint(AtOneSpeed):
 
     @property
     def columns(self) -> Columns:
-        """Columns of the table: phase and positions over the revolution."""
+        """Columns of the table: phases, and positions at these phases, over a revolution."""
         columns = {"phase": Column(self.curve.phase, "rad", "phase of the drive", axes=("phase",))}
         for name, path in (("rigid", self.curve.rigid), ("flexible", self.curve.elastic)):
             for axis, values in (("x", np.real(path)), ("y", np.imag(path))):
@@ -76,7 +77,7 @@ class CurveOfPoint(AtOneSpeed):
         return {**super().record(), "curve": to_json(curve)}
 
     def plot(self) -> Figure:
-        """Figure of both paths, and of the deviation over the revolution."""
+        """Figure of both paths, and of the deviation versus crank angle."""
         speed = self.system.labels.speed_unit.text(self.orbit.speed)
         title = f"Coupler curve at {speed}" + ", quasi-static" * self.quasi_static
         return curve_figure(title, self.curve)
@@ -84,7 +85,7 @@ class CurveOfPoint(AtOneSpeed):
 
 @tables.register(CurveOfPoint)
 def curve_tables(result: CurveOfPoint) -> Sequence[RenderableType]:
-    """Table of the maximum and rms of the deviation and of its components."""
+    """Table of the maximum and the root mean square of the deviation and of its components."""
     components = _components(result.curve.deviation)
     moduli = [np.abs(values) for values in components.values()]
     maxima = [float(modulus.max()) for modulus in moduli]
@@ -103,14 +104,15 @@ def _components(deviation: Array) -> dict[str, Array]:
 
 
 def _rms(values: Array) -> float:
-    """Root mean square over a revolution; the last sample repeats the first."""
+    """Return the root mean square over a revolution, whose last sample repeats the first."""
     return float(np.sqrt((values[:-1] ** 2).mean()))
 
 
 def coupler_curve(
     model: StructureModel, motion: PeriodicMotion, along: float, across: float, phase: Array
 ) -> CouplerCurve:
-    """Path of the point at the fraction `along` (0 … 1) of the coupler from A, at a distance `across` (m).
+    """Compute the path of the point at the fraction `along` (0 … 1) of the coupler's length from A, and at
+    the distance `across` (m) from its axis.
 
     Raises ValueOutOfBoundsError.
     """
@@ -130,7 +132,7 @@ def curve_of_point(
     quasi_static: bool = False,
     rtol: float = 1e-6,
 ) -> CurveOfPoint:
-    """Path of a coupler point at a speed, in the periodic or quasi-static solution."""
+    """Compute the path of a coupler point at a speed, from the periodic or the quasi-static solution."""
     orbit = solve.periodic(model, speed, rtol=rtol)
     phase = np.linspace(0.0, model.period, SAMPLES)
     path = coupler_curve(model, orbit.quasi_static if quasi_static else orbit, along, across, phase)
@@ -138,14 +140,14 @@ def curve_of_point(
 
 
 def _magnification(curve: CouplerCurve) -> float:
-    """Factor for which the drawn deviation is at most the fraction `DEFLECTION` of the larger extent of the
-    path."""
+    """Return the magnification with which the deviation in the figure is at most the fraction `DEFLECTION` of
+    the larger extent of the path."""
     size = max(float(np.ptp(np.real(curve.rigid))), float(np.ptp(np.imag(curve.rigid))))
     return round_magnification(DEFLECTION * size / (float(np.abs(curve.deviation).max()) or np.inf))
 
 
 def curve_figure(title: str, curve: CouplerCurve) -> Figure:
-    """Figure of both paths, with the deviation magnified, and of the deviation over the revolution."""
+    """Figure of both paths, with the deviation magnified, and of the deviation versus crank angle."""
     with page(3.4, title) as figure:
         left, right = figure.subplots(1, 2)
         _draw_paths(left, curve)
@@ -187,7 +189,7 @@ def curve(
     speed: SpeedText = "30 rad/s",
     along: Annotated[float, Flag("Position on the coupler, from 0 at A to 1 at B.", "S")] = 0.5,
     across: Annotated[float, Flag("Distance from the axis of the coupler, in m.", "M")] = 0.0,
-    quasi_static: Annotated[bool, Flag("The quasi-static path instead of the dynamic one.")] = False,
+    quasi_static: Annotated[bool, Flag("Use the quasi-static path instead of the dynamic one.")] = False,
     rtol: Tolerance = 1e-6,
 ) -> None:
     """Path of a coupler point, compared with that of the rigid linkage."""

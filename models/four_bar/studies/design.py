@@ -1,4 +1,4 @@
-"""The design method as a study: target speed, run-up plan, simulated run-ups, and the command."""
+"""Design method as a study: target speed, run-up plan, simulated run-ups, and the command."""
 
 import re
 from dataclasses import dataclass, replace
@@ -54,28 +54,30 @@ from solve.views.show import printout
 from solve.views.style import Figure
 
 _HALVINGS = 6
-"""Maximum number of simulated run-ups, each of half the duration of the previous one. A choice."""
+"""Maximum number of simulated run-ups, each of which has half the duration of the previous one. Chosen by
+judgement."""
 
 _RETURN_FRACTION = 0.2
-"""Duration of the return of the pivot, relative to that of the run-up. A choice."""
+"""Duration of the return of the pivot, relative to that of the run-up. Chosen by judgement."""
 
 _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
 """First and last default speed of the map, relative to the mean lowest frequency, and ratio of neighbouring
-speeds. Choices.
+speeds. Chosen by judgement.
 
 The mean lowest frequency is then 32 to 3.5 times the speed, so that the map contains superharmonic resonances
 of the orders 4 to 32.
 """
 
 _FEWEST_SPEEDS, _LENGTHS, _MOST_LENGTHS = 5, 48, 200
-"""Smallest number of speeds of a map; default and largest number of lengths L4. Choices."""
+"""Smallest number of speeds in a map; default number and largest number of lengths L4. Chosen by
+judgement."""
 
 _RANGE = re.compile(r"(?P<low>[^:\s]+):(?P<high>[^:\s]+)(:(?P<count>\d+))?\s+(?P<unit>\S.*)")
 
 
 @dataclass(frozen=True)
 class DesignResult(Outcome, Result):
-    """Outcome of the design method, with its record, columns, tables, figure and files."""
+    """Outcome of the design method as a result with a record, columns, tables, a figure and files."""
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]
@@ -83,7 +85,7 @@ class DesignResult(Outcome, Result):
 
     @property
     def summary_values(self) -> dict[str, Any]:
-        """Values of the result in SI units; ratios are stress divided by allowable stress."""
+        """Values of the result in SI units. Ratios are stresses divided by allowable stresses."""
         design, stresses, links = self.design, self.map, self.map.links
         smallest = self.least[0] * stresses.allowable
         return {
@@ -121,8 +123,8 @@ class DesignResult(Outcome, Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns of the table: stress of each link for the mechanism's own L4, and the stress ratio that is
-        needed to reach each speed."""
+        """Columns of the table, with one row per speed: the stress of each link for the mechanism's own L4,
+        and the stress ratios that are needed to reach the speed."""
         needed, stresses, axes = self.design.needed, self.map, ("speed",)
         columns = {"speed": Column(stresses.speeds, "rad/s", "speed of the crank", axes=axes)}
         for number, link in enumerate(stresses.links):
@@ -151,8 +153,8 @@ class DesignResult(Outcome, Result):
         return replace(contents, arrays=arrays)
 
     def plot(self) -> Figure:
-        """Figure of the map with the plan, of the ratio needed to reach each speed, and of the slowest
-        simulation."""
+        """Figure of the map with the plan, of the stress ratio that is needed to reach each speed, and of the
+        slowest simulation."""
         from models.four_bar.views.figures import design_figure
 
         return design_figure(self)
@@ -162,10 +164,10 @@ printout.register(DesignResult)(design_report)
 
 
 def carry_out(design: Design, target: float | None = None, duration: float = 60.0) -> DesignResult:
-    """Carry out the design method for a target speed.
+    """Apply the design method to a target speed.
 
-    target: rad/s, by default chosen by the method; duration: duration of the slowest run-up in s. Raises
-    DesignError for a target outside the map.
+    `target` is in rad/s; by default, the method chooses it. `duration` is that of the slowest run-up, in s.
+    Raises DesignError for a target outside the map.
     """
     stresses, rate = design.map, design.rate
     if target is None:
@@ -193,8 +195,8 @@ def require_target(target: float, speeds: Array, unit: ShownUnit) -> None:
 
 
 def _simulated(stresses: DesignMap, plan: Plan, returns: bool, duration: float) -> list[Trial]:
-    """Simulations of the plan with the given duration (s), then half of it, and so on, until a stress exceeds
-    the allowable one."""
+    """Simulate the plan with the duration `duration` (s), then with half of it, and so on, until a stress
+    exceeds the allowable one."""
     trials: list[Trial] = []
     start, home = float(plan.speed[0]) / 10, stresses.own_L4 if returns else None
     for halving in range(_HALVINGS):
@@ -213,10 +215,13 @@ def design(
     results: Results,
     allowable: Annotated[
         str | None,
-        Flag('For all links, or for each: "crank=99 MPa,coupler=80 MPa,follower=90 MPa".', '"100 MPa"'),
+        Flag(
+            'Allowable stress, for all links or for each: "crank=99 MPa,coupler=80 MPa,follower=90 MPa".',
+            '"100 MPa"',
+        ),
     ] = None,
     target: Annotated[
-        str | None, Flag("Speed to run up to; by default the method chooses.", '"30 rad/s"')
+        str | None, Flag("Speed to run up to; by default, the method chooses it.", '"30 rad/s"')
     ] = None,
     speeds: Annotated[
         str | None, Flag("Initial speeds of the map; narrow peaks are refined.", '"A:B:N unit"')
@@ -248,7 +253,7 @@ def design(
 
 
 def _allowable(model: StructureModel, text: str | None) -> dict[str, float]:
-    """Allowable stress (Pa) of each link."""
+    """Return the allowable stresses (Pa) of the links."""
     links = [link.name for link in model.beams.freedoms.links]
     if text is None:
         raise MissingValueError('no allowable stress given; add one, such as --allowable "100 MPa"')
@@ -272,7 +277,7 @@ def _quantity(flag: str, text: str, unit: str, example: str) -> float:
 
 
 def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
-    """Initial speeds (rad/s) of the map, in ascending order."""
+    """Return the initial speeds (rad/s) of the map, in ascending order."""
     if text is None:
         phase = np.linspace(0.0, model.period, 36, endpoint=False)
         mean = float(lowest_frequencies(*model.at_positions(phase).matrices(), 1).mean())
@@ -287,8 +292,8 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
 
 
 def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, float], int]:
-    """Smallest and largest L4 (m), and number of lengths. Raises LinkageError if the crank cannot rotate
-    fully."""
+    """Return the smallest and the largest L4 (m), and the number of lengths. Raises LinkageError if the crank
+    cannot rotate fully."""
     linkage = Linkage.from_parameters(model.parameters, str(model.labels.options["branch"]))
     if text is None:
         return allowed_lengths(linkage), _LENGTHS

@@ -1,7 +1,7 @@
 """Rigid motion of the linkage over a revolution, or at one position: record, columns and command.
 
-Values are in SI units and radians. Ratios are relative to the speed of the crank: ω/ω1, and α/ω1² at constant
-ω1.
+Values are in SI units and radians. Angular velocities and accelerations are given as ratios to the speed of
+the crank: ω/ω1, and α/ω1² at constant ω1.
 """
 
 import math
@@ -58,10 +58,10 @@ serializable(Linkage)
 class RigidMotion(Result):
     """Motion and forces of a rigid linkage.
 
-    speed: speed of the crank (rad/s); None if forces are not computed. position: crank angle t1 (rad) to
-    report, None for a full revolution. points: coupler points X + iY (m) whose paths are traced. Raises
-    LinkageError if the crank cannot rotate fully and no position is given, or if the linkage cannot reach the
-    position.
+    `speed` is the speed of the crank (rad/s); if it is None, forces are not computed. `position` is the crank
+    angle t1 (rad) to report; None for a full revolution. `points` are the coupler points X + iY (m) whose
+    paths are traced. Raises LinkageError if the crank cannot rotate fully and no position is given, or if the
+    linkage cannot reach the position.
     """
 
     case: str | None
@@ -80,7 +80,7 @@ class RigidMotion(Result):
 
     @cached_property
     def summary_values(self) -> dict[str, Any]:  # type: ignore[override]
-        """Values of the result; if the crank cannot rotate fully, only those at the given position."""
+        """Values of the result; if the crank cannot rotate fully, only those at the position."""
         linkage = self.linkage
         record: dict[str, Any] = {**_classification(linkage), "speed": self.speed}
         if self.position is None:
@@ -106,8 +106,8 @@ class RigidMotion(Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns over the revolution in steps of one degree; if the crank cannot rotate fully, at the given
-        position only."""
+        """Columns with one row per degree of the revolution; if the crank cannot rotate fully, only one row
+        for the position."""
         turns = self.linkage.turns_fully
         t1 = np.linspace(0.0, TURN, _CURVE_POINTS + 1) if turns else np.array([self.position])
         motion = self.linkage.motion(t1)
@@ -138,7 +138,7 @@ class RigidMotion(Result):
         return to_json({**self.model_info, **self.summary_values})
 
     def plot(self) -> Figure:
-        """Figure of positions with coupler curves, and of quantities over the revolution.
+        """Figure of positions with coupler curves, and of quantities versus crank angle.
 
         Raises LinkageError for a crank that cannot turn fully.
         """
@@ -147,7 +147,7 @@ class RigidMotion(Result):
         return linkage_figure(self.linkage, self.bodies, self.speed, self.points, self.position)
 
     def base_planes(self) -> Figure:
-        """Figure of Barker's base planes with the linkage in them."""
+        """Figure of Barker's base planes that shows the linkage."""
         from models.four_bar.views.base_planes import base_planes_figure
 
         return base_planes_figure(self.linkage)
@@ -185,13 +185,14 @@ class RigidMotion(Result):
                 joint: {"peak": peak.max, "position": peak.max_phase} for joint, peak in peaks.items()
             },
             "drive_torque": _extremes(lambda t: forces(t).torque),
-            # Energy that a flywheel without a motor stores and releases in a revolution (thesis 3.7).
+            # Energy that a flywheel without a motor stores and releases in a revolution (section 3.7 of the
+            # thesis).
             "energy_swing": energy.max - energy.min,
             "energy_residual": float(residual),
         }
 
     def _at_position(self, t1: float) -> dict[str, Any]:
-        """The quantities of `_over_turn` at one crank angle."""
+        """Quantities of `_over_turn` at one crank angle."""
         linkage, motion = self.linkage, self.linkage.motion(t1)
         record = {
             "t": motion.t,
@@ -222,7 +223,8 @@ class RigidMotion(Result):
 
 
 def _classification(linkage: Linkage) -> dict[str, Any]:
-    """Class, Grashof's condition, solution space and range of the crank, as record values."""
+    """Return the class, Grashof's condition, the coordinates in the solution space, and the range of the
+    crank, as values of the record."""
     return {
         "branch": linkage.branch,
         "mobility": mobility(),
@@ -238,7 +240,7 @@ def _classification(linkage: Linkage) -> dict[str, Any]:
 
 
 def _ratios(motion: Motion) -> dict[str, Array]:
-    """Angular velocities and accelerations of coupler and follower, by name."""
+    """Return a mapping from names to the angular velocities and accelerations of coupler and follower."""
     return {
         f"{field}{link}": getattr(motion, field)[link - 1] for field in ("omega", "alpha") for link in (2, 3)
     }
@@ -256,7 +258,7 @@ def _extremes(signal: Callable[[Array], Array]) -> dict[str, float]:
 
 
 def _swing(linkage: Linkage) -> float | None:
-    """Angle between the dead points of the follower; None if the follower rotates fully."""
+    """Return the angle between the dead points of the follower; None if the follower rotates fully."""
     if not linkage.dead_points:
         return None
     t3 = linkage.motion(linkage.dead_points).t[2]
@@ -274,7 +276,8 @@ def _xy(value: complex | Plane) -> list[float]:
 
 @printout.register(RigidMotion)
 def rigid_motion_printout(result: RigidMotion, choices: Sequence[str] = ()) -> RenderableType:
-    """Tables of class, transmission angle, mechanical advantage, curves and forces; angles in degrees."""
+    """Tables of the class, the transmission angle, the mechanical advantage, the curves and the forces.
+    Angles are in degrees."""
     return linkage_report({**result.model_info, **result.summary_values})
 
 
@@ -286,7 +289,8 @@ def rigid_motion(
     position: float | None = None,
     points: Sequence[complex] = (),
 ) -> RigidMotion:
-    """Rigid motion of the linkage with these parameters. The default point is the middle of the coupler.
+    """Compute the rigid motion of the linkage with these parameters. By default, the only coupler point is
+    the middle of the coupler.
 
     Raises SolveError subclasses.
     """
@@ -312,7 +316,7 @@ def linkage(
         ),
     ] = None,
     base_planes: Annotated[
-        str | None, Flag("Draw Barker's base planes with the linkage in them.", "FILE")
+        str | None, Flag("Draw Barker's base planes, which show the linkage, to this file.", "FILE")
     ] = None,
 ) -> None:
     """Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces."""
@@ -330,7 +334,7 @@ def linkage(
 
 
 def _point(text: str) -> complex:
-    """Coupler point X + iY from a text "X,Y"."""
+    """Return the coupler point X + iY from a text "X,Y"."""
     try:
         x, y = (float(coordinate) for coordinate in text.split(","))
     except ValueError:

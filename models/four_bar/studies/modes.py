@@ -1,8 +1,8 @@
-"""Contribution of each mode to an output over a revolution (thesis Fig. 6.4), and the output computed without
-coupling of the modes (thesis Fig. 6.3).
+"""Contribution of each mode to an output over a revolution (Fig. 6.4 of the thesis), and the output computed
+without coupling of the modes (Fig. 6.3).
 
-Natural frequencies over a revolution by several element types, compared with the exact ones (thesis
-Figs. 4.6, 5.3)."""
+Natural frequencies over a revolution, computed with several types of elements and compared with the exact
+ones (Figs. 4.6 and 5.3 of the thesis)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,8 +38,8 @@ serializable(Contributions)
 
 @dataclass(frozen=True)
 class Modes(AtOneSpeed):
-    """Contributions of the modes to an output, and the output (k,) without coupling of the modes, at the same
-    phases."""
+    """Contributions of the modes to an output, and the output (k,) computed without coupling of the modes at
+    the same phases."""
 
     contributions: Contributions
     uncoupled: Array | None = None
@@ -58,7 +58,7 @@ class Modes(AtOneSpeed):
 
     @property
     def columns(self) -> Columns:
-        """Columns of the table: phase, output and contribution of each mode."""
+        """Columns of the table: phase, output, and contribution of each mode."""
         shares = self.contributions
         curves = {"all": (shares.total, "all modes")}
         curves |= {f"mode_{k}": (values, f"mode {k}") for k, values in enumerate(shares.values, 1)}
@@ -82,13 +82,14 @@ class Modes(AtOneSpeed):
         return {**super().record(), **to_json(curves)}
 
     def plot(self) -> Figure:
-        """Figure of output, contribution of each mode, and uncoupled solution over the revolution."""
+        """Figure of the output, the contribution of each mode, and the uncoupled solution over the
+        revolution."""
         return contributions_figure(self.system, self.contributions, self.orbit.speed, self.uncoupled)
 
 
 @tables.register(Modes)
 def modes_tables(result: Modes) -> Sequence[RenderableType]:
-    """Table of mean frequencies and largest contributions, one row per mode."""
+    """Table of the mean frequencies and largest contributions, with one row per mode."""
     shares, caption = result.contributions, None
     curves = {**{str(k): values for k, values in enumerate(shares.values, 1)}, "all": shares.total}
     if result.uncoupled is not None:
@@ -111,7 +112,7 @@ def modes_tables(result: Modes) -> Sequence[RenderableType]:
 def mode_contributions(
     model: StructureModel, speed: float | str, of: str, count: int, uncoupled: bool, rtol: float = 1e-6
 ) -> Modes:
-    """Contributions of the lowest `count` modes to a deflection or stress at a speed.
+    """Compute the contributions of the lowest `count` modes to a deflection or stress at a speed.
 
     Raises SolveError subclasses.
     """
@@ -129,7 +130,7 @@ def modes(
     results: Results,
     speed: Annotated[str, Flag("Speed with unit: rpm, rad/s or Hz.", '"35 rad/s"')] = "35 rad/s",
     of: Annotated[
-        str, Flag("A deflection or stress among the outputs.", "NAME")
+        str, Flag("Output, which must be a deflection or stress.", "NAME")
     ] = "follower_midpoint_deflection",
     count: Annotated[int, typer.Option(metavar="N", min=1, help="Number of modes.")] = 4,
     uncoupled: Annotated[bool, Flag("Add the solution with uncoupled modes, and its error.")] = False,
@@ -141,17 +142,19 @@ def modes(
 
 
 _MOST_COUNT, _MOST_TURN = 9, 3600
-"""Largest number of frequencies and of crank positions: choices that keep figure and run time moderate."""
+"""Maximum numbers of frequencies and of crank positions. Chosen by judgement, so that the size of the figure
+and the computing time remain moderate."""
 
 _KINDS = "cubic:1,cubic:2,cubic:3,internal:1,curvature:1,dynamic:1"
 
 
 @dataclass(frozen=True)
 class ElementKinds(Result):
-    """Natural frequencies (rad/s) by type of element, at crank angles `positions` (m,) in rad.
+    """Natural frequencies (rad/s) for several types of elements, at crank angles `positions` (m,) in rad.
 
-    kinds (r,): element type and number per link, such as "cubic:3"; freedoms (r,); values (r, m, k); exact
-    (m, k).
+    `kinds` (r,) state the type of the elements and their number per link, such as "cubic:3". `freedoms` (r,)
+    are the numbers of degrees of freedom. `values` (r, m, k) are the frequencies, and `exact` (m, k) the
+    exact ones.
     """
 
     system: StructureModel  # type: ignore[override]
@@ -173,7 +176,7 @@ class ElementKinds(Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns of the table: one row per position, and one column per element type and frequency."""
+        """Columns of the table, with one row per position, and one column per element type and frequency."""
         columns = {"position": Column(self.positions, "rad", "crank angle", axes=("position",))}
         for kind, values in zip(self.kinds, self.values, strict=True):
             for k, column in enumerate(values.T, start=1):
@@ -196,7 +199,7 @@ class ElementKinds(Result):
 
 @tables.register(ElementKinds)
 def element_kinds_tables(result: ElementKinds) -> Sequence[RenderableType]:
-    """Table of means over the revolution, with their relative errors."""
+    """Table of the means over the revolution, with their relative errors."""
     columns = [f"f{k}" for k in range(1, result.values.shape[2] + 1)]
     means = table("Means over the revolution (rad/s), and errors", "kind", "freedoms", *columns)
     rows = zip(result.kinds, result.freedoms, result.means, result.mean_errors, strict=True)
@@ -209,11 +212,11 @@ def element_kinds_tables(result: ElementKinds) -> Sequence[RenderableType]:
 def element_kinds(
     model: StructureModel, kinds: Sequence[str], count: int = 4, turn: int = 36
 ) -> ElementKinds:
-    """Lowest `count` frequencies at `turn` positions, for element types given with their number per link,
-    such as "cubic:3".
+    """Compute the lowest `count` frequencies at `turn` positions. `kinds` are types of elements with their
+    number per link, such as "cubic:3".
 
-    Raises ValueOutOfBoundsError for text of another form and for numbers out of bounds, UnknownNameError for
-    an unknown element type.
+    Raises ValueOutOfBoundsError for texts of another form and for numbers out of bounds, and UnknownNameError
+    for an unknown type of element.
     """
     if not (1 <= count <= _MOST_COUNT and 1 <= turn <= _MOST_TURN):
         raise ValueOutOfBoundsError(
@@ -261,7 +264,7 @@ def elements(
     four_bar: FourBar,
     results: Results,
     kinds: Annotated[str, Flag("Element types and their number per link.", "KIND:N,…")] = _KINDS,
-    count: Annotated[int, Flag("Number of frequencies, from the lowest: up to 9.", "N")] = 4,
+    count: Annotated[int, Flag("Number of frequencies, starting from the lowest, up to 9.", "N")] = 4,
     turn: Annotated[int, Flag("Number of equidistant crank positions.", "N")] = 36,
 ) -> None:
     """Natural frequencies over a revolution by element type, compared with exact frequencies."""

@@ -1,4 +1,4 @@
-"""Flags shared by the commands on the elastic four-bar linkage, and the base class of results at one
+"""Flags shared by the commands for the elastic four-bar linkage, and the base class of results at one
 speed."""
 
 from dataclasses import dataclass
@@ -21,14 +21,15 @@ EachTolerance = Annotated[float, Flag("Relative error of each solution.", "R")]
 
 @dataclass(frozen=True)
 class FourBar(Numbers):
-    """Arguments that select case, parameters and options of the four-bar linkage."""
+    """Flags that select the case, the parameters and the options of the four-bar linkage."""
 
-    # These studies require all coordinates of the beams, so --reduce is not available.
+    # These studies require all coordinates of the beams, so that --reduce is not available.
     reduce: ClassVar[None] = None  # type: ignore[misc]
 
     def loaded(self, *replaced: str) -> StructureModel:
-        """Model of the four-bar linkage with these arguments. replaced: options that have no effect, because
-        the command selects their values. Raises SolveError subclasses for invalid input."""
+        """Return the model of the four-bar linkage with these flags. `replaced` are options that the flags
+        must not contain, because the command selects their values. Raises SolveError subclasses for bad
+        input."""
         for name in assignments("--option", self.option or []):
             if name in ("reduce", *replaced):
                 raise ValueOutOfBoundsError(f"--option {name} has no effect on this command; leave it out")

@@ -1,4 +1,4 @@
-"""Response over speed for several values of a parameter or option."""
+"""Response versus speed for several values of a parameter or option."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,7 +28,10 @@ def study(
     results: Results,
     over: Annotated[
         str | None,
-        Flag("Values of a parameter or option, or NAME=A:B:N; unit optional.", '"NAME=A,B,C unit"'),
+        Flag(
+            "Parameter or option with its values; or NAME=A:B:N, N values from A to B; unit optional.",
+            '"NAME=A,B,C unit"',
+        ),
     ] = None,
     of: Annotated[
         list[str] | None,
@@ -44,7 +47,7 @@ def study(
     ] = False,
     rtol: EachTolerance = 1e-6,
 ) -> None:
-    """Stress, deflection or energy over speed for several values of a parameter or option."""
+    """Stress, deflection or energy versus speed for several values of a parameter or option."""
     omegas, statistic, model = speeds.omegas(), statistic_name(figure), four_bar.loaded()
     title, systems = _systems(model, over, corrected)
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
@@ -60,8 +63,8 @@ def study(
 def _systems(
     model: StructureModel, over: str | None, corrected: bool
 ) -> tuple[str, dict[str, PeriodicSystem]]:
-    """Heading with the name of the varied quantity, and systems by the values of this quantity. Raises
-    SolveError subclasses."""
+    """Return a heading that names the varied quantity, and a mapping from the values of this quantity to
+    systems. Raises SolveError subclasses."""
     systems: dict[str, PeriodicSystem] = {}
     title = ""
     if over is not None:
@@ -82,8 +85,8 @@ def _systems(
 
 
 def _values(over: str) -> tuple[str, Sequence[float | str]]:
-    """Name and values from a text NAME=A,B,C or NAME=A:B:N, with an optional common unit. Values of options
-    may be words."""
+    """Parse a text NAME=A,B,C or NAME=A:B:N, with an optional common unit, to the name and the values. Values
+    of options may be words."""
     ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
     if ":" in text:
         return points("--over", over)

@@ -1,8 +1,9 @@
-"""Figure of base planes of Barker's solution space, divided into the classes (thesis 3.4).
+"""Figure of base planes of Barker's solution space, divided into the regions of the classes (section 3.4 of
+the thesis).
 
-On a base plane λ2 + λ3 + λ4 = S the planes of zero mobility are λ2, λ3, λ4 = (S + 1)/2 and the change points
-λ2, λ3, λ4 = (S - 1)/2. For S < 3 the three lines of change points enclose RRR2, for S > 3 GCRR. For S = 3
-they meet at one point: four equal links.
+On a base plane λ2 + λ3 + λ4 = S, the lines of zero mobility are λ2 = (S + 1)/2, λ3 = (S + 1)/2 and λ4 = (S +
+1)/2. The lines of change points are λ2 = (S - 1)/2, λ3 = (S - 1)/2 and λ4 = (S - 1)/2. These enclose the
+region RRR2 if S < 3, and GCRR if S > 3. If S = 3, they meet at one point, which represents four equal links.
 """
 
 import math
@@ -19,17 +20,17 @@ from solve.arrays import Array
 from solve.views.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 
 _TYPICAL = (1.05, math.sqrt(3), 3.2)
-"""Values of λ of the drawn planes, one for each pattern of classes on a plane."""
+"""Distances λ of the planes in the figure, one for each pattern of classes on a plane."""
 
 _CORNERS = np.exp(1j * np.radians([90, 210, 330]))
-"""Corners of the drawn triangle, at each of which only one of λ2, λ3 and λ4 is nonzero."""
+"""Corners of the triangle in the figure. At each corner, only one of λ2, λ3 and λ4 is nonzero."""
 
 _MARKED = {"1": ("frame", ORANGE), "2": ("input", BLUE), "3": ("coupler", GREEN), "4": ("output", VERMILION)}
 _STRONG, _PALE = 0.65, 0.2
-"""Opacity of Grashof and of non-Grashof regions."""
+"""Opacities of Grashof regions and of non-Grashof regions."""
 
 _LEAST_ROOM = 0.045
-"""Smallest width of a labelled region relative to the size of its plane. A choice by appearance."""
+"""Smallest width of a labelled region, relative to the size of its plane. Chosen by appearance."""
 
 _EXPLAINED = (
     "Strong: Grashof, by the shortest link; pale: non-Grashof, by the longest. Lines: change points,\n"
@@ -39,7 +40,8 @@ _GRASHOF = {"GCCC": "1", "GCRR": "2", "GRCR": "3", "GRRC": "4"}
 
 
 def base_planes_figure(linkage: Linkage) -> Figure:
-    """Figure of three typical base planes, and of the plane of the linkage with the linkage as a dot."""
+    """Figure of three typical base planes, and of the plane that contains the linkage, which is drawn as a
+    dot."""
     with styled():
         figure = new_figure(7.8)
         figure.suptitle("Base planes of Barker's solution space", fontweight="bold")
@@ -75,7 +77,8 @@ def _draw_plane(axes: Axes, distance: float, unnamed: str = "") -> None:
 
 
 def _label_edge(axes: Axes, link: int, value: float, total: float, size: float) -> None:
-    """Write a label outside the edge on which the coordinate λ of a link has this value."""
+    """Write a label outside the triangle, next to the line on which the coordinate λ of a link has this
+    value."""
     middle = np.full((1, 3), (total - value) / 2)
     middle[0, link] = value
     outward = _CORNERS[link] if value > 0 else -_CORNERS[link]
@@ -92,8 +95,8 @@ def _draw_region(axes: Axes, region: Array, symbol: str) -> None:
 
 
 def _name_region(axes: Axes, region: Array, symbol: str, size: float) -> None:
-    """Write the class in the middle of a region (k, 2), if the region is large enough in a plane of this
-    size."""
+    """Write the class in the middle of a region (k, 2) if the region is large enough, relative to the size of
+    its plane."""
     perimeter = np.linalg.norm(region - np.roll(region, 1, axis=0), axis=1).sum()
     area, (x, y) = _area_and_centroid(region)
     if 2 * area > _LEAST_ROOM * size * perimeter:
@@ -101,8 +104,8 @@ def _name_region(axes: Axes, region: Array, symbol: str, size: float) -> None:
 
 
 def _draw_linkage(axes: Axes, linkage: Linkage) -> None:
-    """Draw the plane of the linkage. The title contains the class of the linkage, because the dot would hide
-    a label."""
+    """Draw the plane that contains the linkage. The title states the class of the linkage, because the dot
+    would hide a label."""
     symbol, distance = classify(linkage).symbol, base_plane(linkage)
     _draw_plane(axes, distance, unnamed=symbol)
     place = _flat(np.array([solution_space(linkage)]))
@@ -119,13 +122,14 @@ def _legend() -> list[Patch]:
 
 
 def _flat(points: Array) -> Array:
-    """Positions (k, 2) in the drawn triangle, from λ2, λ3, λ4 (k, 3)."""
+    """Return positions (k, 2) in the triangle of the figure, from λ2, λ3, λ4 (k, 3)."""
     flat = points @ _CORNERS / points.sum(axis=1)
     return np.column_stack((flat.real, flat.imag))
 
 
 def _clipped(polygon: Array, link: int, limit: float, side: int) -> Array:
-    """Part of a convex polygon (k, 3) in which side · (λ - limit) >= 0, for the coordinate λ of a link."""
+    """Return the part of a convex polygon (k, 3) in which side · (λ - limit) >= 0, where λ is the coordinate
+    of a link."""
     corners = []
     for first, second in pairwise([*polygon, *polygon[:1]]):
         start, end = side * (first[link] - limit), side * (second[link] - limit)
@@ -137,7 +141,7 @@ def _clipped(polygon: Array, link: int, limit: float, side: int) -> Array:
 
 
 def _area_and_centroid(polygon: Array) -> tuple[float, Array]:
-    """Area and centroid of a polygon (k, 2)."""
+    """Return the area and the centroid of a polygon (k, 2)."""
     x, y = polygon.T
     cross = x * np.roll(y, -1) - np.roll(x, -1) * y
     moments = np.array([(x + np.roll(x, -1)) @ cross, (y + np.roll(y, -1)) @ cross])

@@ -21,7 +21,7 @@ from solve.views.panels import SAMPLES, title_of
 from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
 
 _POSITIONS = 12
-"""Number of positions drawn in pale colour: one per 30 degrees of the crank."""
+"""Number of positions drawn in a pale colour: one for every 30 degrees of the crank."""
 
 _SHOWN = math.radians(120)
 """Default crank angle of the position that is drawn in full."""
@@ -45,11 +45,11 @@ def linkage_figure(
     points: Sequence[complex],
     position: float | None = None,
 ) -> Figure:
-    """Figure of positions with coupler curves, transmission angle and ratios; with a speed, also drive torque
-    and joint forces.
+    """Figure of positions with coupler curves, of the transmission angle and of ratios; if a speed is given,
+    also of the drive torque and the joint forces.
 
-    speed: rad/s; position: crank angle (rad) drawn in full. Raises LinkageError for a crank that cannot turn
-    fully.
+    `speed` is in rad/s; `position` is the crank angle (rad) of the position that is drawn in full. Raises
+    LinkageError for a crank that cannot turn fully.
     """
     linkage.require_full_turn()
     shown = _SHOWN if position is None else position
@@ -83,8 +83,8 @@ def linkage_figure(
 
 
 def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], shown: float) -> None:
-    """Draw paths of the joints and coupler points, several pale positions, and one position in full
-    colour."""
+    """Draw the paths of the joints and the coupler points, several positions in a pale colour, and one in
+    full colour."""
     motion = linkage.motion(np.linspace(0.0, TURN, SAMPLES))
     for path in _joints(motion)[1:3]:
         axes.plot(path.real, path.imag, color=GREY, linewidth=0.7)
@@ -102,7 +102,7 @@ def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], sho
 
 
 def _write_summary(axes: Axes, pictured: Axes, linkage: Linkage, shown: float) -> None:
-    """Write class, lengths and transmission angle as text, beside the legend of the positions."""
+    """Write the class, the lengths and the transmission angle as text, beside the legend of the positions."""
     kind, gamma = classify(linkage), linkage.transmission_extremes()
     lines = [
         kind.name,
@@ -125,13 +125,13 @@ def _write_summary(axes: Axes, pictured: Axes, linkage: Linkage, shown: float) -
 
 
 def _joints(motion: Motion) -> Plane:
-    """Positions (4, …) of the joints O, A, B, C."""
+    """Return the positions (4, …) of the joints O, A, B, C."""
     A, B = motion.position(1, motion.linkage.L1), motion.position(3, motion.linkage.L3)
     return np.stack((0 * A, A, B, 0 * A + motion.linkage.L4))
 
 
 def _draw_linkage(axes: Axes, motion: Motion, points: Sequence[complex]) -> None:
-    """Draw one position in full colour: links, joints with their letters, ground, coupler points."""
+    """Draw one position in full colour: links, joints with their letters, ground and coupler points."""
     joints = _joints(motion)
     for k, point in enumerate(points):
         place = motion.position(2, point)
@@ -204,8 +204,8 @@ def _legend_on_top(axes: Axes) -> None:
 
 
 def design_figure(result: Outcome) -> Figure:
-    """Figure of the map of stress ratios, of the ratio needed to reach each speed, and of simulated
-    stresses."""
+    """Figure of the map of stress ratios, of the stress ratio that is needed to reach each speed, and of
+    simulated stresses."""
     rows = 3 if result.trials else 2
     with styled():
         figure = new_figure(3.3 + 1.9 * (rows - 1))

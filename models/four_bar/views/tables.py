@@ -26,7 +26,7 @@ _GRASHOF = {"Grashof": "s + l < p + q", "change point": "s + l = p + q", "non-Gr
 
 
 def linkage_report(record: Mapping[str, Any]) -> RenderableType:
-    """Printout of the record of a rigid motion without its warnings; angles in degrees."""
+    """Return the printout of the record of a rigid motion, without its warnings. Angles are in degrees."""
     parts: list[RenderableType] = [_linkage_heading(record)]
     if "transmission_angle" in record:
         parts += [_extremes(record), *map(Text, _remarks(record))]
@@ -99,7 +99,8 @@ def _remarks(record: Mapping[str, Any]) -> list[str]:
 
 
 def _forces(record: Mapping[str, Any]) -> list[RenderableType]:
-    """Tables of the peaks of the joint forces, energy balance and preliminary stresses."""
+    """Return tables of the peaks of the joint forces, of the energy balance and of the preliminary
+    stresses."""
     forces = table("Joint forces", "joint", "force", "unit", "peak", "at t1", left=3)
     for joint, peak in record["joint_forces"].items():
         factor, unit = prefixed("N", peak["peak"])
@@ -154,8 +155,8 @@ def _degrees(angle: float) -> str:
 
 
 def design_report(result: Outcome, choices: Sequence[str] = ()) -> RenderableType:
-    """Printout of critical speeds, quiet bands, effect of damping, plan and simulations; stresses are in
-    MPa."""
+    """Return the printout of critical speeds, quiet bands, effects of damping, plan and simulations. Stresses
+    are in MPa."""
     parts: list[RenderableType] = [_design_heading(result, choices), *_critical(result)]
     if result.design.quiet:
         parts.append(_quiet(result))
@@ -193,8 +194,8 @@ def _numbers(values: Sequence[float], heading: str) -> Column:
 
 
 def _damping(result: Outcome, speeds: Sequence[float]) -> Columns:
-    """Columns of the table with the effect of damping on the stress at these speeds, one per link; empty if
-    the effect was not computed."""
+    """Return columns, one per link, with the effect of damping on the stress at these speeds; empty if the
+    effect was not computed."""
     effects = {effect.speed: effect.sensitivity for effect in result.damping}
     effects_at = [effects.get(speed) for speed in speeds]
     return {
@@ -249,7 +250,7 @@ def _quiet_above(result: Outcome) -> list[RenderableType]:
         "fixed": _numbers([quiet_speed.fixed for quiet_speed in quiet], "with L4 fixed"),
     }
     title = f"Quiet speeds above critical ones ({result.map.model.labels.speed_unit.name})"
-    remark = "in multiples of the allowable stress; L4 changes during the run-up and returns"
+    remark = "in multiples of the allowable stress; L4 changes during the run-up and returns to its own value"
     return [table_of(title, columns), Text(remark)]
 
 

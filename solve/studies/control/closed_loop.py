@@ -23,15 +23,15 @@ from solve.system import PeriodicSystem, of_system
 class Observer(NamedTuple):
     """Observer x̂′ = A x̂ + b + B u + L (y − C x̂) with measured quantities y.
 
-    gain: curve of L (N y,) over the phase. measured: names of y."""
+    `gain` is the curve of the entries of L (N y,) versus phase; `measured` contains the names of y."""
 
     gain: Curve
     measured: tuple[str, ...]
 
 
 class Compensator(FirstOrderSystem):
-    """Regulator with an observer: x̂′ = (A − BK − LC) x̂ + b + B f + L y, with the inputs y and the outputs
-    u = −K x̂, to which the feedforward f is added. Its load is b + B f.
+    """Regulator with an observer: x̂′ = (A − BK − LC) x̂ + b + B f + L y. Its inputs are y, and its outputs
+    are u = −K x̂, to which the feedforward f must be added. Its load is b + B f.
 
     Parameters
     ----------
@@ -61,21 +61,23 @@ class Compensator(FirstOrderSystem):
 
 
 class ClosedLoop(FeedbackLoop):
-    """System with u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with the estimates x̂ of an observer as states.
+    """Closed loop with u = −K(φ)x + f(φ), or with u = −K(φ)x̂ + f(φ). The estimates x̂ of the observer are
+    then additional states.
 
-    The load of the system is known to the observer. The inputs are further outputs. At other speeds and with
-    other parameters than those of the design, the gains keep their values at each phase.
+    The equations of the observer include the load of the system. The inputs of the system become additional
+    outputs. If the speed or the parameters differ from those of the design, the gains at each phase remain
+    the same.
 
     Parameters
     ----------
     system : PeriodicSystem
         System with inputs.
     gain : Curve
-        Curve of K (r N,) over the phase.
+        Curve of the entries of K (r N,) versus phase.
     observer : Observer, optional
         Observer of the states.
     ahead : Curve, optional
-        Curve of the feedforward f (r,) over the phase.
+        Curve of the feedforward f (r,) versus phase.
     """
 
     def __init__(
@@ -109,7 +111,8 @@ class ClosedLoop(FeedbackLoop):
         if self.observer is None:
             C[..., :p] += force[..., n:]
             return M, C, K + force[..., :n], d
-        # The observer contains the equations of the design even if the system is linearised about a motion.
+        # The observer contains the equations of the design system, even if the system itself is linearised
+        # about a motion.
         A, B, b = state_equations(*observed(), len(self.design.states))
         if self.ahead is not None:
             b = b + np.einsum("knr,rk->kn", B, self.ahead(phase))
@@ -132,12 +135,13 @@ class ClosedLoop(FeedbackLoop):
 
 @of_system
 def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> ClosedLoop:
-    """Close the loop of a system with a controller that was designed before.
+    """Close the loop of a system with an existing controller.
 
     Parameters
     ----------
     system : PeriodicSystem
-        System with the states and inputs of the design. Its parameters may differ.
+        System with the same states and inputs as the one for which the controller was designed. Its
+        parameters may differ.
     controller : Controller, str or Path
         Result of `solve.lqr`, `solve.lqg` or `solve.control`, or the file to which it was saved.
 
@@ -145,14 +149,14 @@ def closed_loop(system: PeriodicSystem, controller: Controller | str | Path) -> 
     -------
     ClosedLoop
         Closed loop for `solve.periodic`, `solve.sweep`, `solve.chart` and `solve.transient`. An observer
-        keeps the equations, parameters and options of the design. A file contains no equations; the observer
-        of a controller from a file then uses the equations of `system`, with the parameters and options of
-        the design if `system` has parameters.
+        keeps the equations, parameters and options of the design. A file contains no equations: the observer
+        of a controller from a file uses the equations of `system`, with the parameters and options of the
+        design if `system` has parameters.
 
     Raises
     ------
     ControlError
-        For a filter alone, or a controller of other states, inputs or period.
+        For a filter alone, or for a controller with other states, inputs or period.
     FileError
         If the file cannot be read.
 

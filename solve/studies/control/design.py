@@ -32,7 +32,7 @@ def lqr(
     rtol: float = 1e-8,
     feedforward: bool = False,
 ) -> Controller:
-    """Compute the state feedback u = −K(φ)x that minimises the mean of xᵀQx + uᵀRu.
+    """Compute the periodic state feedback u = −K(φ)x that minimises the mean of xᵀQx + uᵀRu.
 
     Parameters
     ----------
@@ -42,15 +42,17 @@ def lqr(
     speed : float or str
         Ω in rad/s, or a text with unit.
     Q : (N, N) array, mapping or callable
-        Weights of the states: a positive semidefinite matrix; numbers by name of states and outputs, such as
-        {"q1": 1e6, "q1_dot": 10}; or a function of phases (k,) that returns (k, N, N).
+        Weights of the states: a positive semidefinite matrix; a mapping from names of states and outputs to
+        numbers, such as {"q1": 1e6, "q1_dot": 10}; or a function of phases (k,) that returns matrices (k, N,
+        N).
     R : (r, r) array, mapping or callable
-        Weights of the inputs: a positive definite matrix, numbers by name of the inputs, or a function.
+        Weights of the inputs: a positive definite matrix, a mapping from names of inputs to numbers, or a
+        function of phases (k,) that returns matrices (k, r, r).
     rtol : float
         Relative tolerance of the solution of the Riccati equation and of the multipliers.
     feedforward : bool
-        Whether to add the periodic feedforward f(φ) that minimises the mean under the load, u = −K x + f.
-        Without it, feedback opposes every motion, including the forced vibration.
+        Whether to add the periodic feedforward f(φ) in u = −K x + f that minimises the mean under the load.
+        Without feedforward, the feedback opposes every motion, including the forced vibration.
 
     Returns
     -------
@@ -60,7 +62,7 @@ def lqr(
     Raises
     ------
     ControlError
-        Without inputs, or without a stabilising solution.
+        If the system has no inputs, or if there is no stabilising solution.
     SolveError
         Other subclasses for bad input.
 
@@ -103,25 +105,27 @@ def kalman(
     speed : float or str
         Ω in rad/s, or a text with unit.
     W : (N, N) array, mapping or callable
-        Spectral density of the noise of the states: a positive semidefinite matrix; numbers by name of inputs
-        along which noise acts, or of states to whose rates it is added; or a function of phases (k,).
+        Spectral density of the process noise: a positive semidefinite matrix; a mapping to numbers from names
+        of inputs along which noise acts, or of states to whose rates it is added; or a function of phases
+        (k,) that returns matrices (k, N, N).
     V : (y, y) array, mapping or callable
-        Spectral density of the noise of the measured quantities: numbers by name of states and outputs, which
-        are then measured. A positive definite matrix, or a function of phases, applies to the outputs of a
-        `FirstOrderSystem` with named outputs, otherwise to all coordinates.
+        Spectral density of the measurement noise: a mapping from names of states and outputs, which are then
+        the measured quantities, to numbers. If it is a positive definite matrix, or a function of phases, the
+        measured quantities are the outputs of a `FirstOrderSystem` with named outputs, and otherwise all
+        coordinates.
     rtol : float
         Relative tolerance of the solution of the Riccati equation and of the multipliers.
 
     Returns
     -------
     Controller
-        Covariance P(φ) of the error of the estimates, gain L(φ) = P Cᵀ V⁻¹ (N, y), and, as closed loop, the
+        Covariance P(φ) of the estimation error, gain L(φ) = P Cᵀ V⁻¹ (N, y) and, as the closed loop, the
         equations of the estimation error.
 
     Raises
     ------
     ControlError
-        Without a stabilising solution.
+        If there is no stabilising solution.
     SolveError
         Other subclasses for bad input.
 
@@ -177,13 +181,13 @@ def lqg(
     Returns
     -------
     Controller
-        Result as from `lqr`, with the filter as `observer`. The closed loop has additional states, the
-        estimates NAME_hat.
+        Result as from `lqr`, with the filter as its attribute `observer`. The closed loop has the estimates
+        NAME_hat as additional states.
 
     Raises
     ------
     ControlError
-        Without inputs, or without a stabilising solution.
+        If the system has no inputs, or if there is no stabilising solution.
     SolveError
         Other subclasses for bad input.
 
@@ -219,7 +223,7 @@ def control(
     norms: Sequence[str] = (),
     samples: int | None = None,
 ) -> Controller:
-    """Compute a regulator, a filter, or both, from weights and noise intensities given by name.
+    """Compute a regulator, a filter, or both, from named weights and noise intensities.
 
     Parameters
     ----------
@@ -228,10 +232,10 @@ def control(
     speed : float or str
         Ω in rad/s, or a text with unit.
     lqr : mapping of str to float, or pair of matrices, optional
-        Weights by name, of inputs and of states and outputs, such as {"q3": 1e6, "u": 1}; or Q and R.
+        Mapping from names of inputs, states and outputs to weights, such as {"q3": 1e6, "u": 1}; or Q and R.
     kalman : mapping of str to float, or pair of matrices, optional
-        Noise intensities by name, of inputs and of measured states and outputs, such as {"u": 1, "q1": 1e-9};
-        or W and V.
+        Mapping from names of inputs, and of measured states and outputs, to noise intensities, such as {"u":
+        1, "q1": 1e-9}; or W and V.
     rtol : float
         As in `lqr`.
     feedforward : bool
@@ -239,14 +243,14 @@ def control(
     vibration : bool
         Whether to compute the periodic vibration without and with feedback.
     margin : sequence of str
-        Names of parameters. Their smallest change that makes the closed loop unstable is computed, see
+        Names of parameters whose smallest change that makes the closed loop unstable is computed; see
         `stability_margin`.
     norms : sequence of str
-        Names of states and outputs whose norms from disturbances at the inputs are computed, see `h2_norm`
-        and `hinf_norm`.
+        Names of states and outputs. For each, the norms of the transfer from disturbances at the inputs are
+        computed; see `h2_norm` and `hinf_norm`.
     samples : int, optional
         Number of samples per period of a digital controller, which holds the inputs and delays them by one
-        sample. The stability with this controller is computed, see `sampled`.
+        sample. The stability with this controller is computed; see `sampled`.
 
     Returns
     -------
@@ -292,7 +296,8 @@ def control(
 
 
 def _norms(controller: Controller, name: str) -> Norms:
-    """Norms from the inputs to a state or output, with feedback and without it. Raises SolveError."""
+    """Return the norms of the transfer from the inputs to a state or output, with and without feedback.
+    Raises SolveError subclasses."""
     speed, rtol = controller.speed, max(controller.rtol, _NORM_RTOL)
     h2, hinf = (norm(controller.closed, speed, [name], rtol=rtol) for norm in (h2_norm, hinf_norm))
     h2_before = hinf_before = None
@@ -313,16 +318,18 @@ def _norms(controller: Controller, name: str) -> Norms:
 
 
 _NORM_RTOL = 1e-6
-"""Smallest tolerance of norms. A choice: H∞ norms are found by bisection."""
+"""Smallest relative tolerance of norms. Chosen by judgement: H∞ norms are found by bisection."""
 
 _DESIGNS = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
-"""Design functions by name. Inside `control`, arguments of the same names hide the functions."""
+"""Mapping from names to design functions. Inside `control`, arguments of the same names hide the
+functions."""
 
 
 def _vibration(controller: Controller) -> dict[str, Vibration]:
-    """Periodic vibration of coordinates and inputs, without and with feedback; empty without a load.
+    """Return the periodic vibration of coordinates and inputs, without and with feedback; empty if there is
+    no load.
 
-    Raises SolveError if an orbit does not exist."""
+    Raises SolveError subclasses if an orbit does not exist."""
     system = controller.system
     try:
         require_load(system, controller.speed)
@@ -342,7 +349,7 @@ def _vibration(controller: Controller) -> dict[str, Vibration]:
 def _pair(
     system: PeriodicSystem, given: Mapping[str, float] | tuple[Weight, Weight], name: str, inputs_first: bool
 ) -> tuple[Weight, Weight]:
-    """Weights (Q, R), or noise intensities (W, V), from numbers given by name. Raises MissingValueError."""
+    """Return weights (Q, R), or noise intensities (W, V), from named numbers. Raises MissingValueError."""
     if not isinstance(given, Mapping):
         if not isinstance(given, tuple) or len(given) != 2:
             raise ValueOutOfBoundsError(
@@ -373,7 +380,7 @@ def _controller(
     closed: PeriodicSystem,
     rtol: float,
 ) -> Controller:
-    """Controller with the certified multipliers of the closed loop."""
+    """Return a controller with the certified multipliers of its closed loop."""
     return Controller(
         system=plant.system,
         speed=plant.speed,

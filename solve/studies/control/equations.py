@@ -1,5 +1,5 @@
-"""Riccati equations of regulators and filters, from weights and noise intensities, and the gains as
-curves."""
+"""Riccati equations of regulators and filters, from weights and noise intensities; and curves of the
+gains."""
 
 from collections.abc import Callable, Mapping
 
@@ -22,7 +22,8 @@ Function = Callable[[Array], Array]
 def regulator(
     plant: Plant, Q: Weight, R: Weight, rtol: float, feedforward: bool
 ) -> tuple[Solved, Curve, Curve | None]:
-    """Solution X of the regulator's Riccati equation, curve of the gain K, and curve of the feedforward."""
+    """Return the solution X of the regulator's Riccati equation, the curve of the gain K, and the curve of
+    the feedforward if it is requested."""
     weight, inputs = _state_weight(plant, Q), plant.system.inputs
     if isinstance(R, Mapping):
         numbers = named_numbers("R", R, inputs, positive=True)
@@ -67,18 +68,18 @@ def regulator(
 
 
 def _factor(B: Array, R: Array) -> Array:
-    """Factor E = B L⁻ᵀ (k, N, r) of B R⁻¹ Bᵀ = E Eᵀ, with R = L Lᵀ (k, r, r)."""
+    """Return the factor E = B L⁻ᵀ (k, N, r) of B R⁻¹ Bᵀ = E Eᵀ, where R = L Lᵀ (k, r, r)."""
     return B @ np.swapaxes(_inverse(np.linalg.cholesky(R)), 1, 2)
 
 
 def _inverse(R: Array) -> Array:
-    """Inverses of matrices (k, r, r); (1, r, r) if all matrices are equal."""
+    """Return the inverses of matrices (k, r, r); a single one (1, r, r) if all matrices are equal."""
     return np.linalg.inv(R[:1] if R.strides[0] == 0 else R)
 
 
 def _state_weight(plant: Plant, Q: Weight) -> Function:
-    """Weight Q (k, N, N) as a function of the phase. A mapping gives the weights of squared states and
-    outputs by name."""
+    """Return the weight Q (k, N, N) as a function of phases (k,). In a mapping, the numbers are the weights
+    of the squared states and outputs."""
     if not isinstance(Q, Mapping):
         return matrix_function("Q", Q, plant.N, plant.system)
     plant.require_names(list(Q))
@@ -97,8 +98,8 @@ def _state_weight(plant: Plant, Q: Weight) -> Function:
 
 
 def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, Curve, tuple[str, ...]]:
-    """Solution P of the filter's Riccati equation, curve of the gain L, and names of the measured
-    quantities."""
+    """Return the solution P of the filter's Riccati equation, the curve of the gain L, and the names of the
+    measured quantities."""
     system = plant.system
     noise = _state_noise(plant, W)
     if isinstance(V, Mapping):
@@ -126,8 +127,8 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
 
 
 def _state_noise(plant: Plant, W: Weight) -> Function:
-    """Intensity W (k, N, N) of the process noise as a function of the phase. A mapping gives the intensities
-    of inputs and states by name."""
+    """Return the intensity W (k, N, N) of the process noise as a function of phases (k,). In a mapping, the
+    numbers are the intensities of inputs and states."""
     if not isinstance(W, Mapping):
         return matrix_function("W", W, plant.N, plant.system)
     inputs, states = plant.system.inputs, plant.states
@@ -163,12 +164,12 @@ def _solved(
 
 
 def mirrored_breaks(system: PeriodicSystem) -> tuple[float, ...]:
-    """Breaks of a system in reversed phase."""
+    """Return the breaks of a system for reversed phase."""
     return tuple((system.period - each) % system.period for each in system.breaks)
 
 
 def error_equations(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> PeriodicSystem:
-    """Equations e′ = (A − LC) e of the estimation error."""
+    """Return the equations e′ = (A − LC) e of the estimation error."""
 
     def matrices(phase: Array, speed: float) -> tuple[Array, Array]:
         here = Plant(plant.system, speed)

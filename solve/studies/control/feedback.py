@@ -30,16 +30,17 @@ from solve.studies.control.plant import state_names
 from solve.system import PeriodicSystem
 
 _KEPT, _BYTES = 8, 2**21
-"""Numbers of grids whose entries are kept, and their largest size in bytes: the solutions and the error
-estimates of one grid evaluate the same phases up to four times. Choices."""
+"""Number of grids for which entries of matrices are cached, and largest size of these in bytes: the solutions
+and the error estimates on one grid evaluate the same phases up to four times. Chosen by judgement."""
 
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
-    """System with feedback. Its inputs NAME_disturbance are added to the values that the feedback sets; these
-    values are outputs.
+    """System whose inputs are set by feedback; the inputs become outputs. Its own inputs NAME_disturbance are
+    added to the values that the feedback sets.
 
-    open_loop: the system without feedback, or its equations linearised about a motion; model: the system
-    itself; design: the system for which the feedback was designed, which an observer contains.
+    `model` is the system without feedback, and `open_loop` is the same or its equations linearised about a
+    motion. `design` is the system for which the feedback was designed; its equations are those of an
+    observer.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         self.outputs = (*system.outputs, *system.inputs)
 
     def _take(self, system: PeriodicSystem) -> None:
-        """Set the system without feedback, and the labels of the closed loop that follow from it."""
+        """Set the system without feedback, and the labels of the closed loop, which follow from it."""
         self.open_loop, self.model, self.breaks, self.events = system, system, system.breaks, Events()
         self._kept: dict[tuple[bytes, float], tuple[Array, Array]] = {}
         names, units = state_names(system), dict(system.labels.units)
@@ -78,15 +79,14 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
 
     @abstractmethod
     def closed(self, phase: Array, speed: Any, matrices: Matrices, inputs: Array, observed: Any) -> Matrices:
-        """M, C, K and d of the closed loop at phases (k,) and a speed, a number or (k,).
+        """Return M, C, K and d of the closed loop at phases (k,). The speed is a number or an array (k,).
 
-        matrices, inputs: matrices M, C, K, d and input matrix of the system without feedback. observed: a
-        function that returns the matrices and the input matrix of the system for which the feedback was
-        designed."""
+        `matrices` and `inputs` are M, C, K, d and the input matrix of the system without feedback. `observed`
+        is a function that returns the same for the system for which the feedback was designed."""
 
     @abstractmethod
     def inputs_of(self, phase: Array, speed: Any, q: Array, qd: Array) -> Array:
-        """u (r, k) at phases (k,) and a speed, a number or (k,), for states q and q̇ (n, k)."""
+        """Return u (r, k) at phases (k,), for q and q̇ (n, k). The speed is a number or an array (k,)."""
 
     def at(self, phase: Array, speed: float) -> Matrices:
         def observed() -> tuple[Matrices, Array]:
@@ -125,7 +125,8 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return self._varying_by(phase, speed, acceleration, matrices)
 
     def _varying_by(self, phase: Array, speed: Any, acceleration: float, matrices: Matrices) -> Matrices:
-        """Matrices of the closed loop while the speed (k,) changes, from the matrices of the system."""
+        """Return the matrices of the closed loop while the speed (k,) changes, from the matrices of the
+        system without feedback."""
 
         def observed() -> tuple[Matrices, Array]:
             matrices = varying_of(self.design)(phase, speed, acceleration)
@@ -161,11 +162,11 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
-        """Closed loop of the system with some parameters and options changed, and the same feedback."""
+        """Closed loop with the same feedback and a system with some parameters and options changed."""
         return self.around(self.model.varied(parameters, options))
 
     def around(self, system: PeriodicSystem) -> Self:
-        """Closed loop with the same feedback and another system with the states and inputs of the design."""
+        """Closed loop with the same feedback and another system that has the same states and inputs."""
         changed = copy(self)
         changed._take(system)
         return changed
@@ -174,14 +175,14 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         require_bounds(self.model, parameters)
 
     def many_points(self, names: Sequence[str]) -> None:
-        """None, because each point requires its own system."""
+        """Return None, because each point requires its own system."""
 
     def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
         return sketched(self.model, phase, speed, q[: self.n_open], fineness)
 
     @property
     def derivatives(self) -> ParameterDerivatives:
-        """Object that rejects all parameters, because there are no derivatives with respect to them."""
+        """Object that rejects every parameter, because derivatives are not available."""
         return _NoDerivatives(self)
 
     @property
@@ -212,14 +213,15 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return bounds
 
     def _about(self, linearised: PeriodicSystem) -> "FeedbackLoop":
-        """Closed loop with the equations linearised about a motion; the feedback is linear already."""
+        """Return the closed loop with equations of the system linearised about a motion; the feedback is
+        already linear."""
         loop = copy(self)
         loop.open_loop, loop.events, loop._kept = linearised, events_of(linearised), {}
         loop.breaks, loop.period = linearised.breaks, linearised.period
         return loop
 
     def _of_system(self, motion: Motion) -> Motion:
-        """Motion of the coordinates of the system, without those that the feedback adds."""
+        """Return the motion of the coordinates of the system, without those that the feedback adds."""
         return motion if self.n == self.n_open else _Leading(motion, self.n_open)
 
 

@@ -11,17 +11,18 @@ from solve.errors import TransientError
 from solve.studies.control.plant import state_equations
 
 _LEAST_STEPS = 128
-"""Smallest number of steps per period: longer steps could skip a load that acts during a part of the period.
-A choice."""
+"""Smallest number of steps per period: with fewer, a step could skip a load that acts during a small part of
+the period. Chosen by judgement."""
 
 Equations = Callable[[Array, Array, float, Array, Array], Matrices]
-"""Function of phases and speeds (k,), an acceleration, and q and q̇ (k, n) that returns M, C, K and d of the
-equations linearised about this state; at this state they are exact."""
+"""Type of functions of phases and speeds (k,), an acceleration, and q and q̇ (k, n). They return M, C, K and
+d of the equations linearised about this state, at which the linearised equations are exact."""
 
 
 class FeedbackIntegrator:
     """Integration over periods by LSODA (A. C. Hindmarsh, L. R. Petzold) in SciPy, with `count` states per
-    period; see `Integrator`. sizes (n,): scales of the coordinates, to which rtol is relative."""
+    period; see `Integrator`. The tolerance `rtol` is relative to `sizes` (n,), the scales of the
+    coordinates."""
 
     def __init__(
         self, equations: Equations, first_order: int, period: float, sizes: Array, count: int, rtol: float
@@ -35,15 +36,15 @@ class FeedbackIntegrator:
         return 2 * self._n - self._first_order
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """States of a period, see `Integrator`. Raises TransientError if the integration fails."""
+        """Return the states over one period; see `Integrator`. Raises TransientError if the integration
+        fails."""
         from scipy.integrate import solve_ivp
 
         ends = speed, speed if last is None else last
         mean, n, N = sum(ends) / 2, self._n, self._N
 
         def rates(s: Array, x: Array) -> tuple[Array, Array]:
-            """A (k, N, N) and b (k, N) of x′ = A x + b with derivatives with respect to time, at states x (N,
-            k)."""
+            """Return A (k, N, N) and b (k, N) of ẋ = A x + b at states x (N, k)."""
             phase, omega, acceleration = driven(s, *ends, self._period)
             q, qd = x[:n].T, np.zeros((len(s), n))
             qd[:, : N - n] = x[n:].T

@@ -1,8 +1,8 @@
 """Periodic Riccati equations −X′ = AᵀX + XA − XGX + Q on the steps of a grid.
 
-A step relates the state x at its start and the costate λ = Xx at its end to the state at its end and the
-costate at its start: x₁ = A x₀ − G λ₁ and λ₀ = H x₀ + Aᵀ λ₁. Gauss collocation conserves this symplectic
-structure. Two steps are composed without inverses of unstable maps, which is the structure-preserving
+A step maps the state x₀ at its start and the costate λ₁ at its end, where λ = Xx, to the state x₁ at its end
+and the costate λ₀ at its start: x₁ = A x₀ − G λ₁ and λ₀ = H x₀ + Aᵀ λ₁. Gauss collocation conserves this
+symplectic structure. Two steps are composed without inverses of unstable maps by the structure-preserving
 doubling algorithm (E. Chu, H. Fan, W. Lin, C. Wang, Int. J. Control 77 (2004) 767-788)."""
 
 from collections.abc import Callable
@@ -18,32 +18,32 @@ from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 
 FROZEN_PHASES = 48
-"""Phases at which frozen modes are computed. A choice."""
+"""Number of phases at which frozen modes are computed. Chosen by judgement."""
 
 FIRST_RTOL = 1e-8
-"""Tolerance for which phase advances per step of the first grid are stated. For another tolerance they change
-by the root of the order of the method."""
+"""Tolerance to which the stated phase advances per step of the first grid refer. They are proportional to the
+tolerance to the power 1/order of the method."""
 
 _MOST_DOUBLINGS = 60
-"""Maximum number of doublings of the period; if they do not converge, no solution exists. With closed-loop
+"""Maximum number of doublings of the period. If they do not converge, no solution exists: with closed-loop
 multipliers of up to 1 − 1e-17, the iteration converges earlier."""
 
 _CONVERGED = 16 * EPS
-"""Relative change or residual of the solution that counts as round-off. A choice."""
+"""Relative change or residual of the solution that counts as round-off. Chosen by judgement."""
 
 _CORRECTIONS = 2
-"""Maximum number of Newton corrections. A choice: the first correction reaches round-off."""
+"""Maximum number of Newton corrections. Chosen by judgement: the first correction reaches round-off."""
 
 _BYTES = 2**20
-"""Memory, in bytes, of the stage systems that are solved at a time. A choice."""
+"""Memory, in bytes, of the stage equations that are solved together. Chosen by judgement."""
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
-"""Function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N), with G = sign E Eᵀ and
-derivatives with respect to the phase."""
+"""Type of functions of phases (k,) that return A (k, N, N), E (k, N, r) and Q (k, N, N), where G = sign E Eᵀ.
+The equation describes derivatives with respect to the phase."""
 
 
 class Maps(NamedTuple):
-    """Maps of steps: matrices A, G and H (m, N, N); G and H are symmetric."""
+    """Maps of m steps: matrices A, G and H (m, N, N). G and H are symmetric."""
 
     A: Array
     G: Array
@@ -51,7 +51,8 @@ class Maps(NamedTuple):
 
     @property
     def halves(self) -> "tuple[Maps, Maps]":
-        """First and second steps of pairs; the last step of an odd number is paired with the identity."""
+        """Maps of the first steps and of the second steps of all pairs of steps. If the number of steps is
+        odd, the last step is paired with the identity."""
         m, N, _ = self.A.shape
         if m % 2:
             zero = np.zeros((1, N, N))
@@ -78,28 +79,29 @@ class Maps(NamedTuple):
 
     @property
     def period(self) -> "Maps":
-        """The map (1, N, N) of all steps."""
+        """Map (1, N, N) of all steps together."""
         maps = self
         while len(maps.A) > 1:
             maps = maps.pairs
         return maps
 
     def closed(self, X: Array) -> Array:
-        """Maps (m, N, N) of the closed loop, from X (m, N, N) at the ends of the steps."""
+        """Return the maps (m, N, N) of the states of the closed loop, from X (m, N, N) at the ends of the
+        steps."""
         return np.linalg.solve(np.eye(self.A.shape[-1]) + self.G @ X, self.A) if self.G.any() else self.A
 
     def before(self, X: Array) -> Array:
-        """Solution X at the starts of the steps, from X (m, N, N) at their ends."""
+        """Return X (m, N, N) at the starts of the steps, from X (m, N, N) at their ends."""
         return symmetric(self.H + transposed(self.A) @ X @ self.closed(X))
 
 
 class Stages(NamedTuple):
-    """States at the stages of the steps, and the coefficients there.
+    """Coefficients and states at the s stages of m steps.
 
-    A, G, Q: coefficients (m, s, N, N), multiplied by the lengths of the steps. states (m, s, N, N + s r):
-    matrices from the state at the start and the inputs at the stages to the states at the stages. optimal (m,
-    s r, 2N): matrices from the state at the start and the costate at the end to the inputs times −1. method:
-    weights of the stages."""
+    `A`, `G` and `Q` (m, s, N, N) are the coefficients, multiplied by the lengths of the steps. `states` (m,
+    s, N, N + s r) maps the state at the start and the inputs at the stages to the states at the stages.
+    `optimal` (m, s r, 2N) maps the state at the start and the costate at the end to the negated inputs.
+    `method` contains the weights of the stages."""
 
     A: Array
     G: Array
@@ -109,29 +111,31 @@ class Stages(NamedTuple):
     method: Collocation
 
     def closed(self, X: Array, closed: Array) -> Array:
-        """Matrices (m, s, N, N) from the state at the start of a step to the states of the closed loop at the
-        stages. X: solution at the ends of the steps; closed (m, N, N): maps of the closed loop."""
+        """Return matrices (m, s, N, N) that map the state at the start of a step to the states of the closed
+        loop at the stages. `X` (m, N, N) is the solution at the ends of the steps; `closed` (m, N, N) are the
+        maps of the closed loop."""
         N = X.shape[-1]
         inputs = self.optimal[..., :N] + self.optimal[..., N:] @ X @ closed
         return self.states[..., :N] - self.states[..., N:] @ inputs[:, None]
 
 
 def transposed(A: Array) -> Array:
-    """Transposes of matrices (…, N, M)."""
+    """Return the transposes of matrices (…, N, M)."""
     return np.swapaxes(A, -1, -2)
 
 
 def symmetric(A: Array) -> Array:
-    """Symmetric parts of matrices (…, N, N)."""
+    """Return the symmetric parts of matrices (…, N, N)."""
     return (A + transposed(A)) / 2
 
 
 def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 1.0) -> tuple[Maps, Stages]:
-    """Maps of the steps by the Gauss method of the given order, for G = sign E Eᵀ, and their stages.
+    """Return the maps of the steps, by the Gauss method of the given order, and their stages, for G = sign E
+    Eᵀ.
 
-    Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, with the
-    inputs w at the stages for which the sum of xᵀQx + sign wᵀw over the stages is stationary (W. W. Hager,
-    Numer. Math. 87 (2000) 247-282). The latter has half the unknowns."""
+    Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, with
+    those inputs w at the stages for which the sum of xᵀQx + sign wᵀw over the stages is stationary (W. W.
+    Hager, Numer. Math. 87 (2000) 247-282). The latter has half as many unknowns."""
     method = Gauss(order).collocation
     s, phases = len(method.c), grid.stages(np.array(method.c))
     A, E, Q = coefficients(phases.ravel())
@@ -149,10 +153,10 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 
 
 
 def _condensed(states: Array, Q: Array, b: Array, sign: float) -> tuple[Array, Array, Array, Array]:
-    """Matrices A, G and H of the maps of m steps, and `Stages.optimal`; NaN if the sign is negative and the
-    cost, which is then maximised, is not bounded.
+    """Return A, G and H of the maps of m steps, and `Stages.optimal`. If the sign is negative, the cost is
+    maximised; the matrices are NaN if the maximum is not bounded.
 
-    states: matrices as from `_response`. Q (m, s, N, N): multiplied by the lengths of the steps."""
+    `states` are matrices as from `_response`. `Q` (m, s, N, N) is multiplied by the lengths of the steps."""
     m, s, N, _ = Q.shape
     of_cost = (b[:, None, None] * Q) @ states[:, :-1]
     cost = transposed(states[:, :-1].reshape(m, s * N, -1)) @ of_cost.reshape(m, s * N, -1)
@@ -172,8 +176,8 @@ def _condensed(states: Array, Q: Array, b: Array, sign: float) -> tuple[Array, A
 
 
 def _is_mechanical(A: Array, E: Array) -> bool:
-    """Whether the states are positions q and velocities v with q′ = T v and a constant diagonal T, and inputs
-    enter the equations of v′ only."""
+    """Return whether the system is of second order: the states are positions q and velocities v, q′ = T v
+    with a constant diagonal T, and the inputs enter only the equations of v′."""
     N = A.shape[-1]
     p = N // 2
     if N % 2 or A[:, :p, :p].any() or E[:, :p].any():
@@ -183,8 +187,8 @@ def _is_mechanical(A: Array, E: Array) -> bool:
 
 
 def _response(A: Array, E: Array, method: Collocation) -> Array:
-    """Matrices (m, s + 1, N, N + s r) from the state at the start and the inputs at the stages to the states
-    at the stages and at the end.
+    """Return matrices (m, s + 1, N, N + s r) that map the state at the start and the inputs at the stages to
+    the states at the stages and at the end.
 
     A (m, s, N, N) is multiplied by the lengths of the steps, E (m, s, N, r) by their square roots."""
     m, s, N, _ = A.shape
@@ -195,7 +199,8 @@ def _response(A: Array, E: Array, method: Collocation) -> Array:
 
 
 def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
-    """Result of `_response` for second-order systems, from equations for the accelerations alone."""
+    """Return the result of `_response` for second-order systems, from equations for the accelerations
+    alone."""
     N = A.shape[-1]
     p, weights = N // 2, method.A
     T = np.diagonal(A[:, 0, :p, p:], axis1=1, axis2=2)[:, None, :, None]
@@ -210,8 +215,8 @@ def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
 
 
 def _accelerations(by_q: Array, by_v: Array, loads: Array, method: Collocation) -> Array:
-    """Accelerations (m, s p, 2p + c) at the stages due to unit q and v at the start, and due to loads
-    (m, s p, c), for v′ = by_q q + by_v v and steps of length 1."""
+    """Return the accelerations (m, s p, 2p + c) at the stages that are due to unit q and unit v at the start,
+    and to `loads` (m, s p, c). The equations are v′ = by_q q + by_v v, and the steps have length 1."""
     m, s, p, _ = by_q.shape
     every, weights = np.arange(p * p), method.A
     parts = np.ones((m * s, p)), -by_v.reshape(m * s, -1), -by_q.reshape(m * s, -1)
@@ -228,8 +233,8 @@ def _accelerations(by_q: Array, by_v: Array, loads: Array, method: Collocation) 
 
 
 def _by_inputs(E: Array) -> Array:
-    """Loads (m, s p, s r) at the stages due to unit inputs, each of which acts at one stage only, from
-    E (m, s, p, r)."""
+    """Return the loads (m, s p, s r) at the stages due to unit inputs, from E (m, s, p, r). Each unit input
+    acts at one stage only."""
     m, s, p, r = E.shape
     loads = np.zeros((m, s, p, s, r))
     loads[:, range(s), :, range(s)] = np.swapaxes(E, 0, 1)
@@ -237,17 +242,17 @@ def _by_inputs(E: Array) -> Array:
 
 
 def summed(rows: Array, rates: Array, p: int) -> Array:
-    """Sums (m, a, p, c) of rates (m, s p, c) over the stages with the weights of rows (a, s)."""
+    """Return sums (m, a, p, c) of `rates` (m, s p, c) over the s stages, weighted by `rows` (a, s)."""
     m = len(rates)
     return (rows @ rates.reshape(m, rows.shape[1], -1)).reshape(m, len(rows), p, -1)
 
 
 def periodic_solution(maps: Maps, tolerance: float = _CONVERGED) -> Array | None:
-    """Stabilising periodic solution X (m+1, N, N) at the nodes; None if the doubling algorithm does not
-    converge.
+    """Return the stabilising periodic solution X (m+1, N, N) at the nodes; None if the doubling algorithm
+    does not converge.
 
-    If its relative residual exceeds the tolerance, it is corrected by Newton's method, whose periodic
-    Lyapunov equation is the case G = 0."""
+    If the relative residual of X exceeds the tolerance, X is corrected by Newton's method, which solves a
+    periodic Lyapunov equation: the Riccati equation with G = 0."""
     with np.errstate(all="ignore"):
         X = _doubled(maps)
         if X is None:
@@ -268,17 +273,17 @@ def periodic_solution(maps: Maps, tolerance: float = _CONVERGED) -> Array | None
 
 
 def sums_over_steps(closed: Array, terms: Array) -> Array | None:
-    """Periodic solution E (m+1, N, N) of E_k = Φ_kᵀ E_{k+1} Φ_k + terms_k, for maps Φ (m, N, N) of a stable
-    system; None if it is not found."""
+    """Return the periodic solution E (m+1, N, N) of E_k = Φ_kᵀ E_{k+1} Φ_k + terms_k, where Φ are the maps
+    `closed` (m, N, N) of a stable system; None if the doubling algorithm does not converge."""
     return _doubled(Maps(closed, np.zeros_like(closed), terms))
 
 
 def bounded(maps: Maps) -> bool:
-    """Whether max ∫ xᵀQx − wᵀw over the inputs w is finite over any number of periods. maps: of a stable
-    system, with the sign −1.
+    """Return whether the maximum of ∫ xᵀQx − wᵀw with respect to the inputs w is finite for any number of
+    periods. `maps` are the maps of a stable system for the sign −1.
 
-    The maximum over two intervals exists if it exists over each interval and the eigenvalues of 1 + G H are
-    positive, with G of the first and H of the second interval."""
+    The maximum over two successive intervals exists if it exists over each interval, and if the eigenvalues
+    of I + G H are positive, where G belongs to the first and H to the second interval."""
     with np.errstate(all="ignore"):
         while len(maps.A) > 1:
             first, second = maps.halves
@@ -297,14 +302,15 @@ def bounded(maps: Maps) -> bool:
 
 
 def _joined(first: Maps, second: Maps) -> bool:
-    """Whether the maximum over two successive intervals exists, if it exists over each of them."""
+    """Return whether the maximum over two successive intervals exists, provided that it exists over each of
+    them."""
     joint = np.eye(first.A.shape[-1]) + first.G @ second.H
     return bool(np.isfinite(joint).all() and (np.linalg.eigvals(joint).real > 0).all())
 
 
 def _doubled(maps: Maps) -> Array | None:
-    """Periodic solution as from `periodic_solution`, without corrections: products of pairs of steps, then
-    doubling of the period."""
+    """Return the periodic solution, as `periodic_solution` but without corrections: pairs of steps are
+    composed until one map remains, whose period is then doubled repeatedly."""
     levels = [maps]
     while len(levels[-1].A) > 1:
         levels.append(levels[-1].pairs)
@@ -322,7 +328,7 @@ def _doubled(maps: Maps) -> Array | None:
 
 
 def _after_many_periods(period: Maps) -> Array | None:
-    """Limit (1, N, N) of H for an increasing number of periods; None if it does not converge."""
+    """Return the limit (1, N, N) of H for an increasing number of periods; None if H does not converge."""
     for _ in range(_MOST_DOUBLINGS):
         try:
             doubled = period.then(period)

@@ -16,20 +16,20 @@ from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
 
 _SCAN = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)
-"""Relative changes along a ray between which the boundary is sought; the last one is the largest distance
-that is searched. A choice."""
+"""Distances along a ray between which the boundary is sought. The last one is the largest that is searched.
+Chosen by judgement."""
 
 _STEP = 1e-4
-"""Relative step of central differences. If log |ρ| is accurate to 1e-6, the differences are accurate to 1e-2,
+"""Relative step of central differences. If log |ρ| is accurate to 1e-6, the derivatives are accurate to 1e-2,
 which suffices for a direction."""
 
 _TURNS, _GAIN = (1.0, 0.5, 0.25, 0.1), 1e-4
-"""Fractions of the rotation towards the normal of the boundary that are tried, and relative decrease of the
-distance below which the search ends. Choices."""
+"""Fractions of the rotation towards the normal of the boundary that are tried one after another, and relative
+decrease of the distance below which the search ends. Chosen by judgement."""
 
 _TOLERANCE, _BESIDE = 1e-6, 1e-3
-"""Tolerance of the distance, and relative distance from the boundary at which the verdicts on both sides are
-stated. Choices."""
+"""Relative tolerance of the distance, and relative distance from the boundary at which the verdicts on its
+two sides are computed. Chosen by judgement."""
 
 
 @of_system
@@ -65,9 +65,9 @@ def stability_margin(
     Notes
     -----
     The boundary |ρ| = 1 is located on rays from the unchanged parameters. At the nearest point of the
-    boundary, its normal is parallel to the ray. The ray is therefore rotated towards the normal as long as
-    the distance decreases. The first ray is the best change of a single parameter. The minimum is a local
-    one.
+    boundary, the normal of the boundary is parallel to the ray. The ray is therefore rotated towards the
+    normal as long as the distance decreases. The first ray is the change of a single parameter that reaches
+    the boundary first. The minimum is a local one.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def stability_margin(
 
 
 class _Boundary:
-    """Boundary of stability in relative changes δ (r,) of parameters."""
+    """Boundary of stability in the space of relative changes δ (r,) of parameters."""
 
     def __init__(self, system: PeriodicSystem, speed: float, names: Sequence[str], rtol: float):
         self._system, self._speed, self._names, self._rtol = system, speed, names, rtol
@@ -123,7 +123,7 @@ class _Boundary:
         return StabilityMargin(distance, changes, verdicts)
 
     def _distance(self, ray: Array) -> float:
-        """Distance of the boundary along a ray; infinite if it is not found."""
+        """Distance of the boundary along a ray; infinite if no boundary is found."""
         from scipy.optimize import brentq
 
         inside = 0.0
@@ -139,12 +139,12 @@ class _Boundary:
         return np.inf
 
     def _growth(self, change: Array) -> float:
-        """log |ρ| of the largest multiplier, minus the tolerance of verdicts, so that it is 0 on the
-        boundary."""
+        """log |ρ| of the largest multiplier, plus the tolerance of verdicts, so that it is 0 where the motion
+        ceases to be asymptotically stable."""
         return float(np.log(self._stability(change).spectral_radius)) + UNIT_CIRCLE
 
     def _normal(self, change: Array) -> Array:
-        """Unit normal of the boundary, by central differences."""
+        """Unit normal (r,) of the boundary, by central differences."""
         unit = _STEP * np.eye(len(change))
         slopes = np.array([self._growth(change + step) - self._growth(change - step) for step in unit])
         return slopes / (np.linalg.norm(slopes) or 1.0)

@@ -1,4 +1,4 @@
-"""Norms of the transfer from inputs to outputs of a periodic system: H2, and H-infinity over frequency."""
+"""H2 and H-infinity norms of the transfer from inputs to outputs of a periodic system."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -18,15 +18,15 @@ from solve.system import PeriodicSystem, of_system, shown_in
 from solve.units import speed_in_si
 
 _ON_CIRCLE = 1e-7
-"""Distance from the unit circle below which a multiplier of the Hamiltonian system counts as lying on it. A
-choice: double multipliers lose half their digits."""
+"""Distance from the unit circle below which a multiplier of the Hamiltonian system counts as lying on it.
+Chosen by judgement: double multipliers lose half of their digits."""
 
 _MAP_RTOL = 1e-8
-"""Tolerance for which a number of steps is chosen; the map of the Hamiltonian system has twice as many."""
+"""Tolerance for which the number of steps is chosen. The maps are then computed with twice this number."""
 
 _GROWTH, _MOST = 4.0, 200
-"""Factor between the gains that are tried until they enclose the norm, and maximum number of trials.
-Choices."""
+"""Ratio of successive gains that are tried until two of them enclose the norm, and maximum number of trials.
+Chosen by judgement."""
 
 
 class Norm(NamedTuple):
@@ -35,11 +35,12 @@ class Norm(NamedTuple):
     Attributes
     ----------
     value : float
-        Norm in the unit of the outputs divided by that of the inputs.
+        Norm, in the unit of the outputs divided by the unit of the inputs.
     error : float
         Estimated relative error.
     frequency : float or None
-        Frequency in rad/s of the largest gain, at most π/T; None for H2, or if it is not found.
+        Frequency in rad/s at which the gain is largest, at most π/T; None for the H2 norm, or if it is not
+        found.
     warnings : tuple of str
         Reasons to doubt the value.
     """
@@ -63,7 +64,8 @@ def h2_norm(
     Parameters
     ----------
     system : PeriodicSystem
-        Asymptotically stable system with inputs. Those of a closed loop are disturbances, u_disturbance.
+        Asymptotically stable system with inputs. The inputs of a closed loop are disturbances, such as
+        u_disturbance.
     speed : float or str
         Ω in rad/s, or a text with unit.
     outputs : sequence of str
@@ -81,14 +83,15 @@ def h2_norm(
     Raises
     ------
     ControlError
-        For a system that is not asymptotically stable, or without inputs.
+        If the system is not asymptotically stable, or has no inputs.
     SolveError
         Other subclasses for bad input.
 
     Notes
     -----
-    The square is the mean over the period of tr(BᵀXB), with the periodic solution of −Ẋ = AᵀX + XA + CᵀC
-    (P. Colaneri, Automatica 36 (2000) 1459-1473), a Riccati equation without its quadratic term.
+    The square of the norm is the mean over the period of tr(BᵀXB), where X is the periodic solution of −Ẋ =
+    AᵀX + XA + CᵀC (P. Colaneri, Automatica 36 (2000) 1459-1473). This is a Riccati equation without its
+    quadratic term.
 
     Examples
     --------
@@ -122,13 +125,14 @@ def hinf_norm(
     inputs: Sequence[str] | None = None,
     rtol: float = 1e-6,
 ) -> Norm:
-    """Compute the H-infinity norm: the largest ratio, over all inputs, of the root mean square of the outputs
+    """Compute the H-infinity norm: the largest ratio, for any inputs, of the root mean square of the outputs
     to that of the inputs.
 
     Parameters
     ----------
     system : PeriodicSystem
-        Asymptotically stable system with inputs. Those of a closed loop are disturbances, u_disturbance.
+        Asymptotically stable system with inputs. The inputs of a closed loop are disturbances, such as
+        u_disturbance.
     speed : float or str
         Ω in rad/s, or a text with unit.
     outputs : sequence of str
@@ -150,12 +154,12 @@ def hinf_norm(
 
     Notes
     -----
-    γ exceeds the norm if and only if the maximum of ∫ yᵀy − γ² uᵀu over all inputs is finite over any number
-    of periods. Then the Riccati equation with the matrices A, −BBᵀ/γ² and CᵀC has a stabilising solution that
-    does not become infinite. The maxima over the steps are combined by doubling, and γ is found
-    by bisection; the error is that of the bisection. A value γ below the norm need not be a gain at any
-    frequency, because the gains, which are the singular values of the harmonic transfer function (N. M.
-    Wereley, 1990), may leave gaps.
+    A number γ exceeds the norm if and only if the maximum of ∫ yᵀy − γ² uᵀu with respect to the inputs u is
+    finite for any number of periods. Then the Riccati equation with the matrices A, −BBᵀ/γ² and CᵀC has a
+    stabilising solution that does not become infinite. The maxima over the steps are combined by doubling,
+    and the norm is found by bisection; `error` is that of the bisection. A value γ below the norm need not be
+    a gain at any frequency: the gains are the singular values of the harmonic transfer function (N. M.
+    Wereley, 1990), between which there may be gaps.
 
     Examples
     --------
@@ -178,7 +182,7 @@ def hinf_norm(
 
 
 class _Transfer(NamedTuple):
-    """Transfer from some inputs to outputs of an asymptotically stable system."""
+    """Transfer from selected inputs to selected outputs of an asymptotically stable system."""
 
     plant: Plant
     outputs: tuple[str, ...]
@@ -211,13 +215,13 @@ class _Transfer(NamedTuple):
         return cls(plant, outputs, [system.inputs.index(name) for name in names])
 
     def inputs_at(self, phase: Array) -> Array:
-        """Input matrix B (k, N, r) at phases (k,)."""
+        """Columns of B (k, N, r) for the selected inputs, at phases (k,)."""
         return self.plant.input_matrix(phase)[..., self.inputs]
 
     def riccati(
         self, terms: Callable[[Array, Array], tuple[Array, Array]], sign: float, rtol: float
     ) -> Riccati:
-        """Equation whose matrices E and Q, with G = sign E Eᵀ, are functions of B and C."""
+        """Riccati equation with G = sign E Eᵀ. The function `terms` returns E and Q from B and C."""
 
         def coefficients(phase: Array) -> tuple[Array, Array, Array]:
             A, B, _ = self.plant.dynamics(phase)
@@ -250,7 +254,8 @@ class _Transfer(NamedTuple):
         raise ControlError("the H-infinity norm was not found: it exceeds every bound that was tried")
 
     def frequency(self, gain: float) -> float | None:
-        """Frequency at which a gain just below the norm is a singular value; None if it is not found."""
+        """Frequency at which `gain`, just below the norm, is a singular value of the transfer; None if it is
+        not found."""
         from scipy.linalg import eigvals
 
         A, G, H = (part[0] for part in self.maps(gain).period)
@@ -260,7 +265,7 @@ class _Transfer(NamedTuple):
         angles = np.abs(np.angle(on_circle))
         if not len(angles):
             return None
-        # The gain is exceeded between two frequencies. A single conjugate pair encloses 0 or π.
+        # The gain is exceeded between two frequencies. A single conjugate pair encloses the angle 0 or π.
         angle = angles.mean() if len(angles) == 4 else angles[0]
         if len(angles) == 2:
             angle = np.pi * (angle > np.pi / 2)

@@ -1,5 +1,5 @@
-"""Output feedback for digital controllers: constant gains or few harmonics, a delay, and resonators at
-harmonics of the drive, with derivatives with respect to the gains."""
+"""Output feedback for digital controllers: gains that are constant or have a few harmonics, a delay, and
+resonators at harmonics of the drive. Derivatives with respect to the gains are available."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -19,16 +19,17 @@ from solve.system import PeriodicSystem, relabelled
 from solve.units import in_unit, speed_in_si
 
 _DAMPING = 0.01
-"""Damping ratio of resonators. A choice: the gain at resonance is 50 times that at rest."""
+"""Damping ratio of resonators. Chosen by judgement: the gain at resonance is 50 times that at frequency 0."""
 
 
 _WIDTH = 0.5
-"""Damping ratio of notch filters. A choice: half of the amplitude remains at 0.75 and 1.33 times the
-frequency."""
+"""Damping ratio of notch filters. Chosen by judgement: half of the amplitude remains at 0.75 and 1.33 times
+the notch frequency."""
 
 
 class _Section(NamedTuple):
-    """Filter of a signal w with the output w − c ż, where z̈ + b ż + a z = a w: a delay or a notch."""
+    """Filter of a signal w: a section of a delay, or a notch. Its output is w − c ż, where z̈ + b ż + a z = a
+    w."""
 
     a: float
     b: float
@@ -36,9 +37,9 @@ class _Section(NamedTuple):
 
 
 class Gain(NamedTuple):
-    """Gain from a signal to an input, multiplied by a function 1, cos φ, sin φ, cos 2φ, …: indices of the
-    signal, the input and the function; unit of the gain; and name of the constant gain to which it
-    belongs."""
+    """Gain from a signal to an input, multiplied by one of the functions 1, cos φ, sin φ, cos 2φ, …. `input`,
+    `signal` and `wave` are the indices of the input, the signal and the function; `base` is the name of the
+    constant gain to which the gain belongs."""
 
     input: int
     signal: int
@@ -60,18 +61,19 @@ class OutputFeedback(FeedbackLoop):
         Highest harmonic of the gains; 0 for constant gains.
     delay : float or str
         Delay of the measured outputs in s, or a text with unit. A digital controller that computes during one
-        sampling period T and holds its output delays the outputs by 1.5 T.
+        sampling period T, and then holds its output, delays the outputs by 1.5 T.
     sections : int
-        Number of sections of the delay.
+        Number of equal sections into which the delay is divided.
     resonators : sequence of int
         Harmonics at which resonators amplify the measured outputs, for repetitive control.
     notches : sequence of float or str
-        Frequencies that filters remove from the measured outputs: rad/s, or texts with unit, such as "18 Hz".
+        Frequencies that filters remove from the measured outputs, in rad/s or as texts with a unit, such as
+        "18 Hz".
 
     Raises
     ------
     ControlError
-        Without inputs, and for systems with first-order states.
+        If the system has no inputs, or has first-order states.
     SolveError
         Other subclasses for bad input.
 
@@ -146,7 +148,7 @@ class OutputFeedback(FeedbackLoop):
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
-        """Closed loop with some gains, and parameters and options of the system, changed."""
+        """Closed loop with some gains, or parameters and options of the system, changed."""
         changes = dict(parameters or {})
         gains = {name: float(changes.pop(name)) for name in self.gains if name in changes}
         changed = super().varied(changes, options)
@@ -157,7 +159,7 @@ class OutputFeedback(FeedbackLoop):
         super().require_bounds({name: value for name, value in parameters.items() if name not in self.gains})
 
     def bounds_of_gains(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
-        """Bounds of all gains. Bounds of u_by_q1 apply to all gains from q1 to u for which no bounds are
+        """Bounds of gains. Those of u_by_q1 are extended to all gains from q1 to u for which no bounds are
         given."""
         of_families = {
             name: bounds[gain.base] for name, gain in self.gain_terms.items() if gain.base in bounds
@@ -166,19 +168,21 @@ class OutputFeedback(FeedbackLoop):
 
     @property
     def derivatives(self) -> ParameterDerivatives:
-        """Derivatives with respect to the gains; none are available for equations linearised about a
+        """Derivatives with respect to the gains. None are available for equations linearised about a
         motion."""
         return GainDerivatives(self) if self.open_loop is self.model else super().derivatives
 
     def waves(self, phase: Array) -> Array:
-        """1, cos φ, sin φ, cos 2φ, … (k, w) at phases (k,), for the period 2π."""
+        """Functions 1, cos φ, sin φ, cos 2φ, … (k, w) at phases (k,), where φ is the phase scaled to 2π per
+        period."""
         angles = phase[:, None] * (2 * np.pi / self.model.period * np.arange(1, self._waves + 1))
         waves = np.stack((np.cos(angles), np.sin(angles)), axis=-1).reshape(len(phase), -1)
         return np.concatenate((np.ones((len(phase), 1)), waves), axis=1)
 
     def signals(self, phase: Array, speed: Any) -> tuple[Array, Array, Array]:
-        """Rows (k, s, 2, n) of the signals that gains multiply, by velocities and coordinates; and C and K
-        (k, a, n) of the a equations of filters and resonators, whose M is the identity."""
+        """Return the coefficients (k, s, 2, n) of velocities and coordinates in the s signals that the gains
+        multiply; and C and K (k, a, n) of the equations of filters and resonators, whose M is the
+        identity."""
         k, n, y = len(phase), self.model.n, len(self.measured)
         rows = np.zeros((k, y, 2, self.n))
         measured = Plant(self.design, speed).rows(self.measured, phase)
@@ -203,7 +207,7 @@ class OutputFeedback(FeedbackLoop):
         return np.concatenate((rows, *signals), axis=1), equations[:, :, 0], equations[:, :, 1]
 
     def gain_matrix(self, phase: Array) -> Array:
-        """Gains (k, r, s) of the signals at phases (k,)."""
+        """Return the gains (k, r, s) from signals to inputs, at phases (k,)."""
         waves, last = self.waves(phase), max(term.signal for term in self.gain_terms.values()) + 1
         gains = np.zeros((len(phase), len(self.model.inputs), last))
         for name, term in self.gain_terms.items():
@@ -235,7 +239,7 @@ class OutputFeedback(FeedbackLoop):
 
 
 def _notch(frequency: float | str) -> _Section:
-    """Filter that removes a frequency. Raises ValueOutOfBoundsError."""
+    """Return the filter that removes a frequency. Raises ValueOutOfBoundsError."""
     try:
         omega = float(speed_in_si(frequency))
     except SolveError:
@@ -248,7 +252,7 @@ def _notch(frequency: float | str) -> _Section:
 def _terms(
     system: PeriodicSystem, measured: Sequence[str], harmonics: int, resonators: Sequence[int]
 ) -> dict[str, Gain]:
-    """Gains by name, in the order of the signals of `OutputFeedback.signals`."""
+    """Return a mapping from names to gains. The indices of signals refer to `OutputFeedback.signals`."""
     waves = ["", *(f"_{wave}{k}" for k in range(1, harmonics + 1) for wave in ("cos", "sin"))]
     resonant = [f"_res{order}{rate}" for order in resonators for rate in ("", "_dot")]
     kinds = [(0, at, wave) for at, wave in enumerate(waves)]
@@ -264,7 +268,8 @@ def _terms(
 
 
 def _unit(system: PeriodicSystem, u: str, y: str) -> str:
-    """Unit of a gain, such as N m s/rad; empty if the unit of the measured quantity is itself a quotient."""
+    """Return the unit of a gain, such as N m s/rad; empty if the unit of the measured quantity is itself a
+    quotient."""
     state = y.removesuffix("_dot") if y not in system.labels.units else y
     of_input, of_state = system.labels.units.get(u, ""), system.labels.units.get(state, "")
     if not of_input or "/" in of_state:
@@ -284,11 +289,11 @@ class GainDerivatives:
         return tuple(self._loop.gains)
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Zero (b, r): gains move no breaks."""
+        """Zeros (b, r): breaks do not depend on gains."""
         return np.zeros((len(self._loop.breaks), len(names)))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> "GainDependence":
-        """Derivatives with respect to gains. Raises NoDerivativeError for other parameters."""
+        """Return the derivatives with respect to gains. Raises NoDerivativeError for other parameters."""
         for name in names:
             if name not in self._loop.gains:
                 raise NoDerivativeError(
@@ -310,7 +315,7 @@ class GainDependence:
 
     @property
     def less_accurate(self) -> "GainDependence":
-        """The object itself: derivatives are exact."""
+        """Object with less accurate derivatives: the same, because its derivatives are exact."""
         return self
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
@@ -350,7 +355,7 @@ class GainDependence:
         return by + np.einsum("kcn,kcnr->kr", by_states, moved)
 
     def _of_input(self, phase: Array, speed: float, states: Array) -> Array:
-        """Derivatives (k, r) of the inputs that gains act on with respect to these gains."""
+        """Derivatives (k, r) with respect to r gains, each of the input on which the gain acts."""
         loop = self._loop
         rates = np.array([speed, 1.0])[:, None] * states[:, 1:]
         values = np.einsum("kscn,kcn->ks", loop.signals(phase, speed)[0], rates)

@@ -1,4 +1,4 @@
-"""State-space form x′ = A x + B u + b of a system with inputs at a speed, and rows of its outputs."""
+"""State-space form ẋ = A x + B u + b of a system with inputs at a speed, and the rows C of its outputs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,15 +18,16 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Plant:
-    """System at a speed in rad/s, with states x = (q, q̇) and derivatives with respect to time. For rows of
-    outputs, the speed may be an array with one value per phase."""
+    """System at a speed in rad/s, in state-space form with the states x = (q, q̇). For the rows of outputs,
+    the speed may be an array with one value per phase."""
 
     system: PeriodicSystem
     speed: float
 
     @cached_property
     def states(self) -> tuple[str, ...]:
-        """Names of the N states: coordinates, and NAME_dot for those with second derivatives."""
+        """Names of the N states: the coordinates, and NAME_dot for each coordinate with a second
+        derivative."""
         return state_names(self.system)
 
     @property
@@ -34,13 +35,13 @@ class Plant:
         return len(self.states)
 
     def dynamics(self, phase: Array) -> tuple[Array, Array, Array]:
-        """Matrices A (k, N, N) and B (k, N, r), and b (k, N), at phases (k,)."""
+        """Return A (k, N, N), B (k, N, r) and b (k, N) at phases (k,)."""
         system = self.system
         inputs = input_matrix(system, phase, self.speed)
         return state_equations(system.at(phase, self.speed), inputs, len(system.states))
 
     def input_matrix(self, phase: Array) -> Array:
-        """Matrix B (k, N, r) of `dynamics` alone."""
+        """Return only the matrix B (k, N, r) of `dynamics`."""
         system, first_order = self.system, len(self.system.states)
         M, C, *_ = system.at(phase, self.speed)
         rates = definite_solved(leading(M, C, first_order), input_matrix(system, phase, self.speed))
@@ -56,7 +57,7 @@ class Plant:
             )
 
     def rows(self, names: Sequence[str], phase: Array) -> Array:
-        """Rows C (k, y, N) at phases (k,) of the named states and outputs, y = C x without constant terms.
+        """Return the rows C (k, y, N) of the named states and outputs at phases (k,): their linear terms C x.
 
         Raises UnknownNameError, and ValueOutOfBoundsError for an output that depends on accelerations."""
         system, outputs = self.system, self.require_names(names)
@@ -72,8 +73,8 @@ class Plant:
         return rows
 
     def require_names(self, names: Sequence[str]) -> Sequence[str]:
-        """Names of the outputs for which `rows` is available. Raises UnknownNameError for names that are
-        neither states nor outputs."""
+        """Return the names of the outputs for which `rows` is available. Raises UnknownNameError for names
+        that are neither states nor such outputs."""
         system = self.system
         outputs = system.outputs if isinstance(system, FirstOrderSystem) else linear_outputs(system)
         for name in names:
@@ -81,7 +82,7 @@ class Plant:
         return outputs
 
     def _output_row(self, name: str, phase: Array) -> Array:
-        """Derivatives (k, N) of a model's output with respect to the states."""
+        """Return the derivatives (k, N) of a model's output with respect to the states."""
         state = reference_state(self.system, phase, self.speed)
         slopes = output_slopes(self.system, [name], phase, self.speed, state)[:, 0]
         if slopes[:, 0].any():
@@ -93,8 +94,8 @@ class Plant:
 
 
 def state_equations(matrices: Matrices, inputs: Array, first_order: int) -> tuple[Array, Array, Array]:
-    """A (k, N, N), B (k, N, r) and b (k, N) of x′ = A x + B u + b for M, C, K, d and the matrix of the inputs
-    (k, n, r)."""
+    """Return A (k, N, N), B (k, N, r) and b (k, N) of ẋ = A x + B u + b, from M, C, K, d and the input matrix
+    (k, n, r). The last `first_order` coordinates are of first order."""
     M, C, K, d = matrices
     n = d.shape[1]
     p = n - first_order
@@ -105,7 +106,8 @@ def state_equations(matrices: Matrices, inputs: Array, first_order: int) -> tupl
 
 
 def _by_rates(highest: Array, first_order: int) -> Array:
-    """Rows (k, N, c) of x′, zero for those of q̇, from the highest derivatives (k, n, c)."""
+    """Return rows (k, N, c) of the equations for ẋ, from the rows (k, n, c) of the highest derivatives. Rows
+    of coordinates with second derivatives are zero."""
     k, n, c = highest.shape
     p = n - first_order
     rows = np.zeros((k, n + p, c))
@@ -114,19 +116,19 @@ def _by_rates(highest: Array, first_order: int) -> Array:
 
 
 def state_names(system: PeriodicSystem) -> tuple[str, ...]:
-    """Names of the states x = (q, q̇) of a system."""
+    """Return the names of the states x = (q, q̇) of a system."""
     inertial = system.coordinates[: system.n - len(system.states)]
     return *system.coordinates, *(f"{name}_dot" for name in inertial)
 
 
 def linear_outputs(system: PeriodicSystem) -> Sequence[str]:
-    """Names of the outputs that are differentiable with respect to the states."""
+    """Return the names of the outputs that are differentiable with respect to the states."""
     return system.outputs if isinstance(system, Model) and not system.assembled else ()
 
 
 def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """Values of q̈, q̇ and q (3, n, k) at k phases, about which outputs are linearised: those of the
-    fundamental motion for a `LinearisedModel`, otherwise 0."""
+    """Return the values of q̈, q̇ and q (3, n, k), at k phases, about which outputs are linearised: the
+    motion of a `LinearisedModel`, and otherwise 0."""
     if not isinstance(system, LinearisedModel):
         return np.zeros((3, system.n, len(phase)))
     return np.stack([speed**k * system.motion(phase, k) for k in (2, 1, 0)])
@@ -135,7 +137,8 @@ def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array
 def output_slopes(
     system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
 ) -> Array:
-    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at their values `state` (3, n, k)."""
+    """Return the derivatives (k, p, 3, n) of p outputs with respect to q̈, q̇ and q, whose values are `state`
+    (3, n, k)."""
     rates = np.asarray(speed)[..., None, None] ** np.array([2.0, 1.0, 0.0])[:, None]
     # `Dependence` uses derivatives with respect to the phase.
     dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates

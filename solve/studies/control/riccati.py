@@ -26,60 +26,70 @@ from solve.studies.control.maps import (
 )
 
 _ORDER = 16
-"""Order of the Gauss method, the highest available: solutions are as smooth as the coefficients."""
+"""Order of the Gauss method. It is the highest one available, because solutions are as smooth as the
+coefficients."""
 
 _ADVANCE = 7.0
-"""Phase advance per step of the fastest frozen mode on the first grid for the tolerance `FIRST_RTOL`: the
-error constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
+"""Phase advance per step of the fastest frozen mode, on the first grid, for the tolerance `FIRST_RTOL`.
+Chosen by judgement, above the 4.2 with which the error of this mode meets the tolerance (the error constant
+2.2e-19 of order 16 times 4.2^17 is 9e-9), because grids are refined if needed."""
 
 _ROUNDOFF = 1e-5
-"""Relative residual of the difference equation, as a fraction of rtol, up to which it is not corrected. A
-choice."""
+"""The solution of the difference equation is corrected if its relative residual exceeds this fraction of
+rtol. Chosen by judgement."""
 
 _FALL, _MARGIN, _GROWTH = 12, 1.1, 2.0
-"""Order of the interpolant of values and slopes at 6 nodes; factor on the number of steps predicted from this
-order; largest ratio of the numbers of steps of successive grids. With the factor, an error decreases by at
-least 1.1^-12 = 0.32. The last two are choices."""
+"""Order of the interpolant of values and slopes at 6 nodes; safety factor on the number of steps predicted
+from this order; and largest ratio of the numbers of steps of successive grids. With the safety factor, the
+error is reduced at least to 1.1^-12 = 0.32 of the tolerance if the order is attained. The last two numbers
+are chosen by judgement."""
 
 _RESOLVED = 1e-7
-"""Error below which a solution counts as resolved. An error of a resolved solution that no longer decreases
-is round-off. Measured: with inputs of the harmonics 60 to 192 of small effect on X, errors of 4e-5 to 1e-6
-stagnate on grids that are too coarse for these harmonics."""
+"""Error below which a solution counts as resolved; if the error of a resolved solution no longer decreases,
+it is round-off. Larger errors can stagnate for another reason: with inputs of the harmonics 60 to 192 that
+have a small effect on X, errors of 4e-5 to 1e-6 were measured on grids that are too coarse for these
+harmonics."""
 
 _LEAST, _MOST = 24, 6000
-"""Smallest and largest number of steps: choices. With 12 states, 6000 steps take several seconds."""
+"""Smallest and largest number of steps. Chosen by judgement: with 12 states, 6000 steps take several
+seconds."""
 
 _TOO_FAST, _COARSE = 10.0, 2.0
-"""Modes with feedback are too fast if they exceed the fastest mode of the system by the first factor, and the
-fastest mode that the largest number of steps resolves by the second factor. Choices."""
+"""Modes of the closed loop count as too fast if they exceed the fastest mode of the system by the first
+factor, and also the fastest mode that the largest number of steps resolves by the second factor. Chosen by
+judgement."""
 
 _SAFETY = 1.5
-"""Factor on the estimated error. The residual is known at the stages only: for a hundred random systems with
-2 to 20 states the true error is 0.32 to 1.20 times the estimate without this factor."""
+"""Safety factor on the estimated error, which is needed because the residual is evaluated only at the stages.
+For a hundred random systems with 2 to 20 states, the true error is 0.32 to 1.20 times the estimate without
+this factor."""
 
 _STENCIL = 6
-"""Number of nodes whose values and slopes the curve of a step interpolates, with the degree 11. A choice."""
+"""Number of nodes whose values and slopes are interpolated by the curve of a step, a polynomial of degree 11.
+Chosen by judgement."""
 
 _POINTS = 9
-"""Points per step of curves of the gain, whose error is the ninth power of the step. A choice."""
+"""Number of points per step for curves of the gain. Their error is proportional to the ninth power of the
+step. Chosen by judgement."""
 
 _BETWEEN = 0.0, (1 - np.cos(4 * np.pi / _POINTS)) / 2
 """Fractions of a step at which curves of the gain are compared with the gain: two extrema of the polynomial
-that vanishes at the Chebyshev points. With the second one alone, an error of 3e-8 was missed at the tolerance
-1e-8, for inputs of the harmonic 192."""
+that vanishes at the Chebyshev points. With the second fraction alone, an error of 3e-8 was missed at the
+tolerance 1e-8, for inputs of the harmonic 192."""
 
 _SMALL = 1e-6
-"""Smallest scale of the error of an entry of the gain, relative to the largest entry, because smaller entries
-can be round-off. A choice."""
+"""Errors of entries of the gain are relative to the entry, or to this fraction of the largest entry if the
+entry is smaller, because small entries can be round-off. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Riccati:
     """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, with G = sign E Eᵀ.
 
-    coefficients: function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N), with
-    derivatives with respect to time. rtol: tolerance of the solution. filters: whether the equation is that
-    of a filter, which is the regulator of the dual system in reversed phase."""
+    `coefficients` is a function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N); the
+    equation describes derivatives with respect to time. `rtol` is the relative tolerance of the solution.
+    `filters` is True if the equation is that of a filter, which is the regulator of the dual system in
+    reversed phase."""
 
     coefficients: Callable[[Array], tuple[Array, Array, Array]]
     speed: float
@@ -90,14 +100,14 @@ class Riccati:
     filters: bool = False
 
     def slope(self, phase: Array, X: Array) -> Array:
-        """Derivative dX/dφ (k, N, N)."""
+        """Return the derivative dX/dφ (k, N, N) at phases (k,), from X (k, N, N)."""
         A, G, Q = self._squared(phase)
         return (_feedback_term(A, G, X) + Q) * (-1.0 / self.speed)
 
     def first_steps(self) -> int:
-        """Number of steps of the first grid, from the frozen modes of the Hamiltonian matrix.
+        """Return the number of steps of the first grid, from the frozen modes of the Hamiltonian matrix.
 
-        Raises ControlError if feedback makes modes too fast for any grid."""
+        Raises ControlError if the feedback makes modes too fast for any grid."""
         A, G, Q = self._sampled
         hamiltonian = np.concatenate(
             (np.concatenate((A, -G), axis=-1), np.concatenate((-Q, -transposed(A)), axis=-1)), axis=-2
@@ -108,7 +118,8 @@ class Riccati:
         return int(np.clip(np.ceil(fastest * self.period / self.speed / advance), _LEAST, _MOST))
 
     def _require_resolvable(self, fastest: float, without: float) -> None:
-        """Raise ControlError for closed loops that are far faster than the system."""
+        """Raise ControlError if the fastest mode of the closed loop is far faster than `without`, the fastest
+        mode of the system without feedback."""
         allowed = max(_TOO_FAST * without, _COARSE * _ADVANCE * _MOST * self.speed / self.period)
         if self.sign < 0 or fastest <= allowed:
             return
@@ -121,7 +132,7 @@ class Riccati:
         )
 
     def solved(self, steps: int) -> "Solved":
-        """Solution on a grid of about `steps` steps, with its error.
+        """Return the solution on a grid of about `steps` steps, with its error.
 
         Raises ControlError if there is no stabilising solution."""
         grid = Grid.uniform(steps, self.period, self.breaks)
@@ -134,7 +145,8 @@ class Riccati:
         return Solved(curve, *_errors(grid, curve, maps, stages, X, factor), grid)
 
     def maps(self, grid: Grid) -> tuple[Maps, Stages]:
-        """Maps of the steps of a grid, for states in units that balance the equation, and their stages."""
+        """Return the maps of the steps of a grid, and their stages, for states in units that balance the
+        equation."""
         unit, size = self._scales
 
         def by_phase(phase: Array) -> tuple[Array, Array, Array]:
@@ -149,9 +161,11 @@ class Riccati:
 
     @cached_property
     def _scales(self) -> tuple[Array, float]:
-        """Units (N,) of the states, powers of 2, that balance A, and a scale of X that balances G and Q.
+        """Units (N,) of the states, which are powers of 2 and balance A; and a scale of X that balances G and
+        Q.
 
-        Elimination would lose digits of states whose units differ by many powers of ten."""
+        Without balancing, elimination would lose digits if the magnitudes of the states differ by many powers
+        of ten."""
         A, G, Q = self._sampled
         unit = balance_matrices(np.abs(A).mean(axis=0))[1]
         above, below = np.abs(Q * unit * unit[:, None]).max(), np.abs(G / unit / unit[:, None]).max()
@@ -159,11 +173,11 @@ class Riccati:
 
     @cached_property
     def _sampled(self) -> tuple[Array, Array, Array]:
-        """Samples of A, G and Q over the period."""
+        """Samples of A, G and Q (k, N, N) over the period."""
         return self._squared((np.arange(FROZEN_PHASES) + 0.5) * (self.period / FROZEN_PHASES))
 
     def _squared(self, phase: Array) -> tuple[Array, Array, Array]:
-        """A, G and Q (k, N, N) at phases (k,)."""
+        """Return A, G and Q (k, N, N) at phases (k,)."""
         A, E, Q = self.coefficients(phase)
         return A, self.sign * E @ transposed(E), Q
 
@@ -181,7 +195,7 @@ class Riccati:
         )
 
     def _curve(self, grid: Grid, X: Array) -> Curve:
-        """Upper triangle of X over the period, from X (m+1, N, N) at the nodes."""
+        """Return the curve of the upper triangle of X over the period, from X (m+1, N, N) at the nodes."""
         rows = np.triu_indices(X.shape[-1])
         start, stop = grid.stages(np.array([0.0, 1.0])).T
         starts = self.slope(start, X[:-1])
@@ -190,8 +204,8 @@ class Riccati:
 
 
 class Solved(NamedTuple):
-    """Curve of the upper triangle of X, its error relative to √(X_ii X_jj), the residual of the equation
-    relative to its largest term, and the grid."""
+    """Curve of the upper triangle of X, its error relative to √(X_ii X_jj), the residual of the Riccati
+    equation relative to its largest term, and the grid."""
 
     curve: Curve
     error: float
@@ -200,7 +214,8 @@ class Solved(NamedTuple):
 
     @property
     def mirrored(self) -> "Solved":
-        """Solution in reversed phase. It converts the solution for the dual system to that of a filter."""
+        """Solution with reversed phase, which converts the solution for the dual system to that of a
+        filter."""
         nodes = self.grid.period - self.grid.nodes[::-1]
         coefficients = self.curve.coefficients[:, ::-1] @ _reversal(self.curve.coefficients.shape[-1])
         grid = Grid(nodes, np.roll(self.grid.at_break[::-1], 1))
@@ -208,8 +223,8 @@ class Solved(NamedTuple):
 
 
 def solve_riccati(equation: Riccati) -> Solved:
-    """Periodic solution on grids that are refined until the error is below the tolerance or no longer
-    decreases."""
+    """Return the periodic solution, on a grid that is refined until the error is below the tolerance or no
+    longer decreases."""
     steps, previous, rtol = equation.first_steps(), np.inf, equation.rtol
     while True:
         found = equation.solved(steps)
@@ -224,12 +239,12 @@ def solve_riccati(equation: Riccati) -> Solved:
 def _errors(
     grid: Grid, curve: Curve, maps: Maps, stages: Stages, X: Array, factor: Array
 ) -> tuple[float, float]:
-    """Error of a curve relative to √(X_ii X_jj), and its residual. X (m+1, N, N): values of the curve at the
-    nodes. factor (N, N): units of X.
+    """Return the error of a curve relative to √(X_ii X_jj), and its residual. `X` (m+1, N, N) are the values
+    of the curve at the nodes; `factor` (N, N) are the units of X.
 
-    The error e of a curve with the residual R obeys e′ + (A − GX)ᵀe + e(A − GX) = R up to terms of second
-    order in e. Its values at the nodes are sums of ∫ΦᵀRΦ over the steps, with the states Φ of the closed loop
-    at the stages; within a step the integral of R is added."""
+    The error e of a curve with the residual R satisfies e′ + (A − GX)ᵀe + e(A − GX) = R, up to terms of
+    second order in e. Its values at the nodes are sums of ∫ΦᵀRΦ over the steps, where Φ are the states of the
+    closed loop at the stages. Within a step, the integral of R is added."""
     (m, s, N, _), method = stages.A.shape, stages.method
     phase = grid.stages(np.array(method.c)).ravel()
     values, slopes = (
@@ -257,34 +272,35 @@ def _errors(
 
 
 def _largest(matrices: Array, unit: Array) -> float:
-    """Largest modulus of the entries of matrices (…, N, N), multiplied by units (N, N)."""
+    """Return the largest modulus of the entries of `matrices` (…, N, N), multiplied by `unit` (N, N)."""
     every = matrices.reshape(-1, *unit.shape)
     return float((np.maximum(every.max(axis=0), -every.min(axis=0)) * unit).max())
 
 
 def _feedback_term(A: Array, G: Array, X: Array) -> Array:
-    """The terms AᵀX + XA − XGX of −dX/dt (…, N, N)."""
+    """Return the terms AᵀX + XA − XGX (…, N, N) of −dX/dt."""
     half = X @ (A - G @ X / 2)
     return half + transposed(half)
 
 
 def _units(X: Array) -> Array:
-    """Factors 1/√X_ii (N,) with the maxima of the diagonal entries over the period; 0 for entries that
-    vanish."""
+    """Return factors 1/√X_ii (N,), where X_ii are the maxima of the diagonal entries over the period; 0 for
+    entries that vanish."""
     largest = np.einsum("kii->ki", X).max(axis=0)
     return np.divide(1.0, np.sqrt(np.abs(largest)), out=np.zeros_like(largest), where=largest > 0)
 
 
 @cache
 def _reversal(powers: int) -> Array:
-    """Matrix that maps coefficients of powers of θ to those of powers of 1 − θ."""
+    """Return the matrix that maps coefficients of powers of 1 − θ to coefficients of powers of θ."""
     rows = [np.poly1d([-1.0, 1.0]) ** k for k in range(powers)]
     return np.array([np.pad(row.coeffs[::-1], (0, powers - len(row.coeffs))) for row in rows])
 
 
 def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve:
-    """Hermite interpolant of functions from their values (m+1, count) at the nodes and their slopes
-    (m, count) at both ends of each step. It uses the nearest nodes that are not separated by a jump."""
+    """Return the Hermite interpolant of `count` functions, from their values (m+1, count) at the nodes and
+    their slopes `starts` and `ends` (m, count) at the two ends of each step. The nearest nodes that are not
+    separated by a jump are used."""
     m, D = grid.steps, 2 * _STENCIL
     coefficients = np.zeros((values.shape[1], m, D))
     bounds = [*np.flatnonzero(grid.at_break).tolist(), m]
@@ -310,10 +326,11 @@ def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve
 
 @cache
 def _hermite(first: int, count: int) -> Array:
-    """Matrix (2 count, 2 count) that maps values and slopes at the integers from `first` to coefficients of
-    powers of θ.
+    """Return the matrix (2 count, 2 count) that maps values and slopes at `count` successive integers, from
+    `first`, to coefficients of powers of θ.
 
-    Products of integers are exact; the inverse of a Vandermonde matrix would lose digits."""
+    It is computed from products of integers, which are exact; the inverse of a Vandermonde matrix would lose
+    digits."""
     nodes = np.arange(first, first + count, dtype=float)
     columns = np.zeros((2 * count, 2 * count))
     for at, node in enumerate(nodes):
@@ -328,10 +345,11 @@ def _hermite(first: int, count: int) -> Array:
 
 
 def through_points(function: Callable[[Array], Array], grid: Grid, rtol: float) -> Curve:
-    """Curve of a function with values (k, r) at phases (k,), through Chebyshev points of every step.
+    """Return the curve of `function`, whose values at phases (k,) are (k, r), through Chebyshev points of
+    every step.
 
     Steps are halved until the curve agrees with the function between the points. The grid of X can be too
-    coarse, because harmonics of inputs and weights appear in the gain undiminished."""
+    coarse, because harmonics of inputs and weights are attenuated in X but not in the gain."""
     theta = (1 - np.cos((np.arange(_POINTS) + 0.5) * np.pi / _POINTS)) / 2
     previous = np.inf
     while True:
@@ -349,7 +367,8 @@ def through_points(function: Callable[[Array], Array], grid: Grid, rtol: float) 
 
 @cache
 def _lagrange_powers(theta: tuple[float, ...]) -> Array:
-    """Matrix that maps values at fractions of a step to coefficients of powers of θ."""
+    """Return the matrix that maps values at the fractions `theta` of a step to coefficients of powers of
+    θ."""
     nodes = np.array(theta)
     columns = []
     for at, node in enumerate(nodes):

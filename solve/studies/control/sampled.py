@@ -1,4 +1,4 @@
-"""Closed loops with a digital controller, which samples, computes and holds the feedback."""
+"""Closed loops with a digital controller, which samples the outputs, computes the feedback, and holds it."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,14 +21,15 @@ from solve.system import PeriodicSystem, check, of_system
 from solve.units import speed_in_si
 
 _ORDER, _ADVANCE = 8, 1.0
-"""Order of the Gauss method, and phase advance of the fastest frozen mode per step of the first grid for the
-tolerance `FIRST_RTOL`. Choices: intervals between samples are short."""
+"""Order of the Gauss method, and phase advance per step of the fastest frozen mode, on the first grid, for
+the tolerance `FIRST_RTOL`. Chosen by judgement: intervals between samples are short."""
 
 _SAME = 1e-12
-"""Distance of a node from a sample, relative to the period, up to which both count as equal: round-off."""
+"""Distance between a node and a sample, relative to the period, up to which the two count as equal. It covers
+round-off."""
 
 _MOST = 20000
-"""Largest number of steps. A choice."""
+"""Largest number of steps. Chosen by judgement."""
 
 
 @of_system
@@ -46,14 +47,15 @@ def sampled(
     samples : int
         Number of samples per period, the first one at phase 0.
     delay : int
-        1 if the inputs that are computed from a sample act from the next sample on, 0 if they act at once.
+        1 if inputs computed from a sample act from the next sample on, 0 if they act immediately.
     rtol : float
         Relative tolerance of the spectral radius.
 
     Returns
     -------
     SampledLoop
-        Verdict with its error, and largest moduli of coordinates and inputs on the periodic orbit.
+        Spectral radius with its error, verdict, and largest moduli of coordinates and inputs on the periodic
+        orbit.
 
     Raises
     ------
@@ -64,11 +66,11 @@ def sampled(
 
     Notes
     -----
-    At each sample the controller reads the measured quantities y, computes u = −K x + f or u = −K x̂ + f, and
-    holds u. Between samples u and y are constant, and the observer is advanced exactly:
-    x̂′ = (A − LC) x̂ + B u + b + L y. The monodromy matrix is the product of the transition matrices of the
-    intervals, from Gauss collocation, and of the jumps at the samples. The error of the spectral radius is
-    the difference of two grids.
+    At each sample, the controller reads the measured quantities y, computes u = −K x + f or u = −K x̂ + f,
+    and holds u. Between samples, u and y are constant, and the equations of the observer are integrated: x̂′
+    = (A − LC) x̂ + B u + b + L y. The monodromy matrix is the product of the transition matrices of the
+    intervals, from Gauss collocation, and the matrices of the jumps at the samples. The error of the spectral
+    radius is estimated as the difference between two grids.
 
     Examples
     --------
@@ -95,8 +97,8 @@ def sampled(
 
 @dataclass(frozen=True)
 class _Drive:
-    """Closed loop with the states z = (x, x̂, y, u, u of the next sample, 1), of which the last four are
-    constant between samples."""
+    """Closed loop with the states z = (x, x̂, y, u, u⁺, 1). Here u⁺ are the inputs that will act from the
+    next sample on. The last four components are constant between samples."""
 
     loop: FeedbackLoop
     speed: float
@@ -109,12 +111,12 @@ class _Drive:
 
     @cached_property
     def design(self) -> Plant:
-        """System for which the feedback was designed."""
+        """Plant for which the feedback was designed."""
         return Plant(self.loop.design, self.speed)
 
     @cached_property
     def places(self) -> list[slice]:
-        """Positions of x, x̂, y, u, and u of the next sample in z."""
+        """Slices of z that contain x, x̂, y, u and u⁺."""
         observer, N = self._observer, self.plant.N
         r = len(self.loop.open_loop.inputs)
         sizes = N, *((0, 0) if observer is None else (N, len(observer.measured))), r, r * self.delay
@@ -126,7 +128,7 @@ class _Drive:
         return self.loop.observer if isinstance(self.loop, ClosedLoop) else None
 
     def rates(self, phase: Array) -> Array:
-        """Matrix (k, Z, Z) that maps z to dz/dφ between samples."""
+        """Matrices (k, Z, Z) that map z to dz/dφ between samples, at phases (k,)."""
         x, estimate, y, u, later = self.places
         A, B, b = self.plant.dynamics(phase)
         rates = np.zeros((len(phase), later.stop + 1, later.stop + 1))
@@ -139,7 +141,7 @@ class _Drive:
         return rates / self.speed
 
     def jumps(self, phase: Array) -> Array:
-        """Matrices (k, Z, Z) of the changes of z at samples."""
+        """Matrices (k, Z, Z) that map z before a sample to z after it, at phases (k,)."""
         x, estimate, y, u, later = self.places
         jumps = np.tile(np.eye(later.stop + 1), (len(phase), 1, 1))
         computed = later if self.delay else u
@@ -155,19 +157,20 @@ class _Drive:
         return jumps
 
     def _gain(self, phase: Array) -> Array:
-        """Gain K (k, r, N) of the states."""
+        """Gain K (k, r, N) from the states to the inputs, at phases (k,)."""
         if isinstance(self.loop, ClosedLoop):
             return self.loop.feedback(phase)
         assert isinstance(self.loop, OutputFeedback)
         return self.loop.gain_matrix(phase) @ self.design.rows(self.loop.measured, phase)
 
     def certified(self, rtol: float) -> SampledLoop:
-        """Result on grids that are refined until the spectral radii agree."""
+        """Return the result on a grid that is refined until the spectral radii of two grids agree."""
         system = self.loop.open_loop
         phase = (np.arange(FROZEN_PHASES) + 0.5) * (system.period / FROZEN_PHASES)
         fastest = np.abs(np.linalg.eigvals(self.rates(phase))).max() * system.period
         steps = int(np.ceil(max(fastest / (_ADVANCE * (rtol / FIRST_RTOL) ** (1 / _ORDER)), self.samples)))
-        # With a multiple of the samples, doubling the steps refines every interval between samples.
+        # If the number of steps is a multiple of the number of samples, doubling it refines every interval
+        # between samples.
         steps = self.samples * -(-min(steps, _MOST) // self.samples)
         radius = self.solved(steps).spectral_radius
         while True:
@@ -179,7 +182,7 @@ class _Drive:
             radius = found.spectral_radius
 
     def solved(self, steps: int) -> SampledLoop:
-        """Spectral radius and orbit on a grid of about `steps` steps."""
+        """Return the spectral radius and the orbit on a grid of about `steps` steps."""
         loop, period = self.loop.open_loop, self.loop.open_loop.period
         times = np.arange(self.samples) * (period / self.samples)
         grid = Grid.uniform(steps, period, (*loop.breaks, *times))

@@ -1,4 +1,4 @@
-"""Weights and covariances as functions of the phase, from arrays, diagonals by name, or functions."""
+"""Weights and covariances as functions of the phase, from arrays, named diagonal entries, or functions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
@@ -11,36 +11,42 @@ from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 Weight = Array | Sequence[Sequence[float]] | Mapping[str, float] | Callable[[Array], Array]
-"""Types of weights: a matrix (N, N); numbers by name; or a function of phases (k,) that returns (k, N, N)."""
+"""Type of weights: a matrix (N, N); a mapping from names to numbers; or a function of phases (k,) that
+returns matrices (k, N, N)."""
 
 _PHASES = 37
-"""Number of phases per period at which definiteness is checked: a choice, odd so that the phases do not
-coincide with symmetries."""
+"""Number of phases per period at which definiteness is checked. Chosen by judgement: it is odd, so that the
+phases do not coincide with symmetries."""
 
 _HALVINGS, _JUMP = 30, 1e-3
-"""Bisections of the interval of the largest change, and change, relative to the largest entry, that is then a
-jump: a continuous function would need slopes of 1e6 of its size per radian. Choices."""
+"""Number of bisections of the interval with the largest change, and change in the last interval, relative to
+the largest entry, above which it counts as a jump: a continuous function would need slopes of 1e6 times its
+size per radian. Chosen by judgement."""
 
 _INSIDE = 1e-9
-"""Least distance from the jumps of the system, relative to the period, of jumps that are found. A choice."""
+"""Distance from the jumps of the system, relative to the period, within which jumps of weights are allowed.
+Chosen by judgement."""
 
 _BESIDE = 4 * EPS
-"""Distance from the ends of the period, relative to it, at which functions are evaluated instead of the ends:
-a few units of round-off, for jumps there."""
+"""Functions are evaluated at this distance, relative to the period, from its ends instead of at the ends,
+because they may jump there. It is a few units of round-off."""
 
 _NEGATIVE = 1e-10
-"""Negative eigenvalue, relative to the largest, that counts as round-off. A choice."""
+"""Modulus of a negative eigenvalue, relative to the largest entry, up to which it counts as round-off. Chosen
+by judgement."""
 
 
 def matrix_function(
     name: str, given: Weight, size: int, system: PeriodicSystem, definite: bool = False
 ) -> Callable[[Array], Array]:
-    """Symmetric matrices (k, size, size) as a function of phases (k,), from an array or a function.
+    """Return a function of phases (k,) that returns symmetric matrices (k, size, size), from an array or a
+    function.
 
-    Raises ValueOutOfBoundsError unless they are symmetric and positive semidefinite; with `definite`, they
-    must be positive definite. They may jump only at jumps of the system, which are nodes of every grid."""
+    Raises ValueOutOfBoundsError unless the matrices are symmetric and positive semidefinite or, if `definite`
+    is True, positive definite. They may jump only at jumps of the system, which are nodes of every grid."""
     if callable(given):
-        # At the ends of the period, functions of the phase modulo the period have the value of either end.
+        # At either end of the period, a function of the phase modulo the period may return its value at the
+        # other end.
         inside = _BESIDE * system.period
 
         def function(phase: Array) -> Array:
@@ -60,8 +66,8 @@ def matrix_function(
 
 
 def _require_continuous(name: str, function: Callable[[Array], Array], system: PeriodicSystem) -> None:
-    """Raise ValueOutOfBoundsError if the interval of the largest change contains a jump away from the jumps
-    of the system, or if the function jumps at the end of the period of a system without jumps."""
+    """Raise ValueOutOfBoundsError if the function jumps where the system does not: in the interval of its
+    largest change between two jumps of the system, or at the end of the period of a system without jumps."""
     period, inside = system.period, _INSIDE * system.period
 
     def refused(phase: float) -> ValueOutOfBoundsError:
@@ -85,7 +91,8 @@ def _require_continuous(name: str, function: Callable[[Array], Array], system: P
 
 
 def _real(values: object) -> Array:
-    """Array of real numbers; NaN for others."""
+    """Return values as an array of real numbers. Complex numbers become NaN; values that are not numbers give
+    an empty array."""
     try:
         array = np.asarray(values)
         return np.full(array.shape, np.nan) if np.iscomplexobj(array) else array.astype(float)
@@ -94,8 +101,8 @@ def _real(values: object) -> Array:
 
 
 def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -> None:
-    """Raise ValueOutOfBoundsError unless the matrices are real, finite and symmetric with this shape, and
-    positive (semi)definite."""
+    """Raise ValueOutOfBoundsError unless the matrices have this shape, are real, finite and symmetric, and
+    are positive semidefinite or, if `definite` is True, positive definite."""
     kind = "positive definite" if definite else "positive semidefinite"
     allowed = (
         f"give a symmetric {kind} matrix of shape {shape[1:]}, a function of phases that returns such "
@@ -113,8 +120,8 @@ def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -
 def named_numbers(
     name: str, given: Mapping[str, float], allowed: Sequence[str], positive: bool
 ) -> dict[str, float]:
-    """Validate numbers by name. Raises UnknownNameError, and ValueOutOfBoundsError for negative numbers, or
-    for zeros if `positive`."""
+    """Return the mapping with its names and numbers checked. Raises UnknownNameError, and
+    ValueOutOfBoundsError for negative numbers and, if `positive` is True, for zeros."""
     numbers = {}
     for key, value in given.items():
         require_name(f"{name}: name", key, allowed)

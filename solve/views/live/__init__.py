@@ -1,1 +1,1 @@
-"""The live window: a local page on which sliders move the speed and the parameters of a model."""
+"""Live window: a local page with sliders for the speed and the parameters of a model."""

@@ -1,4 +1,4 @@
-"""Separate process for long calculations of the live window. Sliders stay responsive, and calculations can be
+"""Separate process for long computations of the live window. Sliders stay responsive, and computations can be
 cancelled at any time."""
 
 import os
@@ -16,25 +16,25 @@ from solve.errors import SolveError
 from solve.terminal import progress
 
 _INTERVAL = 0.2
-"""Seconds between two reports of the progress. A choice."""
+"""Time in seconds between two progress reports. Chosen by judgement."""
 
 _JOIN = 2.0
-"""Seconds after which a process that ignores termination is killed. A choice."""
+"""Time in seconds after which a process that ignores termination is killed. Chosen by judgement."""
 
 
 class Work(Protocol):
-    """Calculation that can be sent to another process (protocol)."""
+    """Protocol of computations that can be sent to another process."""
 
     def run(self) -> dict[str, Any]: ...
 
 
 Report = Callable[[str, dict[str, Any]], object]
-"""Type of the report function, which takes a kind ("progress", "done", "refused", "failed" or "cancelled")
-and its values."""
+"""Type of functions that report on a computation, with a kind ("progress", "done", "refused", "failed" or
+"cancelled") and values."""
 
 
 class Background:
-    """Process that performs one calculation at a time. The process is started for the first calculation, and
+    """Process that performs one computation at a time. The process is started for the first computation, and
     again after a cancellation.
 
     Reports are delivered from a thread of this object.
@@ -42,7 +42,7 @@ class Background:
     Notes
     -----
     The process is a new interpreter. A process of `multiprocessing` would run the script that opened the
-    window a second time.
+    window again.
     """
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class Background:
         self._running = False
 
     def start(self, work: Work, report: Report) -> None:
-        """Cancel the running calculation, if any, and start another."""
+        """Cancel the running computation, if there is one, and start another."""
         self.cancel()
         content = pickle.dumps(work)
         with self._lock:
@@ -66,7 +66,7 @@ class Background:
             _write(process.stdin, content)
 
     def cancel(self) -> None:
-        """Cancel the running calculation and end its process."""
+        """Cancel the running computation and end its process."""
         with self._lock:
             if not self._running:
                 return
@@ -89,7 +89,7 @@ class Background:
             process.wait()
 
     def _listen(self, process: "subprocess.Popen[bytes]", report: Report) -> None:
-        """Deliver the reports of one calculation until it ends."""
+        """Deliver the reports of one computation until it ends."""
         while True:
             try:
                 kind, values = pickle.load(process.stdout)  # pyright: ignore[reportArgumentType]
@@ -109,7 +109,7 @@ class Background:
 
 
 def _started() -> "subprocess.Popen[bytes]":
-    """New interpreter that has the same import paths and calls `serve`."""
+    """Start a new interpreter that has the same import paths and calls `serve`."""
     command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
@@ -121,8 +121,8 @@ def _write(stream: Any, content: object) -> None:
 
 
 def serve() -> None:
-    """Carry out calculations received on standard input until it is closed."""
-    # The terminal sends an interruption to all processes, but the window ends this one.
+    """Perform the computations that are received on standard input, until it is closed."""
+    # The terminal sends an interruption to all processes, but it is the window that ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     reports = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
@@ -153,6 +153,6 @@ def _outcome(reports: BinaryIO, content: bytes) -> tuple[str, dict[str, Any]]:
 
 
 def internal_error(error: Exception) -> str:
-    """Sentence that reports an error not caused by the user."""
+    """Return a sentence that reports an error not caused by the user."""
     cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     return f"internal error, not caused by your input ({cause}); please report it"

@@ -1,4 +1,5 @@
-"""Sliders of the live window: ranges from the bounds of the model, and typed values with units."""
+"""Sliders of the live window: ranges of sliders, from the bounds of the model, and typed values with
+units."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,15 +16,15 @@ from solve.studies.frequencies import frequencies
 from solve.units import GivenSpeed, ShownUnit, raised, speed_in_si, unit_given
 
 _SPAN = 10.0
-"""Ratio of the upper end of the slider of a positive parameter to its value, and of the value to the lower
-end. A choice."""
+"""Ratio of the upper end of the slider of a positive parameter to the initial value, and ratio of this value
+to the lower end. Chosen by judgement."""
 
 _SPEEDS = 0.2, 3.0
-"""Ends of the slider of the speed, relative to the first speed. A choice."""
+"""Ends of the slider of the speed, relative to the initial speed. Chosen by judgement."""
 
 _BELOW_RESONANCE = 0.1
-"""First speed, relative to the lowest natural frequency, if the case states no speed: only the tenth and
-higher harmonics of the motion then reach a natural frequency. A choice."""
+"""Initial speed, relative to the lowest natural frequency, if the case states no speed. Only the tenth and
+higher harmonics of the motion then reach a natural frequency. Chosen by judgement."""
 
 _DIGITS = 4
 """Number of significant digits of slider values."""
@@ -33,7 +34,7 @@ _DIGITS = 4
 class Range:
     """Range of a slider in the unit of its quantity.
 
-    logarithmic: whether the scale of the slider is logarithmic. integer: whether only whole numbers are
+    `logarithmic` is True if the scale of the slider is logarithmic, and `integer` if only whole numbers are
     allowed.
     """
 
@@ -47,8 +48,8 @@ class Range:
 class Control:
     """Slider of a parameter or of the speed.
 
-    value: in `unit`. bound: text of the bound as stated in the model. further: whether the slider is shown
-    among the less important parameters, because its value is 0.
+    `value` is in `unit`, and `bound` is the text of the bound in the model. `further` is True if the
+    parameter is shown among the less important ones, because its value is 0.
     """
 
     name: str
@@ -66,7 +67,7 @@ class Control:
 
 
 def controls_of(model: Model, speed: GivenSpeed) -> list[Control]:
-    """Slider of the speed, then of each parameter, in the order of the model."""
+    """Return the slider of the speed, followed by those of the parameters in the order of the model."""
     unit = unit_given(speed, model.labels.speed_unit)
     value = rounded(unit.from_si(float(speed)), 12)
     drive = Control(SPEED, "Ω", unit.name, "speed of the drive", "> 0", value, speed_range(value))
@@ -86,7 +87,7 @@ def _of_parameter(model: Model, name: str, unit: str, meaning: str, bound: str) 
 
 
 def _family(name: str) -> str:
-    """Name of a parameter without its trailing number.
+    """Return the name of a parameter without its trailing number.
 
     >>> _family("a12")
     'a'
@@ -95,8 +96,8 @@ def _family(name: str) -> str:
 
 
 def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
-    """Initial speed in rad/s with its unit: the given speed, otherwise the speed of the case, otherwise a
-    speed well below the lowest natural frequency. Raises SolveError subclasses for invalid input, and
+    """Return the initial speed in rad/s with its unit: the given speed, otherwise the speed of the case,
+    otherwise a speed well below the lowest natural frequency. Raises SolveError subclasses for bad input, and
     MissingValueError if no speed can be determined."""
     try:
         return speed_in_si(speed_or_usual(model, speed))
@@ -113,15 +114,15 @@ def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
 
 
 def speed_range(value: float) -> Range:
-    """Range of the speed around a value."""
+    """Return the range of the slider of the speed, around a value."""
     low, high = (rounded(factor * value, 2) for factor in _SPEEDS)
     return Range(low, high)
 
 
 def parameter_range(value: float, bound: str, scale: float) -> Range:
-    """Range of the slider of a parameter, within the parameter's bounds.
+    """Return the range of the slider of a parameter, within the parameter's bounds.
 
-    scale: half width of the range if the value is 0 and there are no bounds.
+    `scale` is the half-width of the range if the value is 0 and there are no bounds.
 
     >>> parameter_range(8e4, "> 0", 1.0)
     Range(low=8000.0, high=800000.0, logarithmic=True, integer=False)
@@ -139,7 +140,7 @@ def parameter_range(value: float, bound: str, scale: float) -> Range:
     width = 2 * abs(value) or scale
     low = value - width if lower == -math.inf else lower
     high = value + width if upper == math.inf else upper
-    # A bound such as "> 0" excludes its end.
+    # A bound such as "> 0" excludes the end itself.
     margin = 1e-3 * (high - low)
     low += margin * any(text.startswith("> ") for text in conditions)
     high -= margin * any(text.startswith("< ") for text in conditions)
@@ -149,7 +150,7 @@ def parameter_range(value: float, bound: str, scale: float) -> Range:
 
 
 def _limits(conditions: Sequence[str]) -> tuple[float, float]:
-    """Lower and upper limits implied by conditions; infinite where no condition applies."""
+    """Return the lower and upper limits implied by conditions; infinite where no condition applies."""
     relations = [text.split() for text in conditions if text != "integer"]
     lower = (float(limit) for relation, limit in relations if relation.startswith(">"))
     upper = (float(limit) for relation, limit in relations if relation.startswith("<"))
@@ -157,7 +158,7 @@ def _limits(conditions: Sequence[str]) -> tuple[float, float]:
 
 
 def widened(span: Range, value: float) -> Range:
-    """Range, widened if necessary to contain a value.
+    """Return a range, widened if necessary to contain a value.
 
     >>> widened(Range(1.0, 10.0), 12.0).high
     12.0
@@ -167,7 +168,7 @@ def widened(span: Range, value: float) -> Range:
 
 
 def rounded(value: float, digits: int = _DIGITS) -> float:
-    """Number rounded to a few significant digits.
+    """Round a number to a few significant digits.
 
     >>> rounded(123456.0), rounded(0.0)
     (123500.0, 0.0)
@@ -176,7 +177,7 @@ def rounded(value: float, digits: int = _DIGITS) -> float:
 
 
 def number(value: float) -> str:
-    """Shortest text that represents a number exactly.
+    """Return the shortest text that represents a number exactly.
 
     >>> number(8e4), number(0.1)
     ('80000', '0.1')
@@ -185,7 +186,7 @@ def number(value: float) -> str:
 
 
 def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
-    """Value of a typed text in the unit of the slider.
+    """Convert a typed text to a value in the unit of the slider.
 
     Parameters
     ----------
@@ -196,7 +197,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
     text : str
         Number with or without a unit, such as "30 mm".
     unit : ShownUnit
-        Unit of the slider of the speed, which applies to a speed without unit.
+        Unit of the slider of the speed, which applies to a speed without a unit.
 
     Returns
     -------
@@ -223,7 +224,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
 
 
 def with_speed_unit(text: str, unit: ShownUnit) -> str:
-    """Text of a speed, with the unit of the slider appended if it has no unit."""
+    """Return the text of a speed, with the unit of the slider appended if it has no unit."""
     try:
         return f"{number(float(text))} {unit.name}"
     except ValueError:
@@ -231,8 +232,8 @@ def with_speed_unit(text: str, unit: ShownUnit) -> str:
 
 
 def changed_parameters(model: Model, texts: Mapping[str, str]) -> dict[str, Any]:
-    """Values of parameters from the texts of the page: numbers in the units of the model, or texts with a
-    unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
+    """Return a mapping from parameters to their values, from the texts of the page: numbers in the units of
+    the model, or texts with a unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
     for name in texts:
         require_name(f"parameter of {model.labels.name}", name, model.parameters)
     return {name: in_own_unit(model, name, text) for name, text in texts.items()}

@@ -14,35 +14,36 @@ from solve.views.live.picture import Solution
 from solve.views.moving_picture import is_closed, is_still, meeting_ends
 
 FRAMES = 36
-"""Number of frames over a period, between which the page interpolates: the interpolated path of a rotating
-point then deviates from its circle by at most 0.4 %."""
+"""Number of frames over a period, between which the page interpolates. The interpolated path of a rotating
+point deviates from its circle by at most 0.4 %."""
 
 COARSE = 0.25
-"""Ratio of the number of points of curves while sliders move to the number in animations. A choice that
-reduces the time to a quarter."""
+"""Ratio of the number of points on lines while sliders move to the number in animations. Chosen by judgement:
+it reduces the computing time to a quarter."""
 
 
 def motion(
     solution: Solution, scale: float | None, fineness: float = COARSE
 ) -> tuple[dict[str, Any], bytes] | None:
-    """Lines of the mechanism over a period.
+    """Compute the lines of the mechanism over a period.
 
     Parameters
     ----------
     solution : Solution
         Present solution.
     scale : float, optional
-        Magnification of the vibration; by default the vibration is visible.
+        Magnification of the vibration; by default, one that makes it visible.
     fineness : float
-        Number of points of curves, relative to their number in animations.
+        Number of points on lines, relative to their number in animations.
 
     Returns
     -------
     record : dict
         Names, sizes and kinds of the lines, magnification, and the area that all frames need.
     points : bytes
-        Coordinates as little-endian 32-bit floats: for each line the rigid motion, then the magnified motion,
-        in the order of frames, points, and x, y. None for a model without a sketch.
+        Coordinates as little-endian 32-bit floats: for each line first the rigid motion, then the magnified
+        motion, each in the order of frames, points, and x, y. For a model without a sketch, None is returned
+        instead of both.
     """
     system, speed = solution.orbit.system, solution.orbit.speed
     if not _has_sketch(system):
@@ -72,7 +73,7 @@ def _size(lines: Sequence[Plane]) -> float:
 
 
 def _corners(lines: Sequence[Plane]) -> tuple[complex, complex]:
-    """Lower left and upper right corners of the bounding box of lines."""
+    """Return the lower left and the upper right corner of the bounding box of lines."""
     x, y = (np.concatenate([component(line).ravel() for line in lines]) for component in (np.real, np.imag))
     return complex(x.min(), y.min()), complex(x.max(), y.max())
 
@@ -80,8 +81,8 @@ def _corners(lines: Sequence[Plane]) -> tuple[complex, complex]:
 def _visible_scale(
     solution: Solution, phase: Array, q: Array, rigid: Mapping[str, Plane], fineness: float
 ) -> float:
-    """Largest round magnification that does not visibly distort the mechanism, estimated from every third
-    frame."""
+    """Return the largest round magnification that does not visibly distort the mechanism, estimated from
+    every third frame."""
     if not q.any():
         return 1.0
     some, system, speed = slice(None, None, 3), solution.orbit.system, solution.orbit.speed

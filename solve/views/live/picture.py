@@ -1,4 +1,4 @@
-"""Solution at the current position of the sliders, converted to data for the page."""
+"""Solution for the current positions of the sliders, converted to data for the page."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,22 +21,24 @@ from solve.single import periodic
 from solve.views.animation import FREE_TURNS
 
 PHASES = 361
-"""Number of points of a curve: one per degree of a revolution, more than the pixels of a narrow panel."""
+"""Number of points of a curve: one per degree of a revolution, which is more than the pixels of a narrow
+panel."""
 
 _FREE_RTOL = 1e-6
-"""Tolerance of the free vibration: far below a pixel."""
+"""Relative tolerance of the free vibration. The error is far below a pixel."""
 
 _HARMONICS = 60
 _VISIBLE = 1e-3
 """Amplitude, relative to the largest, below which the tail of a spectrum is not shown."""
 
 _DIGITS = 5
-"""Significant digits of points of curves: a panel has fewer than 1e4 pixels."""
+"""Number of significant digits of points of curves, sufficient because a panel has fewer than 1e4 pixels."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Orbit at the current position of the sliders; without a load also the free vibration from q = 1."""
+    """Orbit for the current positions of the sliders and, if there is no load, the free vibration from q =
+    1."""
 
     orbit: Orbit
     free: Transient | None = None
@@ -71,8 +73,8 @@ class Solution:
 
 
 def solved(model: Model, speed: float, rtol: float, is_nonlinear: bool) -> Solution:
-    """Orbit of a model at a speed in rad/s, and the free vibration if it has no load. Raises SolveError
-    subclasses."""
+    """Solve for the orbit of a model at a speed in rad/s, and for the free vibration if there is no load.
+    Raises SolveError subclasses."""
     find = nonlinear if is_nonlinear else periodic
     orbit = find(model, speed, rtol=rtol)
     if not model.labels.vibrates:
@@ -86,8 +88,8 @@ def solved(model: Model, speed: float, rtol: float, is_nonlinear: bool) -> Solut
 
 
 def record(solution: Solution, shown: Sequence[str]) -> dict[str, Any]:
-    """Data that are recomputed at every change of the sliders: curves and spectra of the quantities shown,
-    multipliers, verdict, errors and warnings."""
+    """Return the data that are recomputed whenever a slider moves: curves and spectra of the quantities
+    shown, multipliers, verdict, errors and warnings."""
     orbit = solution.orbit
     values: dict[str, Any] = {
         "span": math.degrees(solution.span),
@@ -111,7 +113,8 @@ def record(solution: Solution, shown: Sequence[str]) -> dict[str, Any]:
 
 
 def details(solution: Solution) -> dict[str, Any]:
-    """Data that take longer to compute: the sentence on verdict and linearisation, and the notes."""
+    """Return the data that take longer to compute: the sentence on the verdict and the linearisation, and the
+    notes."""
     orbit = solution.orbit
     if isinstance(orbit, RigidOrbit):
         return {"summary": orbit.summary, "method": "", "notes": []}
@@ -120,7 +123,7 @@ def details(solution: Solution) -> dict[str, Any]:
 
 
 def _curve(solution: Solution, name: str) -> dict[str, Any]:
-    """Curve of a quantity with its spectrum, in a unit with prefix."""
+    """Return the curve of a quantity and its spectrum, in a unit with a prefix."""
     orbit = solution.orbit
     phase = np.linspace(0.0, solution.span, PHASES)
     values = solution.curve(name, phase)
@@ -146,7 +149,7 @@ def _curve(solution: Solution, name: str) -> dict[str, Any]:
 
 
 def shortened(values: Array) -> list[float | None]:
-    """Numbers with few digits for the page; None for NaN and infinity."""
+    """Return numbers with few digits for the page; None for NaN and infinity."""
     return [float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()]
 
 

@@ -1,4 +1,5 @@
-"""Local server of the live window, on Tornado: pages and messages at an address with a secret token."""
+"""Local server of the live window, based on Tornado. It provides pages and messages at an address with a
+secret token."""
 
 import asyncio
 import json
@@ -28,11 +29,11 @@ _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".
 _FILES = {file.name: file for file in sorted(_PAGE.iterdir()) if file.suffix in _KINDS}
 
 _MOST_BYTES = 100_000
-"""Largest message of a page in bytes: several thousand values of parameters."""
+"""Maximum size, in bytes, of a message from a page: several thousand values of parameters."""
 
 _LAST = 1 << 53
-"""Number above those of all requests: the largest integer up to which JavaScript represents all integers
-exactly."""
+"""Number that exceeds those of all requests: the largest integer up to which JavaScript represents all
+integers exactly."""
 
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -42,8 +43,8 @@ _HEADERS = {
     "img-src 'self' data:; connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'self' http://localhost:* http://127.0.0.1:*",
 }
-"""Headers of every answer: the page loads nothing from elsewhere, and only local pages, such as notebooks,
-may embed it in a frame."""
+"""Headers of every response, by which the page loads nothing from elsewhere, and only local pages, such as
+notebooks, may embed it in a frame."""
 
 
 class LiveServer:
@@ -52,13 +53,13 @@ class LiveServer:
     Parameters
     ----------
     model : Model
-        Model with the first values of the sliders.
+        Model with the initial values of the sliders.
     origin : Origin
         Files of the model.
     speed : GivenSpeed
-        First speed in rad/s, with its unit.
+        Initial speed in rad/s, with its unit.
     port : int
-        Port, 0 for a free one.
+        Port of the server; 0 selects a free one.
 
     Raises
     ------
@@ -71,8 +72,8 @@ class LiveServer:
         self.port: int = self._sockets[0].getsockname()[1]
         self.token = secrets.token_urlsafe(16)
         self.model, self._origin, self._speed = model, origin, speed
-        # CasADi functions may be evaluated by one thread at a time: all windows are solved in this thread,
-        # with a copy of the model.
+        # CasADi functions may be evaluated by one thread at a time. This thread therefore computes the
+        # solutions of all windows, with a copy of the model.
         self.numerics = ThreadPoolExecutor(1, thread_name_prefix="numerics")
         self.calculating = threading.Lock()
         self._base: Model | None = None
@@ -88,7 +89,7 @@ class LiveServer:
         return f"http://{HOST}:{self.port}/{self.token}/"
 
     def session(self, send: Send, later: Later) -> Session:
-        """Session of a new window, which runs in the numerical thread."""
+        """Return the session of a new window, which runs in the numerical thread."""
         base = self._base or pickle.loads(pickle.dumps(self.model))
         self._base = base
         self.last = Session(base, self._origin, self._speed, send, later)
@@ -96,14 +97,14 @@ class LiveServer:
 
     @property
     def state(self) -> State:
-        """State of the window that was opened last; without a window, the initial state."""
+        """State of the window that was opened last; if there is no window, the initial state."""
         if self.last is not None:
             return self.last.state
         return Session(self.model, self._origin, self._speed, *2 * [lambda *_: None]).state
 
     async def serve(self, ready: Callable[[], object]) -> None:
-        """Serve until `stop` is called; end at once if it was called before. ready: called when the page can
-        be opened."""
+        """Serve until `stop` is called; return immediately if it has already been called. `ready` is called
+        when the page can be opened."""
         self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
         if self._is_stopped:
             self._stop.set()
@@ -135,13 +136,13 @@ class LiveServer:
             self.loop.call_soon_threadsafe(self._stop.set)
 
     def allows(self, token: str, host: str) -> bool:
-        """Whether a request contains the token and is addressed to a host name of this machine."""
+        """Return whether a request contains the token and is addressed to a host name of this machine."""
         hosts = {f"{name}:{self.port}" for name in (HOST, "localhost")}
         return secrets.compare_digest(token.encode(), self.token.encode()) and host in hosts
 
 
 def _whole(number: object) -> int:
-    """Number of a message; 0 if it is not an integer."""
+    """Return the number of a message; 0 if it is not an integer."""
     return number if isinstance(number, int) else 0
 
 
@@ -159,7 +160,7 @@ def _bound(port: int) -> list[Any]:
 
 
 class File(web.RequestHandler):
-    """Handler of requests for the files of the page."""
+    """Handler of requests for files of the page."""
 
     def initialize(self, server: LiveServer) -> None:
         self._server = server
@@ -227,7 +228,8 @@ class Page(websocket.WebSocketHandler):
             self._run(partial(self._answer, action, values))
 
     def _answer(self, action: str, values: Mapping[str, Any]) -> None:
-        """Answer a message, in the numerical thread. `_begin` has run there before any message."""
+        """Respond to a message. This method runs in the numerical thread, in which `_begin` has run before
+        any message."""
         session = self._session
         if session is None:
             return
@@ -238,7 +240,7 @@ class Page(websocket.WebSocketHandler):
             getattr(session, action)(values)
 
     def _run(self, work: Callable[[], object]) -> None:
-        """Run a calculation in the numerical thread; the page shows internal errors."""
+        """Run a computation in the numerical thread. The page shows internal errors."""
 
         def run() -> None:
             try:
@@ -247,12 +249,12 @@ class Page(websocket.WebSocketHandler):
             except Exception as error:
                 self.send({"is": "failed", "message": internal_error(error)}, None)
 
-        # The executor accepts no calculation after the end of the server.
+        # The executor accepts no computation after the server has ended.
         with suppress(RuntimeError):
             self._server.numerics.submit(run)
 
     def _later(self, delay: float, work: Callable[[], None]) -> None:
-        """Run a calculation after a delay in seconds. May be called from any thread."""
+        """Run a computation after a delay in seconds. May be called from any thread."""
         loop = self._server.loop
         if loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(loop.call_later, delay, self._run, work)
@@ -286,10 +288,10 @@ class Page(websocket.WebSocketHandler):
         self.end()
 
     def end(self) -> None:
-        """Unregister this browser window and stop its calculations."""
+        """Unregister this browser window and stop its computations."""
         self._server.pages.discard(self)
         self._newest = _LAST
         if self._session is not None:
             self._session.replace(_LAST)
-        # The event loop waits for this call at its end, so that no calculation outlives the program.
+        # When the event loop ends, it waits for this call, so that no computation outlives the program.
         asyncio.get_running_loop().run_in_executor(None, self._background.close)

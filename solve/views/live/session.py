@@ -1,4 +1,4 @@
-"""State of one window of the live page: its sliders, and answers to its messages."""
+"""Session of one window of the live page: the state of its sliders, and responses to its messages."""
 
 import math
 import threading
@@ -22,45 +22,47 @@ from solve.views.live.survey import Survey, choices
 from solve.views.live.texts import Origin, State, default_file, save_case
 
 MOST_SHOWN = 6
-"""Maximum number of quantities shown together; each needs a row of the page. A choice."""
+"""Maximum number of quantities shown together. Each requires a row of the page. Chosen by judgement."""
 
 _FIRST_SHOWN = 3
 
 _MOTION_DELAY, _DETAILS_DELAY = 0.04, 0.25
-"""Delays in seconds after a solution, before the motion of the mechanism and before the linearisation error
-and the notes are computed, unless the sliders have moved. Choices: each computation takes as long as the
-solution."""
+"""Delays in seconds after a solution until the motion of the mechanism is computed, and until the
+linearisation error and the notes are computed, unless the sliders have moved. Chosen by judgement: each of
+these computations takes as long as the solution."""
 
 _DELAY, _INTERVAL = 0.4, 0.25
-"""Seconds until the progress of a solution is shown, and between two progress reports. Choices."""
+"""Times in seconds until the progress of a solution is first shown, and between two progress reports. Chosen
+by judgement."""
 
 Send = Callable[[dict[str, Any], bytes | None], object]
-"""Type of the function that sends a message to the page, with the points that belong to it, if any."""
+"""Type of the function that sends a message to the page, with the points that belong to the message, if there
+are any."""
 
 Later = Callable[[float, Callable[[], None]], object]
-"""Type of the function that runs a calculation after a delay in seconds, in the thread of the session."""
+"""Type of the function that runs a computation after a delay in seconds, in the thread of the session."""
 
 
 class Replaced(BaseException):
-    """Raised when a newer request replaces the current one. Derived from BaseException, because numerical
-    code may catch every Exception and raise another one."""
+    """Raised when a newer request replaces the current one. It is derived from BaseException, because
+    numerical code may catch every Exception and raise another one."""
 
 
 class Session:
-    """State of one browser window of the live view.
+    """Session of one browser window of the live page.
 
     Parameters
     ----------
     base : Model
-        Model with the first values of the sliders.
+        Model with the initial values of the sliders.
     origin : Origin
         Files of the model.
     speed : GivenSpeed
-        First speed in rad/s, with its unit.
+        Initial speed in rad/s, with its unit.
     send : callable
-        Sends a message to the page, from any thread.
+        Function that sends a message to the page, from any thread.
     later : callable
-        Carries out work after a delay, in the thread of the session.
+        Function that runs a computation after a delay, in the thread of the session.
 
     Notes
     -----
@@ -83,7 +85,8 @@ class Session:
             self._newest = max(self._newest, number)
 
     def hello(self) -> None:
-        """Send the description of the model: sliders, quantities, and choices of sweeps and charts."""
+        """Send the description of the model: its sliders, its quantities, and the quantities that sweeps and
+        charts offer."""
         model = self.base
         quantities = [
             {
@@ -112,8 +115,7 @@ class Session:
         )
 
     def check(self, message: Mapping[str, Any]) -> None:
-        """Check a typed value, and send it in the unit of its slider, or send the reason why it is
-        invalid."""
+        """Check a typed value. Send it in the unit of its slider, or send the reason why it is invalid."""
         name, text = str(message.get("name")), str(message.get("text"))
         try:
             value = controls.typed(self.base, name, text, self.unit)
@@ -125,7 +127,7 @@ class Session:
         self.send({"is": "checked", "name": name, "value": value, "text": text}, None)
 
     def solve(self, message: Mapping[str, Any]) -> None:
-        """Solve at the position of the sliders and send curves, verdict and errors. The motion of the
+        """Solve for the positions of the sliders, and send curves, verdict and errors. The motion of the
         mechanism and the details are sent later, unless a newer request arrives."""
         number, started = int(message.get("number", 0)), time.perf_counter()
         with self._answering(number):
@@ -152,8 +154,8 @@ class Session:
 
     @contextmanager
     def _answering(self, number: int) -> Iterator[None]:
-        """Context manager for an answer. If an exception prevents the answer, its text is sent to the
-        page."""
+        """Context manager for a response. If an exception prevents the response, the text of the exception is
+        sent to the page."""
         try:
             yield
         except Replaced:
@@ -162,7 +164,7 @@ class Session:
             self.send({"is": "fault", "number": number, "message": str(error)}, None)
 
     def _follow_up(self, number: int, step: Callable[[], None]) -> None:
-        """Perform a further step of a solution, unless a newer request has arrived."""
+        """Perform another step of a solution, unless a newer request has arrived."""
         if number == self._newest:
             with self._answering(number):
                 step()
@@ -181,7 +183,7 @@ class Session:
             raise Replaced
 
     def _report(self, number: int, next_time: list[float], tracker: progress.Tracker | None = None) -> None:
-        """Send the progress at intervals; raise Replaced if a newer request has arrived."""
+        """Send the progress at intervals. Raise Replaced if a newer request has arrived."""
         self._require_newest(number)
         now = time.monotonic()
         status = tracker.status(now) if tracker is not None and now >= next_time[0] else None
@@ -190,7 +192,7 @@ class Session:
             self.send({"is": "progress", "of": "solution", "number": number, **status._asdict()}, None)
 
     def _moved(self, message: Mapping[str, Any]) -> float:
-        """Set the state to the position of the sliders. Returns the speed in rad/s. Raises SolveError
+        """Set the state to the positions of the sliders. Return the speed in rad/s. Raises SolveError
         subclasses."""
         texts = {str(name): str(text) for name, text in (message.get("values") or {}).items()}
         text = controls.with_speed_unit(str(message.get("speed") or self.state.speed), self.unit)
@@ -226,7 +228,7 @@ class Session:
         return Survey.of_page(self.state.model, speed, self.unit, message)
 
     def save(self, message: Mapping[str, Any]) -> None:
-        """Save the state as a case, and send a confirmation, or the reason why it cannot be saved."""
+        """Save the state as a case. Send a confirmation, or the reason why it cannot be saved."""
         try:
             self._moved(message)
             text = save_case(self.state, str(message.get("case")), str(message.get("file")))
@@ -236,7 +238,7 @@ class Session:
 
 
 def _rtol(message: Mapping[str, Any]) -> float:
-    """Tolerance of a request, 1e-8 by default. Raises ValueOutOfBoundsError."""
+    """Return the relative tolerance of a request, 1e-8 by default. Raises ValueOutOfBoundsError."""
     text = message.get("rtol") or 1e-8
     try:
         return float(text)

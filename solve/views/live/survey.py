@@ -20,12 +20,13 @@ from solve.views.live.controls import typed
 from solve.views.live.picture import shortened
 
 MOST_POINTS, MOST_ACROSS = 2000, 120
-"""Largest number of points of a sweep, and of values along each side of a chart. Choices."""
+"""Maximum number of points of a sweep, and maximum number of values along each side of a chart. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Varying quantity with `count` values from `low` to `high` in the unit of its slider."""
+    """Varied quantity with `count` values from `low` to `high`, in the unit of its slider."""
 
     name: str
     low: float
@@ -35,7 +36,7 @@ class Axis:
 
     @classmethod
     def from_request(cls, model: Model, unit: ShownUnit, values: Mapping[str, Any], most: int) -> Self:
-        """Axis from the request of a page, with limits in any unit. unit: unit of speeds without a unit.
+        """Axis from the request of a page, with limits in any unit. `unit` applies to speeds without a unit.
         Raises SolveError subclasses."""
         name, count = str(values.get("name")), str(values.get("count"))
         low, high = (typed(model, name, str(values.get(end)), unit) for end in ("low", "high"))
@@ -57,7 +58,8 @@ class Axis:
         return np.linspace(self.low, self.high, self.count)
 
     def in_model_unit(self, unit: ShownUnit) -> Array:
-        """Values in the unit of the model; speeds in rad/s. unit: display unit of the speed."""
+        """Values in the unit of the model, and speeds in rad/s. `unit` is the unit in which speeds are
+        shown."""
         return self.values * unit.size if self.name == SPEED else self.values
 
     def record(self, model: Model, unit: ShownUnit) -> dict[str, Any]:
@@ -76,10 +78,10 @@ class Axis:
 
 @dataclass(frozen=True)
 class Survey:
-    """Request for a sweep (if y is None) or a chart of a model.
+    """Request for a sweep of a model, if `y` is None, or for a chart.
 
-    speed: speed in rad/s if no axis is the speed. unit: unit of the slider of the speed. of: name of the
-    quantity.
+    `speed` is the speed in rad/s if neither axis is the speed, and `unit` the unit of the slider of the
+    speed. `of` is the name of the quantity.
     """
 
     model: Model
@@ -160,7 +162,7 @@ class Survey:
         }
 
     def _values(self, quantity: Named, values: Array) -> dict[str, Any]:
-        """Values of the quantity in a unit with prefix, with their label."""
+        """Return the values of the quantity, in a unit with a prefix, and their label."""
         finite = values[np.isfinite(values)]
         factor, unit = prefixed(quantity.unit, float(np.abs(finite).max()) if len(finite) else 0.0)
         label = (
@@ -172,6 +174,6 @@ class Survey:
 
 
 def choices(model: Model) -> list[str]:
-    """Quantities, by name, that the page offers for sweeps and charts."""
+    """Return the names of the quantities that the page offers for sweeps and charts."""
     names = [f"{name}.max_abs" for name in known_quantities(model)]
     return [*names, RADIUS] if model.labels.vibrates else names

@@ -18,7 +18,7 @@ from solve.results.files import write_atomic
 from solve.views.live.controls import number
 
 SOURCE = "chosen in solve explore"
-"""Source, as a case file states it, of a number that was changed with a slider."""
+"""Source that a case file states for a number changed with a slider."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.toml")
@@ -29,8 +29,8 @@ _NUMBERED = re.compile(r"(.*?)([0-9]+)")
 class Origin:
     """Paths of the files of a model.
 
-    argument: name or path of the model in commands; None for a model in memory. cases: another case file, if
-    given.
+    `argument` is the name or path of the model in commands; None for a model in memory. `cases` is another
+    case file, if one is given.
     """
 
     argument: str | None = None
@@ -49,7 +49,7 @@ class Origin:
         return cls()
 
     def stated(self, model: Model) -> Mapping[str, float]:
-        """Values of the parameters as stated in the case; empty for a model in memory."""
+        """Return the values of the parameters in the case; empty for a model in memory."""
         if self.argument is None:
             return {}
         missing = missing_parameters(self.argument, model.labels.case or None, self.cases, {})
@@ -60,8 +60,8 @@ class Origin:
 
 @dataclass(frozen=True)
 class State:
-    """State of a window: model with the values of the sliders, texts of the changed values, and the speed as
-    a text with unit."""
+    """State of a window: the model with the values of the sliders, the texts of the changed values, and the
+    speed as a text with a unit."""
 
     origin: Origin
     stated: Mapping[str, float]
@@ -115,7 +115,7 @@ class State:
         return f'import solve\n\n{load}\norbit = solve.periodic(model, "{self.speed}")\n'.replace("'", '"')
 
     def toml(self, name: str) -> str:
-        """Text of a case with this name and all parameters, in the format of a case file. Raises
+        """Return the text of a case with this name and all parameters, in the format of a case file. Raises
         ValueOutOfBoundsError."""
         if not _NAME.fullmatch(name):
             raise ValueOutOfBoundsError(
@@ -126,8 +126,8 @@ class State:
         return head + "".join(f"{line}\n" for line in self._entries())
 
     def _entries(self) -> Iterator[str]:
-        """Lines of the case, one per parameter, or one per family of numbered parameters with the same
-        source."""
+        """Yield the lines of the case, one per parameter or, for numbered parameters with the same source,
+        one for all of these."""
         model, sources = self.model, self.model.labels.parameter_sources
         rows = []
         for name, value in model.parameters.items():
@@ -146,7 +146,7 @@ class State:
 
 
 def save_case(state: State, name: str, file: str) -> str:
-    """Add a case to a case file. Returns a sentence with the case name and the file.
+    """Add a case to a case file. Return a sentence that names the case and the file.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def save_case(state: State, name: str, file: str) -> str:
     Raises
     ------
     ValueOutOfBoundsError, FileError, CaseFileError
-        If a name is invalid, the file has a case of this name, or cannot be read or written.
+        If a name is invalid, or if the file has a case with this name, or cannot be read or written.
     """
     block, path = state.toml(name), Path(file)
     if file != state.origin.cases and not _FILE.fullmatch(file):
@@ -187,12 +187,12 @@ def save_case(state: State, name: str, file: str) -> str:
 
 
 def default_file(origin: Origin, model: Model) -> str:
-    """File to which cases are added by default."""
+    """Return the file to which cases are added by default."""
     return origin.cases or f"{model.labels.name}_cases.toml"
 
 
 def _value(text: str) -> str:
-    """Text of a TOML value: numbers unchanged, other texts in quotes."""
+    """Return the text of a TOML value: numbers unchanged, other texts in quotes."""
     try:
         return number(float(text))
     except ValueError:
@@ -205,8 +205,8 @@ def _base(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Text, in quotes if a shell would split it. Double quotes are used if possible, because Windows accepts
-    them too.
+    """Return a text, in quotes if a shell would split it. Double quotes are preferred, because Windows
+    accepts them too.
 
     >>> _quoted("k=3 mm"), _quoted("$x"), _quoted("k=3")
     ('"k=3 mm"', "'$x'", 'k=3')

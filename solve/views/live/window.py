@@ -1,4 +1,4 @@
-"""The live window, opened from Python, in notebooks, or by a command."""
+"""Live window, opened from Python, in notebooks, or by a command."""
 
 import asyncio
 import os
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from solve.views.live.server import LiveServer
 
 _START = 30.0
-"""Seconds within which the server must start."""
+"""Time in seconds within which the server must start."""
 
 _END = 0.5
-"""Seconds to wait at the end for a running calculation. A choice."""
+"""Time in seconds to wait, at the end, for a running computation. Chosen by judgement."""
 
 _HEIGHT = 900
 """Height of the window in a notebook, in pixels."""
@@ -56,8 +56,8 @@ class LiveWindow:
 
     Notes
     -----
-    In a notebook the window is shown in a frame. The server runs in a thread until `close`, or until it is
-    ended by the page or by the end of Python. The notebook's browser must run on the same machine.
+    In a notebook, the window is shown in a frame. The server runs in a thread until `close` is called, the
+    page ends it, or Python ends. The notebook's browser must run on the same machine.
     """
 
     def __init__(self, server: "LiveServer"):
@@ -89,12 +89,12 @@ class LiveWindow:
 
     @property
     def speed(self) -> str:
-        """Speed of the last window, as a text with unit."""
+        """Speed in the window that was opened last, as a text with a unit."""
         return self._server.state.speed
 
     @property
     def model(self) -> Model:
-        """Model with the values of the sliders of the last window."""
+        """Model with the values of the sliders in the window that was opened last."""
         return pickle.loads(pickle.dumps(self._server.state.model))
 
     def close(self) -> None:
@@ -108,7 +108,7 @@ class LiveWindow:
         )
 
     def _repr_html_(self) -> str:
-        """Frame with the page, for a notebook."""
+        """HTML frame that contains the page, for a notebook."""
         if not self.is_open:
             return f"<p>{escape(repr(self))}</p>"
         style = f"width: 100%; height: {_HEIGHT}px; border: 0"
@@ -121,28 +121,29 @@ def explore(
     speed: float | str | None = None,
     port: int = 0,
 ) -> LiveWindow:
-    """Open the live window of a model: sliders for speed and parameters, beside the solution.
+    """Open the live window of a model, which shows sliders for the speed and the parameters beside the
+    solution.
 
     Parameters
     ----------
     model : Model or str
-        Model, or its name or the path of a mechanism file. Its parameters are the first values of the
-        sliders.
+        Model, the name of a model, or the path of a mechanism file. Its parameters are the initial values of
+        the sliders.
     speed : float or str, optional
-        First speed in rad/s, or a text with unit; by default the speed of the case, or a speed well below
+        Initial speed in rad/s, or a text with unit; by default the speed of the case, or a speed well below
         resonance.
     port : int
-        Port on this machine, 0 for a free one.
+        Port on this machine; 0 selects a free one.
 
     Returns
     -------
     LiveWindow
-        In a notebook it shows the page; elsewhere open its `address` in a browser.
+        Window, which a notebook displays as a page. Elsewhere, open its `address` in a browser.
 
     Raises
     ------
     MissingLibraryError
-        Without the extra `explore` (Tornado).
+        If the extra `explore` (Tornado) is not installed.
     NoMotionError
         If the model does not move.
     WindowError
@@ -165,7 +166,7 @@ def explore(
 def server(
     model: PeriodicSystem, origin: Origin, speed: float | str | None = None, port: int = 0
 ) -> "LiveServer":
-    """Server of a model, after a check that the first solution is possible. Raises the exceptions of
+    """Return the server of a model, after a check that the initial solution exists. Raises the exceptions of
     `explore`."""
     try:
         from solve.views.live.server import LiveServer
@@ -196,7 +197,7 @@ def run(live: "LiveServer", opens_browser: bool) -> None:
     with _ended_by_interruption(live.stop):
         asyncio.run(live.serve(ready))
     if not live.calculating.acquire(timeout=_END):
-        # Otherwise the interpreter would wait for the thread, whose result is no longer needed.
+        # Otherwise, the interpreter would wait for the thread, whose result is no longer needed.
         os._exit(0)
 
 
@@ -216,7 +217,7 @@ def _ended_by_interruption(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _has_screen() -> bool:
-    """Whether a browser with a window can be opened. A text browser would occupy the terminal."""
+    """Return whether a browser with a window can be opened. A text browser would occupy the terminal."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -53,7 +53,7 @@ def test_with_one_element_the_fourth_is_a_pole(sides):
 def test_the_picture_and_the_command(frame, tmp_path, capsys):
     axes = determinants_figure(frame).axes[0]
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert labels == ["1 element a bar", "2 elements a bar"]
+    assert labels == ["1 element per bar", "2 elements per bar"]
     assert run(["--plot", str(tmp_path / "det.png"), "--most", "400"]) == 0
     assert capsys.readouterr().out == "natural frequencies (rad/s): 56.603, 223.405, 364.376, 395.184\n"
     assert (tmp_path / "det.png").stat().st_size > 10_000

@@ -171,7 +171,7 @@ def test_impossible_sections_are_omitted_with_a_reason(driven, mathieu, frame):
     for heading in ("Vibration by the nonlinear equations", "Validity of the linear model"):
         assert "nonlinear equations" in driven.missing[heading]
     assert "differentiated" in driven.missing["What matters most"]
-    assert "has no load" in mathieu.missing["Response over speed"]
+    assert "has no load" in mathieu.missing["Response versus speed"]
     assert list(frame.missing) == ["Motion"]
     for report in (driven, mathieu, frame):
         stated = [text for text in texts(parsed(report.html), "p") if text.startswith(("Left out", "Only"))]
@@ -192,7 +192,7 @@ def test_a_machine_that_the_load_drives_has_no_vibration_to_report():
     machine.force(T * (1 + cos(machine.phase)), along=q1)
     system = solve.load(machine, J=1.0, k=3.0, k3=0.5, T=2.0)
     report = solve.report(system, "1:2:3 rad/s", "1.5 rad/s")
-    vibration = {"Response over speed", "Critical speeds", "Validity of the linear model"}
+    vibration = {"Response versus speed", "Critical speeds", "Validity of the linear model"}
     assert vibration | {"Vibration and stability"} <= report.missing.keys()
     assert all("mean torque" in report.missing[heading] for heading in vibration)
     assert "the periodic motion is" not in report.html
