@@ -15,6 +15,7 @@ from solve.commands.groups import (
     Loop,
     Results,
     Speed,
+    SpeedOrSpeeds,
     Speeds,
     Steps,
 )
@@ -73,8 +74,7 @@ class SpeedDerivatives:
 
 def sweep(
     problem: Loop,
-    speeds: Speeds,
-    speed: Speed,
+    speeds: SpeedOrSpeeds,
     accuracy: Steps,
     execution: Execution,
     results: Results,
@@ -100,7 +100,7 @@ def sweep(
 ) -> None:
     """Periodic vibration and stability over many speeds, and values of parameters."""
     harmonic, varied = harmonic_count(harmonics), _varied(over)
-    omegas = _omegas(speeds, speed, bool(varied))
+    omegas = _omegas(speeds, bool(varied))
     model, count = problem.loaded(rigid=True, varied=varied), 1 if omegas is None else len(omegas)
     names, spectra = shown(model, show), [waterfall] if waterfall else []
     if turn is not None:
@@ -123,13 +123,11 @@ def sweep(
     deliver_result(results, result, problem.choices, result.notes, report=report, figure=figure)
 
 
-def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
+def _omegas(speeds: SpeedOrSpeeds, varied: bool) -> Sequence[float] | None:
     """Speeds in rad/s from --speeds or --speed; None, for the speed of the case, if only parameters vary.
     Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
-    if speed.speed is not None and speeds.speeds is not None:
-        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
-    if speed.speed is not None:
-        return [speed_in_si(speed.speed)]
+    if speeds.speed is not None:
+        return [speed_in_si(speeds.speed)]
     return None if varied and speeds.speeds is None else speeds.omegas()
 
 
@@ -283,8 +281,7 @@ def critical(
 
 def modes(
     problem: Loop,
-    speeds: Speeds,
-    speed: Speed,
+    speeds: SpeedOrSpeeds,
     accuracy: Steps,
     results: Results,
     over: Annotated[
@@ -293,7 +290,7 @@ def modes(
 ) -> None:
     """Floquet modes followed over the speed or a parameter: frequencies, damping, veerings."""
     varied = _varied(over)
-    omegas = _omegas(speeds, speed, bool(varied))
+    omegas = _omegas(speeds, bool(varied))
     model, rule = problem.loaded(varied=varied), (accuracy.rule, accuracy.steps, accuracy.rtol)
     result = solve.follow_modes(model, omegas, *rule, over=varied or None)
     deliver_result(results, result, problem.choices)
