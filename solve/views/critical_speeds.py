@@ -28,10 +28,8 @@ _ROOM = 1.6
 """Factor of free space above and below curves on a logarithmic axis."""
 
 _CLEAR, _ASIDE = 0.05, 0.015
-"""Distances of labels from curves and the frame, as fractions of the height and the width."""
-
-_BESIDE = 0.03
-"""Distance between labels as a fraction of the width."""
+"""Distances of labels from curves and the frame, as fractions of the height and the width; twice the second
+separates two labels."""
 
 
 @figure.register(CriticalSpeeds)
@@ -145,7 +143,7 @@ def _label_order(
     free &= np.minimum(speeds - speeds[0], speeds[-1] - speeds) > _ASIDE * span
     for other in axes.texts:
         x, y = other.get_position()
-        beside = np.abs(unit.from_si(speeds) - x) > _BESIDE * unit.from_si(span)
+        beside = np.abs(unit.from_si(speeds) - x) > 2 * _ASIDE * unit.from_si(span)
         free &= beside | (np.abs(ray / (2 * math.pi) - y) > _CLEAR * top)
     if free.any():
         at = speeds[free][-1]

@@ -33,7 +33,7 @@ from solve.views.panels import (
 )
 from solve.views.show import figure, tables, waterfall
 from solve.views.style import BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
-from solve.views.tables import RenderableType, table, table_of, text
+from solve.views.tables import WIDEST, RenderableType, table, table_of, text
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 """Colours of unstable bands and boundaries, by the multiplier that leaves the unit circle."""
@@ -42,10 +42,6 @@ KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex"
 
 _FLOOR = -80.0
 """Lowest amplitude of a spectrum in dB that is drawn."""
-
-_WIDTH = 48
-"""Number of characters for columns of quantities in a table of 80 characters, which also has columns of
-speed, spectral radius and stability."""
 
 _MOST_ROWS = 60
 """Maximum number of rows; if there are more speeds, every k-th speed is shown. A choice."""
@@ -77,7 +73,7 @@ def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[Renderable
     units = sweep.system.labels.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
     widths = itertools.accumulate(len(column.heading) + 2 for column in moduli.values())
-    fitting = max(1, sum(width <= _WIDTH for width in widths))
+    fitting = max(1, sum(width <= WIDEST for width in widths))
     columns = {
         f"parameter {name}": Column(
             values, heading=headed(name, unit_of(sweep.system, name).name), text=digits(".6g")
