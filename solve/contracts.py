@@ -126,7 +126,7 @@ class Dependence(Protocol):
     def less_accurate(self) -> "Dependence":
         """Derivatives by differences of lower order, for error estimates; the object itself if its
         derivatives are exact."""
-        ...
+        return self
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         """Derivatives (k, n, r) of M q″ + C q′ + K q - d, or of the residual of nonlinear equations."""
@@ -135,7 +135,7 @@ class Dependence(Protocol):
     def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
         """Sums (r, c), over phases and rows with weights (k, n, c), of the derivatives that `residual`
         returns."""
-        ...
+        return np.einsum("knr,knc->rc", self.residual(phase, speed, states), weights)
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         """Derivatives of the sum of the entries of M, C and K with weights (k, 3, n, n), where M, C and K are
@@ -149,7 +149,8 @@ class Dependence(Protocol):
 
     def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
         """Total derivatives (k, r) of an output. moved (k, 3, n, r): derivatives of the states."""
-        ...
+        by_parameters, by_states = self.output(name, phase, speed, states)
+        return by_parameters + np.einsum("kcn,kcnr->kr", by_states, moved)
 
 
 class ParameterDerivatives(Protocol):
