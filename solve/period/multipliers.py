@@ -215,6 +215,14 @@ def _absolute_errors(multipliers: Multipliers, errors: Array) -> Array:
     return np.where(is_unresolved, np.maximum(multipliers.bound[:, None], errors[:, None]), errors[:, None])
 
 
+def radius_verdicts(radius: Array, errors: Array) -> list[str]:
+    """Verdicts, as texts, from spectral radii (P,) and their absolute errors (P,); undetermined near the unit
+    circle."""
+    beyond = np.where(radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
+    inside = radius + errors < 1 - UNIT_CIRCLE
+    return [VERDICTS[verdict] for verdict in np.where(inside, ASYMPTOTICALLY_STABLE, beyond).tolist()]
+
+
 def _by_moduli(moduli: Array, e: Array, inner: Array, outer: Array) -> Array:
     """Verdicts (P,) from moduli (P, N), with margins `inner` and `outer` (P, N) inside and outside the unit
     circle."""

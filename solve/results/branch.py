@@ -11,7 +11,7 @@ from solve.contracts import Statistics
 from solve.equations import limits_of, warnings_of
 from solve.labels import SPEED, unit_of
 from solve.period.curve import FourierCurve
-from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
+from solve.period.multipliers import VERDICTS, radius_verdicts
 from solve.period.quantities import FIGURES
 from solve.results.contents import (
     MOST_SHOWN,
@@ -118,9 +118,7 @@ class BranchPoints(ResultOver):
     def verdicts(self) -> list[str]:
         """Verdicts (P,), with the margins of `solve.period.multipliers.verdicts`; "undetermined" where the
         spectral radius equals 1 within its error."""
-        errors = self.errors[:, 1]
-        beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
-        return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
+        return radius_verdicts(self.radius, self.errors[:, 1])
 
 
 @dataclass(frozen=True)
