@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from solve.arguments import described
+from solve.arguments import described, number_or_nan
 from solve.arrays import Array
 from solve.derivatives.figures import EQUAL
 from solve.errors import ValueOutOfBoundsError
@@ -161,10 +161,7 @@ class Function:
     def value(self, points: Sequence[DesignPoint]) -> float:
         """Value of the function. Raises ValueOutOfBoundsError if it is not a finite number."""
         given = self.function([point.orbit for point in points])
-        try:
-            value = float(given)
-        except (TypeError, ValueError):
-            value = math.nan
+        value = number_or_nan(given)
         if not math.isfinite(value):
             raise ValueOutOfBoundsError(
                 f"the minimised function returns {described(given)}; allowed: finite numbers"
