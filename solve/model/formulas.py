@@ -91,7 +91,7 @@ _EXACT_OPERATIONS = ("ASSIGN", "NEG", "TWICE", "FABS")
 """Operations with an exact result, by CasADi's names."""
 
 
-def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -> "casadi.Function":
+def roundoff_bound(function: "casadi.Function", rounded: Collection[str]) -> "casadi.Function":
     """First-order bound on the round-off of a scalar (SX) function by running error analysis (N. J. Higham,
     Accuracy and Stability of Numerical Algorithms, 2nd ed., 3.3).
 

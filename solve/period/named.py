@@ -76,7 +76,8 @@ class Named:
             return cls(text, "1", RADIUS)
         found = _NUMBERED.fullmatch(subject)
         if found is None or found[1] not in _PARTS:
-            raise UnknownNameError(f"quantity of {system.labels.name}", text, _examples(known))
+            examples = [RADIUS, f"{RHO}1.abs", f"{EXPONENT}1.re", *(f"{name}.max_abs" for name in known)]
+            raise UnknownNameError(f"quantity of {system.labels.name}", text, examples)
         kind, number = found[1], int(found[2])
         if dot:
             require_name(f"part of {subject}", figure, _PARTS[kind])
@@ -121,7 +122,3 @@ class Named:
     def part(self, number: Any) -> Any:
         """Requested part (such as the real part) of a complex number or of each element of an array."""
         return {"": np.asarray, "re": np.real, "im": np.imag, "abs": np.abs}[self.figure](number)[()]
-
-
-def _examples(names: tuple[str, ...]) -> list[str]:
-    return [RADIUS, f"{RHO}1.abs", f"{EXPONENT}1.re", *(f"{name}.max_abs" for name in names)]

@@ -122,7 +122,11 @@ def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
         "Probabilities, with 95 % intervals",
         *("event", "probability", "low", "high", "undetermined", "failed"),
         rows=[
-            (_event(name), *(f"{number:.3g}" for number in each[:3]), *map(str, each[4:]))
+            (
+                name if name == UNSTABLE else f"violated: {name}",
+                *(f"{number:.3g}" for number in each[:3]),
+                *map(str, each[4:]),
+            )
             for name, each in result.probability.items()
         ],
     )
@@ -130,11 +134,6 @@ def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
     if result.sobol:
         shown.append(_indices_table(result))
     return [*shown, _worst_table(result)]
-
-
-def _event(name: str) -> str:
-    """Text that describes an event."""
-    return name if name == UNSTABLE else f"violated: {name}"
 
 
 def _indices_table(result: Tolerances) -> RenderableType:
