@@ -33,6 +33,7 @@ from solve.results.points import Kept, PointResults
 from solve.single import request
 from solve.system import multiplier_count
 from solve.terminal import progress
+from solve.terminal.command_line import INTERRUPTED
 
 _CHUNKS, _MIN_CHUNK, _MAX_CHUNK = 32, 8, 2**14
 """Number of chunks of points, and minimum and maximum number of points per chunk. A choice."""
@@ -198,9 +199,6 @@ _MAX_WORKERS = 1024
 _TIMEOUT = 10.0
 """Timeout in seconds for a scheduler. A choice."""
 
-_INTERRUPTED = 130
-"""Exit status of an interrupted process: 128 + SIGINT."""
-
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
@@ -243,7 +241,7 @@ def cluster(address: str) -> Iterator[Executor]:
 def _begin() -> None:
     """Initialise a worker, so that it exits immediately on an interruption and at the end of its parent
     process."""
-    signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
+    signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
@@ -252,4 +250,4 @@ def _begin() -> None:
 def _end_with(sentinel: Any) -> None:
     """Exit when another process ends."""
     wait([sentinel])
-    os._exit(_INTERRUPTED)
+    os._exit(INTERRUPTED)

@@ -8,9 +8,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from solve.arrays import Array, across
+from solve.arrays import EPS, Array, across
 from solve.kernel.multipliers import Conditioned
-from solve.period.eigenvalues import EPS, LOST, NEGLIGIBLE, balanced, pair_distance, sorted_eigenvalues
+from solve.period.eigenvalues import LOST, NEGLIGIBLE, balanced, pair_distance, sorted_eigenvalues
 
 UNIT_CIRCLE = 1e-9
 """Distance from 1 within which a modulus counts as 1, in addition to its error: a choice."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arguments import SMALL
-from solve.arrays import Array, solved
-from solve.period.eigenvalues import EPS, balance_matrices, roundoff_growth
+from solve.arrays import EPS, Array, solved
+from solve.period.eigenvalues import balance_matrices, roundoff_growth
 
 BLOCKS = 32
 """Number of blocks at which multiplication stops and the orthogonal factorisation begins: a choice."""

@@ -45,8 +45,6 @@ _ROUNDING = 64 * EPS
 _LARGEST = 300.0
 """Largest growth exponent per period that is shown; larger ones overflow."""
 
-_TINY = float(np.finfo(float).tiny)
-
 
 class Exponents(NamedTuple):
     """Characteristic exponents µ. growth (P, N): real parts, in descending order; angular_rates (P, N):
@@ -160,7 +158,7 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     evaluation = ConstantCoefficients(batch, multiplicity, 0.0)
     exponents = evaluation.exponents(batch.region)
     frequencies = np.abs(exponents.angular_rates * family.speeds(batch.region)[:, None])
-    return replace(evaluation, unit=1 / max(float(np.nanmax(frequencies, initial=0.0)), _TINY))
+    return replace(evaluation, unit=1 / max(float(np.nanmax(frequencies, initial=0.0)), np.finfo(float).tiny))
 
 
 def _are_constant(entries: Array, n: int) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arguments import checked_tolerance, require_integer, require_size
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.batch.family import over_speed
 from solve.batch.task import task_of
 from solve.errors import require_name
@@ -35,7 +35,7 @@ RESPONSES = ("max_abs", "rms", "max", "min", "mean")
 _SPEEDS_PER_DIVISION = 24
 """Number of speeds between two neighbouring integer divisions of the lowest frequency. A choice."""
 
-_ROUNDOFF = 64 * np.finfo(float).eps
+_ROUNDOFF = 64 * EPS
 """Relative difference below which two speeds of the grid are the same: each speed is computed by a few
 operations with round-off of eps."""
 

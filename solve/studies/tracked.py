@@ -15,7 +15,7 @@ import numpy as np
 
 from solve.arguments import described, number_or_nan
 from solve.arrays import Array
-from solve.derivatives.figures import EQUAL
+from solve.derivatives.figures import EQUAL, FIRST_DIFFERENCE, SECOND_DIFFERENCE
 from solve.errors import ValueOutOfBoundsError
 from solve.period.named import Named
 from solve.results.orbit import Orbit
@@ -38,10 +38,6 @@ extrema are accurate to 2e-4 with one search, and to 1e-7 with two."""
 
 _WIDEST = 1 / 16
 """Largest half width of a window, in periods. A choice."""
-
-_FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
-"""Weights of five values in the first and second difference of fourth order, for a Newton step to the phase
-of an extremum. Derivatives of extrema then agree with differences to 1e-6."""
 
 _OF_CONSTANT = 16
 """Number of windows, over the whole period, in which maxima of a constant are followed. A choice."""
@@ -105,7 +101,8 @@ class Extrema:
             found, widths = _refined(values, values.argmax(axis=1), phases), widths / _ZOOM
         phases = found[:, None] + widths[:, None] * np.arange(-2, 3)
         around = point.signal(self.name, phases.ravel()).reshape(phases.shape) * self.sides[:, None]
-        first, second = around @ _FIRST, around @ _SECOND
+        # A Newton step to the phase of the extremum: derivatives then agree with differences to 1e-6.
+        first, second = around @ FIRST_DIFFERENCE, around @ SECOND_DIFFERENCE
         is_near = (second < 0) & (np.abs(first) < np.abs(second))
         found = found - np.where(is_near, first / np.where(is_near, second, 1.0), 0.0) * widths
         return found, self.sides * point.signal(self.name, found)

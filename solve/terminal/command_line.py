@@ -17,6 +17,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppres
 from typing import Any, NoReturn, TypeGuard
 
 REFUSED, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
+"""Exit statuses; that of an interrupted process is 128 + SIGINT."""
 
 _MAX_MESSAGE = 900
 """Maximum number of characters of a message. Arguments quoted in it may be much longer."""

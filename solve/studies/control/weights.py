@@ -6,9 +6,8 @@ from itertools import pairwise
 import numpy as np
 
 from solve.arguments import number_or_nan
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 Weight = Array | Sequence[Sequence[float]] | Mapping[str, float] | Callable[[Array], Array]
