@@ -21,7 +21,6 @@ harmonic3."""
 
 RHO, EXPONENT, RADIUS = "rho", "exponent", "spectral_radius"
 _PARTS = {RHO: ("re", "im", "abs"), EXPONENT: ("re", "im")}
-_WORDS = {RHO: "1", EXPONENT: "1/s"}
 _NUMBERED = re.compile(r"([a-z_]+?)([0-9]+)")
 
 
@@ -87,7 +86,7 @@ class Named:
                 "order "
                 "of decreasing modulus"
             )
-        return cls(text, _WORDS[kind], kind, figure, number)
+        return cls(text, "1" if kind == RHO else "1/s", kind, figure, number)
 
     @classmethod
     def _of_turn(cls, system: PeriodicSystem, text: str, subject: str, figure: str) -> "Named":

@@ -22,7 +22,6 @@ _ROW = re.compile(r"\s*(\d+)\s+(.+?)\s+([TF])\s+(?:(\d+)\s+)?(\S.*?)\s*$")
 """Row of a section: number, operating point, rotating frame, order of the derivative, description."""
 
 _MATRIX = re.compile(r"\s*([A-Za-z]\w*):\s+(\d+)\s+x\s+(\d+)\s*$")
-_KEPT = "ABCD"
 _COUNTS = {"continuous states": "states", "inputs": "inputs", "outputs": "outputs"}
 
 
@@ -112,7 +111,7 @@ class _Parser:
 
     def _matrix(self, found: re.Match[str]) -> None:
         name, rows, columns = found[1], int(found[2]), int(found[3])
-        if name not in _KEPT:
+        if name not in "ABCD":
             return
         expected = self._shape(name)
         if (rows, columns) != expected:

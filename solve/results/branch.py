@@ -31,9 +31,6 @@ _NARROW = 1e-3
 """Relative range of the values below which tables show ten digits, because seven digits do not distinguish
 the values."""
 
-_SHOWN = "max", "min", "max_abs", "mean", "rms"
-_MAX_ABS = FIGURES.index("max_abs")
-
 KINDS = "regular", "fold", "doubling", "torus", "grazing"
 REGULAR, FOLD, DOUBLING, TORUS, GRAZING = KINDS
 """Kinds of points; folds are turning points, tori are Neimark–Sacker points. Beyond a grazing point a branch
@@ -112,7 +109,7 @@ class BranchPoints(ResultOver):
     @property
     def peaks(self) -> Array:
         """Largest modulus of each coordinate (P, n)."""
-        return self.figures[:, : self.system.n, _MAX_ABS]
+        return self.figures[:, : self.system.n, FIGURES.index("max_abs")]
 
     @property
     def verdicts(self) -> list[str]:
@@ -316,7 +313,7 @@ class Branch(BranchPoints):
         coordinates."""
         unit, meaning = self.system.labels.units.get(name, ""), self.system.labels.meanings.get(name, name)
         columns = []
-        for figure in _SHOWN:
+        for figure in ("max", "min", "max_abs", "mean", "rms"):
             values = self.figures[:, number, FIGURES.index(figure)]
             column = Column(values, unit, f"{figure} of {meaning}")
             if figure == "max_abs":

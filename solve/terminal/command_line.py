@@ -24,7 +24,6 @@ _MAX_MESSAGE = 900
 
 _OUT_OF_MEMORY = "this machine has too little memory; request fewer points or steps"
 
-_OWN_PACKAGES = {"", "derive", "models", "solve"}
 _NOT_INSTALLED = (
     "is not installed for this Python; in the folder of this program run: python -m pip install -e ."
 )
@@ -231,7 +230,7 @@ def _is_missing_library(error: Exception) -> TypeGuard[ModuleNotFoundError]:
     """Whether an error is caused by a missing module of another distribution."""
     if not isinstance(error, ModuleNotFoundError):
         return False
-    return (error.name or "").partition(".")[0] not in _OWN_PACKAGES
+    return (error.name or "").partition(".")[0] not in ("", "derive", "models", "solve")
 
 
 def _interrupted(name: str) -> int:

@@ -36,7 +36,9 @@ separates two labels."""
 def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> Figure:
     """Figure of the response, the dominant multiplier (omitted with `campbell`) and the Campbell diagram over
     speed."""
-    drawn = (_draw_response, _draw_campbell) if campbell else _ALL
+    drawn = [_draw_response, _draw_multiplier, _draw_campbell]
+    if campbell:
+        drawn.remove(_draw_multiplier)
     title = "Campbell diagram" if campbell else "critical speeds"
     height, ratios = (5.4, (0.9, 1.3)) if campbell else (7.6, (1.1, 0.9, 1.3))
     with panels_over(found.system, found.speeds, title, height, len(drawn), ratios=ratios) as (page, panels):
@@ -236,6 +238,3 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     axes.set_ylabel("mean natural\nfrequency (Hz)")
     axes.set_title("Campbell diagram", loc="left", color=GREY)
     legend_above(axes, 5)
-
-
-_ALL = _draw_response, _draw_multiplier, _draw_campbell
