@@ -1,6 +1,7 @@
 """Validation of arguments of public functions, and checks of the memory limit before allocation."""
 
 import inspect
+import math
 import re
 import reprlib
 import sys
@@ -203,6 +204,14 @@ def described(value: object) -> str:
     if type(value).__repr__ is object.__repr__ or callable(value):
         return f"of type {type(value).__name__}"
     return " ".join(reprlib.repr(value).split())
+
+
+def number_or_nan(value: Any) -> float:
+    """Value as a float; NaN if it is not a number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan
 
 
 def unique_names(names: str | Iterable[str]) -> tuple[str, ...]:

@@ -128,7 +128,7 @@ class Dependence(Protocol):
     def less_accurate(self) -> "Dependence":
         """Derivatives by finite differences of lower order, for error estimates. The object itself if its
         derivatives are exact."""
-        ...
+        return self
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         """Derivatives (k, n, r) of M q″ + C q′ + K q - d, or of the residual of nonlinear equations."""
@@ -137,7 +137,7 @@ class Dependence(Protocol):
     def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
         """Weighted sums (r, c) of the derivatives that `residual` returns, over phases and rows. The weights
         are (k, n, c)."""
-        ...
+        return np.einsum("knr,knc->rc", self.residual(phase, speed, states), weights)
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         """Derivatives of a weighted sum of the entries of M, C and K, which are the derivatives of the
@@ -156,7 +156,8 @@ class Dependence(Protocol):
     def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
         """Total derivatives (k, r) of an output with respect to θ. moved (k, 3, n, r): derivatives of the
         states."""
-        ...
+        by_parameters, by_states = self.output(name, phase, speed, states)
+        return by_parameters + np.einsum("kcn,kcnr->kr", by_states, moved)
 
 
 class ParameterDerivatives(Protocol):

@@ -33,6 +33,7 @@ from solve.results.points import Kept, PointResults
 from solve.single import request
 from solve.system import multiplier_count
 from solve.terminal import progress
+from solve.terminal.command_line import INTERRUPTED
 
 _CHUNKS, _MIN_CHUNK, _MAX_CHUNK = 32, 8, 2**14
 """Number of chunks of points; minimum and maximum number of points per chunk. Chosen by judgement."""
@@ -197,9 +198,6 @@ _MAX_WORKERS = 1024
 _TIMEOUT = 10.0
 """Time in seconds within which a scheduler must answer. Chosen by judgement."""
 
-_INTERRUPTED = 130
-"""Exit status of an interrupted process: 128 + the number of SIGINT."""
-
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
@@ -242,7 +240,7 @@ def cluster(address: str) -> Iterator[Executor]:
 def _begin() -> None:
     """Initialise a worker process. It then exits immediately after an interruption, and at the end of its
     parent process."""
-    signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
+    signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
@@ -251,4 +249,4 @@ def _begin() -> None:
 def _end_with(sentinel: Any) -> None:
     """Exit when another process, represented by its sentinel, ends."""
     wait([sentinel])
-    os._exit(_INTERRUPTED)
+    os._exit(INTERRUPTED)

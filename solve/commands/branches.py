@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import solve
 from solve.arguments import require_integer
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Problem, Results, Speed, stored_in
+from solve.commands.groups import Flag, Problem, Results, Speed, Store, stored_in
 from solve.commands.parse import require_with
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.labels import in_own_unit
@@ -56,9 +56,7 @@ def branch(
     start: Annotated[
         str | None, Flag("Start from a saved orbit, transient, or result of --scatter.", "FILE")
     ] = None,
-    store: Annotated[
-        str | None, Flag("Folder of finished points, from which the same command resumes.", "DIR")
-    ] = None,
+    store: Store = None,
 ) -> None:
     """Branch of nonlinear orbits versus speed or a parameter, through its turning points."""
     over, model = over or [], problem.loaded()

@@ -247,6 +247,20 @@ class Speeds:
 
 
 @dataclass(frozen=True)
+class SpeedOrSpeeds(Speeds, Speed):
+    """Flags for one speed or several speeds, of which at most one is given."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueOutOfBoundsError if both are given."""
+        if self.speed is not None and self.speeds is not None:
+            raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
+
+    def given(self, model: PeriodicSystem) -> float | str:
+        """Text of several speeds, or otherwise one speed in rad/s. Raises MissingValueError."""
+        return self.omega(model) if self.speeds is None else self.speeds
+
+
+@dataclass(frozen=True)
 class Settings:
     """Flags for settings that only some methods have."""
 
@@ -344,14 +358,14 @@ def stored_in(store: str | None) -> Iterator[None]:
         raise
 
 
+Store = Annotated[str | None, Flag("Folder of finished points, from which the same command resumes.", "DIR")]
+
+
 @dataclass(frozen=True)
 class Execution:
     """Flags for solving many points: the processes that solve them, and the folder of finished points."""
 
-    store: Annotated[
-        str | None,
-        Flag("Folder for finished points; if interrupted, the same command resumes from it.", "DIR"),
-    ] = None
+    store: Store = None
     workers: Annotated[int | None, Flag("Number of processes on this machine that solve points.", "N")] = None
     scheduler: Annotated[
         str | None, Flag("Address of a running dask scheduler whose workers solve points.", "tcp://HOST:PORT")

@@ -16,6 +16,7 @@ from solve.commands.groups import (
     Loop,
     Results,
     Speed,
+    SpeedOrSpeeds,
     Speeds,
     Steps,
 )
@@ -77,8 +78,7 @@ class SpeedDerivatives:
 
 def sweep(
     problem: Loop,
-    speeds: Speeds,
-    speed: Speed,
+    speeds: SpeedOrSpeeds,
     accuracy: Steps,
     execution: Execution,
     results: Results,
@@ -105,7 +105,7 @@ def sweep(
 ) -> None:
     """Periodic vibration and stability at many speeds and parameter values."""
     harmonic, varied = harmonic_count(harmonics), _varied(over)
-    omegas = _omegas(speeds, speed, bool(varied))
+    omegas = _omegas(speeds, bool(varied))
     model, count = problem.loaded(rigid=True, varied=varied), 1 if omegas is None else len(omegas)
     names, spectra = shown(model, show), [waterfall] if waterfall else []
     if turn is not None:
@@ -128,13 +128,11 @@ def sweep(
     deliver_result(results, result, problem.choices, result.notes, report=report, figure=figure)
 
 
-def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
+def _omegas(speeds: SpeedOrSpeeds, varied: bool) -> Sequence[float] | None:
     """Return the speeds in rad/s from --speeds or --speed. If neither is given and parameters vary, return
     None, which selects the speed of the case. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
-    if speed.speed is not None and speeds.speeds is not None:
-        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
-    if speed.speed is not None:
-        return [speed_in_si(speed.speed)]
+    if speeds.speed is not None:
+        return [speed_in_si(speeds.speed)]
     return None if varied and speeds.speeds is None else speeds.omegas()
 
 
@@ -292,8 +290,7 @@ def critical(
 
 def modes(
     problem: Loop,
-    speeds: Speeds,
-    speed: Speed,
+    speeds: SpeedOrSpeeds,
     accuracy: Steps,
     results: Results,
     over: Annotated[
@@ -302,7 +299,7 @@ def modes(
 ) -> None:
     """Floquet modes versus speed or a parameter: frequencies, damping, veerings."""
     varied = _varied(over)
-    omegas = _omegas(speeds, speed, bool(varied))
+    omegas = _omegas(speeds, bool(varied))
     model, rule = problem.loaded(varied=varied), (accuracy.rule, accuracy.steps, accuracy.rtol)
     result = solve.follow_modes(model, omegas, *rule, over=varied or None)
     deliver_result(results, result, problem.choices)

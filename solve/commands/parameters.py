@@ -7,7 +7,7 @@ import numpy as np
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Execution, Flag, Problem, Results, Speed, Speeds, Steps
+from solve.commands.groups import Accuracy, Execution, Flag, Problem, Results, Speed, SpeedOrSpeeds, Steps
 from solve.commands.parse import assignments, listed, points, require_with
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.results.files import checked
@@ -15,11 +15,22 @@ from solve.results.frequencies import Findings
 from solve.studies import frequencies as study
 from solve.units import apart, quantity
 
+_Bounds = Annotated[
+    list[str] | None,
+    Flag("Bounds of one or more parameters, unit optional; repeatable.", '"NAME,NAME=A:B unit"'),
+]
+_Vary = Annotated[
+    list[str] | None,
+    Flag(
+        "Tolerance or distribution of a parameter, in addition to those of the case; repeatable.",
+        '"NAME=±2 %"',
+    ),
+]
+
 
 def sensitivity(
     problem: Problem,
-    speed: Speed,
-    speeds: Speeds,
+    speeds: SpeedOrSpeeds,
     accuracy: Steps,
     results: Results,
     of: Annotated[
@@ -42,15 +53,13 @@ def sensitivity(
     ] = None,
 ) -> None:
     """Derivatives of quantities with respect to parameters and speed, at one or many speeds."""
-    if speed.speed is not None and speeds.speeds is not None:
-        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     require_with("--nonlinear", nonlinear, {"--periods": periods})
     model = problem.loaded()
     task = of, by, accuracy.rule, accuracy.steps, accuracy.rtol
     if speeds.speeds is not None:
         over = solve.sensitivities_over(model, speeds.omegas(), *task, nonlinear=nonlinear, periods=periods)
         return deliver_result(results, over, problem.choices)
-    result = solve.sensitivities(model, speed.omega(model), *task, nonlinear=nonlinear, periods=periods)
+    result = solve.sensitivities(model, speeds.omega(model), *task, nonlinear=nonlinear, periods=periods)
     sensitivities = result.found.values()
     if all(one.reason and np.isnan(one.derivatives).all() for one in sensitivities):
         raise NoResultError("; ".join(one.reason for one in sensitivities))
@@ -66,10 +75,7 @@ def fit(
         str | None, Flag("File of measured vibration (.csv, .mat, .uff), with units.", "FILE")
     ] = None,
     free: Annotated[str | None, Flag("Parameters to fit, separated by commas.", "k1,k2")] = None,
-    bounds: Annotated[
-        list[str] | None,
-        Flag("Bounds of one or more parameters, unit optional; repeatable.", '"NAME,NAME=A:B unit"'),
-    ] = None,
+    bounds: _Bounds = None,
     robust: Annotated[
         bool, Flag("Let large residuals contribute their moduli instead of their squares.")
     ] = False,
@@ -90,18 +96,14 @@ def fit(
 
 def optimise(
     problem: Problem,
-    speed: Speed,
-    speeds: Speeds,
+    speeds: SpeedOrSpeeds,
     accuracy: Accuracy,
     results: Results,
     minimise: Annotated[
         str | None, Flag("Quantity to minimise, such as q3.max_abs or spectral_radius.", "QUANTITY")
     ] = None,
     free: Annotated[str | None, Flag("Free parameters, separated by commas.", "a1,a3")] = None,
-    bounds: Annotated[
-        list[str] | None,
-        Flag("Bounds of one or more parameters, unit optional; repeatable.", '"NAME,NAME=A:B unit"'),
-    ] = None,
+    bounds: _Bounds = None,
     keep: Annotated[
         list[str] | None, Flag("Value or curve to keep unchanged; repeatable.", '"NAME@A:B deg"')
     ] = None,
@@ -118,13 +120,7 @@ def optimise(
             "Minimise, under tolerances, the mean plus K standard deviations, or a quantile such as 95%.", "K"
         ),
     ] = None,
-    vary: Annotated[
-        list[str] | None,
-        Flag(
-            "Tolerance or distribution of a parameter, in addition to those of the case; repeatable.",
-            '"NAME=±2 %"',
-        ),
-    ] = None,
+    vary: _Vary = None,
     toml: Annotated[str | None, Flag("Write the optimal model as a case file (.toml).", "FILE")] = None,
     feedback: Annotated[
         str | None, Flag("Optimise the gains of feedback of these quantities.", '"q1, q1_dot"')
@@ -136,8 +132,6 @@ def optimise(
     ] = None,
 ) -> None:
     """Optimal parameters: least vibration at several speeds, with stability and within bounds."""
-    if speed.speed is not None and speeds.speeds is not None:
-        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if minimise is None or (free is None and feedback is None):
         missing = "--minimise QUANTITY" if minimise is None else "--free NAME,NAME"
         raise MissingValueError(f"an optimum requires a quantity and free parameters; add {missing}")
@@ -159,14 +153,13 @@ def optimise(
         raise ValueOutOfBoundsError(
             f"bounds are given for {not_free[0]}, which is not free; add it to --free, or omit its bounds"
         )
-    speed_texts = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     ranges = {name: limits[name] for name in names}
     requirements = keep or (), subject or (), starts
     require_with("--robust K", robust is not None, {"--vary": vary})
     spreads = assignments("--vary", vary or [], "NAME=±2%")
     options = {"method": accuracy.rule, "rtol": accuracy.rtol, "prove": prove}
     result = solve.optimise(
-        model, minimise, ranges, speed_texts, *requirements, **options, robust=robust, vary=spreads
+        model, minimise, ranges, speeds.given(model), *requirements, **options, robust=robust, vary=spreads
     )
     further = {} if case is None else {case: lambda: result.toml}
     deliver_result(results, result, problem.choices, beside=further)
@@ -174,18 +167,11 @@ def optimise(
 
 def tolerances(
     problem: Problem,
-    speed: Speed,
-    speeds: Speeds,
+    speeds: SpeedOrSpeeds,
     accuracy: Accuracy,
     execution: Execution,
     results: Results,
-    vary: Annotated[
-        list[str] | None,
-        Flag(
-            "Tolerance or distribution of a parameter, in addition to those of the case; repeatable.",
-            '"NAME=±2 %"',
-        ),
-    ] = None,
+    vary: _Vary = None,
     subject: Annotated[
         list[str] | None, Flag("Limit of a quantity; repeatable.", '"QUANTITY < NUMBER"')
     ] = None,
@@ -200,15 +186,12 @@ def tolerances(
     seed: Annotated[int, Flag("Seed of the random numbers.", "N")] = 0,
 ) -> None:
     """Effects of parameter tolerances: probability of instability, Sobol indices, worst points."""
-    if speed.speed is not None and speeds.speeds is not None:
-        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     spreads = assignments("--vary", vary or [], "NAME=±2%")
     model = problem.loaded()
-    given = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     sizes = samples, index_samples, accuracy.rule, accuracy.rtol
     with execution.given() as resources:
         result = solve.tolerances(
-            model, given, spreads, subject or (), of or (), *sizes, seed=seed, **resources
+            model, speeds.given(model), spreads, subject or (), of or (), *sizes, seed=seed, **resources
         )
     deliver_result(results, result, problem.choices)
 

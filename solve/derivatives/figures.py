@@ -38,7 +38,7 @@ _SPACING = 0.03
 """Spacing of the phases near an extremum at which values are computed, relative to the spacing of the
 samples. Chosen by judgement: both truncation and round-off of the second difference are small."""
 
-_FIRST_DERIVATIVE, _SECOND_DERIVATIVE = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
+FIRST_DIFFERENCE, SECOND_DIFFERENCE = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 """Weights of five values in the fourth-order differences for the first and the second derivative."""
 
 _EXTRAPOLATION = np.array([[3, -3, 1], [-5 / 2, 4, -3 / 2]])
@@ -161,7 +161,7 @@ class Figures:
         rows = [coordinates.index(name) for name in names[is_coordinate]]
         for _ in range(1 if pairs[0] in self._starts else _NEWTON_STEPS):
             around = self._values_at(names, phases[:, None] + _SPACING * width * np.arange(-2, 3))
-            first, second = around @ _FIRST_DERIVATIVE, around @ _SECOND_DERIVATIVE
+            first, second = around @ FIRST_DIFFERENCE, around @ SECOND_DIFFERENCE
             for order, part in ((1, first), (2, second)):
                 part[is_coordinate] = (_SPACING * width) ** order * curve(phases[is_coordinate], order)[
                     rows, np.arange(len(rows))

@@ -128,7 +128,9 @@ def quantities_by(
 ) -> tuple[list[Named], list[str]]:
     """Return the quantities, and the names of the parameters with respect to which they are differentiated,
     both without duplicates. Raises UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
-    texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
+    peaks = [f"{name}.max_abs" for name in system.coordinates]
+    varied = derivatives_of(system).names if system.capabilities.variation else ()
+    texts, names = _names("of", of, [*peaks, RADIUS]), _names("by", by, [*varied, SPEED])
     quantities = [Named.parse(system, text) for text in texts]
     derivatives_of(system).by(names)
     return quantities, names
@@ -162,14 +164,6 @@ def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[
     by = dict(zip(names, values, strict=True))
     notes = [*solved.notes, *(solved.doubts if isinstance(solved, NonlinearOrbit) else [])]
     return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, notes)
-
-
-def _default_quantities(system: PeriodicSystem) -> list[str]:
-    return [*(f"{name}.max_abs" for name in system.coordinates), RADIUS]
-
-
-def _all_names(system: PeriodicSystem) -> list[str]:
-    return [*(derivatives_of(system).names if system.capabilities.variation else ()), SPEED]
 
 
 def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> list[str]:

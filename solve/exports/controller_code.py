@@ -33,6 +33,16 @@ class Tables(NamedTuple):
             A, b, L, _, _ = result.compensator.equations_at(phase, result.speed)
         return cls(phase, result.gain(phase), result.feedforward(phase), A, b, L)
 
+    @classmethod
+    def interpolated(cls, result: Controller, samples: int) -> "tuple[Tables, float]":
+        """Matrices at `samples` steps of a period and at its end, and the relative error of linear
+        interpolation between them."""
+        step = result.system.period / samples
+        phase = np.arange(samples + 1) * step
+        tables, between = (cls.at_phases(result, phases) for phases in (phase, phase[:-1] + step / 2))
+        pairs = zip(tables[1:], between[1:], strict=True)
+        return tables, max(_interpolation_error(at[:-1], middle) for at, middle in pairs)
+
 
 def controller_name(result: Controller) -> str:
     """Name of a controller as a C identifier."""
@@ -68,13 +78,8 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
 
     Matrices are interpolated linearly between samples. Estimates are advanced by the Runge–Kutta method of
     order 4, with constant measured quantities."""
-    period = result.system.period
-    phase = np.arange(samples) * (period / samples)
-    tables, between = (
-        Tables.at_phases(result, phase),
-        Tables.at_phases(result, phase + period / (2 * samples)),
-    )
-    error = max(interpolation_error(a, b) for a, b in zip(tables[1:], between[1:], strict=True))
+    with_end, error = Tables.interpolated(result, samples)
+    period, tables = result.system.period, Tables(*(table[:-1] for table in with_end))
     name = controller_name(result)
     observer = result.compensator is not None
     numbers = versions()["parametric-vibration"]
@@ -117,7 +122,7 @@ def table_warnings(result: Controller, samples: int, error: float) -> list[str]:
     return doubts + ([jump] if jumps else [])
 
 
-def interpolation_error(at: Array, between: Array) -> float:
+def _interpolation_error(at: Array, between: Array) -> float:
     """Largest error of linear interpolation, relative to the largest entry. `at` contains the samples,
     `between` the exact values halfway between them."""
     largest = np.abs(at).max(initial=0.0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.exports.controller_code import Tables, controller_name, interpolation_error, table_warnings
+from solve.exports.controller_code import Tables, controller_name, table_warnings
 from solve.exports.fmu import Tools, Unit, Variable, add, begun, require_different_names
 from solve.results.controller import Controller
 
@@ -21,12 +21,7 @@ def controller_fmu(result: Controller, samples: int) -> tuple[bytes, list[str]]:
     start at 0. Matrices are interpolated linearly between `samples` phases. Raises MissingLibraryError;
     raises ValueOutOfBoundsError if two names are equal."""
     tools, system, period = Tools.found(), result.system, result.system.period
-    phase = np.arange(samples + 1) * (period / samples)
-    tables, between = (
-        Tables.at_phases(result, phase),
-        Tables.at_phases(result, phase + period / (2 * samples)),
-    )
-    error = max(interpolation_error(a[:-1], b[:-1]) for a, b in zip(tables[1:], between[1:], strict=True))
+    tables, error = Tables.interpolated(result, samples)
     units, sizes = result.closed.labels.units, _sizes(result)
 
     drive = Variable("phase", "rad", "phase of the drive", 0.0)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from solve.arguments import require_integer, require_size
+from solve.arguments import number_or_nan, require_integer, require_size
 from solve.arrays import Array
 from solve.equations import output_values
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
@@ -197,10 +197,7 @@ class StateSpace:
         MissingLibraryError, ValueOutOfBoundsError
         """
         control = python_control()
-        try:
-            place = float(phase)
-        except (TypeError, ValueError):
-            place = math.nan
+        place = number_or_nan(phase)
         if not math.isfinite(place):
             raise ValueOutOfBoundsError(f"phase is {phase}; allowed: a finite angle in rad")
         there = coefficients(self.system, self.speed, _after(self.system, np.array([place])))

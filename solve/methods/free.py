@@ -40,8 +40,6 @@ to 200 are integrated with an error of 1e-9 of their amplitude."""
 _MOST_SHOWN = 8
 """Largest number of components of a rigid-body mode that a message lists."""
 
-_SMALLEST = float(np.finfo(float).tiny)
-
 
 def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
     """Rigid-body modes and mean masses of the points; None if no point has a rigid-body mode. modes: frozen
@@ -102,7 +100,7 @@ def solutions_on(
             driven = _acceleration_scale(curve, held.modes)
             curve, secular = anchored.motion(curve, held.mass)
             accelerations = np.where(held.modes.damped, 0.0, np.abs(secular))
-            driven = (accelerations / np.maximum(driven, _SMALLEST)).max(axis=1)
+            driven = (accelerations / np.maximum(driven, np.finfo(float).tiny)).max(axis=1)
         Phi = np.where(np.isfinite(found.Phi), anchored.quotient(found.Phi), found.Phi)
         steps = None if found.steps is None else Steps(anchored.steps(found.steps.A), found.steps.b)
     return replace(
@@ -143,7 +141,7 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
         curve = without_drift(anchored.motion(curve, mass)[0])
         reference = np.take_along_axis(modes.references, modes.present.argmax(axis=1)[:, None], axis=1)
         acceleration = gained * np.take_along_axis(units, n + reference, axis=1)[:, 0] / grid.period
-        driven = np.abs(acceleration) / np.maximum(scale, _SMALLEST)
+        driven = np.abs(acceleration) / np.maximum(scale, np.finfo(float).tiny)
         Phi = monodromy(chain.steps)
         Phi = np.where(np.isfinite(Phi), anchored.quotient(Phi), Phi)
         steps = Steps(anchored.steps(chain.steps.A), chain.steps.b)

@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.approximation import interpolated, slope, slopes
 from solve.arrays import Array
-from solve.contracts import Columns, Formulas
+from solve.contracts import Columns, Dependence, Formulas
 from solve.equations import entries_of, output_values
 from solve.labels import SPEED
 from solve.model.formulas import c_text
@@ -155,7 +155,7 @@ class GeneratedSlopes:
         return _Slopes(by_rows.shape[::-1], rows, columns, function)
 
 
-class GeneratedDependence:
+class GeneratedDependence(Dependence):
     """Derivatives of the generated functions for the parameters of a setup; see `Dependence`."""
 
     partial_outputs = True
@@ -175,10 +175,6 @@ class GeneratedDependence:
         self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
         self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
-
-    @property
-    def less_accurate(self) -> "GeneratedDependence":
-        return self
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         slopes = self._slopes.residual
@@ -206,10 +202,6 @@ class GeneratedDependence:
         # Outputs are not compiled: their formulas are short and are evaluated at few phases.
         slopes = self._slopes.output(name)
         return self._partial(slopes, slopes.values(None, self._p, self._inputs(phase, speed, states)))
-
-    def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
-        by_parameters, by_states = self.output(name, phase, speed, states)
-        return by_parameters + np.einsum("kcn,kcnr->kr", by_states, moved)
 
     def _inputs(self, phase: Array, speed: float, states: Array) -> list[Array]:
         return [phase, np.full(len(phase), speed), *_by_order(states)]
@@ -291,7 +283,7 @@ def _by_order(states: Array) -> tuple[Array, Array, Array]:
 _Interpolant = Callable[[Array], Array]
 
 
-class AssembledDependence:
+class AssembledDependence(Dependence):
     """Derivatives of assembled matrices and outputs by finite differences; see `Dependence`."""
 
     linear, partial_outputs = True, False
@@ -312,9 +304,6 @@ class AssembledDependence:
         n, entries = self._system.n, self._entries(phase, speed)
         by_row = entries[:, : 3 * n**2].reshape(-1, 3, n, n, entries.shape[-1])
         return np.einsum("kcijr,kcj->kir", by_row, states) - entries[:, 3 * n**2 :]
-
-    def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        return np.einsum("knr,knc->rc", self.residual(phase, speed, states), weights)
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         entries = self._entries(phase, speed)[:, : 3 * self._system.n**2]

@@ -24,8 +24,6 @@ MAX_CACHED = 64
 """Number of cached generated functions. They are reused if only parameter values change. Chosen by judgement:
 few models are used at a time."""
 
-_STATES = "q", "qd", "qdd"
-
 _SAMPLES, _MIN_SAMPLES = 8, 512
 """Number of phases per step, and smallest total number of phases, at which the switching functions are
 evaluated. Two events of one switch between neighbouring phases are not found; they are reported as grazing.
@@ -66,7 +64,7 @@ def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casad
                 candidates.append(arguments[0] - arguments[1])
             combine = casadi.SX.unary if len(arguments) == 1 else casadi.SX.binary
             registers[to[0]] = combine(code, *arguments)
-    states = casadi.vertcat(*(inputs[name] for name in _STATES))
+    states = casadi.vertcat(*(inputs[name] for name in ("q", "qd", "qdd")))
     moving = [switch for switch in candidates if any(casadi.which_depends(switch, states, 1))]
     if not moving:
         return None

@@ -90,7 +90,7 @@ _EXACT_OPERATIONS = ("ASSIGN", "NEG", "TWICE", "FABS")
 """CasADi's names of operations with an exact result."""
 
 
-def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -> "casadi.Function":
+def roundoff_bound(function: "casadi.Function", rounded: Collection[str]) -> "casadi.Function":
     """First-order bound on the round-off of a function, as a function of the same inputs (SX, scalar
     operations).
 

@@ -131,9 +131,6 @@ def has_modes(M: Array, K: Array) -> Array:
     return fit
 
 
-_SPEED_ZERO = np.zeros(1)
-
-
 def beyond_critical(ratio: float) -> str:
     """Warning about a damping ratio above 1."""
     return f"damping ratio {ratio:g}: above 1, modes do not oscillate; write 2 % as 0.02, not as 2"
@@ -159,7 +156,7 @@ class DampedSampler(MatrixSampler):
 
     def damping(self, phase: Array) -> Array:
         """Modal damping matrices (m, n, n) at phases (m,)."""
-        C = damped(super().entries(phase, _SPEED_ZERO)[0], self.n, self._ratios)
+        C = damped(super().entries(phase, np.zeros(1))[0], self.n, self._ratios)
         without = np.isnan(C).any(axis=(1, 2))
         if without.any():
             raise MatricesError(

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solve.arguments import number_or_nan
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.units import apart, in_unit
@@ -102,10 +103,7 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
 
 def _percent(part: str, text: str, where: str) -> float:
     """Fraction for a percentage in text form, such as "2 %"."""
-    try:
-        fraction = float(part.removesuffix("%")) / 100
-    except ValueError:
-        fraction = math.nan
+    fraction = number_or_nan(part.removesuffix("%")) / 100
     if not math.isfinite(fraction):
         raise ValueOutOfBoundsError(f"{where} is '{text}', without a percentage; {_FORMS}")
     return fraction

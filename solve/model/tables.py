@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.arguments import require_size
+from solve.arguments import number_or_nan, require_size
 from solve.arrays import Array
 from solve.errors import CaseFileError, UnitError, cause, counted
 from solve.units import conversion
@@ -206,10 +206,7 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
 def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
     """Finite number in cell `place` of a row. Raises CaseFileError."""
     text = row[place] if place < len(row) else ""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
+    number = number_or_nan(text)
     if not math.isfinite(number):
         raise CaseFileError(
             f"{name}: {path.name} has '{text}' in the row '{', '.join(row)[:60]}'; give finite numbers with "

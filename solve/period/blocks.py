@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array, solved
-from solve.period.eigenvalues import EPS, balance_matrices
+from solve.arrays import EPS, Array, solved
+from solve.period.eigenvalues import balance_matrices
 
 LOSS = 1e-12
 """Largest accepted round-off error of a product of neighbouring maps, relative to the smallest singular value

@@ -7,12 +7,10 @@ import math
 
 import numpy as np
 
-from solve.arrays import Array, across, solved
+from solve.arrays import EPS, Array, across, solved
 from solve.kernel import multipliers as kernel
 from solve.kernel.engines import COMPILED
 from solve.kernel.multipliers import Conditioned
-
-EPS = float(np.finfo(float).eps)
 
 NEGLIGIBLE = 1e-100
 """Modulus below which multipliers are unresolved. Chosen by judgement; its square is far above underflow."""

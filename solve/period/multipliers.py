@@ -8,9 +8,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from solve.arrays import Array, across
+from solve.arrays import EPS, Array, across
 from solve.kernel.multipliers import Conditioned
-from solve.period.eigenvalues import EPS, LOST, NEGLIGIBLE, balanced, pair_distance, sorted_eigenvalues
+from solve.period.eigenvalues import LOST, NEGLIGIBLE, balanced, pair_distance, sorted_eigenvalues
 
 UNIT_CIRCLE = 1e-9
 """Distance from 1 within which a modulus counts as 1, in addition to its error. Chosen by judgement."""
@@ -216,6 +216,14 @@ def _absolute_errors(multipliers: Multipliers, errors: Array) -> Array:
         return np.broadcast_to(errors[:, None], values.shape)
     is_unresolved = np.arange(values.shape[-1]) >= resolved[:, None]
     return np.where(is_unresolved, np.maximum(multipliers.bound[:, None], errors[:, None]), errors[:, None])
+
+
+def radius_verdicts(radius: Array, errors: Array) -> list[str]:
+    """Verdicts, as texts, from spectral radii (P,) and their absolute errors (P,); undetermined near the unit
+    circle."""
+    beyond = np.where(radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
+    inside = radius + errors < 1 - UNIT_CIRCLE
+    return [VERDICTS[verdict] for verdict in np.where(inside, ASYMPTOTICALLY_STABLE, beyond).tolist()]
 
 
 def _by_moduli(moduli: Array, e: Array, inner: Array, outer: Array) -> Array:

@@ -22,7 +22,6 @@ follows, as in harmonic3."""
 
 RHO, EXPONENT, RADIUS = "rho", "exponent", "spectral_radius"
 _PARTS = {RHO: ("re", "im", "abs"), EXPONENT: ("re", "im")}
-_WORDS = {RHO: "1", EXPONENT: "1/s"}
 _NUMBERED = re.compile(r"([a-z_]+?)([0-9]+)")
 
 
@@ -77,7 +76,8 @@ class Named:
             return cls(text, "1", RADIUS)
         found = _NUMBERED.fullmatch(subject)
         if found is None or found[1] not in _PARTS:
-            raise UnknownNameError(f"quantity of {system.labels.name}", text, _examples(known))
+            examples = [RADIUS, f"{RHO}1.abs", f"{EXPONENT}1.re", *(f"{name}.max_abs" for name in known)]
+            raise UnknownNameError(f"quantity of {system.labels.name}", text, examples)
         kind, number = found[1], int(found[2])
         if dot:
             require_name(f"part of {subject}", figure, _PARTS[kind])
@@ -86,7 +86,7 @@ class Named:
                 f"'{text}': {system.labels.name} has the multipliers 1 to {multiplier_count(system)}, in "
                 "order of decreasing modulus"
             )
-        return cls(text, _WORDS[kind], kind, figure, number)
+        return cls(text, "1" if kind == RHO else "1/s", kind, figure, number)
 
     @classmethod
     def _of_turn(cls, system: PeriodicSystem, text: str, subject: str, figure: str) -> "Named":
@@ -121,7 +121,3 @@ class Named:
     def part(self, number: Any) -> Any:
         """Selected part, such as the real part, of a complex number or of each element of an array."""
         return {"": np.asarray, "re": np.real, "im": np.imag, "abs": np.abs}[self.figure](number)[()]
-
-
-def _examples(names: tuple[str, ...]) -> list[str]:
-    return [RADIUS, f"{RHO}1.abs", f"{EXPONENT}1.re", *(f"{name}.max_abs" for name in names)]

@@ -5,9 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array, solved
+from solve.arrays import EPS, Array, solved
 from solve.matrices import inertia_units
-from solve.period.eigenvalues import EPS
 from solve.period.rigid_body import rigid_body_modes
 
 _SYMMETRIC = 64 * EPS

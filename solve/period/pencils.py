@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from solve.arrays import Array, solved
+from solve.arrays import EPS, Array, solved
 from solve.matrices import by_rates
-from solve.period.eigenvalues import EPS
 from solve.period.points import rate_of
 
 LOOPED = 9

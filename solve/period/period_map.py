@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arguments import SMALL
-from solve.arrays import Array, solved
-from solve.period.eigenvalues import EPS, balance_matrices, roundoff_growth
+from solve.arrays import EPS, Array, solved
+from solve.period.eigenvalues import balance_matrices, roundoff_growth
 
 BLOCKS = 32
 """Number of blocks at which multiplication ends and orthogonal factorisation begins. Chosen by judgement."""
@@ -285,8 +285,8 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
         eliminated.append((rows.shape[-3], joined[..., :N, :]))
         rows = np.concatenate((joined[..., N:, N:], rows[..., pairs:, :, :]), axis=-3)
     last = rows[..., 0, :, :]
-    x, condition = _solve_sum(last[..., :N], last[..., N : 2 * N], last[..., 2 * N :])
-    x = x[..., None, :, :]
+    G, H = last[..., :N], last[..., N : 2 * N]
+    x, condition = solved(G + H, last[..., 2 * N :])[..., None, :, :], closed_condition(G, H)
     for count, joined in reversed(eliminated):
         inner = count // 2
         around = np.concatenate((x, np.roll(x, -1, axis=-3)), axis=-2)[..., :inner, :, :]
@@ -301,11 +301,6 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
 def _powers(sizes: Array) -> Array:
     """Largest powers of 2 that do not exceed `sizes`. Division by powers of 2 is exact."""
     return np.ldexp(1.0, np.frexp(sizes)[1] - 1)
-
-
-def _solve_sum(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
-    """Return the solution x (..., N, columns) of (G + H) x = r, and `closed_condition(G, H)`."""
-    return solved(G + H, r), closed_condition(G, H)
 
 
 def closed_condition(G: Array, H: Array) -> Array:

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.kernel.cyclic import cyclic
 from solve.kernel.slicot import periodic_schur, product_logarithms
-from solve.period.eigenvalues import EPS
 
 ROUNDING = 4.0
 """Backward error of the periodic Schur form, relative to the Frobenius norm of a factor, in units of

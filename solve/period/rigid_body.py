@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solve.arrays import Array
-from solve.period.multipliers import EPS, UNIT_CIRCLE
+from solve.arrays import EPS, Array
+from solve.period.multipliers import UNIT_CIRCLE
 
 BOUND = 4e-12
 """Largest residual |K e|, relative to Σ|K_ij e_j| of the same equation, that counts as zero: four times the

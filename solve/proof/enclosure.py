@@ -24,7 +24,7 @@ from solve.proof.periodicity import repeats
 from solve.proof.result import Proof
 from solve.proof.spectrum import Multiplier, multipliers, verdict
 from solve.proof.symbolic import linearised
-from solve.proof.turn import Marching, Turn, turn
+from solve.proof.turn import Marching, Turn, homogeneous, turn
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem
@@ -168,10 +168,10 @@ def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, ro
         period = period_of(system, rounded)
         found = turn(equation, period, system.breaks, marching)
         Phi = found.levels()[-1][0]
-        homogeneous = arb_mat([row[:-1] for row in Phi.table()[:-1]])
-        discs = multipliers(homogeneous)
+        unforced = homogeneous(Phi)
+        discs = multipliers(unforced)
         conservative, unloaded = equation.vanishes(period)
-        return _Enclosed(found, Phi, discs, verdict(homogeneous, discs, conservative), unloaded)
+        return _Enclosed(found, Phi, discs, verdict(unforced, discs, conservative), unloaded)
 
 
 def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation:

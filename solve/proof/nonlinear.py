@@ -31,7 +31,7 @@ from solve.proof.orbit import largest_modulus, states
 from solve.proof.result import Proof, ProvedOrbit
 from solve.proof.spectrum import multipliers, verdict
 from solve.proof.transitions import transitions
-from solve.proof.turn import Marching, turn
+from solve.proof.turn import Marching, homogeneous, turn
 from solve.results.special_orbits import NonlinearOrbit
 
 MOST_DIGITS = 12
@@ -108,7 +108,7 @@ def _prove_existence(
     equation, motion = _equation(system, orbit.speed, period, rounded)
     turned = turn(equation, period, (), marching)
     whole = turned.levels()[-1][0]
-    Phi = arb_mat([row[:-1] for row in whole.table()[:-1]])
+    Phi = homogeneous(whole)
     bounds = transitions(turned)
     linear = Linear.from_maps(turned, Phi, bounds, states(turned, equation.n, whole))
     second = _instructions(model, second_derivatives, rounded)

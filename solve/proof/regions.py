@@ -30,7 +30,7 @@ from solve.proof.balls import Ball, Matrix, above, acb, arb, arb_mat, interval, 
 from solve.proof.enclosure import equation_of, period_of
 from solve.proof.equation import Equation
 from solve.proof.instructions import Outcomes, UndecidedError
-from solve.proof.turn import Marching, intervals, turn
+from solve.proof.turn import Marching, homogeneous, intervals, turn
 from solve.terminal import progress
 
 _RATIOS = 2.0, 3.0, 5.0, 8.0, 12.0, 20.0
@@ -183,7 +183,7 @@ def _values(
                 for (low, high), k, degree in zip(box, at, degrees, strict=True)
             )
             steps = turn(plane.moved(equation, x, y), period, breaks, Marching(_BITS, _ADVANCE, _ALLOWED))
-            Phi = arb_mat([row[:-1] for row in steps.levels()[-1][0].table()[:-1]])
+            Phi = homogeneous(steps.levels()[-1][0])
             balls = [Phi.trace(), Phi.det()] if Phi.nrows() == 2 else Phi.entries()
             middles = [float(ball.mid()) for ball in balls]
             radii = [above(abs(ball - middle)) for ball, middle in zip(balls, middles, strict=True)]

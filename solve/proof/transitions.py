@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from solve.errors import StepsError
 from solve.proof.balls import Ball, Matrix, arb, arb_mat, largest, norm, precision, widened
 from solve.proof.step import BOUNDS, Step
-from solve.proof.turn import Turn
+from solve.proof.turn import Turn, homogeneous
 
 _CELL = 0.5
 """Largest ∫‖A‖ over a cell. Chosen by judgement: the part of a cell at each end of Ψ increases the bounds by
@@ -46,7 +46,7 @@ class Transitions:
 def transitions(turn: Turn) -> Transitions:
     """Bounds on the transition matrices of a period."""
     steps = tuple(_on_step(*each) for each in zip(turn.steps, turn.lengths, strict=True))
-    norms = _norms([_homogeneous(step.map) for step in turn.steps])
+    norms = _norms([homogeneous(step.map) for step in turn.steps])
     kappas, taus = [], []
     for i, on_step in enumerate((*steps, StepBounds(arb(1), arb(0), arb(0)))):
         before = sum((norms[j + 1, i] * steps[j].to_end for j in range(i)), arb(0))
@@ -93,11 +93,6 @@ def _to_end(maps: list[Matrix]) -> list[Matrix]:
         return maps
     first, second = (_to_end(half) for half in (maps[: len(maps) // 2], maps[len(maps) // 2 :]))
     return [*(second[0] * map for map in first), *second]
-
-
-def _homogeneous(map: Matrix) -> Matrix:
-    """Map of the state without the load."""
-    return arb_mat([row[:-1] for row in map.table()[:-1]])
 
 
 def _on_step(step: Step, length: Ball) -> StepBounds:

@@ -189,6 +189,11 @@ def _between(
         phase, h = following, _GROWTH * (following - phase)
 
 
+def homogeneous(map: Matrix) -> Matrix:
+    """Map of the state, without the load."""
+    return arb_mat([row[:-1] for row in map.table()[:-1]])
+
+
 def _window(equation: Equation, start: Ball, length: Ball) -> _Found:
     n = equation.n
     try:

@@ -23,7 +23,6 @@ _ROW = re.compile(r"\s*(\d+)\s+(.+?)\s+([TF])\s+(?:(\d+)\s+)?(\S.*?)\s*$")
 description."""
 
 _MATRIX = re.compile(r"\s*([A-Za-z]\w*):\s+(\d+)\s+x\s+(\d+)\s*$")
-_KEPT = "ABCD"
 _COUNTS = {"continuous states": "states", "inputs": "inputs", "outputs": "outputs"}
 
 
@@ -114,7 +113,7 @@ class _Parser:
 
     def _matrix(self, found: re.Match[str]) -> None:
         name, rows, columns = found[1], int(found[2]), int(found[3])
-        if name not in _KEPT:
+        if name not in "ABCD":
             return
         expected = self._shape(name)
         if (rows, columns) != expected:

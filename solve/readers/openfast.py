@@ -205,7 +205,7 @@ def _source(files: Sequence[LinFile], names: dict[str, list[str]]) -> Source:
         for k, name in enumerate(labels)
     }
     return Source(
-        _common_name([file.path for file in files]),
+        re.sub(r"(\.\d+)?\.lin$", "", first.path.name),
         first.title,
         float(np.mean([file.speed for file in files])),
         {name: _unit(signal.description) for name, signal in labelled},
@@ -213,8 +213,3 @@ def _source(files: Sequence[LinFile], names: dict[str, list[str]]) -> Source:
         [name for name, signal in labelled if signal.rotating],
         points,
     )
-
-
-def _common_name(paths: Sequence[Path]) -> str:
-    """Common beginning of the file names."""
-    return re.sub(r"(\.\d+)?\.lin$", "", paths[0].name)

@@ -11,7 +11,7 @@ from solve.contracts import Statistics
 from solve.equations import limits_of, warnings_of
 from solve.labels import SPEED, unit_of
 from solve.period.curve import FourierCurve
-from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
+from solve.period.multipliers import VERDICTS, radius_verdicts
 from solve.period.quantities import FIGURES
 from solve.results.contents import (
     MOST_SHOWN,
@@ -30,9 +30,6 @@ from solve.system import PeriodicSystem
 _NARROW = 1e-3
 """If the relative range of the values is smaller, tables show ten digits, because seven digits do not
 distinguish the values."""
-
-_SHOWN = "max", "min", "max_abs", "mean", "rms"
-_MAX_ABS = FIGURES.index("max_abs")
 
 KINDS = "regular", "fold", "doubling", "torus", "grazing"
 REGULAR, FOLD, DOUBLING, TORUS, GRAZING = KINDS
@@ -114,15 +111,13 @@ class BranchPoints(ResultOver):
     @property
     def peaks(self) -> Array:
         """Largest moduli (P, n) of the coordinates."""
-        return self.figures[:, : self.system.n, _MAX_ABS]
+        return self.figures[:, : self.system.n, FIGURES.index("max_abs")]
 
     @property
     def verdicts(self) -> list[str]:
         """Verdicts (P,), with the margins of `solve.period.multipliers.verdicts`; "undetermined" where the
         spectral radius equals 1 within its error."""
-        errors = self.errors[:, 1]
-        beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
-        return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
+        return radius_verdicts(self.radius, self.errors[:, 1])
 
 
 @dataclass(frozen=True)
@@ -322,7 +317,7 @@ class Branch(BranchPoints):
         of the first coordinates."""
         unit, meaning = self.system.labels.units.get(name, ""), self.system.labels.meanings.get(name, name)
         columns = []
-        for figure in _SHOWN:
+        for figure in ("max", "min", "max_abs", "mean", "rms"):
             values = self.figures[:, number, FIGURES.index(figure)]
             column = Column(values, unit, f"{figure} of {meaning}")
             if figure == "max_abs":

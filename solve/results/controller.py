@@ -283,11 +283,7 @@ class Controller(Result):
     @property
     def summary_values(self) -> dict[str, Any]:
         stability, gains = self.stability, np.moveaxis(self.harmonics, 0, -1)
-        ahead = (
-            {}
-            if self.ahead is None
-            else dict(zip(self.signals, self._harmonics_of(self.feedforward).T, strict=True))
-        )
+        ahead = () if self.ahead is None else self._harmonics_of(self.feedforward).T
         observer = None if self.observer is None else self.observer.record()
         rows = map(_amplitudes, gains.reshape(-1, gains.shape[-1]))
         return {
@@ -297,7 +293,7 @@ class Controller(Result):
             "states": self.states,
             "signals": self.signals,
             "gain": dict(zip(self.gain_names, rows, strict=True)),
-            "feedforward": {name: _amplitudes(row) for name, row in ahead.items()},
+            "feedforward": dict(zip(self.signals, map(_amplitudes, ahead), strict=False)),
             "multipliers": self.multipliers,
             "exponents": stability.exponents,
             "spectral_radius": stability.spectral_radius,
@@ -307,9 +303,9 @@ class Controller(Result):
             "residual": self.residual,
             "observer": observer,
             "vibration": self.vibration,
-            "margin": None if self.margin is None else self.margin._asdict(),
-            "sampled": None if self.sampled is None else self.sampled._asdict(),
-            "norms": {name: each._asdict() for name, each in self.norms.items()},
+            "margin": self.margin,
+            "sampled": self.sampled,
+            "norms": self.norms,
         }
 
     @property

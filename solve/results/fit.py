@@ -107,7 +107,7 @@ class Fitted(Result):
     def warnings(self) -> list[str]:
         """Warnings about differences between data and model, and about parameters that the data do not
         determine, one sentence each."""
-        return [*self._reduction, *self.doubts, *self.unidentifiable]
+        return [*super().warnings, *self.unidentifiable]
 
     @property
     def summary_values(self) -> dict[str, Any]:

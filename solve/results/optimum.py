@@ -10,7 +10,7 @@ from solve.model.cases import case_text
 from solve.results.contents import Column, Columns, HeaderRows, speeds_of
 from solve.results.formatting import measured
 from solve.results.result import Result
-from solve.results.serialization import serializable, stored_property
+from solve.results.serialization import serializable
 from solve.system import PeriodicSystem
 
 AT_BOUND = 1e-6
@@ -105,11 +105,6 @@ class Optimum(Result):
         """Mapping from the names of the free parameters to their optimal values, in the model's units."""
         return {name: parameter.value for name, parameter in self.parameters.items()}
 
-    @stored_property
-    def warnings(self) -> list[str]:
-        """Warnings about the result, one sentence each."""
-        return [*self._reduction, *self.doubts]
-
     @property
     def summary(self) -> str:
         """Sentence on the reduction of the objective."""
@@ -129,7 +124,7 @@ class Optimum(Result):
             "objective": self.objective,
             "before": self.before,
             "start": {name: parameter.before for name, parameter in self.parameters.items()},
-            "constraints": [requirement._asdict() for requirement in self.constraints],
+            "constraints": self.constraints,
             "confirmed": self.confirmed,
             "speeds": self.speeds,
         }

@@ -1,6 +1,6 @@
 """Base class of results, with tables, files, DataFrame, Dataset and repr."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -54,11 +54,13 @@ class Result(Serializable):
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     system: PeriodicSystem
+    doubts: Sequence[str] = ()
+    """Reasons why the result is doubtful, one sentence each."""
 
     @stored_property
     def warnings(self) -> list[str]:
         """Warnings about the result, one sentence each."""
-        return self._reduction
+        return [*self._reduction, *self.doubts]
 
     @property
     def _reduction(self) -> list[str]:

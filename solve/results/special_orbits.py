@@ -101,7 +101,7 @@ class NonlinearOrbit(Orbit):
         return [*super().warnings, *self.doubts]
 
     @cached_property
-    def doubts(self) -> list[str]:
+    def doubts(self) -> list[str]:  # type: ignore[override]
         """Warnings that the requested orbit may not have been found, one sentence each."""
         sentences = []
         if self.periods > 1 and repeats_early(self.curve, self.periods):

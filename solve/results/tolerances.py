@@ -9,7 +9,7 @@ from solve.arrays import Array
 from solve.errors import counted
 from solve.results.contents import Column, Columns, HeaderRows
 from solve.results.result import Result
-from solve.results.serialization import serializable, stored_property
+from solve.results.serialization import serializable
 from solve.system import PeriodicSystem
 
 UNSTABLE = "unstable"
@@ -113,11 +113,6 @@ class Tolerances(Result):
     values: Array
     weights: Array
     doubts: Sequence[str] = ()
-
-    @stored_property
-    def warnings(self) -> list[str]:
-        """Warnings about the result, one sentence each."""
-        return [*self._reduction, *self.doubts]
 
     @property
     def summary(self) -> str:

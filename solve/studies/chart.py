@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -129,12 +129,12 @@ def chart(
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
     points = np.column_stack([coordinate.ravel() for coordinate in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
-    quantity = None if of is None else _Quantity(Named.parse(family.example, of))
+    quantity = None if of is None else _shown_quantity(family.example, of)
     of_orbit = quantity is not None and quantity.of_orbit
     stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     task = stability
     if quantity is not None and of_orbit:
-        kept = kept_for([quantity.named], judged_quantities(family.example))
+        kept = kept_for([quantity], judged_quantities(family.example))
         task, _ = task_of(family, method, rtol, engine, kept)
     batch = stability.batch(points)
     with progress.steps(3) as step:
@@ -151,9 +151,9 @@ def chart(
         at = partial(_stability_at, batch, system.labels.speed_unit)
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, [*notes, *results.notes])
         if quantity is not None:
-            values = values_of(quantity.named, solved_points, family.speeds(points), system.period)
+            values = values_of(quantity, solved_points, family.speeds(points), system.period)
             beyond = _orbit_warnings(system, solved_points, results) if of_orbit else []
-            solved = replace(solved, of=quantity.named, values=values.reshape(solved.shape), beyond=beyond)
+            solved = replace(solved, of=quantity, values=values.reshape(solved.shape), beyond=beyond)
         if provable is not None and isinstance(family, SystemFamily):
             ranges = (float(xs[0]), float(xs[-1])), (float(ys[0]), float(ys[-1]))
             boxes = prove_boxes(provable, (x_name, y_name), ranges, family.speed, executor)
@@ -203,24 +203,16 @@ def _orbit_warnings(system: PeriodicSystem, orbits: PointResults, stability: Poi
     return [*without, *(f"at some points {text}" for text in exceeded_limits(system, figures))]
 
 
-@dataclass(frozen=True)
-class _Quantity:
+def _shown_quantity(system: PeriodicSystem, text: str) -> Named:
     """Quantity whose value a chart shows at each point. Raises ValueOutOfBoundsError if it is a phase angle
     or a complex number."""
-
-    named: Named
-
-    def __post_init__(self) -> None:
-        if self.named.figure == PHASE or (self.named.subject in (RHO, EXPONENT) and not self.named.figure):
-            raise ValueOutOfBoundsError(
-                f"a chart cannot show {self.named.text}; give a quantity with one real value per "
-                "point, such as spectral_radius, rho1.re or a coordinate's max_abs or harmonic5"
-            )
-
-    @property
-    def of_orbit(self) -> bool:
-        """Whether the quantity requires orbits."""
-        return self.named.of_orbit
+    quantity = Named.parse(system, text)
+    if quantity.figure == PHASE or (quantity.subject in (RHO, EXPONENT) and not quantity.figure):
+        raise ValueOutOfBoundsError(
+            f"a chart cannot show {quantity.text}; give a quantity with one real value per point, such as "
+            "spectral_radius, rho1.re or a coordinate's max_abs or harmonic5"
+        )
+    return quantity
 
 
 def _stability_at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:

@@ -47,8 +47,6 @@ the matrix."""
 _LARGEST = 300.0
 """Limit of growth exponents per period, so that the moduli of multipliers do not overflow."""
 
-_TINY = float(np.finfo(float).tiny)
-
 
 class Exponents(NamedTuple):
     """Characteristic exponents µ (P, N), which refer to the phase: real parts `growth` in descending order,
@@ -162,7 +160,7 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     evaluation = ConstantCoefficients(batch, multiplicity, 0.0)
     exponents = evaluation.exponents(batch.region)
     frequencies = np.abs(exponents.angular_rates * family.speeds(batch.region)[:, None])
-    return replace(evaluation, unit=1 / max(float(np.nanmax(frequencies, initial=0.0)), _TINY))
+    return replace(evaluation, unit=1 / max(float(np.nanmax(frequencies, initial=0.0)), np.finfo(float).tiny))
 
 
 def _are_constant(entries: Array, n: int) -> Array:

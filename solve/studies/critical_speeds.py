@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solve.arguments import checked_tolerance, require_integer, require_size
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.batch.family import over_speed
 from solve.batch.task import task_of
 from solve.errors import require_name
@@ -36,7 +36,7 @@ _SPEEDS_PER_DIVISION = 24
 """Smallest number of speeds between two neighbouring integer divisions of the lowest frequency. Chosen by
 judgement."""
 
-_ROUNDOFF = 64 * np.finfo(float).eps
+_ROUNDOFF = 64 * EPS
 """Relative difference below which two speeds of the grid count as equal: each speed is computed by a few
 operations with a round-off of eps."""
 

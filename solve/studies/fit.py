@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from solve.arguments import unique_names
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.errors import ValueOutOfBoundsError, counted, require_name
 from solve.labels import bounds_in_own_unit
 from solve.methods.choice import Rule
@@ -167,7 +167,7 @@ def _uncertainty(
     """Return the covariance (r, r) of x in the identifiable directions, a mask (r,) of the parameters with a
     component in the other directions, and sentences that name the unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
-    is_identifiable = sizes > np.finfo(float).eps * count * sizes[0]
+    is_identifiable = sizes > EPS * count * sizes[0]
     spread = np.where(is_identifiable, sigma / np.where(is_identifiable, sizes, 1.0), np.inf)
     rate = np.where(problem.by_logarithm | (values == 0), 1.0, problem.unit / np.where(values, values, 1.0))
     unidentifiable = [

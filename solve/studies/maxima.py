@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array, unique_integers
+from solve.arrays import EPS, Array, unique_integers
 from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered, on_one_grid
-from solve.period.multipliers import EPS
 from solve.results.critical_speeds import Maximum
 from solve.results.points import Kept, PointResults
 from solve.system import multiplier_count

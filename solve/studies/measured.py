@@ -21,14 +21,14 @@ from solve.errors import (
     cause,
     require_name,
 )
-from solve.labels import known_quantities
+from solve.labels import SPEED, known_quantities
 from solve.model.tables import cells_of, number_in, size_in_header
 from solve.results.fit import Channel
 from solve.results.orbit import Orbit
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, speed_in_si
 
-_SPEED, _PHASE, _POSITION = "speed", "_phase", "position"
+_PHASE, _POSITION = "_phase", "position"
 
 ENDINGS = ".csv", ".mat", ".uff", ".unv"
 
@@ -195,7 +195,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in read.titles]
     if len(set(names)) < len(names):
         raise CaseFileError(f"data: {read.path.name} has two columns of the same name; rename one")
-    first = next((place for place, name in enumerate(names) if name != _SPEED), 0)
+    first = next((place for place, name in enumerate(names) if name != SPEED), 0)
     axis = names[first]
     require_name(f"first column of {read.path.name}", axis, AXES)
     kept = [place for place, name in enumerate(names) if place == first or name not in AXES]
@@ -203,11 +203,11 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     at = columns.pop(axis)
     if axis == "mode":
         return _frequencies(read, at, columns, system)
-    if _SPEED not in columns and speed is None:
+    if SPEED not in columns and speed is None:
         raise MissingValueError(
             f"data: {read.path.name} has no column 'speed (rpm)'; add one, or give --speed"
         )
-    speeds = columns.pop(_SPEED, np.full(len(at), speed))
+    speeds = columns.pop(SPEED, np.full(len(at), speed))
     channels = _channels(columns, axis == "order")
     if not channels or not len(at):
         raise CaseFileError(
@@ -215,7 +215,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
             "one of each"
         )
     _require_valid(read.path.name, axis, at, speeds, channels)
-    speed_given = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed
+    speed_given = _speed_unit(read.titles[names.index(SPEED)]) if SPEED in names else speed
     unit, sets = getattr(speed_given, "unit", None), []
     for omega in dict.fromkeys(speeds.tolist()):
         rows_of = speeds == omega
@@ -330,7 +330,7 @@ def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, p
         unit = AXES[name]
     elif name in of_modes:
         unit = of_modes[name]
-    elif name == _SPEED:
+    elif name == SPEED:
         unit = "rad/s"
     elif axis == "order" and name.endswith(_PHASE):
         unit = "rad"

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.certify.all_multipliers import multiplier_errors, solved_on
 from solve.certify.coefficients import ROUND_OFF
 from solve.certify.comparison import NO_DIGIT
@@ -14,7 +14,6 @@ from solve.kernel import slicot
 from solve.methods.free import free
 from solve.methods.method import Method
 from solve.period.blocks import Blocks, balanced_blocks
-from solve.period.eigenvalues import EPS
 from solve.period.floquet_modes import ALIASED, periodic_parts
 from solve.period.frozen import FrozenModes, balanced, frozen
 from solve.period.points import SinglePoint
@@ -58,13 +57,9 @@ class ModeVectors:
     parts: Array
     inertia: Array
 
-    @property
+    @cached_property
     def inverse(self) -> Array:
         """Left inverse (m, k, N) of p at the nodes."""
-        return self._inverse
-
-    @cached_property
-    def _inverse(self) -> Array:
         return np.linalg.pinv(self.parts)
 
     @property

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solve.arguments import number_or_nan
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.model.spread import Spread
@@ -48,10 +49,7 @@ class Statistic(NamedTuple):
         """
         text = str(given).strip()
         is_quantile = text.endswith("%")
-        try:
-            amount = float(text.removesuffix("%")) / (100 if is_quantile else 1)
-        except ValueError:
-            amount = math.nan
+        amount = number_or_nan(text.removesuffix("%")) / (100 if is_quantile else 1)
         if not (_EXTREME <= amount <= 1 - _EXTREME if is_quantile else 0 <= amount < math.inf):
             raise ValueOutOfBoundsError(
                 f"robust is {given}; allowed: a multiple >= 0 of the standard deviation, such as 3, or a "

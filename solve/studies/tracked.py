@@ -13,9 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from solve.arguments import described
+from solve.arguments import described, number_or_nan
 from solve.arrays import Array
-from solve.derivatives.figures import EQUAL
+from solve.derivatives.figures import EQUAL, FIRST_DIFFERENCE, SECOND_DIFFERENCE
 from solve.errors import ValueOutOfBoundsError
 from solve.period.named import Named
 from solve.results.orbit import Orbit
@@ -40,11 +40,6 @@ two."""
 
 _WIDEST = 1 / 16
 """Largest half-width of a window, in periods. Chosen by judgement."""
-
-_FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
-"""Weights of five values in the fourth-order finite differences for the first and second derivatives. These
-are used for a Newton step to the phase of an extremum, after which derivatives of extrema agree with finite
-differences to 1e-6."""
 
 _OF_CONSTANT = 16
 """Number of windows, spread over the whole period, in which the maxima of a quantity that is constant over
@@ -111,7 +106,8 @@ class Extrema:
             found, widths = _refined(values, values.argmax(axis=1), phases), widths / _ZOOM
         phases = found[:, None] + widths[:, None] * np.arange(-2, 3)
         around = point.signal(self.name, phases.ravel()).reshape(phases.shape) * self.sides[:, None]
-        first, second = around @ _FIRST, around @ _SECOND
+        # A Newton step to the phase of the extremum: derivatives then agree with differences to 1e-6.
+        first, second = around @ FIRST_DIFFERENCE, around @ SECOND_DIFFERENCE
         is_near = (second < 0) & (np.abs(first) < np.abs(second))
         found = found - np.where(is_near, first / np.where(is_near, second, 1.0), 0.0) * widths
         return found, self.sides * point.signal(self.name, found)
@@ -168,10 +164,7 @@ class Function:
     def value(self, points: Sequence[DesignPoint]) -> float:
         """Value of the function. Raises ValueOutOfBoundsError if it is not a finite number."""
         given = self.function([point.orbit for point in points])
-        try:
-            value = float(given)
-        except (TypeError, ValueError):
-            value = math.nan
+        value = number_or_nan(given)
         if not math.isfinite(value):
             raise ValueOutOfBoundsError(
                 f"the minimised function returns {described(given)}; allowed: finite numbers"

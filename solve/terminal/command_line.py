@@ -17,13 +17,13 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppres
 from typing import Any, NoReturn, TypeGuard
 
 REFUSED, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
+"""Exit statuses; that of an interrupted process is 128 + SIGINT."""
 
 _MAX_MESSAGE = 900
 """Largest number of characters of a message. Arguments quoted in a message may be much longer."""
 
 _OUT_OF_MEMORY = "this machine has too little memory; request fewer points or steps"
 
-_OWN_PACKAGES = {"", "derive", "models", "solve"}
 _NOT_INSTALLED = (
     "is not installed for this Python; in the folder of this program run: python -m pip install -e ."
 )
@@ -229,7 +229,7 @@ def _is_missing_library(error: Exception) -> TypeGuard[ModuleNotFoundError]:
     """Whether an error is caused by a missing module of another distribution."""
     if not isinstance(error, ModuleNotFoundError):
         return False
-    return (error.name or "").partition(".")[0] not in _OWN_PACKAGES
+    return (error.name or "").partition(".")[0] not in ("", "derive", "models", "solve")
 
 
 def _interrupted(name: str) -> int:

@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from solve.arguments import first_is
+from solve.arguments import first_is, number_or_nan
 from solve.arrays import Array, Plane
 from solve.equations import require_load, sketched
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
@@ -312,11 +312,7 @@ def require_magnification(scale: float | None) -> None:
     """Raise ValueOutOfBoundsError unless the scale is a number >= 0 or None."""
     if scale is None:
         return
-    try:
-        good = 0 <= float(scale) < math.inf and not isinstance(scale, bool | str)
-    except (TypeError, ValueError):
-        good = False
-    if not good:
+    if isinstance(scale, bool | str) or not 0 <= number_or_nan(scale) < math.inf:
         raise ValueOutOfBoundsError(f"scale is {scale}; allowed: a number >= 0, such as 50, or leave it out")
 
 

@@ -142,7 +142,6 @@ _POINTS = {
     "Fox–Goodwin": (0.5, 1 / 12),
     "central differences": (0.5, 0.0),
 }
-_GROWING = "γ = 1/4, β = 1/6"
 
 _LEVELS = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 
@@ -170,7 +169,7 @@ def newmark_region_figure() -> Figure:
             axes.plot(*place, "o", color=BLACK, clip_on=False, zorder=3)
             axes.annotate(name, place, (-0.7, 0.0), ha="right", va="center", **offset)
         axes.plot(0.25, 1 / 6, "o", color=VERMILION)
-        axes.annotate(_GROWING, (0.25, 1 / 6), (0, 0.8), ha="center", color=VERMILION, **offset)
+        axes.annotate("γ = 1/4, β = 1/6", (0.25, 1 / 6), (0, 0.8), ha="center", color=VERMILION, **offset)
         axes.annotate("unstable at any step: energy grows", (0.34, 0.48), ha="center")
         axes.annotate("stable at any step", (0.62, 0.48), ha="center")
         white = {"boxstyle": "square,pad=0.15", "color": "white"}

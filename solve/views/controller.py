@@ -7,17 +7,14 @@ import numpy as np
 
 from solve.results.controller import Controller, StabilityMargin
 from solve.results.formatting import prefixed
-from solve.views.panels import SAMPLES, label_phases, titled
+from solve.views.panels import MOST_DRAWN, SAMPLES, label_phases, titled
 from solve.views.show import brief, figure, heading_of, tables
 from solve.views.stability import CIRCLE_ROW, draw_stability, stability_tables
 from solve.views.style import GREY, Axes, Figure, page
 from solve.views.tables import RenderableType, stacked, table, text
 
-_ROW = 1.6
-"""Height in inches of the panel of a signal."""
-
-_MOST_ROWS, _MOST_CURVES = 3, 8
-"""Maximum number of panels, and maximum number of curves in a panel: as many as are legible."""
+_MOST_ROWS = 3
+"""Maximum number of panels: as many as are legible."""
 
 _MOST_GAINS, _SHOWN = 16, 4
 """Maximum number of rows of the table of gains, and number of harmonics in it. Chosen by judgement."""
@@ -31,7 +28,7 @@ def controller_figure(result: Controller) -> Figure:
     gains = np.moveaxis(result.gain(phase), 0, -1)
     gains = gains.swapaxes(0, 1) if result.kind == "kalman" else gains
     rows = min(len(gains), _MOST_ROWS)
-    heights = [0.7 + _ROW * rows, CIRCLE_ROW]
+    heights = [0.7 + 1.6 * rows, CIRCLE_ROW]
     with page(sum(heights), titled(result.system, result.speed)) as sheet:
         grid = sheet.add_gridspec(2, 1, height_ratios=heights)
         upper, lower = (sheet.add_subfigure(grid[row]) for row in range(2))
@@ -46,7 +43,7 @@ def controller_figure(result: Controller) -> Figure:
 def _draw_gains(axes: Axes, result: Controller, name: str, degrees: np.ndarray, curves: np.ndarray) -> None:
     """Draw the gains of one signal for all states, each divided by its largest modulus."""
     sizes = np.abs(curves).max(axis=1)
-    for state, curve, size in list(zip(result.states, curves, sizes, strict=True))[:_MOST_CURVES]:
+    for state, curve, size in list(zip(result.states, curves, sizes, strict=True))[:MOST_DRAWN]:
         axes.plot(degrees, curve / (size or 1.0), label=f"{state} ({size:.3g})")
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.set_ylim(-1.1, 1.1)

@@ -28,17 +28,17 @@ _ROOM = 1.6
 """Factor by which the limits of a logarithmic axis exceed the range of the curves."""
 
 _CLEAR, _ASIDE = 0.05, 0.015
-"""Distances of labels from curves and from the frame, as fractions of the height and of the width."""
-
-_BESIDE = 0.03
-"""Distance between labels, as a fraction of the width."""
+"""Distances of labels from curves and from the frame, as fractions of the height and of the width. Labels are
+at least twice the second distance apart."""
 
 
 @figure.register(CriticalSpeeds)
 def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> Figure:
     """Figure of the response, the dominant multiplier and the Campbell diagram versus speed. If `campbell` is
     True, the multiplier is omitted."""
-    drawn = (_draw_response, _draw_campbell) if campbell else _ALL
+    drawn = [_draw_response, _draw_multiplier, _draw_campbell]
+    if campbell:
+        drawn.remove(_draw_multiplier)
     title = "Campbell diagram" if campbell else "critical speeds"
     height, ratios = (5.4, (0.9, 1.3)) if campbell else (7.6, (1.1, 0.9, 1.3))
     with panels_over(found.system, found.speeds, title, height, len(drawn), ratios=ratios) as (page, panels):
@@ -145,7 +145,7 @@ def _label_order(
     free &= np.minimum(speeds - speeds[0], speeds[-1] - speeds) > _ASIDE * span
     for other in axes.texts:
         x, y = other.get_position()
-        beside = np.abs(unit.from_si(speeds) - x) > _BESIDE * unit.from_si(span)
+        beside = np.abs(unit.from_si(speeds) - x) > 2 * _ASIDE * unit.from_si(span)
         free &= beside | (np.abs(ray / (2 * math.pi) - y) > _CLEAR * top)
     if free.any():
         at = speeds[free][-1]
@@ -239,6 +239,3 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     axes.set_ylabel("mean natural\nfrequency (Hz)")
     axes.set_title("Campbell diagram", loc="left", color=GREY)
     legend_above(axes, 5)
-
-
-_ALL = _draw_response, _draw_multiplier, _draw_campbell

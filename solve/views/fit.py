@@ -17,12 +17,11 @@ from solve.results.formatting import prefixed
 from solve.results.sensitivities import MOST_ROWS, Sensitivities, SensitivitiesOver, number
 from solve.system import PeriodicSystem
 from solve.units import ShownUnit
-from solve.views.panels import labelled, legend_above, panels_over, shades, title_of, titled
+from solve.views.panels import MOST_DRAWN, labelled, legend_above, panels_over, shades, title_of, titled
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, Table, table, text
 
-_MOST_PANELS, _MOST_ORDERS = 8, 60
 _SAME, _EVEN = 1e-6, 1e-3
 """Relative differences up to which phases, and up to which distances between phases, count as equal. Chosen
 by judgement, below the precision of measured data."""
@@ -80,7 +79,7 @@ def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
 def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: str) -> Figure:
     """Figure of measured points and computed curves, with one panel per channel and speed, and at most 8
     panels. Curves that are measured at equidistant phases have a spectrum too."""
-    shown = channels[:_MOST_PANELS]
+    shown = channels[:MOST_DRAWN]
     with page(0.7 + 1.9 * len(shown), title) as figure:
         rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
         for (axes, spectra), channel in zip(rows, shown, strict=True):
@@ -89,7 +88,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
             if measured is None:
                 spectra.set_axis_off()
                 continue
-            most = min(_MOST_ORDERS, (len(measured) - 1) // 2)
+            most = min(60, (len(measured) - 1) // 2)
             found, computed = (
                 spectrum(factor * values[measured], most)[0][1:]
                 for values in (channel.measured, channel.computed)

@@ -10,10 +10,10 @@ from solve.arrays import Array
 from solve.labels import SPEED, unit_of
 from solve.results.contents import MOST_SHOWN
 from solve.results.followed_modes import CROSSING, FollowedModes, damping_ratios
-from solve.views.panels import HEADROOM, legend_above, panels_over, shades
+from solve.views.panels import HEADROOM, MOST_CURVES, legend_above, panels_over, shades
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, GREY, LIGHT, MANY, VERMILION, Axes, Figure
-from solve.views.tables import MOST_ROWS, RenderableType, Table, table
+from solve.views.tables import MOST_ROWS, WIDEST, RenderableType, Table, table
 
 _SIDEBAND = 0.1
 """Participation above which a side harmonic of a mode is drawn, as a thin line. Chosen by judgement."""
@@ -21,12 +21,8 @@ _SIDEBAND = 0.1
 _LEAST_NAMED = 0.01
 """Participation above which tables list a harmonic. Chosen by judgement."""
 
-_MOST_HARMONICS, _WIDTH = 3, 48
-"""Maximum number of harmonics that tables list, and maximum number of characters for these in a table of 80
-columns."""
-
-_MOST_RAYS = 12
-"""Maximum number of rays of the orders of the speed, so that curves remain visible. Chosen by judgement."""
+_MOST_HARMONICS = 3
+"""Maximum number of harmonics that tables name. Chosen by judgement."""
 
 
 @figure.register(FollowedModes)
@@ -88,7 +84,7 @@ def _draw_rays(axes: Axes, followed: FollowedModes, top: float) -> None:
     x = _places(followed, followed.values)
     turns = followed.speeds / followed.system.period
     most = int(top / turns.max()) if turns.max() > 0 else 0
-    step = math.ceil(most / _MOST_RAYS) or 1
+    step = math.ceil(most / MOST_CURVES) or 1
     for order in range(step, most + 1, step):
         axes.plot(x, order * turns, color=LIGHT, linewidth=0.7, zorder=1)
         axes.annotate(str(order), (x[-1], order * turns[-1]), color=GREY, fontsize=7, va="center")
@@ -164,7 +160,7 @@ def _mode_table(followed: FollowedModes) -> Table:
             if parts[row, number] >= _LEAST_NAMED
         ]
         place = f"{unit.from_si(float(followed.values[least])):.6g}"
-        while len(", ".join(names)) > _WIDTH and len(names) > 1:
+        while len(", ".join(names)) > WIDEST and len(names) > 1:
             names.pop()
         rows.append((label, f"{100 * ratios[least]:.3f}", place, ", ".join(names)))
     headings = "mode", "least ζ (%)", "at", "participation"

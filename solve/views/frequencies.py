@@ -15,7 +15,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import MOST_SHOWN, Column, digits
 from solve.results.frequencies import Findings, Frequencies, Variation
 from solve.system import PeriodicSystem
-from solve.views.panels import DEFLECTION, axis_label, title_of
+from solve.views.panels import DEFLECTION, MOST_DRAWN, axis_label, title_of
 from solve.views.show import figure, tables
 from solve.views.style import (
     BLACK,
@@ -35,8 +35,6 @@ from solve.views.style import (
 from solve.views.tables import MOST_ROWS, RenderableType, Table, table_of
 
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-
-_MOST_SHAPES = 8
 
 _MARKERS: dict[str, dict[str, Any]] = {
     "pinned": {"marker": "^", "color": BLACK, "markersize": 6},
@@ -70,7 +68,7 @@ def findings_figure(found: Findings) -> Figure:
 
 def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[ModeShape]) -> Figure:
     """Figure of the mode shapes of a structure at one position (rad), with the undeformed links in grey."""
-    shapes = all_shapes[:_MOST_SHAPES]
+    shapes = all_shapes[:MOST_DRAWN]
     columns = 3 if len(shapes) in (3, 5, 6) else min(len(shapes), 4)
     rows = math.ceil(len(shapes) / columns)
     low, high = _frame(shapes)

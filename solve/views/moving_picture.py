@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
     from matplotlib.text import Text
 
-_TALL = 1.8
-"""Ratio of height to width of a mechanism above which six positions fit side by side in a figure."""
-
 _SAME = 1e-9
 """Distance between two points, relative to the mechanism's size, up to which they count as equal. It is a
 bound on round-off."""
@@ -124,7 +121,8 @@ def still(drawn: Drawn) -> Figure:
     """Figure of the mechanism at several positions, one panel per position."""
     count = len(drawn.phase)
     low, high = _frame(drawn)
-    tall = (high - low).imag > _TALL * (high - low).real
+    # Six positions of a tall mechanism fit side by side.
+    tall = (high - low).imag > 1.8 * (high - low).real
     columns = count if count <= (6 if tall else 3) else 3 if count in (5, 6, 9) else 4
     rows = math.ceil(count / columns)
     row = (PAGE_WIDTH - 0.6) / columns * (high - low).imag / (high - low).real + 0.12

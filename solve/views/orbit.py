@@ -30,12 +30,6 @@ _VISIBLE = 4e-3
 """Fraction of the largest amplitude below which a harmonic is invisible on a linear scale, because it is
 below about one pixel."""
 
-_CROWDED = 80
-"""Number of harmonics above which lines are drawn thin and without markers."""
-
-_TITLE = 46
-"""Number of characters that fit above a panel, as measured."""
-
 
 _RANKS = ("strongest", "second", "third")
 _LONGEST_NAME = 26
@@ -113,7 +107,8 @@ def _draw_curve(
     axes.set_xlim(0.0, math.degrees(system.period))
     axes.margins(y=0.08)
     axes.set_ylabel(labelled(name, unit))
-    meaning = textwrap.shorten(system.labels.meanings.get(name, ""), _TITLE, placeholder=" …")
+    # 46 characters fit above a panel.
+    meaning = textwrap.shorten(system.labels.meanings.get(name, ""), 46, placeholder=" …")
     axes.set_title(meaning, loc="left", color=GREY)
     return factor, unit
 
@@ -145,7 +140,7 @@ def _draw_spectrum(
         axes.set_ylim(0.0, 1.12 * largest * factor or 1.0)
         axes.set_ylabel(labelled("amplitude", unit))
     seen = heights > foot + (0.0 if scale == "dB" else _VISIBLE * largest * factor)
-    crowded = len(k) > _CROWDED
+    crowded = len(k) > 80
     axes.vlines(order[seen], foot, heights[seen], color=BLUE, linewidth=0.6 if crowded else 1.0)
     if not crowded:
         axes.plot(order[seen], heights[seen], "o", color=BLUE, markersize=2.5)

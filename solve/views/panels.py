@@ -30,15 +30,14 @@ _ALIKE = 1e-6
 them."""
 
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
-_LIGHTEST = 0.8
-"""Position in the colour map beyond which colours are too light for curves on a white page. Chosen by
-judgement."""
-
 _FEW = 60
-"""Maximum number of points of a curve that are marked."""
+"""Maximum number of points for which the points of a curve are marked."""
 
 MOST_CURVES = 12
 """Maximum number of curves that can be distinguished in one figure."""
+
+MOST_DRAWN = 8
+"""Maximum number of panels of a figure, and of curves with labels or of bars in a panel: as many as fit."""
 
 HEADROOM = 1.15
 """Ratio of the upper limit of a Campbell diagram to the highest frequency."""
@@ -46,9 +45,6 @@ HEADROOM = 1.15
 DEFLECTION = 0.1
 """Largest displacement in figures, relative to the size of the structure or path, at which displacements are
 visible and do not overlap."""
-
-_LABEL = 54
-"""Number of characters per line of a label."""
 
 
 def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
@@ -102,7 +98,7 @@ def axis_label(system: PeriodicSystem, name: str) -> str:
     """Return the label of a parameter, or of the speed, with its unit and meaning."""
     label = headed(name, unit_of(system, name).name)
     _, meaning = system.labels.parameter_labels.get(name, ("", ""))
-    return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
+    return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, 54))
 
 
 def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = SPEED) -> None:
@@ -193,7 +189,8 @@ def shades(count: int) -> list[dict[str, Any]]:
     patterns distinguish the curves in black and white."""
     import matplotlib
 
-    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
+    # Colours beyond 0.8 are too light for a white page.
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.8, count))
     return [{"color": colour, "dashes": _DASHES[k % len(_DASHES)]} for k, colour in enumerate(colours)]
 
 

@@ -154,7 +154,8 @@ def _table(table: Table) -> str:
     if title:
         lines.append(f"<caption>{title}</caption>")
     if table.show_header:
-        lines.append(f"<thead><tr>{''.join(_heading(column) for column in table.columns)}</tr></thead>")
+        headings = [f'<th scope="col"{_kind(each)}>{_words(each.header)}</th>' for each in table.columns]
+        lines.append(f"<thead><tr>{''.join(headings)}</tr></thead>")
     lines.append("<tbody>")
     kinds = [_kind(column) for column in table.columns[1:]]
     rows = zip(*(column.cells for column in table.columns), strict=True)
@@ -169,10 +170,6 @@ def _table(table: Table) -> str:
         width = len(table.columns)
         lines.append(f'<tfoot><tr><td colspan="{width}">{_words(table.caption)}</td></tr></tfoot>')
     return "\n".join([*lines, "</table>"])
-
-
-def _heading(column: Any) -> str:
-    return f'<th scope="col"{_kind(column)}>{_words(column.header)}</th>'
 
 
 def _kind(column: Any) -> str:

@@ -33,7 +33,7 @@ from solve.views.panels import (
 )
 from solve.views.show import figure, tables, waterfall
 from solve.views.style import BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
-from solve.views.tables import RenderableType, table, table_of, text
+from solve.views.tables import WIDEST, RenderableType, table, table_of, text
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 """Colours of unstable bands and boundaries, by the way in which a multiplier leaves the unit circle."""
@@ -42,10 +42,6 @@ KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex"
 
 _FLOOR = -80.0
 """Lowest amplitude that spectra show, in dB."""
-
-_WIDTH = 48
-"""Number of characters for the columns of quantities in a table of 80 columns, which also contains the speed,
-the spectral radius and the stability."""
 
 _MOST_ROWS = 60
 """Maximum number of rows of a table. If there are more speeds, every k-th speed is shown. Chosen by
@@ -79,7 +75,7 @@ def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[Renderable
     units = sweep.system.labels.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
     widths = itertools.accumulate(len(column.heading) + 2 for column in moduli.values())
-    fitting = max(1, sum(width <= _WIDTH for width in widths))
+    fitting = max(1, sum(width <= WIDEST for width in widths))
     columns = {
         f"parameter {name}": Column(
             values, heading=headed(name, unit_of(sweep.system, name).name), text=digits(".6g")

@@ -26,8 +26,8 @@ shown."""
 MOST_LISTED = 20
 """Maximum number of rows of tables in order of importance. The number of the remaining rows is stated."""
 
-_UNBROKEN = 10_000
-"""Width, in characters, at which no table wraps."""
+WIDEST = 48
+"""Number of characters for the longest texts of a table of 80 characters, beside its columns of numbers."""
 
 
 def stacked(*items: RenderableType) -> RenderableType:
@@ -111,7 +111,8 @@ def _number_table() -> type[Table]:
             super().add_row(*(greek(cell) if isinstance(cell, str) else cell for cell in cells), **style)
 
         def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-            unbroken = console.measure(self, options=options.update_width(_UNBROKEN)).maximum
+            # No table wraps at this width.
+            unbroken = console.measure(self, options=options.update_width(10_000)).maximum
             if unbroken > options.max_width:
                 for column in self.columns:
                     # Each unit is put on a separate line.

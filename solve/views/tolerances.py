@@ -11,16 +11,13 @@ from solve import labels
 from solve.arrays import Array
 from solve.results.formatting import greek, measured, prefixed
 from solve.results.tolerances import UNSTABLE, Tolerances
-from solve.views.panels import legend_above, title_of
+from solve.views.panels import MOST_DRAWN, legend_above, title_of
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table, text
 
-_MOST_QUANTITIES, _MOST_BARS = 4, 8
-"""Maximum numbers of quantities in the picture and of parameters per quantity: as many as fit."""
-
-_BINS = 40
-"""Number of bars of a histogram. Chosen by judgement."""
+_MOST_QUANTITIES = 4
+"""Maximum number of quantities in the picture: as many as fit."""
 
 _OUTSIDE = 5e-4
 """Fraction of a distribution that histograms omit at each end. Chosen by judgement."""
@@ -32,7 +29,7 @@ def tolerances_figure(result: Tolerances) -> Figure:
     indices."""
     names = _shown(result)
     columns = 2 if result.sobol else 1
-    bars = min(len(result.spreads), _MOST_BARS)
+    bars = min(len(result.spreads), MOST_DRAWN)
     with page(
         0.7 + len(names) * max(2.0, 0.7 + 0.28 * bars), f"{title_of(result.system)}: tolerances"
     ) as sheet:
@@ -81,7 +78,7 @@ def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
         order = np.argsort(values)
         mass = np.cumsum(weights[order]) / weights.sum()
         low, high = np.interp([_OUTSIDE, 1 - _OUTSIDE], mass, values[order])
-        axes.hist(values, _BINS, range=(low, high), weights=weights, density=True, color=BLUE, alpha=0.6)
+        axes.hist(values, 40, range=(low, high), weights=weights, density=True, color=BLUE, alpha=0.6)
     axes.axvline(factor * result.worst[name].nominal, color=GREY, linewidth=1.0, label="nominal")
     # Files of earlier versions contain a number for each name.
     for number, limit in enumerate(np.atleast_1d(result.bounds.get(name, ()))):
@@ -95,7 +92,7 @@ def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
 def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
     """Draw the first-order and total indices of the parameters, the largest at the top."""
     indices = result.sobol[name]
-    ranked = sorted(indices, key=lambda parameter: -indices[parameter].total)[:_MOST_BARS]
+    ranked = sorted(indices, key=lambda parameter: -indices[parameter].total)[:MOST_DRAWN]
     rows = np.arange(len(ranked))
     for shift, field, colour, label in ((-0.2, "total", GREY, "total"), (0.2, "first", BLUE, "first order")):
         sizes = [max(0.0, np.nan_to_num(getattr(indices[parameter], field))) for parameter in ranked]
@@ -127,7 +124,11 @@ def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
         "Probabilities, with 95 % intervals",
         *("event", "probability", "low", "high", "undetermined", "failed"),
         rows=[
-            (_event(name), *(f"{number:.3g}" for number in each[:3]), *map(str, each[4:]))
+            (
+                name if name == UNSTABLE else f"violated: {name}",
+                *(f"{number:.3g}" for number in each[:3]),
+                *map(str, each[4:]),
+            )
             for name, each in result.probability.items()
         ],
     )
@@ -135,11 +136,6 @@ def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
     if result.sobol:
         shown.append(_indices_table(result))
     return [*shown, _worst_table(result)]
-
-
-def _event(name: str) -> str:
-    """Return a text that describes an event."""
-    return name if name == UNSTABLE else f"violated: {name}"
 
 
 def _indices_table(result: Tolerances) -> RenderableType:

@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
-from solve.contracts import Columns, Matrices, ParameterDerivatives
+from solve.contracts import Columns, Dependence, Matrices, ParameterDerivatives
 from solve.equations import derivatives_of, input_matrix
 from solve.errors import ControlError, MissingValueError, NoDerivativeError, SolveError, ValueOutOfBoundsError
 from solve.studies.control.feedback import FeedbackLoop
@@ -303,7 +303,7 @@ class GainDerivatives:
         return GainDependence(self._loop, tuple(names))
 
 
-class GainDependence:
+class GainDependence(Dependence):
     """Derivatives of the equations and outputs with respect to gains; see `Dependence`."""
 
     linear = partial_outputs = True
@@ -313,20 +313,12 @@ class GainDependence:
         self._loop, self._input = loop, [term.input for term in terms]
         self._signal, self._wave = [term.signal for term in terms], [term.wave for term in terms]
 
-    @property
-    def less_accurate(self) -> "GainDependence":
-        """Object with less accurate derivatives: the same, because its derivatives are exact."""
-        return self
-
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         loop, n = self._loop, self._loop.model.n
         derivatives = np.zeros((len(phase), loop.n, len(self._input)))
         B = input_matrix(loop.model, phase, speed)
         derivatives[:, :n] = B[:, :, self._input] * -self._of_input(phase, speed, states)[:, None]
         return derivatives
-
-    def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        return np.einsum("knr,knc->rc", self.residual(phase, speed, states), weights)
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         loop, n = self._loop, self._loop.model.n
@@ -349,10 +341,6 @@ class GainDependence:
         by_states[:, 1:] = np.einsum("ks,kscn->kcn", gains, loop.signals(phase, speed)[0])
         by_states[:, 1] *= speed
         return by, by_states
-
-    def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
-        by, by_states = self.output(name, phase, speed, states)
-        return by + np.einsum("kcn,kcnr->kr", by_states, moved)
 
     def _of_input(self, phase: Array, speed: float, states: Array) -> Array:
         """Derivatives (k, r) with respect to r gains, each of the input on which the gain acts."""

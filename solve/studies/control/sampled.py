@@ -10,7 +10,7 @@ from solve.arguments import checked_rtol, require_integer
 from solve.arrays import Array
 from solve.errors import ControlError, ValueOutOfBoundsError
 from solve.period.grid import Grid
-from solve.period.multipliers import UNIT_CIRCLE
+from solve.period.multipliers import radius_verdicts
 from solve.results.controller import SampledLoop
 from solve.studies.control.closed_loop import ClosedLoop, Observer
 from solve.studies.control.feedback import FeedbackLoop
@@ -178,7 +178,8 @@ class _Drive:
             found = self.solved(steps)
             error = abs(found.spectral_radius - radius)
             if error <= rtol * max(found.spectral_radius, 1.0) or steps >= _MOST:
-                return found._replace(error=error, verdict=_verdict(found.spectral_radius, error))
+                (verdict,) = radius_verdicts(np.array([found.spectral_radius]), np.array([error]))
+                return found._replace(error=error, verdict=verdict)
             radius = found.spectral_radius
 
     def solved(self, steps: int) -> SampledLoop:
@@ -207,9 +208,3 @@ class _Drive:
         names = dict(zip(loop.coordinates, largest.tolist(), strict=False))
         names |= dict(zip(loop.inputs, largest[self.places[3]].tolist(), strict=True))
         return SampledLoop(self.samples, self.delay, radius, np.inf, "", names)
-
-
-def _verdict(radius: float, error: float) -> str:
-    if radius + error < 1 - UNIT_CIRCLE:
-        return "asymptotically stable"
-    return "unstable" if radius - 2 * error > 1 + UNIT_CIRCLE else "undetermined"

@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arguments import number_or_nan
+from solve.arrays import EPS, Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 Weight = Array | Sequence[Sequence[float]] | Mapping[str, float] | Callable[[Array], Array]
@@ -125,10 +125,7 @@ def named_numbers(
     numbers = {}
     for key, value in given.items():
         require_name(f"{name}: name", key, allowed)
-        try:
-            numbers[key] = float(value)
-        except (TypeError, ValueError):
-            numbers[key] = np.nan
+        numbers[key] = number_or_nan(value)
         least = "positive numbers" if positive else "numbers of at least 0"
         if not (0 <= numbers[key] < np.inf) or (positive and numbers[key] == 0):
             raise ValueOutOfBoundsError(f"{name}: {key} is {value!r}; allowed: {least}")

@@ -12,6 +12,7 @@ from solve.equations import is_nonlinear
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.labels import SPEED, known_quantities
 from solve.model.model import Model
+from solve.results.contents import MOST_SHOWN
 from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, speed_in_si, unit_given
 from solve.views.animation import require_magnification
@@ -20,9 +21,6 @@ from solve.views.live.motion import COARSE, motion
 from solve.views.live.picture import Solution
 from solve.views.live.survey import Survey, choices
 from solve.views.live.texts import Origin, State, default_file, save_case
-
-MOST_SHOWN = 6
-"""Maximum number of quantities shown together. Each requires a row of the page. Chosen by judgement."""
 
 _FIRST_SHOWN = 3
 
