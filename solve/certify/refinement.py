@@ -194,7 +194,7 @@ class _Refinement(Comparison):
         tolerances = np.maximum(self.request.rtol, roundoff)
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
         radius, finest = better.multipliers.spectral_radius, steps * self.step_ratio
-        remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
+        remainder = unresolved_remainder(self.method, modes, finest)
         relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
         return _GridComparison(positions, modes, solutions, better, errors, roundoff, tolerances, remainder)
