@@ -180,14 +180,6 @@ class Samples:
         last = int(self.significant.max(initial=0))
         return last == 0 or last + self.spacing <= self.resolved
 
-    def thinned(self, stride: int) -> "Samples":
-        """Samples at every `stride`-th of the uniform azimuths."""
-        arrays = [array[::stride] for array in self.arrays]
-        if self.azimuths % stride == 0:
-            return Samples(tuple(arrays), self.period, self.azimuths // stride)
-        azimuths = np.arange(self.azimuths)[::stride] * (self.period / self.azimuths)
-        return self._fitted(azimuths, arrays, (len(azimuths) - 1) // 2, self.period)
-
     def truncated(self, harmonics: int) -> "Samples":
         """Samples of the interpolants without harmonics above `harmonics`.
 

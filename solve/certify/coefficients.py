@@ -130,8 +130,8 @@ def _fixed_phases(period: float, count: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SampledPhases:
-    """Phases of a grid at which coefficients are sampled, and further phases at which the interpolant is
-    compared with the coefficients.
+    """Phases of consecutive steps at which coefficients are sampled, and further phases at which the
+    interpolant is compared with the coefficients.
 
     Attributes
     ----------
@@ -158,41 +158,27 @@ class SampledPhases:
     weights: Array
 
     @classmethod
-    def on_grid(cls, grid: Grid, lower: Collocation, higher: Collocation) -> "SampledPhases":
-        """Sampled and compared phases on a grid for two methods; the solution is computed by the `lower`
-        one."""
+    def on_steps(
+        cls, grid: Grid, first: int, end: int, lower: Collocation, higher: Collocation
+    ) -> "SampledPhases":
+        """Sampled and compared phases of the steps from `first` to `end` - 1 of a grid for two methods; the
+        solution is computed by the `lower` one."""
         nodes = np.union1d(lower.c, higher.c)
-        compared, step = _compared_phases(grid)
+        stages, more_stages = (grid.stages(np.array(each.c))[first:end] for each in (lower, higher))
+        compared, step = _compared_phases(grid, first, end)
         fraction = np.clip((compared - grid.nodes[step]) / grid.h[step], 0.0, 1.0)
         order = np.lexsort((fraction, step))
-        compared, step, fraction = compared[order], step[order], fraction[order]
+        compared, step, fraction = compared[order], step[order] - first, fraction[order]
         quadrature = _trapezoidal(step, fraction, nodes)[:, None] / lower.b
         place = np.arange(len(step)) - np.searchsorted(step, step)
-        weights = np.zeros((grid.steps, len(lower.c), place.max() + 1))
+        weights = np.zeros((*stages.shape, place.max() + 1))
         weights[step, :, place] = lagrange(np.array(lower.c), fraction) * quadrature
         # A node that both methods share counts once.
         is_counted = np.concatenate((np.ones(len(lower.c), dtype=bool), ~np.isin(higher.c, lower.c)))
         columns = np.searchsorted(nodes, np.concatenate((lower.c, higher.c)))
-        basis = np.zeros((grid.steps, place.max() + 1, len(columns)))
+        basis = np.zeros((len(stages), place.max() + 1, len(columns)))
         basis[step, place] = lagrange(nodes, fraction)[:, columns] * is_counted
-        stages, more_stages = (grid.stages(np.array(method.c)) for method in (lower, higher))
         return cls(stages, more_stages, compared, step, place, basis, weights)
-
-    def __len__(self) -> int:
-        return len(self.lower)
-
-    def of_steps(self, first: int, end: int) -> "SampledPhases":
-        """Sampled and compared phases of the steps with indices from `first` to `end` - 1."""
-        rows, steps = slice(*np.searchsorted(self.step, (first, end)).tolist()), slice(first, end)
-        return SampledPhases(
-            self.lower[steps],
-            self.higher[steps],
-            self.compared[rows],
-            self.step[rows] - first,
-            self.place[rows],
-            self.basis[steps],
-            self.weights[steps],
-        )
 
     def increments(self, differences: Array) -> Array:
         """Increments (…, m s, R) of the coefficients at the stages due to the differences (…, Q, R)."""
@@ -202,22 +188,24 @@ class SampledPhases:
         return (self.weights @ by_step).reshape(*differences.shape[:-2], m * s, -1)
 
 
-def _compared_phases(grid: Grid) -> tuple[Array, Array]:
-    """Phases (Q,) at which coefficients are compared, and the step of each phase. First come the fixed phases
-    inside the steps, then both ends of each step."""
-    fixed, steps = _fixed_phases(grid.period, PHASES), np.arange(grid.steps)
+def _compared_phases(grid: Grid, first: int, end: int) -> tuple[Array, Array]:
+    """Phases (Q,) of steps at which coefficients are compared, and the step of each phase. First come the
+    fixed phases inside the steps, then both ends of each step."""
+    fixed, steps = _fixed_phases(grid.period, PHASES), np.arange(first, end)
     ends = grid.stages(np.array([0.0, 1.0]))
     step = np.searchsorted(grid.nodes, fixed, side="right") - 1
-    is_inside = (fixed > ends[step, 0]) & (fixed < ends[step, 1])
+    is_inside = (step >= first) & (step < end) & (fixed > ends[step, 0]) & (fixed < ends[step, 1])
     # The end of the period belongs to the next period: coefficients may jump there.
-    ends = np.minimum(ends, grid.period * (1 - 1e-9))
+    ends = np.minimum(ends[first:end], grid.period * (1 - 1e-9))
     return np.concatenate((fixed[is_inside], ends.T.ravel())), np.concatenate((step[is_inside], steps, steps))
 
 
 def _differences(
     compared: Array, lower: Array, higher: Array, phases: SampledPhases
 ) -> tuple[Array, Array, Array]:
-    by_step = [each.reshape(*each.shape[:-2], len(phases), -1, each.shape[-1]) for each in (lower, higher)]
+    by_step = [
+        each.reshape(*each.shape[:-2], len(phases.lower), -1, each.shape[-1]) for each in (lower, higher)
+    ]
     stages = phases.lower.shape[1]
     interpolated = phases.basis[..., :stages] @ by_step[0]
     interpolated += phases.basis[..., stages:] @ by_step[1]
@@ -234,6 +222,21 @@ def _largest(values: Array) -> Array:
 _cached_differences = _ArrayCache(_differences)
 
 
+@lru_cache(maxsize=32)
+def _sampled_phases(
+    steps: int, period: float, breaks: tuple[float, ...], rules: tuple[Collocation, Collocation], memory: int
+) -> tuple[SampledPhases, ...]:
+    """Sampled and compared phases of a uniform grid, divided so that the coefficients of each part fit into
+    memory. memory: bytes of the coefficients at a phase."""
+    grid = Grid.uniform(steps, period, breaks)
+    per_step = 2 * len(rules[0].c) + 3 + PHASES / grid.steps
+    size = max(1, int(_MEMORY / (memory * per_step)))
+    return tuple(
+        SampledPhases.on_steps(grid, first, min(first + size, grid.steps), *rules)
+        for first in range(0, grid.steps, size)
+    )
+
+
 class ResampledPoints(DerivedPoints):
     """Points whose coefficients at the stages of a grid are local averages over further phases.
 
@@ -241,63 +244,59 @@ class ResampledPoints(DerivedPoints):
     averages have the same weights, so that a feature between two stages contributes its integral.
     Coefficients that are polynomials of a degree resolved by the stages do not change."""
 
-    def __init__(self, points: Points, phases: SampledPhases):
+    def __init__(self, points: Points, steps: int, rules: tuple[Collocation, Collocation]):
         super().__init__(points)
-        self.phases = phases
+        self.steps, self.rules = steps, rules
+        memory = 8 * _entry_count(self.n) * (len(points) if self.bytes_a_phase else 1)
+        self._parts = _sampled_phases(steps, self.period, self.breaks, rules, memory)
 
     def __getitem__(self, positions: Array) -> "ResampledPoints":
-        return ResampledPoints(self.points[positions], self.phases)
+        return ResampledPoints(self.points[positions], self.steps, self.rules)
 
     def tables(self, phase: Array) -> Tables:
         """Tables at phases (k,). They contain averages if the phases are the stages of consecutive steps, and
         the original coefficients otherwise."""
-        stages = self.phases.lower
-        first, m = int(np.searchsorted(stages[:, 0], phase[0])), len(phase) // stages.shape[1]
-        if not np.array_equal(phase, stages[first : first + m].ravel()):
+        stages, averaged = self._averaged
+        first = int(np.searchsorted(stages, phase[0]))
+        rows = slice(first, first + len(phase))
+        if not np.array_equal(phase, stages[rows]):
             return self.points.tables(phase)
-        part = self if m == len(stages) else self._of_steps(first, first + m)
-        return replace(part._lower, table=part._lower.table + part.phases.increments(part._differences[1][0]))
+        return replace(averaged, table=averaged.table[..., rows, :])
 
-    def _of_steps(self, first: int, end: int) -> "ResampledPoints":
-        return ResampledPoints(self.points, self.phases.of_steps(first, end))
+    @cached_property
+    def _averaged(self) -> tuple[Array, Tables]:
+        """Phases (k,) of all stages, and tables of averages at these phases."""
+        stages = np.concatenate([part.lower.ravel() for part in self._parts])
+        lower = [self.points.tables(part.lower.ravel()) for part in self._parts]
+        averaged = [
+            each.table + part.increments(self._differences(part)[1][0])
+            for each, part in zip(lower, self._parts, strict=True)
+        ]
+        return stages, replace(lower[0], table=np.concatenate(averaged, axis=-2))
 
     @cached_property
     def relative_difference(self) -> Array:
         """Largest difference (P,) between an entry and its interpolant, relative to the largest value of the
         entry; 0 for round-off."""
-        terms, differences, largest = self._largest_differences
-        entries, starts = _entries(terms.entry)
-        sums = np.add.reduceat(np.abs(terms.coefficients) * differences, starts, axis=-1)
-        largest = np.maximum.reduceat(np.abs(terms.coefficients) * largest, starts, axis=-1)
+        sizes, entry = [], np.zeros(0)
+        for part in self._parts:
+            terms, (_, *largest) = self._differences(part)
+            sizes.append([np.abs(terms.coefficients) * each for each in largest])
+            entry = terms.entry
+        entries, starts = _entries(entry)
+        differences, largest = np.max(sizes, axis=0)
+        sums = np.add.reduceat(differences, starts, axis=-1)
+        largest = np.maximum.reduceat(largest, starts, axis=-1)
         return _relative(sums[:, None], largest, entries, self.n)[:, 0]
 
-    @property
-    def _largest_differences(self) -> tuple[Tables, Array, Array]:
-        """Tables at compared phases, and largest differences and coefficients of `_differences`, half of the
-        steps at a time if memory requires it."""
-        phases, rows = self.phases, len(self) if self.bytes_a_phase else 1
-        count = phases.lower.size + phases.higher.size + len(phases.compared)
-        if len(phases) == 1 or 8 * _entry_count(self.n) * rows * count <= _MEMORY:
-            terms, (_, differences, largest) = self._differences
-            return terms, differences, largest
-        middle = len(phases) // 2
-        parts = self._of_steps(0, middle), self._of_steps(middle, len(phases))
-        (terms, *first), (_, *second) = (part._largest_differences for part in parts)
-        return terms, np.maximum(first[0], second[0]), np.maximum(first[1], second[1])
-
-    @cached_property
-    def _lower(self) -> Tables:
-        return self.points.tables(self.phases.lower.ravel())
-
-    @cached_property
-    def _differences(self) -> tuple[Tables, tuple[Array, Array, Array]]:
+    def _differences(self, part: SampledPhases) -> tuple[Tables, tuple[Array, Array, Array]]:
         """Tables at the compared phases; differences (…, Q, R) of coefficients from their interpolant there,
         the largest differences (…, R) and the largest coefficients (…, R)."""
-        terms, higher = (
-            self.points.tables(each.ravel()) for each in (self.phases.compared, self.phases.higher)
+        terms, lower, higher = (
+            self.points.tables(each.ravel()) for each in (part.compared, part.lower, part.higher)
         )
         compute = _differences if terms.per_point else _cached_differences
-        return terms, compute(terms.table, self._lower.table, higher.table, self.phases)
+        return terms, compute(terms.table, lower.table, higher.table, part)
 
 
 def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:

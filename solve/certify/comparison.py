@@ -3,17 +3,16 @@
 Column 0 of the errors (P, 2) belongs to the orbit, relative to the largest value of each coordinate. Column 1
 belongs to the multipliers, relative to the spectral radius."""
 
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.certify.certified import SolveRequest
-from solve.certify.coefficients import ResampledPoints, SampledPhases, harmonics
+from solve.certify.coefficients import ResampledPoints, harmonics
 from solve.certify.point_solver import PointSolver
 from solve.kernel import curves as kernel
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.methods.collocation import Collocation
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions
 from solve.period.curve import Curve, PeriodicCurve
@@ -151,15 +150,14 @@ class Comparison(PointSolver):
         with their interpolant."""
         method = self.method
         points = method.linearised(self.points[positions], solutions)
-        stages = method.stages, self.better.stages
-        phases = _sampled_phases(steps, points.period, points.breaks, *stages)
-        resampled = ResampledPoints(points, phases)
+        rules = method.stages, self.better.stages
+        resampled = ResampledPoints(points, steps, rules)
         errors = np.zeros((len(positions), 2))
         allowed = _COEFFICIENTS * self.request.rtol * self.relative_stiffness[positions]
         rows = (resampled.relative_difference > allowed).nonzero()[0]
         if len(rows):
             if method.linear:
-                resampled = ResampledPoints(self.equations[positions[rows]], phases)
+                resampled = ResampledPoints(self.equations[positions[rows]], steps, rules)
             rigid = self._linear_modes(positions[rows], resampled.points)
             errors[rows] = self._change(resampled, rigid, steps, positions[rows], solutions[rows])
         return errors
@@ -182,14 +180,6 @@ def _signs(n: int) -> Array:
     two terms that balance in a mode do not cancel."""
     diagonal = np.eye(n).ravel()
     return np.concatenate((-diagonal, 2 * diagonal, diagonal, (-1.0) ** np.arange(n)))[None]
-
-
-@lru_cache(maxsize=32)
-def _sampled_phases(
-    steps: int, period: float, breaks: tuple[float, ...], lower: Collocation, higher: Collocation
-) -> SampledPhases:
-    """Phases of a uniform grid at which two methods sample the coefficients, and phases of comparison."""
-    return SampledPhases.on_grid(Grid.uniform(steps, period, breaks), lower, higher)
 
 
 def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: str = NUMPY) -> Array:

@@ -14,9 +14,8 @@ errors of multipliers are 0.35 to 1.2 times their estimates. Verdicts therefore 
 - A solution with fewer harmonics differs from the full one by the effect of the omitted harmonics. Two such
   differences show how fast the effect decreases with the harmonic; extrapolation gives the effect of the
   missing harmonics.
-- With k azimuths, harmonics near k alias to the lowest ones. With every second or third azimuth, harmonics
-  near k/2 or k/3 do. The effect of the latter is computed and reduced by the decay of the amplitudes up to k.
-- The effect of aliasing to the mean is also computed, from a solution with shifted means.
+- Harmonics near the number of azimuths alias to the mean. Their effect is that of shifted means; the shift
+  is extrapolated from the amplitudes of the resolved harmonics.
 
 The larger error counts. It is zero if the resolved harmonics end within round-off; harmonics beyond the
 resolved range that alias to lower ones are then not detected."""
@@ -206,7 +205,8 @@ def _interpolation_at(
     point = system, speed
     try:
         changes = [_change(result, row, point, samples.truncated(number * spacing)) for number in kept]
-        aliased = _aliased(result, row, point, samples)
+        # With non-uniform azimuths, the effect of truncation includes aliasing.
+        aliased = _change(result, row, point, samples.shifted()) if samples.given is None else np.zeros(2)
     except SolveError:
         return InterpolationError(samples.azimuths, last, math.inf, math.inf, None)
     effects = [_Effect(number, change) for number, change in zip(kept, changes, strict=True)]
@@ -228,20 +228,6 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
     orbit, engine = solutions.curve is not None, result.request.engine
     other = solutions_on(result.method, fewer, solutions.grid, orbit, engine, free(fewer))
     return differences(other.checked(), solutions, result.modes[np.array([row])])[0]
-
-
-def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
-    """Errors (2,) at a point due to harmonics that alias to the lowest ones; 0 for non-uniform azimuths, with
-    which all harmonics alias. Raises SolveError."""
-    if samples.given is not None:
-        return np.zeros(2)
-    errors = _change(result, row, point, samples.shifted())
-    for stride in (2, 3):
-        if samples.azimuths > 2 * stride:
-            change = _change(result, row, point, samples.thinned(stride))
-            decay = samples.decay(samples.azimuths / stride, samples.azimuths)
-            errors = np.maximum(errors, change * decay)
-    return errors
 
 
 def _extrapolated(effects: list[_Effect], next_one: int) -> Array:

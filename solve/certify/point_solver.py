@@ -193,36 +193,31 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 
 def _singular_phase(point: Points, phases: Array) -> float | None:
     """Phase at which det M of a point changes sign, or has a minimum within round-off."""
-    spacing = float(phases[1] - phases[0])
+    from scipy.optimize import minimize_scalar
+
     jumps = np.sort(np.add.outer(point.period * np.arange(-1, 2), np.mod(point.breaks, point.period)).ravel())
-    determinants = _scaled_determinants(point, phases)
-    if not np.isfinite(determinants).all():
+    signs, logarithms = _determinants(point, phases)
+    if not (logarithms < np.inf).all():
         return None
-    median = np.median(np.abs(determinants))
-    # Eight successive refinements, each to a sixteenth of the interval, determine the phase to round-off.
-    for _ in range(8):
-        # A phase at a jump, up to round-off, may have the matrices of either side.
-        before, after = phases[:-1] - ROUND_OFF * point.period, phases[1:] + ROUND_OFF * point.period
-        is_smooth = np.searchsorted(jumps, before) == np.searchsorted(jumps, after)
-        changes = ((determinants[1:] * determinants[:-1] < 0) & is_smooth).nonzero()[0]
-        if len(changes):
-            return float(phases[changes[0]]) % point.period
-        sizes = np.abs(determinants)
-        smallest = int(sizes.argmin())
-        if sizes[smallest] <= ROUND_OFF * median:
-            return float(phases[smallest]) % point.period
-        if not sizes.max() > 2 * sizes[smallest]:
-            return None
-        phases = phases[smallest] + spacing * np.linspace(-1, 1, 33)
-        spacing, determinants = spacing / 16, _scaled_determinants(point, phases)
-    return None
+    piece = np.searchsorted(jumps, phases)
+    changes = ((signs[1:] * signs[:-1] <= 0) & (piece[1:] == piece[:-1])).nonzero()[0]
+    if len(changes):
+        return float(phases[changes[0]])
+    at, median = int(logarithms.argmin()), np.median(logarithms)
+    ends = np.concatenate(([-np.inf], jumps, [np.inf]))[[piece[at], piece[at] + 1]]
+
+    def determinant(phase: float) -> float:
+        sign, logarithm = _determinants(point, np.array([phase]))
+        return float(signs[at] * sign[0] * np.exp(logarithm[0] - median))
+
+    spacing = float(phases[1] - phases[0])
+    bounds = max(phases[at] - spacing, ends[0]), min(phases[at] + spacing, ends[1])
+    lowest = minimize_scalar(determinant, bounds=bounds, method="bounded", options={"xatol": 1e-9})
+    return float(lowest.x) % point.period if lowest.fun <= ROUND_OFF else None
 
 
-def _scaled_determinants(point: Points, phases: Array) -> Array:
-    """Determinants det M (k,), in units in which the diagonal of M is about 1."""
+def _determinants(point: Points, phases: Array) -> tuple[Array, Array]:
+    """Signs (k,) and logarithms (k,) of |det M|."""
     M, C, _, _ = (part[0] for part in matrices(point, np.mod(phases, point.period)))
-    M = leading(M, C, point.first_order)
-    unit = np.sqrt(np.abs(np.einsum("kii->ki", M)).max(axis=0))
-    unit[unit == 0] = 1.0
     with np.errstate(invalid="ignore"):
-        return np.linalg.det(M / (unit[:, None] * unit))
+        return np.linalg.slogdet(leading(M, C, point.first_order))

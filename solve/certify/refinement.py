@@ -8,7 +8,6 @@ import numpy as np
 from solve.arrays import Array, across, covers_all, others, unique_integers
 from solve.certify.certified import Certified, Failed, SolveRequest, verdicts_of
 from solve.certify.comparison import (
-    NO_DIGIT,
     SAFETY,
     Comparison,
     differences,
@@ -194,7 +193,7 @@ class _Refinement(Comparison):
         tolerances = np.maximum(self.request.rtol, roundoff)
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
         radius, finest = better.multipliers.spectral_radius, steps * self.step_ratio
-        remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
+        remainder = unresolved_remainder(self.method, modes, finest)
         relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
         return _GridComparison(positions, modes, solutions, better, errors, roundoff, tolerances, remainder)
@@ -280,7 +279,7 @@ class _Refinement(Comparison):
         change = nearest - pair.solutions.multipliers.nearest_one
         distance = np.abs(nearest + self.remaining * change - 1)
         # Multipliers of modes that the steps do not resolve are arbitrary.
-        is_accurate = (pair.errors[:, 1] < _UNKNOWN) & (np.abs(change) < NO_DIGIT)
+        is_accurate = pair.errors[:, 1] < _UNKNOWN
         roundoff = EPS * max(8, pair.better.grid.steps)
         return ((distance <= 0.1 * np.abs(change)) & is_accurate) | (distance <= roundoff)
 

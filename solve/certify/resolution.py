@@ -86,50 +86,25 @@ def grid_sizes(steps: Array) -> Array:
     return (spacing * np.ceil(steps / spacing)).astype(int)
 
 
-def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed: Array) -> Array:
+def unresolved_remainder(method: Method, modes: FrozenModes, steps: int) -> Array:
     """Remainder (P,), after a period, of a unit disturbance in modes that the steps do not resolve.
 
-    Parameters
-    ----------
-    method : Method
-        With a stability function, or with a largest angle ω h per step.
-    modes : FrozenModes
-        Modes of P points with frozen coefficients.
-    steps : int
-        Steps per period.
-    allowed : (P,)
-        Acceptable remainder. If the remainder from a sixteenth of the phases is below a tenth of `allowed`,
-        it is returned. For the models of this project it differs from the remainder from all phases by at
-        most a factor of 1.2.
-
-    Returns
-    -------
-    (P,)
-        0 if all modes are resolved; infinite if a method without stability function preserves unresolved
-        modes.
-    """
+    Modes are frozen at every 16th phase. The remainder is 0 if all modes are resolved, and infinite if a
+    method without stability function preserves unresolved modes."""
     limit = _resolved_angle(method, steps) * steps / modes.period
-    remainder, rows = np.zeros(len(modes)), np.arange(len(modes))
-    if not method.l_stable:
-        rows = rows[~modes.is_within(limit)]
-    if len(rows):
-        remainder[rows] = _remainder(method, modes[rows].few_eigenvalues, modes.period, steps, limit)
-        rows = rows[~((remainder[rows] > 0) & (remainder[rows] < 0.1 * allowed[rows]))]
-    if len(rows) and method.l_stable:
-        remainder[rows] = 0.0
-        rows = rows[~modes[rows].is_within(limit)]
-    if len(rows):
-        remainder[rows] = _remainder(method, modes[rows].eigenvalues(), modes.period, steps, limit)
-    return remainder
-
-
-def _remainder(method: Method, rates: Array, period: float, steps: int, limit: float) -> Array:
-    """Remainder (P,) from frozen eigenvalues (P, k, 2n). limit: largest resolved modulus."""
+    # Bounds are faster than eigenvalues for the many points of a chart.
+    rows = np.arange(len(modes)) if method.l_stable else (~modes.is_within(limit)).nonzero()[0]
+    remainder = np.zeros(len(modes))
+    if not len(rows):
+        return remainder
+    rates = modes[rows].few_eigenvalues
     if method.stages is not None:
-        return _collocation_remainder(method.stages, rates, period / steps, steps)
-    is_unresolved = np.abs(rates).max(axis=(1, 2)) > limit
-    remainder = residual_amplitude(rates, period, limit * period) if method.l_stable else np.inf
-    return np.where(is_unresolved, remainder, 0.0)
+        remainder[rows] = _collocation_remainder(method.stages, rates, modes.period / steps, steps)
+    else:
+        is_unresolved = np.abs(rates).max(axis=(1, 2)) > limit
+        lasting = residual_amplitude(rates, modes.period, limit * modes.period) if method.l_stable else np.inf
+        remainder[rows] = np.where(is_unresolved, lasting, 0.0)
+    return remainder
 
 
 def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: int) -> Array:

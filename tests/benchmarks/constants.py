@@ -30,7 +30,7 @@ CONSTANTS = {
     coefficients: ("PHASES", "ROUND_OFF"),
     multipliers: ("UNDERFLOW",),
 }
-CACHED = comparison._sampled_phases, resolution._collocation_angle, coefficients._fixed_phases
+CACHED = coefficients._sampled_phases, resolution._collocation_angle, coefficients._fixed_phases
 
 
 def set_constant(owner: ModuleType, name: str, value: float) -> None:
