@@ -50,6 +50,10 @@ longer steps a change of orientation indicates a jump to another branch, in shor
 branches."""
 
 
+_RECENT = 8
+"""Number of last points among which the previous regular point is sought. A choice: steps with more special
+points are rare."""
+
 _SAME = 1e-3
 """Distance of two orbits at one value of the parameter, in scaled coordinates, below which they count as the
 same. A choice: above the errors of orbits, below the distance between different orbits."""
@@ -139,7 +143,7 @@ class _BranchFollower:
         """Next step of a branch with these points."""
         before, found = points[-1], list[Point]()
         try:
-            after, length, growth = self._step(before, length)
+            after, length, growth = self._step(points, length)
             start = self._closing_point(points[0], before, after)
             for one, other in pairwise([before, *special_points(self.manifold, before, after), after]):
                 if start is not None and self._is_beyond(start, before, other):
@@ -214,13 +218,17 @@ class _BranchFollower:
             with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))
         return with_errors
 
-    def _step(self, before: Point, length: float) -> tuple[Point, float, float]:
+    def _step(self, points: Sequence[Point], length: float) -> tuple[Point, float, float]:
         """Next point, the length of the step to this point, and the ratio of the next step length to this
         length."""
-        unforced, first = DAMPING in self.parameters.names, length
+        unforced, first, before = DAMPING in self.parameters.names, length, points[-1]
+        regular = [point for point in points[-_RECENT:-1] if not point.kind]
+        curvature = self.manifold.curvature(regular[-1], before) if regular else None
         while length > _MIN_STEP:
             try:
-                after, corrections = self.manifold.along(before, length, partial(self._check, before))
+                after, corrections = self.manifold.along(
+                    before, length, partial(self._check, before), curvature
+                )
                 if length > _CROSSING and _orientation(before) != _orientation(after) and not unforced:
                     raise NoOrbitError("the step may have left the branch")
                 growth = 0.7 if corrections >= _MANY else 1.0
