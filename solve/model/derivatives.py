@@ -45,12 +45,15 @@ class ModelDerivatives:
         self._system, self._setup, self._assembled, self._slopes = system, setup, assembled, slopes
         self._nonlinear, self._periods = False, 1
         self._of_breaks: dict[str, Array | None] = {}
+        self._about_motion: dict[int, ModelDerivatives] = {}
 
     def about_motion(self, periods: int) -> "ModelDerivatives":
         """Derivatives of the nonlinear equations. The period is `periods` periods of the model."""
-        derivatives = copy(self)
-        derivatives._nonlinear, derivatives._periods = True, periods
-        return derivatives
+        if periods not in self._about_motion:
+            derivatives = copy(self)
+            derivatives._nonlinear, derivatives._periods = True, periods
+            self._about_motion[periods] = derivatives
+        return self._about_motion[periods]
 
     @cached_property
     def _integers(self) -> set[str]:

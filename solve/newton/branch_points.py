@@ -19,7 +19,7 @@ SAMPLES = 8
 DAMPING = "artificial damping"
 """Parameter ε of a term ε Ω M q̇, which is zero on every orbit; see `solve.newton.unforced`."""
 
-_PHASES = 2048
+_PHASES = 1024
 """Number of phases per period at which orbits with different events are compared. A choice."""
 
 _MAX_TASKS = 8
@@ -42,14 +42,17 @@ class Unknowns:
 
     def plus(self, factor: float, other: "Unknowns") -> "Unknowns":
         """These unknowns plus `factor` times `other`, on the nodes of `other`."""
-        curve, nodes = self.curve, other.curve.nodes
-        if not np.array_equal(curve.nodes, nodes):
-            curve = on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)), curve)
-        return Unknowns(add(curve, factor, other.curve), self.values + factor * other.values)
+        curve = add(self.beside(other).curve, factor, other.curve)
+        return Unknowns(curve, self.values + factor * other.values)
 
     def on(self, grid: Grid) -> "Unknowns":
         """These unknowns on the nodes of a grid."""
         return Unknowns(on(grid, self.curve), self.values)
+
+    def beside(self, other: "Unknowns") -> "Unknowns":
+        """These unknowns on the nodes of another vector."""
+        nodes = other.curve.nodes
+        return self.on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)))
 
     def times(self, factor: float) -> "Unknowns":
         """These unknowns multiplied by a factor."""
@@ -61,6 +64,11 @@ class Unknowns:
     def samples(self) -> Array:
         """Coordinates (n, k) at SAMPLES phases per step."""
         return self.curve.sampled(SAMPLES)
+
+    @cached_property
+    def uniform_samples(self) -> Array:
+        """Coordinates (n, _PHASES) at uniform phases of the period."""
+        return self.curve(np.arange(_PHASES) * (self.curve.nodes[-1] / _PHASES))
 
     @property
     def amplitudes(self) -> Array:
@@ -81,8 +89,7 @@ def sampled_together(*vectors: Unknowns) -> tuple[list[Array], Array]:
     nodes = curve.nodes
     if all(np.array_equal(unknowns.curve.nodes, nodes) for unknowns in vectors[1:]):
         return [unknowns.samples for unknowns in vectors], np.repeat(curve.h / (nodes[-1] * SAMPLES), SAMPLES)
-    phase = np.arange(_PHASES) * (nodes[-1] / _PHASES)
-    return [unknowns.curve(phase) for unknowns in vectors], np.full(_PHASES, 1 / _PHASES)
+    return [unknowns.uniform_samples for unknowns in vectors], np.full(_PHASES, 1 / _PHASES)
 
 
 @serializable
@@ -111,7 +118,7 @@ class FollowedOrbit:
 @dataclass(frozen=True)
 class Point:
     """Point of a branch: its converged unknowns on a grid; scales (n,) of the coordinates for step lengths;
-    orthonormal tangents, one per parameter; the orbit on a finer grid; its kind (one of
+    orthonormal tangents, one per parameter; the orbit by the method with one more stage; its kind (one of
     `solve.results.branch.KINDS`); and the number of the model's periods in the period of the orbit."""
 
     unknowns: Unknowns

@@ -114,9 +114,9 @@ def branch(
 
     Notes
     -----
-    Every orbit is converged on one grid and corrected once on a grid with 5/4 times the number of steps. The
-    corrected orbit is returned. Its difference from the first orbit is the error estimate; the grid is
-    refined if the estimate exceeds rtol.
+    Every orbit is converged on one grid and corrected once by the method with one more stage. The corrected
+    orbit is returned. Its difference from the first orbit is the error estimate; the grid is refined if the
+    estimate exceeds rtol.
     """
     require_integer("points", points, 2)
     require_integer("periods", periods)

@@ -180,7 +180,9 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> C
         except SolveError:
             after = None
         next_size = math.inf if after is None else norm(trial, after)
-        if not next_size <= (1 - damping / 4) * size and norm.refined(curve, corrected):
+        # Large corrections usually need damping only; the scales matter if two halvings do not suffice.
+        may_vanish = damping < 1 / 2 or size < _NEAR
+        if not next_size <= (1 - damping / 4) * size and may_vanish and norm.refined(curve, corrected):
             size = norm(curve, corrected)
             next_size = math.inf if after is None else norm(trial, after)
         if size < _STALLED and next_size > size / 2:

@@ -6,22 +6,23 @@ singular, these equations remain regular (H. B. Keller, Lectures on Numerical Me
 1987, 4.3)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Columns, Matrices
-from solve.equations import derivatives_of, entries_of, events_of
+from solve.equations import derivatives_of, events_of, used_entries_of
 from solve.errors import NoOrbitError, SolveError
 from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
+from solve.methods.method import Solutions
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Unknowns
 from solve.newton.iteration import Task, linearised_along
-from solve.newton.saltation import EventJump, break_jumps, event_jumps, solutions_with_jumps
+from solve.newton.saltation import EventJump, break_jumps, event_jumps
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
@@ -38,6 +39,9 @@ _REGULAR = 1e-2
 """Smallest distance of a multiplier from +1 above which I - Φ counts as regular. The inverse of this distance
 amplifies round-off. A choice."""
 
+_REGULAR_NEARBY = 0.05
+"""The same limit for tangents of neighbouring unknowns. The inverse of this distance amplifies the difference
+between the tangents, which slows the convergence. A choice."""
 
 _FREE_JUMPS = (
     "forces jump at an event of the orbit, such as a contact with a dashpot, or at a phase that depends on "
@@ -45,14 +49,58 @@ _FREE_JUMPS = (
 )
 
 
-@dataclass(frozen=True)
 class LinearFamily:
-    """Solutions of a linear periodic problem: a particular solution, k tangents to the set of solutions, and
-    the monodromy matrix."""
+    """Solutions of the Newton equations about given unknowns, on a grid: a particular solution, k tangents to
+    the set of solutions, and the monodromy matrix. Each of them is computed on first use.
 
-    unknowns: Unknowns
-    tangents: tuple[Unknowns, ...]
-    Phi: Array
+    sizes (n,): scales of the coordinates. more_stages: whether to use the method with one more stage.
+    Properties raise SolveError subclasses if there are no solutions."""
+
+    def __init__(
+        self,
+        parameters: ContinuationParameters,
+        unknowns: Unknowns,
+        grid: Grid,
+        sizes: Array,
+        more_stages: bool = False,
+    ):
+        task, is_free = parameters.task_at(unknowns.values), parameters.task.rigid is not None
+        if more_stages:
+            task = replace(task, method=task.method.with_another_stage)
+        along, self._grid = linearised_along(task, unknowns.curve, grid)
+        self._unknowns, self._sizes, self._spans = unknowns, sizes, parameters.spans
+        self._equations = _Equations(along, task, unknowns.curve, parameters.names, is_free)
+        self._jumps = self._equations.jumps(self._grid)
+        if is_free and self._jumps:
+            raise NoOrbitError(_FREE_JUMPS)
+        self._is_coupled = not is_free and bool(
+            task.engine != COMPILED or self._jumps or DAMPING in parameters.names
+        )
+        self._periodic: dict[int | None, Solutions] = {}
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """Particular solution."""
+        curve = self._response(None)
+        return self._null_space[0] if curve is None else Unknowns(curve, self._unknowns.values)
+
+    @cached_property
+    def tangents(self) -> tuple[Unknowns, ...]:
+        """Tangents, one per parameter."""
+        changes = np.eye(len(self._spans))
+        curves = [self._response(load) for load in range(len(changes))]
+        pairs = zip(curves, changes, strict=True)
+        found = tuple(Unknowns(curve, change) for curve, change in pairs if curve is not None)
+        return found if len(found) == len(changes) else tuple(self._null_space[1:])
+
+    @cached_property
+    def Phi(self) -> Array:
+        """Monodromy matrix (2n, 2n)."""
+        for solutions in self._periodic.values():
+            return solutions.Phi[0]
+        if self._is_coupled:
+            return self._steps.monodromy
+        return self._solutions(None).Phi[0]
 
     @cached_property
     def multipliers(self) -> Array:
@@ -61,32 +109,51 @@ class LinearFamily:
             raise NoOrbitError("the multipliers overflow")
         return Multipliers.from_matrices(self.Phi[None]).values[0]
 
+    @property
+    def is_regular(self) -> bool:
+        """Whether all multipliers are so far from +1 that tangents of neighbouring unknowns serve too."""
+        return not self._is_coupled and self._distance > _REGULAR_NEARBY
 
-def linear_family(
-    parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, sizes: Array
-) -> LinearFamily:
-    """Solutions of the Newton equations about given unknowns, on a grid. sizes (n,): scales of the
-    coordinates. Raises SolveError subclasses if there are no solutions."""
-    task = parameters.task_at(unknowns.values)
-    along, grid = linearised_along(task, unknowns.curve, grid)
-    equations = _Equations(along, task, unknowns.curve, parameters.names, parameters.task.rigid is not None)
-    jumps = equations.jumps(grid)
-    if equations.free:
-        if jumps:
-            raise NoOrbitError(_FREE_JUMPS)
-        return _by_periodic_solutions(equations, unknowns, grid)
-    if task.engine == COMPILED and not jumps and DAMPING not in parameters.names:
-        family = _if_regular(equations, unknowns, grid)
-        if family is not None:
-            return family
-    steps = _Steps(equations, grid, jumps)
-    unit = np.concatenate((np.tile(np.tile(sizes, 2), steps.blocks), parameters.spans))
-    columns = _null_space(*steps.closing(), unit)
-    curves = steps.curves(columns)
-    count = len(parameters.names)
-    changes = columns[len(columns) - count :].T
-    tangents = tuple(Unknowns(curves[k + 1], changes[k + 1]) for k in range(count))
-    return LinearFamily(Unknowns(curves[0], unknowns.values + changes[0]), tangents, steps.monodromy)
+    @cached_property
+    def _distance(self) -> float:
+        """Smallest distance of a multiplier from +1."""
+        return float(np.abs(np.linalg.eigvals(self.Phi) - 1).min())
+
+    def _response(self, load: int | None) -> Curve | None:
+        """Periodic response to the load -∂r/∂θ of one parameter, or to d if `load` is None, in compiled code.
+        None if a multiplier is near +1, except for machines with rigid-body modes, which require it."""
+        if self._is_coupled:
+            return None
+        try:
+            curve = self._solutions(load).checked().curve
+            self._is_coupled = not self._equations.free and not self._distance > _REGULAR
+        except (SolveError, np.linalg.LinAlgError):
+            if self._equations.free:
+                raise
+            self._is_coupled = True
+        return None if self._is_coupled else curve[0]  # pyright: ignore
+
+    def _solutions(self, load: int | None) -> Solutions:
+        if load not in self._periodic:
+            equations, task = self._equations, self._equations.task
+            point = _UnderLoad(equations.along, task.speed, equations, load)
+            held = free(SinglePoint(equations.along, task.speed)) if equations.free else None
+            self._periodic[load] = solutions_on(task.method, point, self._grid, True, task.engine, held)
+        return self._periodic[load]
+
+    @cached_property
+    def _steps(self) -> "_Steps":
+        return _Steps(self._equations, self._grid, self._jumps)
+
+    @cached_property
+    def _null_space(self) -> list[Unknowns]:
+        """Particular solution and tangents from equations that remain regular at folds."""
+        steps, count = self._steps, len(self._spans)
+        unit = np.concatenate((np.tile(np.tile(self._sizes, 2), steps.blocks), self._spans))
+        columns = _null_space(*steps.closing(), unit)
+        curves, changes = steps.curves(columns), columns[len(columns) - count :].T
+        first = Unknowns(curves[0], self._unknowns.values + changes[0])
+        return [first, *(Unknowns(curves[k], changes[k]) for k in range(1, 1 + count))]
 
 
 def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
@@ -145,11 +212,11 @@ class _Equations:
         return [*event_jumps(*motion, names), *break_jumps(*motion, self.task.breaks, names)]
 
     def entries(self, phase: Array) -> tuple[Array, Array]:
-        """Entries (m, 3n² + n) of the linearised system and loads -∂r/∂θ (m, n, k) at phases (m,). They are
-        cached, because all loads are solved on one grid."""
+        """Entries (m, R) of the linearised system that may differ from zero, and their indices (R,), at
+        phases (m,). They are cached, because all loads are solved on one grid."""
         key = phase.tobytes()
         if key not in self._entries:
-            self._entries[key] = entries_of(self.along, phase, self.task.speed), self.by_parameters(phase)
+            self._entries[key] = used_entries_of(self.along, phase, self.task.speed)
         return self._entries[key]
 
 
@@ -161,10 +228,13 @@ class _UnderLoad(SinglePoint):
     load: int | None
 
     def tables(self, phase: Array) -> Tables:
-        entries, loads = self.equations.entries(phase)
+        entries, numbers = self.equations.entries(phase)
         if self.load is not None:
-            entries = np.concatenate((entries[:, : 3 * self.n**2], loads[..., self.load]), axis=1)
-        return Tables.from_entries(entries[None], self.n, self.first_order)
+            homogeneous, first = int(np.searchsorted(numbers, 3 * self.n**2)), 3 * self.n**2
+            loads = self.equations.by_parameters(phase)[..., self.load]
+            entries = np.concatenate((entries[:, :homogeneous], loads), axis=1)
+            numbers = np.concatenate((numbers[:homogeneous], np.arange(first, first + self.n)))
+        return Tables(entries[None], np.ones((1, len(numbers))), numbers, self.n, self.first_order)
 
 
 class _Steps:
@@ -251,51 +321,6 @@ def _joined(maps: Array, states: int, blocks: int) -> Array:
         chain[:, step] = one[..., :states] @ chain[:, step - 1]
         chain[:, step, :, states:] += one[..., states:]
     return chain
-
-
-def _if_regular(equations: "_Equations", unknowns: Unknowns, grid: Grid) -> LinearFamily | None:
-    """Compute the solutions if no multiplier is near +1; otherwise return None."""
-    try:
-        family = _by_periodic_solutions(equations, unknowns, grid)
-        regular = np.abs(np.linalg.eigvals(family.Phi) - 1).min() > _REGULAR
-    except (SolveError, np.linalg.LinAlgError):
-        return None
-    return family if regular else None
-
-
-def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid) -> LinearFamily:
-    """Compute the solutions as periodic responses, one per load, in compiled code. This requires a regular I
-    - Φ, or a machine with rigid-body modes. Raises SolveError."""
-    along, task = equations.along, equations.task
-    held = free(SinglePoint(along, task.speed)) if equations.free else None
-    loads = None, *range(len(equations.names))
-    found = [
-        solutions_on(
-            task.method, _UnderLoad(along, task.speed, equations, load), grid, True, task.engine, held
-        )
-        for load in loads
-    ]
-    curves = [solutions.checked().curve for solutions in found]
-    assert all(isinstance(curve, Curve) for curve in curves)
-    tangents = zip(curves[1:], np.eye(len(equations.names)), strict=True)
-    vectors = (Unknowns(curve[0], change) for curve, change in tangents)  # pyright: ignore
-    return LinearFamily(Unknowns(curves[0][0], unknowns.values), tuple(vectors), found[0].Phi[0])  # pyright: ignore
-
-
-def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, sizes: Array) -> Array:
-    """Floquet multipliers (2n,) of the problem linearised about given unknowns, largest modulus first. Raises
-    SolveError."""
-    task = parameters.task_at(unknowns.values)
-    if task.engine != COMPILED or parameters.task.rigid is not None:
-        return linear_family(parameters, unknowns, grid, sizes).multipliers
-    along, grid = linearised_along(task, unknowns.curve, grid)
-    point = SinglePoint(along, task.speed)
-    jumps = event_jumps(along, unknowns.curve, task.speed, grid)
-    if jumps:
-        found = solutions_with_jumps(task.method, point, grid, task.engine, None, jumps)
-    else:
-        found = task.method.solutions(point, grid, False, task.engine)
-    return LinearFamily(unknowns, (), found.checked().Phi[0]).multipliers
 
 
 def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, multiplier: float) -> Curve:

@@ -19,7 +19,7 @@ from solve.newton.branch_points import (
     Unknowns,
     sampled_together,
 )
-from solve.newton.linear_families import LinearFamily, linear_family, multipliers_of
+from solve.newton.linear_families import LinearFamily
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
 from solve.period.quantities import orbit_figures, output_changes, repeats_early
@@ -27,7 +27,7 @@ from solve.period.quantities import orbit_figures, output_changes, repeats_early
 _MAX_CORRECTIONS = 8
 """Maximum number of corrections of a step; a step that needs more is too long. A choice."""
 
-_MAX_LAST_CORRECTION, _DIVERGED = 1e-5, 3.0
+_MAX_LAST_CORRECTION, _DIVERGED = 1e-4, 3.0
 """Upper limit of the norm of the last correction, and of the first correction; each further correction must
 be smaller than the one before. Choices."""
 
@@ -35,9 +35,10 @@ _QUADRATIC, _SAFETY = 1e-2, 10.0
 """Norm of a correction below which convergence counts as quadratic, and safety factor for the predicted next
 correction, size³/last². Choices."""
 
-_RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.01, 1e-10
+_RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.1, 1e-10
 """Upper limit of the last correction as a fraction of rtol, used if smaller than `_MAX_LAST_CORRECTION`; and
-norm below which corrections need not decrease. Choices."""
+norm below which corrections need not decrease. Choices: the remaining correction is part of the error
+estimate, and is removed from the orbit by the correction with one more stage."""
 
 _LANES = 8
 """Number of segments of a period that the compiled code integrates simultaneously. Finer grids have a
@@ -99,23 +100,25 @@ class Manifold:
         directions: Sequence[Unknowns],
         lengths: Sequence[float],
         check: Callable[[Unknowns, Unknowns], None] | None = None,
+        curvature: Unknowns | None = None,
     ) -> tuple[Point, int]:
         """Point at given lengths from `before` along directions, one per parameter, and its number of
         corrections.
 
         With all lengths 0, the components along the directions remain fixed on finer grids too. check: called
         with the converged unknowns and their first tangent; raises SolveError to reject the point before its
-        errors are estimated, which takes as long as the iteration. Raises SolveError subclasses if the
-        iteration does not converge."""
+        errors are estimated, which takes as long as the iteration. curvature: derivative of the first
+        direction with respect to the length, which improves the initial guess. Raises SolveError subclasses
+        if the iteration does not converge."""
         unknowns, sizes = before.unknowns, before.sizes
         for direction, length in zip(directions, lengths, strict=True):
             unknowns = unknowns.plus(length / self.inner(direction, direction, sizes), direction)
-        unknowns, family, corrections = self._converged(
-            unknowns, before.unknowns, directions, lengths, sizes, before.grid
-        )
+        if curvature is not None:
+            unknowns = unknowns.plus(lengths[0] ** 2 / 2, curvature)
+        step = _Step(before.unknowns, directions, lengths, sizes)
+        unknowns, family, corrections = self._converged(unknowns, step, before.grid)
         if check is not None:
-            towards = [tangent.on(before.grid) for tangent in before.tangents]
-            check(unknowns, self._orthonormal(family, towards, sizes)[0])
+            check(unknowns, self._orthonormal(family, before.tangents, sizes)[0])
         held = None if any(lengths) else directions
         return self.point(unknowns, before.tangents, before.grid, family, sizes, held), corrections
 
@@ -129,32 +132,34 @@ class Manifold:
         """Point near `unknowns` with the same components along the directions `ways`, one per parameter.
         Raises SolveError subclasses."""
         sizes = self._sizes(self._scale(unknowns, grid), unknowns)
-        found, family, _ = self._converged(unknowns, unknowns, ways, [0.0] * len(ways), sizes, grid)
+        found, family, _ = self._converged(unknowns, _Step.none(unknowns, ways, sizes), grid)
         return self.point(found, ways, grid, family, sizes, ways)
 
     def along(
-        self, before: Point, length: float, check: Callable[[Unknowns, Unknowns], None] | None = None
+        self,
+        before: Point,
+        length: float,
+        check: Callable[[Unknowns, Unknowns], None] | None = None,
+        curvature: Unknowns | None = None,
     ) -> tuple[Point, int]:
         """Point at a length along the first tangent of the point `before`, and the number of corrections; see
         `reached`."""
         lengths = [length, *[0.0] * (len(before.tangents) - 1)]
-        return self.reached(before, before.tangents, lengths, check)
+        return self.reached(before, before.tangents, lengths, check, curvature)
 
-    def _converged(
-        self,
-        unknowns: Unknowns,
-        before: Unknowns,
-        directions: Sequence[Unknowns],
-        lengths: Sequence[float],
-        sizes: Array,
-        grid: Grid,
-    ) -> tuple[Unknowns, LinearFamily, int]:
-        """Converged unknowns at given lengths from `before` along `directions`, the solutions of the last
-        linear problem, and the number of corrections. Raises SolveError subclasses."""
+    def curvature(self, one: Point, other: Point) -> Unknowns:
+        """Derivative of the first tangent with respect to the arclength between two points."""
+        length = self.distance(other.unknowns, one.unknowns, other.sizes)
+        return one.direction.times(-1.0).plus(1.0, other.direction).times(1 / length)
+
+    def _converged(self, unknowns: Unknowns, step: "_Step", grid: Grid) -> tuple[Unknowns, LinearFamily, int]:
+        """Converged unknowns of a step, a linear problem near them, and the number of corrections. Raises
+        SolveError subclasses."""
         last = _DIVERGED
         for corrections in range(1, _MAX_CORRECTIONS + 1):
-            after, family = self._corrected(unknowns, before, directions, lengths, sizes, grid)
-            size, unknowns = self.distance(after, unknowns, sizes), after
+            family = LinearFamily(self.parameters, unknowns, grid, step.sizes)
+            after = self._corrected(family.unknowns, family.tangents, step)
+            size, unknowns = self.distance(after, unknowns, step.sizes), after
             # With quadratic convergence, the next correction is omitted if its predicted size is small.
             following = _SAFETY * size**3 / last**2 if corrections > 1 and size < _QUADRATIC else math.inf
             if min(size, following) < self.tolerance:
@@ -164,31 +169,19 @@ class Manifold:
             last = size
         raise NoOrbitError("the step is too long")
 
-    def _corrected(
-        self,
-        unknowns: Unknowns,
-        before: Unknowns,
-        directions: Sequence[Unknowns],
-        lengths: Sequence[float],
-        sizes: Array,
-        grid: Grid,
-    ) -> tuple[Unknowns, LinearFamily]:
-        """Next iterate of the unknowns at given lengths from `before` along `directions`, and all solutions
-        of the linear problem. Raises SolveError."""
-        family = linear_family(self.parameters, unknowns, grid, sizes)
-        gone = [self.inner(family.unknowns, direction, sizes, before) for direction in directions]
-        missing = np.subtract(lengths, gone)
-        matrix = [
-            [self.inner(tangent, direction, sizes) for tangent in family.tangents] for direction in directions
-        ]
+    def _corrected(self, solution: Unknowns, tangents: Sequence[Unknowns], step: "_Step") -> Unknowns:
+        """Sum of a solution of the linear problem and multiples of the tangents that meets the conditions of
+        a step. Raises NoOrbitError."""
+        gone = [self.inner(solution, each, step.sizes, step.before) for each in step.directions]
+        matrix = [[self.inner(tangent, each, step.sizes) for tangent in tangents] for each in step.directions]
         try:
-            weights = np.linalg.solve(matrix, missing)
+            weights = np.linalg.solve(matrix, np.subtract(step.lengths, gone))
         except np.linalg.LinAlgError:
             raise NoOrbitError(
                 "the continuation step is singular: a tangent of the branch is normal to the directions "
                 "of the step"
             ) from None
-        return _sum(family.unknowns, weights, family.tangents), family
+        return _sum(solution, weights, tangents)
 
     def point(
         self,
@@ -209,13 +202,11 @@ class Manifold:
             self.resting = self.resting or scale.rests(unknowns.largest)
         if family is None or sizes is None:
             sizes = self._sizes(scale, unknowns)
-            family = linear_family(self.parameters, unknowns, grid, sizes)
+            family = LinearFamily(self.parameters, unknowns, grid, sizes)
         while True:
             sizes = self._sizes(scale, unknowns)
-            tangents = self._orthonormal(family, [each.on(grid) for each in towards], sizes)
-            fine = self.parameters.task.grid(_finer(grid.steps))
-            directions = held or tangents
-            better, _ = self._corrected(unknowns, unknowns, directions, [0.0] * len(directions), sizes, fine)
+            step = _Step.none(unknowns, held or self._orthonormal(family, towards, sizes), sizes)
+            better = self._better(unknowns, step, grid, family)
             largest = scale.scales(better.largest, roundoff=self.resting)
             (one, other), _ = sampled_together(unknowns, better)
             off = np.abs(other - one).max(axis=1) / largest + _ORBIT_ROUNDOFF
@@ -223,18 +214,30 @@ class Manifold:
             moved = float((moved / np.maximum(np.abs(unknowns.values), self.parameters.spans)).max())
             error = max(float(off.max()), moved)
             rtol = self.parameters.task.rtol
-            if error > rtol and not self.resting and self._scale(better, fine).rests(better.largest):
+            if error > rtol and not self.resting and self._scale(better, grid).rests(better.largest):
                 self.resting = True
-            elif error <= rtol or 2 * fine.steps > _MAX_STEPS:
+            elif error <= rtol or 2 * _finer(grid.steps) > _MAX_STEPS:
                 break
             else:
-                unknowns, grid, scale = better, fine, self._scale(better, fine)
-                family = linear_family(self.parameters, unknowns, grid, sizes)
-        there = unknowns.on(Grid(better.curve.nodes, np.zeros(len(better.curve.h), dtype=bool)))
-        found = self._orbit(there, better, fine, off, sizes)
+                grid = self.parameters.task.grid(_finer(grid.steps))
+                family = LinearFamily(self.parameters, better, grid, sizes)
+                unknowns = self._corrected(family.unknowns, family.tangents, step)
+                scale = self._scale(unknowns, grid)
+        there = LinearFamily(self.parameters, better, grid, sizes, more_stages=True)
+        tangents = tuple(each.beside(unknowns) for each in self._orthonormal(there, towards, sizes))
+        found = self._orbit(unknowns.beside(better), better, there.multipliers, off)
         off = abs(found.radius - abs(family.multipliers[0]))
         found = replace(found, errors=np.array([error, off + EPS * found.radius]))
         return Point(unknowns, sizes, tangents, grid, found, periods=self.parameters.task.periods)
+
+    def _better(self, unknowns: Unknowns, step: "_Step", grid: Grid, nearby: LinearFamily) -> Unknowns:
+        """Correction of converged unknowns by the method with one more stage. nearby: a linear problem near
+        these unknowns, whose tangents serve if it is regular. Raises SolveError."""
+        family = LinearFamily(self.parameters, unknowns, grid, step.sizes, more_stages=True)
+        solution = family.unknowns
+        if not (nearby.is_regular and family.is_regular):
+            return self._corrected(solution, family.tangents, step)
+        return self._corrected(solution, [each.beside(solution) for each in nearby.tangents], step)
 
     def _orthonormal(
         self, family: LinearFamily, towards: Sequence[Unknowns], sizes: Array
@@ -243,9 +246,12 @@ class Manifold:
         basis: list[Unknowns] = []
         for tangent in family.tangents:
             basis.append(self.unit(tangent, basis, sizes))
-        found: list[Unknowns] = []
         if not towards:
             return tuple(basis)
+        if len(basis) == 1:
+            (only,), (direction,) = basis, towards
+            return (only.times(math.copysign(1.0, self.inner(direction, only, sizes))),)
+        found: list[Unknowns] = []
         for direction in towards:
             weights = [self.inner(direction, tangent, sizes) for tangent in basis]
             nearest = _sum(basis[0].times(weights[0]), weights[1:], basis[1:])
@@ -259,13 +265,10 @@ class Manifold:
                 direction = direction.plus(-self.inner(direction, other, sizes), other)
         return direction.times(1 / math.sqrt(self.inner(direction, direction, sizes)))
 
-    def _orbit(
-        self, there: Unknowns, better: Unknowns, grid: Grid, off: Array, sizes: Array
-    ) -> FollowedOrbit:
-        """Orbit from the more accurate vector of unknowns, `better`, without the errors of orbit and radius.
-        off: relative differences (n,) of the coordinates of `better` and `there`."""
+    def _orbit(self, there: Unknowns, better: Unknowns, multipliers: Array, off: Array) -> FollowedOrbit:
+        """Orbit from the more accurate vector of unknowns, `better`, and its multipliers, without the errors
+        of orbit and radius. off: relative differences (n,) of the coordinates of `better` and `there`."""
         task, curve = self.parameters.task_at(better.values), better.curve
-        multipliers = multipliers_of(self.parameters, better, grid, sizes)
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
         errors = np.concatenate(
             (off, output_changes(task.system, task.speed, there.curve, curve, task.engine))
@@ -283,6 +286,22 @@ class Manifold:
         task = self.parameters.task_at(unknowns.values)
         along = nonlinear_of(task.system).along(unknowns.curve, columns_by(task.engine))
         return CoordinateScale(along, unknowns.curve, task.speed, grid.steps)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Conditions of a step: its lengths along directions, one per parameter, from the unknowns `before`.
+    sizes (n,): scales of the coordinates."""
+
+    before: Unknowns
+    directions: Sequence[Unknowns]
+    lengths: Sequence[float]
+    sizes: Array
+
+    @classmethod
+    def none(cls, unknowns: Unknowns, directions: Sequence[Unknowns], sizes: Array) -> "_Step":
+        """Conditions of corrections normal to the directions."""
+        return cls(unknowns, directions, [0.0] * len(directions), sizes)
 
 
 def _finer(steps: int) -> int:

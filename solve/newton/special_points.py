@@ -95,9 +95,10 @@ def _torus_test(point: Point) -> float:
 def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tuple[float, Point]:
     """Length along the tangent at the first point at which a test function is zero, and the point there.
     Raises SolveError subclasses."""
+    curvature = manifold.curvature(before, after)
 
     def at(length: float) -> tuple[float, Point]:
-        point, _ = manifold.along(before, length)
+        point, _ = manifold.along(before, length, curvature=curvature)
         return test(point), point
 
     ends = (0.0, manifold.component(before, after, before.direction)), (test(before), test(after))
