@@ -43,25 +43,30 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
         raise NoOrbitError("the equations have no switches")
     # The last orbit itself may pass the switch already, within its errors.
     back, _ = manifold.along(before, -_BACK)
-    here = _events(manifold, back)
     onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
     for way, step, larger in product((1, -1), _STEPS, _LARGER):
         try:
             after = _orbit_at(manifold, before, before.value + way * step * onwards, 1 + larger)
         except SolveError:
             continue
-        there = _events(manifold, after)
-        if len(here.phases) == len(there.phases) and here.sides == there.sides:
+        if not grazes_between(manifold, back, after):
             continue
         first = _first_beyond(manifold, before, after)
         if first is not None:
-            return [after] if first is after else [first, *special_points(manifold, first, after), after]
+            located = [special_points(manifold, *ends) for ends in ((before, first), (first, after))]
+            return [*located[0], first, *([] if first is after else [*located[1], after])]
     raise NoOrbitError("no orbit with other events was found nearby")
 
 
 def grazes(manifold: Manifold, point: Point) -> bool:
     """Whether the orbit of a point grazes a switch, where multipliers change abruptly."""
     return bool(_events(manifold, point).grazing)
+
+
+def grazes_between(manifold: Manifold, before: Point, after: Point) -> bool:
+    """Whether the orbits of two points pass different switches, so that an orbit between them grazes one."""
+    here, there = _events(manifold, before), _events(manifold, after)
+    return len(here.phases) != len(there.phases) or here.sides != there.sides
 
 
 def _events(manifold: Manifold, point: Point) -> Events:
