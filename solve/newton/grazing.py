@@ -20,9 +20,10 @@ _STEPS = 0.001, 0.003, 0.01, 0.03
 """Steps of the parameter from the grazing orbit, as fractions of its range. Choices: the shortest are near
 enough for Newton's iteration, the longest make the events clear."""
 
-_LARGER = 0.0, 0.002, 0.006
+_LARGER = 0.0, 6e-5, 2e-4, 6e-4, 2e-3, 6e-3
 """Relative increases of the last motion from which Newton's iteration starts, in the order in which they are
-tried. Choices: at some of them the motion passes the switch about as far as the orbit beyond."""
+tried. Choices: at some of them the motion passes the switch about as far as the orbit beyond, which is less
+for harder stops."""
 
 _BACK = 0.01
 """Length, in scaled coordinates, of the step back to an orbit with the same events as the branch so far. A
