@@ -2,7 +2,8 @@
 
 The branch has a corner there, because the tangent on each side follows from the equations with the events of
 that side. The branch continues at further values of the parameter or turns back. Newton's iteration at a
-fixed value, from the last orbit or a slightly larger motion, finds the orbit beyond, stable or not."""
+fixed value finds the orbit beyond, stable or not. It starts from the last orbit, or from slightly larger or
+smaller motions."""
 
 from itertools import product
 
@@ -20,10 +21,10 @@ _STEPS = 0.001, 0.003, 0.01, 0.03
 """Steps of the parameter from the grazing orbit, as fractions of its range. Choices: the shortest are near
 enough for Newton's iteration, the longest make the events clear."""
 
-_LARGER = 0.0, 6e-5, 2e-4, 6e-4, 2e-3, 6e-3
-"""Relative increases of the last motion from which Newton's iteration starts, in the order in which they are
-tried. Choices: at some of them the motion passes the switch about as far as the orbit beyond, which is less
-for harder stops."""
+_FACTORS = 1.0, *(1 + sign * change for change in (6e-5, 2e-4, 6e-4, 2e-3, 6e-3) for sign in (1, -1))
+"""Factors of the last motion from which Newton's iteration starts, in the order in which they are tried.
+Choices: at some of them the motion is about as far from the switch as the orbit beyond, which is nearer for
+harder stops."""
 
 _BACK = 0.01
 """Length, in scaled coordinates, of the step back to an orbit with the same events as the branch so far. A
@@ -45,9 +46,9 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
     # The last orbit itself may pass the switch already, within its errors.
     back, _ = manifold.along(before, -_BACK)
     onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
-    for way, step, larger in product((1, -1), _STEPS, _LARGER):
+    for way, step, factor in product((1, -1), _STEPS, _FACTORS):
         try:
-            after = _orbit_at(manifold, before, before.value + way * step * onwards, 1 + larger)
+            after = _orbit_at(manifold, before, before.value + way * step * onwards, factor)
         except SolveError:
             continue
         if not grazes_between(manifold, back, after):
