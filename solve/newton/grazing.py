@@ -41,17 +41,20 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
     points between them.
 
     Raises NoOrbitError if the equations have no switches, and if no such orbit is found."""
-    if not _events(manifold, before).sides:
+    if not _events(manifold, before.unknowns).sides:
         raise NoOrbitError("the equations have no switches")
     # The last orbit itself may pass the switch already, within its errors.
     back, _ = manifold.along(before, -_BACK)
+    here = _events(manifold, back.unknowns)
     onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
     for way, step, factor in product((1, -1), _STEPS, _FACTORS):
         try:
-            after = _orbit_at(manifold, before, before.value + way * step * onwards, factor)
+            unknowns = _orbit_at(manifold, before, before.value + way * step * onwards, factor)
+            if not _differ(here, _events(manifold, unknowns)):
+                continue
+            away = Unknowns(manifold.parameters.task.rest(before.grid), unknowns.values - before.value)
+            after = manifold.held(unknowns, [away], before.grid)
         except SolveError:
-            continue
-        if not grazes_between(manifold, back, after):
             continue
         first = _first_beyond(manifold, before, after)
         if first is not None:
@@ -62,19 +65,22 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
 
 def grazes(manifold: Manifold, point: Point) -> bool:
     """Whether the orbit of a point grazes a switch, where multipliers change abruptly."""
-    return bool(_events(manifold, point).grazing)
+    return bool(_events(manifold, point.unknowns).grazing)
 
 
 def grazes_between(manifold: Manifold, before: Point, after: Point) -> bool:
     """Whether the orbits of two points pass different switches, so that an orbit between them grazes one."""
-    here, there = _events(manifold, before), _events(manifold, after)
+    return _differ(_events(manifold, before.unknowns), _events(manifold, after.unknowns))
+
+
+def _differ(here: Events, there: Events) -> bool:
+    """Whether two orbits pass different switches."""
     return len(here.phases) != len(there.phases) or here.sides != there.sides
 
 
-def _events(manifold: Manifold, point: Point) -> Events:
-    """Events of the orbit of a point."""
-    task = manifold.parameters.task_at(point.unknowns.values)
-    return events_of(task.along(point.unknowns.curve))
+def _events(manifold: Manifold, unknowns: Unknowns) -> Events:
+    """Events of an orbit."""
+    return events_of(manifold.parameters.task_at(unknowns.values).along(unknowns.curve))
 
 
 def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | None:
@@ -94,10 +100,8 @@ def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | No
     return point if is_same else None
 
 
-def _orbit_at(manifold: Manifold, before: Point, value: float, factor: float) -> Point:
-    """Point at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`. Its
-    tangent is directed away from `before`."""
-    parameters, values = manifold.parameters, np.array([value])
-    found = iterate(parameters.task_at(values), before.unknowns.times(factor).curve, before.grid)
-    away = Unknowns(parameters.task.rest(before.grid), values - before.value)
-    return manifold.held(Unknowns(found.curve, values), [away], before.grid)
+def _orbit_at(manifold: Manifold, before: Point, value: float, factor: float) -> Unknowns:
+    """Orbit at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`."""
+    values = np.array([value])
+    task = manifold.parameters.task_at(values)
+    return Unknowns(iterate(task, before.unknowns.times(factor).curve, before.grid).curve, values)
