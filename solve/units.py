@@ -235,7 +235,7 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     >>> ramp_in_si("0:60 rad/s"), ramp_in_si((0, "60 rad/s"))
     ((0.0, 60.0), (0.0, 60.0))
     """
-    usage = f"speeds are {speeds!r}; give two, such as '0:600 rpm', not both 0"
+    usage = f"speeds are {speeds!r}; give two, such as '300:600 rpm', not both 0"
     if isinstance(speeds, str):
         *numbers, unit = apart(speeds).split() or [""]
         if not numbers and all(map(is_number, unit.split(":"))):

@@ -14,10 +14,10 @@ from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError, counted
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.branch_store import BranchStep, SavedBranch
-from solve.newton.grazing import grazes, points_beyond
+from solve.newton.grazing import grazes, grazes_between, points_beyond
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
-from solve.newton.special_points import special_points
+from solve.newton.special_points import special_kinds, special_points
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
 from solve.results.branch import FOLD, GRAZING
@@ -145,9 +145,9 @@ class _BranchFollower:
         """Next step of a branch with these points."""
         before, found = points[-1], list[Point]()
         try:
-            after, length, growth = self._step(points, length)
-            start = self._closing_point(points[0], before, after)
-            for one, other in pairwise([before, *special_points(self.manifold, before, after), after]):
+            step, length, growth = self._step(points, length)
+            start = self._closing_point(points[0], before, step[-1])
+            for one, other in pairwise([before, *step]):
                 if start is not None and self._is_beyond(start, before, other):
                     return self._stored((*found, start), length, "")
                 if not self.ends[0] <= other.value <= self.ends[1]:
@@ -220,9 +220,9 @@ class _BranchFollower:
             with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))
         return with_errors
 
-    def _step(self, points: Sequence[Point], length: float) -> tuple[Point, float, float]:
-        """Next point, the length of the step to this point, and the ratio of the next step length to this
-        length."""
+    def _step(self, points: Sequence[Point], length: float) -> tuple[list[Point], float, float]:
+        """Special points of the next step and the next point, the length of this step, and the ratio of the
+        next step length to this length."""
         unforced, first, before = DAMPING in self.parameters.names, length, points[-1]
         regular = [point for point in points[-_RECENT:-1] if not point.kind]
         curvature = self.manifold.curvature(regular[-1], before) if regular else None
@@ -233,14 +233,20 @@ class _BranchFollower:
                 )
                 if length > _CROSSING and _orientation(before) != _orientation(after) and not unforced:
                     raise NoOrbitError("the step may have left the branch")
-                growth = 0.7 if corrections >= _MANY else 1.0
-                if corrections <= _FEW and length == first:
-                    growth = 1.5
-                return after, length, min(growth, _ANGLE_FRACTION * _MAX_ANGLE / max(self.angle, EPS))
+                special = special_points(self.manifold, before, after)
+                located = len(special) == len(special_kinds(before, after))
+                if not located and grazes_between(self.manifold, before, after):
+                    raise NoOrbitError("the multipliers change at a grazing orbit within the step")
+                return [*special, after], length, self._growth(corrections, length == first)
             except SolveError:
                 length /= 2
         at = self.parameters.text(before.orbit.values)
         raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
+
+    def _growth(self, corrections: int, not_shortened: bool) -> float:
+        """Ratio of the next step length to the length of a step with a number of corrections."""
+        growth = 0.7 if corrections >= _MANY else 1.5 if corrections <= _FEW and not_shortened else 1.0
+        return min(growth, _ANGLE_FRACTION * _MAX_ANGLE / max(self.angle, EPS))
 
     def _check(self, before: Point, unknowns: Unknowns, tangent: Unknowns) -> None:
         """Raise NoOrbitError if a step to these unknowns may have jumped to another branch or passed two

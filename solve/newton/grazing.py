@@ -2,7 +2,8 @@
 
 The branch has a corner there, because the tangent on each side follows from the equations with the events of
 that side. The branch continues at further values of the parameter or turns back. Newton's iteration at a
-fixed value, from the last orbit or a slightly larger motion, finds the orbit beyond, stable or not."""
+fixed value finds the orbit beyond, stable or not. It starts from the last orbit, or from slightly larger or
+smaller motions."""
 
 from itertools import product
 
@@ -20,9 +21,10 @@ _STEPS = 0.001, 0.003, 0.01, 0.03
 """Steps of the parameter from the grazing orbit, as fractions of its range. Choices: the shortest are near
 enough for Newton's iteration, the longest make the events clear."""
 
-_LARGER = 0.0, 0.002, 0.006
-"""Relative increases of the last motion from which Newton's iteration starts, in the order in which they are
-tried. Choices: at some of them the motion passes the switch about as far as the orbit beyond."""
+_FACTORS = 1.0, *(1 + sign * change for change in (6e-5, 2e-4, 6e-4, 2e-3, 6e-3) for sign in (1, -1))
+"""Factors of the last motion from which Newton's iteration starts, in the order in which they are tried.
+Choices: at some of them the motion is about as far from the switch as the orbit beyond, which is nearer for
+harder stops."""
 
 _BACK = 0.01
 """Length, in scaled coordinates, of the step back to an orbit with the same events as the branch so far. A
@@ -39,35 +41,46 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
     points between them.
 
     Raises NoOrbitError if the equations have no switches, and if no such orbit is found."""
-    if not _events(manifold, before).sides:
+    if not _events(manifold, before.unknowns).sides:
         raise NoOrbitError("the equations have no switches")
     # The last orbit itself may pass the switch already, within its errors.
     back, _ = manifold.along(before, -_BACK)
-    here = _events(manifold, back)
+    here = _events(manifold, back.unknowns)
     onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
-    for way, step, larger in product((1, -1), _STEPS, _LARGER):
+    for way, step, factor in product((1, -1), _STEPS, _FACTORS):
         try:
-            after = _orbit_at(manifold, before, before.value + way * step * onwards, 1 + larger)
+            unknowns = _orbit_at(manifold, before, before.value + way * step * onwards, factor)
+            if not _differ(here, _events(manifold, unknowns)):
+                continue
+            away = Unknowns(manifold.parameters.task.rest(before.grid), unknowns.values - before.value)
+            after = manifold.held(unknowns, [away], before.grid)
         except SolveError:
-            continue
-        there = _events(manifold, after)
-        if len(here.phases) == len(there.phases) and here.sides == there.sides:
             continue
         first = _first_beyond(manifold, before, after)
         if first is not None:
-            return [after] if first is after else [first, *special_points(manifold, first, after), after]
+            located = [special_points(manifold, *ends) for ends in ((before, first), (first, after))]
+            return [*located[0], first, *([] if first is after else [*located[1], after])]
     raise NoOrbitError("no orbit with other events was found nearby")
 
 
 def grazes(manifold: Manifold, point: Point) -> bool:
     """Whether the orbit of a point grazes a switch, where multipliers change abruptly."""
-    return bool(_events(manifold, point).grazing)
+    return bool(_events(manifold, point.unknowns).grazing)
 
 
-def _events(manifold: Manifold, point: Point) -> Events:
-    """Events of the orbit of a point."""
-    task = manifold.parameters.task_at(point.unknowns.values)
-    return events_of(task.along(point.unknowns.curve))
+def grazes_between(manifold: Manifold, before: Point, after: Point) -> bool:
+    """Whether the orbits of two points pass different switches, so that an orbit between them grazes one."""
+    return _differ(_events(manifold, before.unknowns), _events(manifold, after.unknowns))
+
+
+def _differ(here: Events, there: Events) -> bool:
+    """Whether two orbits pass different switches."""
+    return len(here.phases) != len(there.phases) or here.sides != there.sides
+
+
+def _events(manifold: Manifold, unknowns: Unknowns) -> Events:
+    """Events of an orbit."""
+    return events_of(manifold.parameters.task_at(unknowns.values).along(unknowns.curve))
 
 
 def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | None:
@@ -87,10 +100,8 @@ def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | No
     return point if is_same else None
 
 
-def _orbit_at(manifold: Manifold, before: Point, value: float, factor: float) -> Point:
-    """Point at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`. Its
-    tangent is directed away from `before`."""
-    parameters, values = manifold.parameters, np.array([value])
-    found = iterate(parameters.task_at(values), before.unknowns.times(factor).curve, before.grid)
-    away = Unknowns(parameters.task.rest(before.grid), values - before.value)
-    return manifold.held(Unknowns(found.curve, values), [away], before.grid)
+def _orbit_at(manifold: Manifold, before: Point, value: float, factor: float) -> Unknowns:
+    """Orbit at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`."""
+    values = np.array([value])
+    task = manifold.parameters.task_at(values)
+    return Unknowns(iterate(task, before.unknowns.times(factor).curve, before.grid).curve, values)

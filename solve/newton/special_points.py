@@ -2,6 +2,7 @@
 functions (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,10 @@ _RTOL_FRACTION, _ROUNDOFF = 1e-3, 64 * EPS
 """Change of the parameter between two interpolations below which a special point is located, as a fraction of
 rtol; and smallest value of this limit. Choices: each interpolation costs as much as a point of the branch."""
 
+_ZERO = 0.01
+"""Value of a function at a zero, as a fraction of its change between the ends, above which it jumps there, as
+at a grazing orbit. A choice."""
+
 _REAL = 1e-12
 """Imaginary part, relative to the modulus, up to which a multiplier counts as real. A choice: for real
 matrices NumPy returns real eigenvalues without imaginary part."""
@@ -32,12 +37,16 @@ def special_points(manifold: Manifold, before: Point, after: Point) -> list[Poin
     to which the interpolation does not converge are omitted."""
     found = []
     for kind, test in _tests(before, after).items():
-        try:
+        with suppress(SolveError):
             length, point = _located(manifold, before, after, test)
-        except SolveError:
-            continue
-        found.append((length, replace(point, kind=kind)))
+            found.append((length, replace(point, kind=kind)))
     return [point for _, point in sorted(found, key=lambda pair: pair[0])]
+
+
+def special_kinds(before: Point, after: Point) -> list[str]:
+    """Kinds of the special points between two neighbouring points of a branch, also of those that
+    `special_points` omits."""
+    return list(_tests(before, after))
 
 
 def _tests(before: Point, after: Point) -> dict[str, Test]:
@@ -126,10 +135,11 @@ def zero_between(
     function: returns a value and a point; ends, values: arguments and their values of different signs; agree:
     whether two successive points agree; reached: initial point for this comparison. Raises NoOrbitError."""
     (low, high), (first, second), kept = ends, values, False
+    most = _ZERO * abs(second - first)
     for _ in range(_MAX_REFINEMENTS):
         argument, previous = (low * second - high * first) / (second - first), reached
         value, reached = function(argument)
-        if value == 0 or agree(previous, reached):
+        if value == 0 or (abs(value) <= most and agree(previous, reached)):
             return argument, reached
         if value * second < 0:
             low, first, kept = high, second, False

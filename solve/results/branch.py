@@ -11,8 +11,21 @@ from solve.contracts import Statistics
 from solve.equations import limits_of, warnings_of
 from solve.labels import SPEED, unit_of
 from solve.period.curve import FourierCurve
-from solve.period.multipliers import VERDICTS, radius_verdicts
+from solve.period.multipliers import radius_verdicts
 from solve.period.quantities import FIGURES
+from solve.results.branch_jumps import (
+    DOUBLING,
+    FOLD,
+    GRAZING,
+    KINDS,
+    REGULAR,
+    STABLE,
+    TORUS,
+    UNDETERMINED,
+    UNSTABLE,
+    jumps_of,
+    relative_change,
+)
 from solve.results.contents import (
     MOST_SHOWN,
     Column,
@@ -31,13 +44,6 @@ _NARROW = 1e-3
 """If the relative range of the values is smaller, tables show ten digits, because seven digits do not
 distinguish the values."""
 
-KINDS = "regular", "fold", "doubling", "torus", "grazing"
-REGULAR, FOLD, DOUBLING, TORUS, GRAZING = KINDS
-"""Kinds of points on a branch. Folds are turning points; at tori (Neimark–Sacker points), a pair of complex
-multipliers passes through the unit circle. Beyond a grazing point, a branch continues with an orbit on which
-a transient has settled."""
-
-STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
 
 
@@ -212,31 +218,19 @@ class Branch(BranchPoints):
         direction of the change, the value of the varied quantity, the coordinate whose relative change is
         largest, and the largest modulus of this coordinate before the jump ("from") and after it ("to"). The
         latter is None if the branch has no stable orbit to jump to."""
-        first_branch, records = np.flatnonzero(self.numbers == 0), []
-        values, peaks = self.values[first_branch], self.peaks[first_branch]
-        verdicts = np.array(self.verdicts)[first_branch]
-        steps, rises = np.diff(values), np.diff(peaks, axis=0)
-        stable = (verdicts[:-1] == STABLE) | (verdicts[1:] == STABLE)
-        stable &= (verdicts[:-1] != UNSTABLE) & (verdicts[1:] != UNSTABLE)
-        for at in np.flatnonzero(self.turns[first_branch]).tolist():
-            beside = [side for side in (at - 1, at) if 0 <= side < len(stable) and stable[side]]
-            if len(beside) != 1:
-                continue
-            up = values[at] > values[beside[0] + (beside[0] == at)]
-            passed = (values[:-1] - values[at]) * (values[1:] - values[at]) < 0
-            targets = [
-                peaks[side] + (values[at] - values[side]) * rises[side] / steps[side]
-                for side in np.flatnonzero(passed & stable).tolist()
-                if side not in (at - 1, at)
-            ]
-            after = min(targets, key=lambda each: _change(peaks[at], each).max(), default=None)
-            most = 0 if after is None else int(_change(peaks[at], after).argmax())
+        first = np.flatnonzero(self.numbers == 0)
+        values, peaks = self.values[first], self.peaks[first]
+        verdicts = np.array(self.verdicts)[first].tolist()
+        records = []
+        for jump in jumps_of(values, peaks, [KINDS[kind] for kind in self.kinds[first]], verdicts):
+            before, after = peaks[jump.at], jump.after
+            most = 0 if after is None else int(relative_change(before, after).argmax())
             records.append(
                 {
-                    "direction": "up" if up else "down",
-                    self.over: float(values[at]),
+                    "direction": jump.direction,
+                    self.over: float(values[jump.at]),
                     "coordinate": self.system.coordinates[most],
-                    "from": float(peaks[at, most]),
+                    "from": float(before[most]),
                     "to": None if after is None else float(after[most]),
                 }
             )
@@ -394,12 +388,6 @@ def _distance(kind: str, multipliers: Array) -> Array:
     if kind == TORUS:
         return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
     return multipliers - (1 if kind == FOLD else -1)
-
-
-def _change(before: Array, after: Array) -> Array:
-    """Return the relative changes (n,) from the peaks `before` (n,) to the peaks `after` (n,)."""
-    largest = np.maximum(before, after)
-    return np.abs(after - before) / np.where(largest > 0, largest, 1.0)
 
 
 def _shown(kind: str) -> str:

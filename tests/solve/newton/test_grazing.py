@@ -10,8 +10,10 @@ from solve.newton.arclength import first_point
 from solve.newton.branches import continuation
 from solve.newton.grazing import points_beyond
 from solve.newton.manifold import Manifold
-from solve.results.branch import GRAZING, KINDS
+from solve.newton.special_points import zero_between
+from solve.results.branch import DOUBLING, FOLD, GRAZING, KINDS
 from tests.solve.newton.mechanisms import model_of, stop
+from tests.solve.newton.shooting import doubling, fold, located
 from tests.solve.newton.test_events import NUMBERS, SPEED, integrated
 
 REACH = NUMBERS["f"] / abs(1 - SPEED**2 + 2j * NUMBERS["zeta"] * SPEED)
@@ -130,3 +132,66 @@ def test_an_orbit_with_more_than_128_events_per_period_is_refused():
     phase = float(text.split("near phase ")[1].split(" rad")[0])
     assert 0 <= phase < 2 * np.pi
     assert text.endswith("give the contact more damping or less stiffness")
+
+
+RESONANT = {"zeta": 0.05, "k": 1.0, "kappa": 30.0, "gap": 2.0, "f": 1.0}
+GRAZING_SPEEDS = np.sqrt(1 - 2 * 0.05**2 + np.array([-1, 1]) * np.sqrt((1 - 2 * 0.05**2) ** 2 - 3 / 4))
+"""Speeds at which the amplitude without the stop equals the clearance: |1 - Ω² + 2iζΩ| = 1/2."""
+
+
+def returned(x, speed):
+    """State of the resonant mass after a period, and its derivatives."""
+    return integrated(x, RESONANT, speed)[:2]
+
+
+def state_at(found, kind, number):
+    """Value and state at phase 0 of a special point of a branch."""
+    at = int(np.flatnonzero(found.kinds == KINDS.index(kind))[number])
+    curve, speed, zero = found.curve(at), found.values[at], np.zeros(1)
+    return speed, np.array([curve(zero)[0, 0], speed * curve(zero, 1)[0, 0]])
+
+
+@pytest.mark.slow
+def test_special_points_next_to_grazing_orbits_equal_shooting():
+    """One doubling and one fold are within 4e-5 of the grazing orbits, at which no multiplier is real."""
+    found = solve.branch(model_of(stop(), **RESONANT), "0.6:2 rad/s", rtol=1e-7)
+    assert (len(found.folds), len(found.doublings), found.tori, found.grazing) == (2, 2, [], [])
+    assert [found.doublings[0]["speed"], found.folds[1]["speed"]] == pytest.approx(GRAZING_SPEEDS, rel=4e-5)
+    for kind, test in ((FOLD, fold), (DOUBLING, doubling)):
+        for number in range(2):
+            speed, state = state_at(found, kind, number)
+            exact, _ = located(test, returned, state, speed)
+            assert speed == pytest.approx(exact, rel=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speeds", ["0.6:2 rad/s", "2:0.6 rad/s"])
+def test_special_points_of_a_hard_stop_are_found_once(speeds):
+    """Near the lower grazing orbit the largest multiplier changes from 0.64 to below -1 within 1e-6 of the
+    speed. The branch does not turn back there."""
+    found = solve.branch(model_of(stop(), **RESONANT | {"kappa": 300.0}), speeds, rtol=1e-6)
+    ends = [float(end) for end in speeds.split()[0].split(":")]
+    assert found.values[[0, -1]] == pytest.approx(ends)
+    (only,) = [point for point in found.doublings if point["speed"] > 0.72]
+    near = [point["speed"] for point in [*found.grazing, *found.doublings] if point["speed"] < 0.72]
+    assert len(found.folds) == 2
+    assert sorted(point["speed"] for point in found.folds)[0] == pytest.approx(GRAZING_SPEEDS[1], rel=1e-5)
+    assert near == pytest.approx([GRAZING_SPEEDS[0]], rel=3e-5)
+    assert {jump["direction"] for jump in found.jumps} == {"up", "down"}
+    assert only["multiplier"] == pytest.approx(-1, abs=1e-4)
+
+
+@pytest.mark.parametrize(("jumps", "words"), [(True, "not located"), (False, "")])
+def test_a_function_that_jumps_has_no_zero(jumps, words):
+    def function(argument):
+        return (np.sign(argument - 0.3) if jumps else argument - 0.3), argument
+
+    def agree(one, other):
+        return abs(one - other) < 1e-6
+
+    ends = (0.0, 1.0), (function(0.0)[0], function(1.0)[0])
+    if jumps:
+        with pytest.raises(solve.errors.NoOrbitError, match=words):
+            zero_between(function, *ends, agree, 0.0)
+    else:
+        assert zero_between(function, *ends, agree, 0.0)[0] == pytest.approx(0.3)

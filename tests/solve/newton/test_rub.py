@@ -28,6 +28,14 @@ def jeffcott():
     return made
 
 
+def ringing(speed, m=1.0, k=1e4, c=10.0, u=1e-4, kr=4e4, gap=2e-4):
+    """Largest A in the ring; None if there is none: (s A - kr gap)² + (c Ω A)² = (u Ω²)² with
+    s = k - mΩ² + kr."""
+    s = k + kr - m * speed**2
+    roots = np.roots([s**2 + (c * speed) ** 2, -2 * s * kr * gap, (kr * gap) ** 2 - (u * speed**2) ** 2])
+    return max(roots.real) if np.isreal(roots).all() and max(roots.real) > gap else None
+
+
 @pytest.fixture(scope="module")
 def rotor():
     return solve.load(jeffcott, **NUMBERS)
@@ -68,6 +76,24 @@ def test_the_branch_passes_the_speed_at_which_the_rotor_touches_the_ring(rotor):
     for speed, peak in zip(found.values, found.peaks[:, 0], strict=True):
         stiffness = 1e4 - speed**2 + 4e4 * max(0.0, 1 - 2e-4 / peak) + 10j * speed
         assert abs(stiffness) * peak == pytest.approx(1e-4 * speed**2, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speeds", ["100:240 rad/s", "240:100 rad/s"])
+def test_a_slow_decrease_of_the_speed_jumps_where_the_rotor_touches_the_ring(rotor, speeds):
+    """Above the resonance the branch turns back at the grazing orbit, to the unstable orbits in the ring. The
+    way beyond starts without contact in one direction and with contact in the other."""
+    found = solve.branch(rotor, speeds, rtol=1e-6)
+    jumps = {jump["direction"]: jump for jump in found.jumps}
+    down, up = jumps["down"]["speed"], jumps["up"]["speed"]
+    free = {**NUMBERS, "kr": 0.0}
+    touching = brentq(lambda speed: amplitude(speed, **free) - NUMBERS["gap"], 110, 240)
+    assert down == pytest.approx(touching, rel=1e-4)
+    assert jumps["down"]["to"] == pytest.approx(ringing(down), rel=0.02)
+    assert jumps["up"]["to"] == pytest.approx(amplitude(up, **free), rel=0.02)
+    assert [point["speed"] for point in found.folds] == [up]
+    assert ringing(up * (1 - 1e-6)) > NUMBERS["gap"]
+    assert ringing(up * (1 + 1e-6)) is None
 
 
 def test_from_rest_at_the_middle_of_the_ring(rotor):

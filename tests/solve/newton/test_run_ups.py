@@ -226,7 +226,7 @@ def test_run_up_starts_on_an_orbit_and_can_be_resumed(tmp_path):
     [
         ({}, ValueOutOfBoundsError, "a constant speed, or the first"),
         ({"speed": 3.0, "speeds": "0:3 rad/s"}, ValueOutOfBoundsError, "a constant speed, or the first"),
-        ({"speeds": "0:0 rad/s"}, UnitError, "give two, such as '0:600 rpm', not both 0"),
+        ({"speeds": "0:0 rad/s"}, UnitError, "give two, such as '300:600 rpm', not both 0"),
         ({"speeds": "0:3:5 rad/s"}, UnitError, "give two"),
         ({"speeds": "0:3"}, UnitError, "give two|without a unit"),
         ({"speeds": "-3:3 rad/s"}, ValueOutOfBoundsError, "speed is -3 rad/s; allowed: finite, 0 or more"),

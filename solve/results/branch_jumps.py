@@ -1,0 +1,82 @@
+"""Kinds of the points of a branch, and jumps of the response during a slow change of its parameter."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.multipliers import VERDICTS
+
+KINDS = "regular", "fold", "doubling", "torus", "grazing"
+REGULAR, FOLD, DOUBLING, TORUS, GRAZING = KINDS
+"""Kinds of points on a branch. Folds are smooth turning points; at tori (Neimark–Sacker points), a pair of
+complex multipliers crosses the unit circle. At a grazing point, the branch has a corner, where it may turn
+back."""
+
+STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Jump of the response during a slow change of the parameter: the number `at` of the turning point at
+    which it begins, the direction of the change, and the largest moduli (n,) of the coordinates on the orbit
+    to which it leads, or None without a stable orbit at this value."""
+
+    at: int
+    direction: str
+    after: Array | None
+
+
+def jumps_of(values: Array, peaks: Array, kinds: Sequence[str], verdicts: Sequence[str]) -> list[Jump]:
+    """Jumps along a branch of P orbits. They begin at turning points, folds or corners, with stable orbits on
+    one side only.
+
+    values, peaks: values (P,) of the parameter, and largest moduli (P, n) of the coordinates; kinds,
+    verdicts: names (P,)."""
+    jumps = []
+    for at, kind in enumerate(kinds):
+        before, after = _beside(values, at, -1), _beside(values, at, 1)
+        if kind != FOLD and not (kind == GRAZING and (before - values[at]) * (after - values[at]) > 0):
+            continue
+        stable = [way for way in (-1, 1) if _is_stable(kinds, verdicts, at, way)]
+        if len(stable) == 1:
+            direction = "up" if values[at] > (before if stable[0] < 0 else after) else "down"
+            jumps.append(Jump(at, direction, _target(values, peaks, verdicts, at)))
+    return jumps
+
+
+def relative_change(before: Array, after: Array) -> Array:
+    """Relative changes (n,) of peaks (n,)."""
+    largest = np.maximum(before, after)
+    return np.abs(after - before) / np.where(largest > 0, largest, 1.0)
+
+
+def _beside(values: Array, at: int, way: int) -> float:
+    """Nearest other value of the parameter along the branch in one direction; NaN beyond its end."""
+    others = values[at::way][values[at::way] != values[at]]
+    return float(others[0]) if len(others) else np.nan
+
+
+def _is_stable(kinds: Sequence[str], verdicts: Sequence[str], at: int, way: int) -> bool:
+    """Whether the orbits next to a turning point in one direction along the branch are stable. The verdicts
+    of the nearest orbits may be undetermined, but there must be no special point among these."""
+    place = at + way
+    while 0 <= place < len(kinds) and kinds[place] == REGULAR:
+        if verdicts[place] != UNDETERMINED:
+            return verdicts[place] == STABLE
+        place += way
+    return False
+
+
+def _target(values: Array, peaks: Array, verdicts: Sequence[str], at: int) -> Array | None:
+    """Peaks (n,) of the stable orbit at the value of a turning point that differs least from the orbit there;
+    None without a stable orbit."""
+    targets = []
+    for side in range(len(values) - 1):
+        apart, step = values[at] - values[side], values[side + 1] - values[side]
+        pair = {verdicts[side], verdicts[side + 1]}
+        stable = STABLE in pair and UNSTABLE not in pair
+        if stable and apart * (values[side + 1] - values[at]) > 0:
+            targets.append(peaks[side] + apart / step * (peaks[side + 1] - peaks[side]))
+    return min(targets, key=lambda each: relative_change(peaks[at], each).max(), default=None)
