@@ -151,7 +151,8 @@ def _in_si(speed: float | str, zero: bool) -> GivenSpeed:
         omega = math.nan
     if isinstance(speed, bool) or not (math.isfinite(omega) and (omega > 0 or (zero and omega == 0))):
         allowed = "finite, 0 or more" if zero else "finite and > 0"
-        raise ValueOutOfBoundsError(f"speed is {speed}; allowed: {allowed}, such as '600 rpm'")
+        given = speed if isinstance(speed, Real) else described(speed)
+        raise ValueOutOfBoundsError(f"speed is {given}; allowed: {allowed}, such as '600 rpm'")
     require_size_of_number("speed", omega)
     if isinstance(speed, str):
         name = apart(speed).partition(" ")[2].strip()

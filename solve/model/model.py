@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from solve.arguments import first_is
+from solve.arguments import first_is, matches_annotations
 from solve.arrays import Array, Plane
 from solve.capabilities import Capabilities, Evaluation, Nonlinear, Validity, Variation
 from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
@@ -89,6 +89,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         arguments = type(self), origin, self.setup.case, self.labels.options
         return _rebuilt, arguments, {"labels": self.labels}
 
+    @matches_annotations
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
@@ -183,6 +184,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         """Whether the matrices pass all checks at every speed."""
         return self.sampler is not None and valid_at_all_speeds(self, self.sampler)
 
+    @matches_annotations
     def field(self, name: str, position: Array | float) -> Array:
         """Mode functions of a declared deflection field.
 

@@ -14,6 +14,7 @@ from solve.arguments import (
     NUMBERS_A_POINT,
     checked_rtol,
     matches_annotations,
+    require_integer,
     require_size,
     require_steps,
     unique_names,
@@ -109,6 +110,7 @@ def sweep(
     >>> len(found.speeds)
     3
     """
+    require_integer("harmonics", harmonics, 0)
     values = varied_values(over, system)
     given_speeds = speeds_given(_speeds(system, speeds, over))
     system, omegas = shown_in(system, given_speeds[0]), np.array(given_speeds)
