@@ -85,7 +85,7 @@ class Tolerances(Result):
     worst : mapping of str to WorstPoint
         Worst points by quantity.
     bounds : mapping of str to tuple of float
-        Limits by quantity, in SI units. The worst values lie in the direction of the first one.
+        Limits by quantity, in SI units. The worst value is the one farthest beyond a limit.
     units : mapping of str to str
         Units of quantities.
     points : (P, r) array

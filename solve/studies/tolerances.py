@@ -18,6 +18,7 @@ from solve.methods.choice import Rule, chosen
 from solve.methods.collocated import Collocated
 from solve.methods.method import Method
 from solve.model.model import Model, of_model
+from solve.period.named import Named
 from solve.results.tolerances import (
     UNSTABLE,
     ParameterSpread,
@@ -191,13 +192,10 @@ def _machines(
     model = shown_in(model, given[0])
     spreads = spreads_of(model, vary)
     bounds = bounds_of(model, texts[0])
-    signs = {bound.quantity.text: bound.sign for bound in reversed(bounds)}
     named = [STABILITY.quantity, *(bound.quantity for bound in bounds)]
     named += [real_quantity(model, text) for text in unique_names(texts[1])]
     distinct = {each.text: each for each in named}.values()
-    quantities = [
-        Quantity(each, signs.get(each.text, -1.0 if each.figure == "min" else 1.0)) for each in distinct
-    ]
+    quantities = [Quantity.with_bounds(each, [STABILITY, *bounds]) for each in distinct]
     method, rtol, engine = accuracy
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
@@ -249,19 +247,21 @@ def _sobol(
 
 
 def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
-    """Worst case of each quantity, by a search from the worst of points (P, r) with values (q, P, k); the
-    last point is the nominal one."""
+    """Worst case of each quantity, by a search in the direction of each limit from the worst of points (P, r)
+    with values (q, P, k); the last point is the nominal one."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
     worst, speed_index = machines.worst(values)
     found = {}
     for at, quantity in enumerate(machines.quantities):
-        known = np.where(np.isnan(worst[:, at]), -np.inf, quantity.sign * worst[:, at])
         climbed = []
-        for start in known.argsort()[-_STARTS:].tolist():
-            speed = machines.speeds[int(speed_index[start, at])]
-            value, parameters = _local_worst_point(machines, quantity, speed, points[start], (low, high))
-            climbed.append((quantity.sign * value, value, speed, parameters))
+        for sign in quantity.limits:
+            known = np.where(np.isnan(worst[:, at]), -np.inf, sign * worst[:, at])
+            for start in known.argsort()[-_STARTS:].tolist():
+                speed = machines.speeds[int(speed_index[start, at])]
+                direction = quantity.named, sign
+                value, parameters = _local_worst_point(machines, direction, speed, points[start], (low, high))
+                climbed.append((float(quantity.excess(np.array(value))), value, speed, parameters))
         _, value, speed, parameters = max(climbed, key=lambda each: each[0])
         found[quantity.named.text] = WorstPoint(
             value, float(worst[-1, at]), speed, dict(zip(machines.spreads, parameters.tolist(), strict=True))
@@ -270,10 +270,14 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
 
 
 def _local_worst_point(
-    machines: Machines, quantity: Quantity, speed: float, start: Array, ends: tuple[Array, Array]
+    machines: Machines,
+    direction: tuple[Named, float],
+    speed: float,
+    start: Array,
+    ends: tuple[Array, Array],
 ) -> tuple[float, Array]:
-    """Worst value at a speed within the ends of the tolerances, and its parameters (r,), by a gradient search
-    from `start`."""
+    """Extreme value of a quantity at a speed within the ends of the tolerances, and its parameters (r,), by a
+    gradient search from `start`. direction: quantity, and 1 for its largest or -1 for its smallest value."""
     from scipy.optimize import minimize
 
     design = machines.design(speed)
@@ -284,7 +288,7 @@ def _local_worst_point(
     def descent(x: Array) -> tuple[float, Array]:
         nonlocal best
         try:
-            value, slopes = leading(design, x, 0, *quantity)
+            value, slopes = leading(design, x, 0, *direction)
         except SolveError:
             return 0.0, np.zeros(len(x))
         if value > best[0]:
@@ -296,7 +300,7 @@ def _local_worst_point(
     scale = abs(descent(x)[0]) or 1.0
     bounds, options = list(zip(low, high, strict=True)), {"maxfun": _MOST_STEPS}
     minimize(descent, x, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
-    return (quantity.sign * best[0] if math.isfinite(best[0]) else math.nan), best[1]
+    return (direction[1] * best[0] if math.isfinite(best[0]) else math.nan), best[1]
 
 
 def _doubts(probability: Mapping[str, Probability], unknown: int) -> list[str]:

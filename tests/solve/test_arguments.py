@@ -190,6 +190,28 @@ def test_methods_and_constructors_refuse_arguments_of_wrong_type(words):
     assert len(str(caught.value).splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("study", "settings", "words"),
+    [
+        (solve.validity, {"method": "trapezoid"}, "method 'trapezoid'"),
+        (solve.validity, {"rtol": 2.0}, "rtol is 2.0"),
+        (solve.sensitivities_over, {"method": "trapezoid"}, "method 'trapezoid'"),
+        (solve.sensitivities_over, {"method": "newmark"}, "method is newmark; sensitivities support"),
+        (solve.sensitivities_over, {"engine": "gpu"}, "engine 'gpu'"),
+        (solve.sensitivities_over, {"steps": 2.5}, "steps is 2.5"),
+        (solve.sensitivities_over, {"rtol": 2.0}, "rtol is 2.0"),
+    ],
+)
+def test_wrong_settings_are_refused_before_the_first_speed(monkeypatch, study, settings, words):
+    def solved(*_, **__):
+        raise AssertionError("a speed was solved")
+
+    for module in ("solve.studies.sweep.periodic", "solve.studies.sensitivities.sensitivities"):
+        monkeypatch.setattr(module, solved)
+    with pytest.raises(SolveError, match=words):
+        study(solve.load("cam"), "100:200:3 rpm", **settings)
+
+
 def test_methods_accept_sequences_and_numbers_of_numpy():
     motion, system = orbit(), plane()
     np.testing.assert_array_equal(motion.at([0.1, 0.2]), motion.at(np.array([0.1, 0.2])))
