@@ -204,7 +204,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
         return empty, empty, empty
 
     @matches_annotations
-    def at(self, phase: Array) -> Array:
+    def at(self, phase: float | Array) -> Array:
         return self.state(np.atleast_1d(phase))[0]
 
     @matches_annotations
