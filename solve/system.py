@@ -200,7 +200,7 @@ class PeriodicSystem:
 
     @matches_annotations
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """System with some parameters and options changed. Raises UnknownNameError."""
         for name in (*(parameters or {}), *(options or {})):

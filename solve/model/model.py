@@ -91,7 +91,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @matches_annotations
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Model with changed parameters or options.
 
@@ -425,7 +425,7 @@ class LinearisedModel(Model):
         return normals[:, [*range(fixed - 1), *columns]]
 
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> "LinearisedModel":
         varied = LinearisedModel(self.model.varied(parameters, options), self.motion)
         varied.meet(self.events)

@@ -159,7 +159,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return {**values, **dict(zip(self.open_loop.inputs, u, strict=True))}
 
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Closed loop of the system with some parameters and options changed, and the same feedback."""
         return self.around(self.model.varied(parameters, options))

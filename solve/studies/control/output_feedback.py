@@ -146,7 +146,7 @@ class OutputFeedback(FeedbackLoop):
 
     @matches_annotations
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Closed loop with some gains, and parameters and options of the system, changed."""
         changes = dict(parameters or {})
