@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.equations import warnings_of
 from solve.results.contents import Column, Columns, HeaderRows, digits, speeds_of
@@ -87,7 +86,6 @@ class Bands(Sequence[Band], Result):
         """Warnings about the equations, one sentence each."""
         return warnings_of(self.system, self.range[1])
 
-    @matches_annotations
     def plot(self, sweep: Sweep | None = None) -> Figure:
         """Figure of the spectral radius over the solved speeds, or over the speeds of a sweep, with the bands
         shaded by kind. Raises ValueOutOfBoundsError if `sweep` is not a Sweep."""
