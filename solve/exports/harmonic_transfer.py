@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from solve.arguments import checked_rtol, matches_annotations
+from solve.arguments import checked_rtol
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, counted
 from solve.exports.lifted import Spectra, phasors, real_matrix
@@ -128,7 +128,6 @@ class HarmonicTransfer:
         middle = len(spectrum) // 2
         return spectrum[middle - self.harmonics : middle + self.harmonics + 1]
 
-    @matches_annotations
     def at(self, s: complex) -> TransferValues:
         """Evaluate H(s), and estimate its error with twice as many harmonics of the states.
 
@@ -163,7 +162,6 @@ class HarmonicTransfer:
         error = float((difference / np.where(largest > 0, largest, 1.0)).max())
         return TransferValues(fine, error, self._warnings(error))
 
-    @matches_annotations
     def gain(self, frequency: float) -> float:
         """Largest singular value of H at a frequency.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from solve.arguments import matches_annotations, require_integer, require_size
+from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.equations import output_values
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
@@ -173,7 +173,6 @@ class StateSpace:
     y0 = _coefficient("y0", "Outputs (m, p) without states and forces.")
     b = _coefficient("b", "Constant terms (m, N) of the states.")
 
-    @matches_annotations
     def frozen(self, phase: float) -> "control.StateSpace":
         """Time-invariant state space (python-control) at a fixed phase. At a jump of the matrices, their
         values just after the jump are used.
