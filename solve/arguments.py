@@ -11,7 +11,7 @@ from contextvars import ContextVar
 from fractions import Fraction
 from functools import cache, wraps
 from numbers import Real
-from types import NoneType, UnionType
+from types import NoneType, SimpleNamespace, UnionType
 from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -96,9 +96,10 @@ def matches_annotations(function: Callable[Parameters, Result]) -> Callable[Para
         annotations = _annotations(function)
         for name, value in (*zip(names, args, strict=False), *kwargs.items()):
             if name in annotations and not conforms(value, annotations[name]):
+                owner = args[0] if names[0] in ("self", "cls") else None
                 raise ValueOutOfBoundsError(
-                    f"{name} is {described(value)}; allowed: {_documented(function, name)}; "
-                    f"see help(solve.{function.__name__})"
+                    f"{name} is {described(value)}; allowed: {_documented(function, owner, name)}; "
+                    f"see help(solve.{_path(function, owner)})"
                 )
         return function(*args, **kwargs)
 
@@ -110,16 +111,26 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
     """Mapping from parameters to their types; `*args` and `**kwargs` are omitted."""
     collecting = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     kinds = {name: each.kind for name, each in inspect.signature(function).parameters.items()}
-    hints = get_type_hints(function)
-    return {name: hints[name] for name, kind in kinds.items() if kind not in collecting}
+    # The annotation of the result may name a class of a library that is not imported.
+    given = SimpleNamespace(__annotations__={**function.__annotations__, "return": None})
+    hints = get_type_hints(given, vars(sys.modules[function.__module__]))
+    return {name: hints[name] for name, kind in kinds.items() if name in hints and kind not in collecting}
 
 
-def _documented(function: Callable[..., Any], name: str) -> str:
+def _path(function: Callable[..., Any], owner: Any) -> str:
+    """Name of a function, or of a method with the class of its first argument; the class for a
+    constructor."""
+    if owner is None:
+        return function.__name__
+    kind = owner if isinstance(owner, type) else type(owner)
+    return kind.__name__ if function.__name__ == "__init__" else f"{kind.__name__}.{function.__name__}"
+
+
+def _documented(function: Callable[..., Any], owner: Any, name: str) -> str:
     """Type of a parameter as stated in the docstring or, if it is not stated there, the names in its
     annotation."""
-    found = re.search(
-        rf"^ *(?:\w+, )*{name}(?:, \w+)* : (.*?)(?:, optional)?$", function.__doc__ or "", re.MULTILINE
-    )
+    text = owner.__doc__ if function.__name__ == "__init__" else function.__doc__
+    found = re.search(rf"^ *(?:\w+, )*{name}(?:, \w+)* : (.*?)(?:, optional)?$", text or "", re.MULTILINE)
     if found and found[1] != "optional":
         return "whole numbers" if found[1] == "int" else found[1]
     annotation = _annotations(function)[name]
@@ -225,6 +236,12 @@ def require_integer(
     """Raise `error` unless the value is an integer >= `least`. hint: text at the end of the message."""
     if isinstance(value, bool) or not (isinstance(value, int | np.integer) and value >= least):
         raise error(f"{name} is {value!r}; allowed: whole numbers of at least {least}{hint}")
+
+
+def require_index(name: str, value: object, count: int) -> None:
+    """Raise ValueOutOfBoundsError unless the value is an index of a sequence of `count` items."""
+    if isinstance(value, bool) or not (isinstance(value, int | np.integer) and -count <= value < count):
+        raise ValueOutOfBoundsError(f"{name} is {value!r}; allowed: whole numbers from 0 to {count - 1}")
 
 
 def require_steps(steps: object, least: int = 1) -> None:

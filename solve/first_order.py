@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.capabilities import Capabilities, Evaluation, Outputs
 from solve.contracts import Matrices
@@ -58,6 +59,7 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     ('x',)
     """
 
+    @matches_annotations
     def __init__(
         self,
         matrices: Callable[[Array, float], Sequence[Array]],
@@ -69,8 +71,8 @@ class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     ):
         super().__init__(matrices, states, period, breaks)
         for kind, names in (("inputs", inputs), ("outputs", outputs)):
-            require_own_names(kind, names, states)
-        self.states, self.inputs, self.outputs = tuple(states), tuple(inputs), tuple(outputs)
+            require_own_names(kind, names, self.coordinates)
+        self.states, self.inputs, self.outputs = self.coordinates, tuple(inputs), tuple(outputs)
         self._symbols = "AbBCD" if inputs or outputs else "Ab"
 
     @classmethod
@@ -207,6 +209,7 @@ class MixedSystem(PeriodicSystem, Evaluation):
     ('q', 'x')
     """
 
+    @matches_annotations
     def __init__(
         self,
         matrices: Callable[[Array, float], Sequence[Array]],

@@ -1,13 +1,15 @@
 """Linear system with periodic coefficients, M(Ωt)q″ + C(Ωt)q′ + K(Ωt)q = d(Ωt) (chapter Eq. (2))."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self, TypeVar
 
-from solve.arguments import conforms, described, first_is
+import numpy as np
+
+from solve.arguments import conforms, described, first_is, matches_annotations
 from solve.arrays import Array
 from solve.capabilities import Capabilities
 from solve.contracts import Matrices
@@ -82,6 +84,7 @@ class PeriodicSystem:
     outputs: tuple[str, ...] = ()
     """Names of the quantities computed from the state."""
 
+    @matches_annotations
     def __init__(
         self,
         matrices: Callable[[Array, float], Sequence[Array]],
@@ -91,15 +94,14 @@ class PeriodicSystem:
         inputs: Sequence[str] = (),
     ):
         self.period = checked_period(period)
-        coordinates = [*coordinates] if isinstance(coordinates, Iterable) else [coordinates]
-        texts = all(isinstance(name, str) for name in coordinates)
-        if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) < self._FEWEST:
+        # An iterator can be read only once, and a text is one name.
+        coordinates = [coordinates] if isinstance(coordinates, str) else [*coordinates]
+        breaks = [*breaks]
+        if len(set(coordinates)) != len(coordinates) or len(coordinates) < self._FEWEST:
             raise ValueOutOfBoundsError(
-                f"coordinates are {list(coordinates)}; give each of the n coordinates a different name"
+                f"coordinates are {coordinates}; give each of the n coordinates a different name"
             )
-        if not isinstance(breaks, str) and conforms(breaks, Sequence[float]):
-            breaks = [*breaks]  # An iterator can be read only once.
-        if not isinstance(breaks, list) or not all(conforms(b, float) and math.isfinite(b) for b in breaks):
+        if not all(conforms(b, float) and math.isfinite(b) for b in breaks):
             raise ValueOutOfBoundsError(f"breaks are {described(breaks)}; allowed: finite phases")
         self._matrices = matrices
         self.coordinates = tuple(coordinates)
@@ -166,6 +168,7 @@ class PeriodicSystem:
         """Number of coordinates."""
         return len(self.coordinates)
 
+    @matches_annotations
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives with respect to time.
 
@@ -184,6 +187,7 @@ class PeriodicSystem:
 
         square, vector: symbols of the arrays of shape (m, n, n) and (m, n), for the message."""
         # A read-only array is copied, because the user's function may modify its argument.
+        phase = np.asarray(phase, dtype=float)
         argument = phase if phase.flags.writeable else phase.copy()
         try:
             values = self._matrices(argument, speed)
@@ -198,8 +202,9 @@ class PeriodicSystem:
         require_finite_entries(arrays, symbols, phase)
         return arrays
 
+    @matches_annotations
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """System with some parameters and options changed. Raises UnknownNameError."""
         for name in (*(parameters or {}), *(options or {})):

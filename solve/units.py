@@ -152,7 +152,8 @@ def _in_si(speed: float | str, zero: bool) -> GivenSpeed:
         omega = math.nan
     if isinstance(speed, bool) or not (math.isfinite(omega) and (omega > 0 or (zero and omega == 0))):
         allowed = "finite, 0 or more" if zero else "finite and > 0"
-        raise ValueOutOfBoundsError(f"speed is {speed}; allowed: {allowed}, such as '600 rpm'")
+        given = speed if isinstance(speed, str | Real) else described(speed)
+        raise ValueOutOfBoundsError(f"speed is {given}; allowed: {allowed}, such as '600 rpm'")
     require_size_of_number("speed", omega)
     if isinstance(speed, str):
         name = apart(speed).partition(" ")[2].strip()
@@ -266,11 +267,17 @@ def evenly(text: str, name: str) -> list[float] | list[str]:
     >>> evenly("0.2:0.6:3", "L2"), evenly("200:600:3 mm", "L2")
     ([0.2, 0.4, 0.6], ['200.0 mm', '400.0 mm', '600.0 mm'])
     """
-    usage = (
-        f"{name}={text}: write {name}=A:B:N, N > 1 numbers from A to B in the model's unit, or with a unit, "
-        "such as '20:40:5 mm'"
-    )
     limits, _, unit = apart(text).partition(" ")
+    flag, _, quantity_name = name.rpartition(" ")
+    ends = limits.split(":")[:2]
+    example = ""
+    if len(ends) == 2 and all(map(is_number, ends)):
+        suggested = f"{quantity_name}={':'.join(ends)}:11 {unit}".strip()
+        example = f', such as {flag} "{suggested}"' if flag else f", such as '{suggested}'"
+    usage = (
+        f"{name}={text}: write {name}=A:B:N, N > 1 numbers from A to B in the model's unit, or with a unit "
+        f"after N{example}"
+    )
     try:
         first, last, number = limits.split(":")
         low, high, count = float(first), float(last), int(number)

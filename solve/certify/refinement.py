@@ -126,11 +126,13 @@ class _GridComparison:
 class _Refinement(Comparison):
     """Solution of points with given steps, or with as many steps as each point requires.
 
-    previous_errors (P, 2): errors of the last grid of each point."""
+    previous_errors (P, 2): errors of the last grid of each point. unresolved (P,): remainder of modes
+    that are left unresolved because they require too many steps."""
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         super().__init__(points, method, request)
         self.previous_errors = np.full((len(points), 2), np.inf)
+        self.unresolved = np.zeros(len(points))
 
     def refine(self, positions: Array) -> Iterator[Certified | Failed]:
         pending: dict[int, list[Array]] = {}
@@ -150,8 +152,10 @@ class _Refinement(Comparison):
     def _first_grids(self, positions: Array, least: Array) -> Array:
         """Numbers of steps (k,) of the first grids of points at positions (k,). They are at least 1.2 times
         `least`, the stability limit."""
-        points, modes = self.points[positions], self.modes[positions]
-        first = first_steps(self.method, points, modes, self.request.orbit, self.request.rtol)
+        points, modes, request = self.points[positions], self.modes[positions], self.request
+        first, self.unresolved[positions] = first_steps(
+            self.method, points, modes, request.orbit, request.rtol, self.max_steps
+        )
         return np.minimum(grid_sizes(np.maximum(first, 1.2 * least)), max(self.max_steps, MIN_STEPS))
 
     def _refine_on(
@@ -196,6 +200,8 @@ class _Refinement(Comparison):
         remainder = unresolved_remainder(self.method, modes, finest)
         relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
+        is_left = relative <= self.unresolved[positions]
+        tolerances[:, 1] = np.maximum(tolerances[:, 1], np.where(is_left, relative, 0.0))
         return _GridComparison(positions, modes, solutions, better, errors, roundoff, tolerances, remainder)
 
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:

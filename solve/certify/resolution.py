@@ -11,6 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.coefficients import harmonics
+from solve.certify.comparison import NO_DIGIT
 from solve.methods.collocated import Collocated
 from solve.methods.collocation import Collocation
 from solve.methods.method import Method
@@ -34,32 +35,46 @@ _UNRESOLVED = 0.25
 below half a revolution, where two solutions may agree by chance. With half and twice this value, the errors
 of 65 results on 14 random test systems stay within their estimates, and the verdicts are the same."""
 
+_COMPARABLE = 3.0
+"""Ratio of the remainders of two modes up to which resolving one is pointless if the other cannot be
+resolved. A choice: the error of the multipliers is then at most three times the inevitable one."""
 
-def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float) -> Array:
+
+def first_steps(
+    method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float, most: int
+) -> tuple[Array, Array]:
     """Numbers of steps (P,) of the first grids: those m for which the error m c (ωT/m)^(p + 1) of a motion of
-    angular frequency ω equals the target.
+    angular frequency ω equals the target. Also the remainder (P,) that is left unresolved for want of steps.
 
     c and p are the error constant and the order of the method. The motions are the frozen modes, weighted by
     their decay per period relative to the least damped one, and the harmonics of the coefficients, weighted
     by their amplitudes. Along a nonlinear orbit only the modes count, because on a coarse grid the orbit has
     spurious harmonics. Methods without an error constant start with few steps; methods that do not damp stiff
-    modes start with steps that resolve these modes on the doubled grid of the comparison solution."""
+    modes start with steps that resolve these modes on the doubled grid of the comparison solution.
+
+    If an orbit is requested, damped modes that require more than `most` steps do not count, nor do modes of
+    which hardly more remains after a period: the multipliers do not meet the tolerance on any grid, and fine
+    grids increase the round-off of the orbit."""
     collocation = method.corrector
     if not isinstance(collocation, Collocated):
         phase_advance = np.zeros(len(modes)) if method.l_stable else modes.phase_advance_estimate
         steps = np.ceil(np.nan_to_num(phase_advance) / (2 * method.follows))
-        return np.clip(steps, 2 * MIN_STEPS, _MAX_FIRST_STEPS).astype(int)
+        return np.clip(steps, 2 * MIN_STEPS, _MAX_FIRST_STEPS).astype(int), np.zeros(len(modes))
     c, p, T = collocation.error_constant, collocation.order, modes.period
     rates, remaining = modes.rates_and_decay()
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         # Varying coefficients increase the frozen rates by about 1.5 times the speed.
-        mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)
+        powers = remaining * ((rates + 1.5) * T) ** (p + 1)
+        is_out_of_reach = (c / (AIM * rtol) * powers > float(most) ** p) & orbit
+        unresolved = _COMPARABLE * np.where(is_out_of_reach, remaining, 0.0).max(axis=1)
+        unresolved = np.where(unresolved < NO_DIGIT, unresolved, 0.0)
+        largest = np.where(remaining > unresolved[:, None], powers, 0.0).max(axis=1)
         if method.linear:
             amplitudes = harmonics(points, orbit)
-            mode_powers = np.maximum(mode_powers, _harmonic_powers(amplitudes, rates.max(axis=1), T, p))
-        steps = (c / (AIM * rtol) * mode_powers) ** (1 / p)
+            largest = np.maximum(largest, _harmonic_powers(amplitudes, rates.max(axis=1), T, p))
+        steps = (c / (AIM * rtol) * largest) ** (1 / p)
     steps = np.where(steps > MIN_STEPS, np.minimum(steps, _MAX_FIRST_STEPS), MIN_STEPS)
-    return np.ceil(steps).astype(int)
+    return np.ceil(steps).astype(int), unresolved
 
 
 def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> Array:

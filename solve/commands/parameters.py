@@ -86,7 +86,7 @@ def fit(
         missing = "--data FILE" if data is None else "--free NAME,NAME"
         raise MissingValueError(f"a fit requires measured data and free parameters; add {missing}")
     case = None if toml is None else checked(toml, [".toml"], "case")
-    names, limits = listed("--free", free), _bounds(bounds)
+    names, limits = _free_names(free), _bounds(bounds)
     model = problem.loaded()
     omega = speed.speed or model.labels.case_speed
     result = solve.fit(model, data, names, limits, omega, robust, accuracy.rule, accuracy.rtol)
@@ -136,7 +136,7 @@ def optimise(
         missing = "--minimise QUANTITY" if minimise is None else "--free NAME,NAME"
         raise MissingValueError(f"an optimum requires a quantity and free parameters; add {missing}")
     case = None if toml is None else checked(toml, [".toml"], "case")
-    names, limits = listed("--free", free or ""), _bounds(bounds)
+    names, limits = _free_names(free or ""), _bounds(bounds)
     model = problem.loaded()
     if feedback is not None:
         if toml is not None or robust is not None:
@@ -196,6 +196,18 @@ def tolerances(
     deliver_result(results, result, problem.choices)
 
 
+def _free_names(text: str) -> list[str]:
+    """Names from the text of --free. Raises ValueOutOfBoundsError for names with values or bounds."""
+    names = listed("--free", text)
+    for name, equals, _ in (each.partition("=") for each in names):
+        if equals:
+            bounds = text if ":" in text and len(names) == 1 else f"{name}=A:B"
+            raise ValueOutOfBoundsError(
+                f"--free is '{text}'; give names only, and bounds apart: --free {name} --bounds \"{bounds}\""
+            )
+    return names
+
+
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
     """Return a mapping from names to lower and upper bounds, which are texts if a unit is given. One text may
     state the same bounds for several names, separated by commas. Raises ValueOutOfBoundsError."""
@@ -212,7 +224,7 @@ def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str
         except ValueError:
             raise ValueOutOfBoundsError(
                 f"--bounds {name}={text}: write two numbers in the model's unit, such as "
-                f"--bounds {name}=1e4:1e6, or with a unit, such as '20:40 mm'"
+                f"--bounds {name}=1e4:1e6, or with one unit after both"
             ) from None
         bounds[name] = low, high
     return bounds

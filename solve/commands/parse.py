@@ -100,7 +100,7 @@ def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
         except ValueError:
             raise ValueOutOfBoundsError(
                 f"{flag} {name}={text}: '{text}' is not a number; write a number in the "
-                f"model's unit, such as {flag} {name}=1.5e3, or with a unit, such as {flag} r=30mm"
+                f"model's unit, such as {flag} {name}=1.5e3, or with a unit after it"
             ) from None
     return values
 

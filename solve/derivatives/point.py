@@ -15,6 +15,7 @@ from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.methods.choice import Rule
 from solve.methods.collocated import Collocated
+from solve.methods.method import Method
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.results.sensitivities import Sensitivities, Sensitivity
@@ -136,12 +137,18 @@ def quantities_by(
     return quantities, names
 
 
+def require_stages(rule: Rule) -> None:
+    """Raise ValueOutOfBoundsError for a method without stages."""
+    if isinstance(rule, Method) and not isinstance(rule, Collocated):
+        raise ValueOutOfBoundsError(f"method is {rule.name}; sensitivities support radau, gauss and auto")
+
+
 def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[str]) -> Sensitivities:
     """Sensitivities of an existing solution. It must be an orbit if the quantities require one. Raises
     ValueOutOfBoundsError for methods without stages."""
     rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
-    if not isinstance(rule, Collocated):
-        raise ValueOutOfBoundsError(f"method is {rule.name}; sensitivities support radau, gauss and auto")
+    require_stages(rule)
+    assert isinstance(rule, Collocated)
     free = solved.certified.solutions.free
     of_orbits = sum(quantity.of_orbit for quantity in quantities)
     if free is not None and of_orbits and free.modes.conserving.any():

@@ -84,12 +84,13 @@ class Collocated(OneStep):
     first_order = True
 
     def __post_init__(self) -> None:
-        if self.order not in self.orders:
+        if not isinstance(self.order, int | np.integer) or self.order not in self.orders:
             usual = type(self).order
             raise ValueOutOfBoundsError(
                 f"order of {self.name} is {self.order}; allowed: {', '.join(map(str, self.orders))}; "
                 f"try order {usual}"
             )
+        self._set(order=int(self.order))
         self._state_facts()
 
     def _state_facts(self) -> None:

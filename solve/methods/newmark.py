@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from solve.arguments import conforms
 from solve.arrays import Array, solved
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.method import MOST_STEPS, Discretisation, OneStep
@@ -38,7 +39,7 @@ class Newmark(OneStep):
 
     def __post_init__(self) -> None:
         for symbol, value in (("gamma", self.gamma), ("beta", self.beta)):
-            if not 0.0 <= value <= 1.0:
+            if not (conforms(value, float) and 0.0 <= value <= 1.0):
                 raise ValueOutOfBoundsError(
                     f"{symbol} of newmark is {value}; allowed: 0 … 1; try gamma 0.5 and beta 0.25"
                 )

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from solve.arguments import require_size
+from solve.arguments import matches_annotations, require_size
 from solve.errors import (
     CaseFileError,
     MissingValueError,
@@ -61,6 +61,7 @@ class Case:
     units: Mapping[str, str] = field(default_factory=dict, compare=False)
     spreads: Mapping[str, str] = field(default_factory=dict, compare=False)
 
+    @matches_annotations
     def replaced(
         self,
         parameters: Mapping[str, Any],

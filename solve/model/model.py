@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from solve.arguments import first_is
+from solve.arguments import first_is, matches_annotations
 from solve.arrays import Array, Plane
 from solve.capabilities import Capabilities, Evaluation, Nonlinear, Validity, Variation
 from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
@@ -89,8 +89,9 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         arguments = type(self), origin, self.setup.case, self.labels.options
         return _rebuilt, arguments, {"labels": self.labels}
 
+    @matches_annotations
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Model with changed parameters or options.
 
@@ -184,6 +185,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         """Whether the matrices pass all checks at every speed."""
         return self.sampler is not None and valid_at_all_speeds(self, self.sampler)
 
+    @matches_annotations
     def field(self, name: str, position: Array | float) -> Array:
         """Evaluate the mode functions of a declared deflection field.
 
@@ -423,7 +425,7 @@ class LinearisedModel(Model):
         return normals[:, [*range(fixed - 1), *columns]]
 
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> "LinearisedModel":
         varied = LinearisedModel(self.model.varied(parameters, options), self.motion)
         varied.meet(self.events)

@@ -14,7 +14,7 @@ from solve.units import apart, in_unit
 _TOLERANCE = re.compile(r"(?:±|\+/-|\+-)\s*(.+)")
 _DISTRIBUTION = re.compile(r"(normal|uniform)\s*\(\s*([^,]+?)\s*,\s*([^,]+?)\s*\)")
 
-_FORMS = "write '±2 %', '±0.1 mm', 'normal(8e4, 2e3)' or 'uniform(7e4, 9e4)'"
+_FORMS = "write '±2 %', '±0.1', 'normal(8e4, 2e3)' or 'uniform(7e4, 9e4)', with units or in the model's unit"
 
 EXTENT = 3.0
 """Distance from the mean, in standard deviations, within which the worst point of a normal distribution is

@@ -118,7 +118,8 @@ class Newton(Method):
     def _predicted(self, modes: FrozenModes) -> int:
         """Number of steps of a grid that is expected to suffice. On a first grid, the orbit is corrected by
         the method with one more stage. The error is twice the change and decreases with the order."""
-        first = first_steps(self, self.point(), modes, True, self.task.rtol)
+        most = self.most_steps(self.task.system.n)
+        first, _ = first_steps(self, self.point(), modes, True, self.task.rtol, most)
         (steps,) = grid_sizes(np.maximum(first, self.first)).tolist()
         task, grid = self.task, self.task.grid(steps)
         try:

@@ -235,6 +235,7 @@ def enough_samples(samples: int, count: int) -> int:
         raise ValueOutOfBoundsError(
             f"harmonics is {count!r}; allowed: whole numbers of at least 0, such as 60"
         )
+    require_size("harmonics", 8 * int(count))
     return max(samples, 8 * int(count))
 
 

@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
+from solve.errors import require_name
 from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, VERDICTS
 from solve.results.contents import FileContents, to_json
 from solve.results.files import write_atomic
@@ -110,14 +112,17 @@ class Proof(Serializable):
         contents = self.result.file_contents()
         return replace(contents, metadata={**contents.metadata, "proof": to_json(self.record)})
 
+    @matches_annotations
     def save(self, path: str | Path) -> None:
         """Write the numerical result with its proof to a file; see `Result.save`. `solve.open` reads .npz and
         .nc."""
         file = checked_data(path)
         write_atomic(file, writer(self, file))
 
+    @matches_annotations
     def statistics(self, name: str) -> tuple[float, float]:
         """Lower and upper bound on max|q| of a coordinate."""
+        require_name("coordinate", name, self.max_abs)
         return self.max_abs[name]
 
     @property

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from solve.arguments import matches_annotations, require_index
 from solve.arrays import Array
 from solve.contracts import Statistics
 from solve.equations import limits_of, warnings_of
@@ -147,6 +148,7 @@ class Branch(BranchPoints):
     _rows: ClassVar[str] = "points"
     _recorded: ClassVar[str] = "turning folds doublings tori grazing closed jumps rtol periods"
 
+    @matches_annotations
     def curve(self, point: int) -> FourierCurve:
         """Curve of the orbit at the point with index `point`. It can be the start of `solve.nonlinear`, which
         computes the orbit to a tolerance.
@@ -159,6 +161,7 @@ class Branch(BranchPoints):
         >>> orbit.iterations < 10
         True
         """
+        require_index("point", point, len(self.curves))
         q = self.curves[point].T
         nodes = np.linspace(0.0, self.system.period * int(self.counts[point]), len(q) + 1)
         return FourierCurve.through(nodes, q)

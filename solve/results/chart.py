@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, counted, require_name
 from solve.labels import unit_of
@@ -252,6 +253,7 @@ class Chart(ChartPoints):
         )
         return [*warnings, f"{failed}: {reason}"]
 
+    @matches_annotations
     def cut(self, x: float | None = None, y: float | None = None) -> Cut:
         """Stability along the line of constant x or y, with refined crossings. Raises ValueOutOfBoundsError
         unless exactly one of x and y is given."""
@@ -259,6 +261,7 @@ class Chart(ChartPoints):
             raise ValueOutOfBoundsError("a cut needs exactly one of x and y; give one of them")
         return self.solve_cut(0, float(x)) if x is not None else self.solve_cut(1, float(y or 0.0))
 
+    @matches_annotations
     def with_cuts(self, held: Sequence[tuple[str, float]]) -> "Chart":
         """Chart with cuts at values of its quantities; `held` contains pairs of names and values. Raises
         UnknownNameError."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array, symmetric_of
 from solve.first_order import FirstOrderSystem
 from solve.period.curve import Curve
@@ -177,6 +178,7 @@ class Controller(Result):
     sampled: SampledLoop | None = None
     compensator: FirstOrderSystem | None = None
 
+    @matches_annotations
     def riccati(self, phase: Array | float) -> Array:
         """Solution of the Riccati equation.
 
@@ -192,6 +194,7 @@ class Controller(Result):
         """
         return symmetric_of(self.solution(_phases(phase)))
 
+    @matches_annotations
     def gain(self, phase: Array | float) -> Array:
         """Feedback gain.
 
@@ -209,6 +212,7 @@ class Controller(Result):
         N, r = len(self.states), len(self.signals)
         return values.reshape(len(values), *((N, r) if self.kind == "kalman" else (r, N)))
 
+    @matches_annotations
     def feedforward(self, phase: Array | float) -> Array:
         """Feedforward of the inputs, u = −K x + f.
 

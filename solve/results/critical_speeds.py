@@ -7,9 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array, runs
 from solve.equations import warnings_of
-from solve.errors import counted
+from solve.errors import counted, require_name
 from solve.results.contents import Column, Columns, HeaderRows, digits, rows_of, sized, speeds_of
 from solve.results.formatting import measured, named, prefixed
 from solve.results.result import Figure, Result
@@ -236,8 +237,10 @@ class CriticalSpeeds(SolvedSpeeds):
         """Speeds (rad/s) at which the response is unbounded."""
         return sorted(row.response.speed for row in self.rows if row.response and row.unbounded)
 
+    @matches_annotations
     def maxima(self, way: str) -> list[tuple[float, float]]:
         """Speeds and heights of the maxima of the "response", "multiplier" or "radius"."""
+        require_name("maxima", way, ("response", "multiplier", "radius"))
         maxima = (getattr(row, way) for row in self.rows)
         return [(maximum.speed, maximum.height) for maximum in maxima if maximum is not None]
 
@@ -246,6 +249,7 @@ class CriticalSpeeds(SolvedSpeeds):
         """Divisions ω̄/k of mean frequencies (rad/s), with their modes and orders k."""
         return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
 
+    @matches_annotations
     def plot(self, *, campbell: bool = False) -> Figure:
         """Figure of the response, the dominant multiplier and the Campbell diagram. If `campbell` is True,
         the multiplier is omitted."""

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.equations import warnings_of
 from solve.errors import counted, require_name
@@ -144,6 +145,7 @@ class ModesOver(ResultOver):
         error."""
         return damping_ratios(self.exponents, self.resolution)
 
+    @matches_annotations
     def mode(self, label: str) -> int:
         """Index of the mode with a label. Raises UnknownNameError."""
         require_name("mode", label, self.labels)

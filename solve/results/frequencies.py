@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.arguments import matches_annotations, require_index
 from solve.arrays import Array
 from solve.contracts import ModeShape
 from solve.equations import freedoms_of, structure_of
@@ -136,9 +137,11 @@ class Frequencies(Roots):
         """Number of degrees of freedom, reduced by the number of constraints of inextensible links."""
         return freedoms_of(self.system)
 
+    @matches_annotations
     def shapes(self, number: int = 0) -> list[ModeShape]:
-        """Mode shapes at the position with index `number`. Raises ValueOutOfBoundsError for systems that are
-        not structures of beams."""
+        """Mode shapes at the position with index `number`. Raises ValueOutOfBoundsError for other indices and
+        for systems that are not structures of beams."""
+        require_index("number", number, len(self.positions))
         return structure_of(self.system).mode_shapes(float(self.positions[number]), self.values[number])
 
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.certify.correction import equation_residual, linearisation_error
 from solve.equations import exceeded_limits, is_nonlinear, judged_quantities, output_values
@@ -112,7 +113,8 @@ class Orbit(Stability, SolvedMotion):
         q, qd, qdd = (np.concatenate((values, values[:, :1]), axis=1) for values in states)
         return q, qd, qdd
 
-    def at(self, phase: Array) -> Array:
+    @matches_annotations
+    def at(self, phase: float | Array) -> Array:
         """Coordinates (n, k) at phases (k,).
 
         Parameters
@@ -207,6 +209,7 @@ class Orbit(Stability, SolvedMotion):
             return ""
         return f" Estimated linearisation error: {linearisation(max(errors))}."
 
+    @matches_annotations
     def record(self, harmonics: int = 60, quasi_static: bool = False) -> dict[str, Any]:
         """JSON object of `solve periodic --json`, with the amplitudes of `harmonics` harmonics of each
         quantity, in addition to its mean."""
@@ -262,6 +265,7 @@ class Orbit(Stability, SolvedMotion):
         columns_by_name([*curves, *rates])
         return FileContents(dict(curves), dict(rates), stability.metadata, {**arrays, **stability.arrays})
 
+    @matches_annotations
     def plot(
         self,
         names: Sequence[str] | None = None,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.certify.certified import Certified
 from solve.contracts import Statistics
@@ -48,6 +49,7 @@ class PeriodicMotion:
         """Number of samples per period, sufficient to resolve the curves."""
         return LEAST_SAMPLES
 
+    @matches_annotations
     def signal(self, name: str) -> Signal:
         """Coordinate or output as a function of the phase.
 
@@ -71,6 +73,7 @@ class PeriodicMotion:
             return lambda phase: self.at(phase)[row]
         return lambda phase: output_values(self.system, phase, self.speed, *self.state(phase))[name]
 
+    @matches_annotations
     def statistics(self, name: str) -> Statistics:
         """Statistics of a coordinate or output over one period, evaluated on the continuous curve. Raises
         UnknownNameError."""
@@ -81,6 +84,7 @@ class PeriodicMotion:
             return signal_statistics(self.signal(name), self.system.period, self.samples)
         return self.output_statistics[name]
 
+    @matches_annotations
     def harmonics(self, name: str, count: int = 60) -> tuple[Array, Array]:
         """Amplitudes and phase angles of the Fourier series of a coordinate or output.
 
@@ -227,12 +231,14 @@ class SolvedMotion(PeriodicMotion):
         """Number of samples per period, a multiple of the number of steps."""
         return self.steps * samples_a_step(self.steps)
 
+    @matches_annotations
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
         """Return q, q̇ and q̈ (n, k) at phases (k,). Raises ValueOutOfBoundsError for NaN or infinite
         phases."""
         q, v, a = (self.curve(require_finite(phase), derivative) for derivative in range(3))
         return q, self.speed * v, self.speed**2 * a
 
+    @matches_annotations
     def signal(self, name: str) -> Signal:
         """Coordinate or output as a function of the phase; see `PeriodicMotion.signal`.
 

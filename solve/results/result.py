@@ -5,6 +5,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.labels import SPEED
 from solve.results.contents import Columns, FileContents, HeaderRows, model_info, rows_of, to_json
@@ -118,6 +119,7 @@ class Result(Serializable):
         columns = {name: column for name, column in self.columns.items() if column.axes}
         return FileContents(columns, {}, self.metadata)
 
+    @matches_annotations
     def save(self, path: str | Path) -> None:
         """Write the result to a file; an existing file is replaced completely or not at all.
 

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from solve.arguments import matches_annotations, require_index
 from solve.arrays import Array
 from solve.equations import warnings_of
-from solve.errors import counted
+from solve.errors import counted, require_name
 from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, speeds_of
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
@@ -85,8 +86,10 @@ class Sensitivities(Result):
         """Mapping from parameters to the derivatives of a quantity."""
         return dict(zip(self.by, self.found[quantity].derivatives.tolist(), strict=True))
 
+    @matches_annotations
     def elasticities(self, quantity: str) -> dict[str, float | complex]:
         """Mapping from parameters θ to the elasticities (θ/q) ∂q/∂θ of a quantity q; NaN if q is 0."""
+        require_name("quantity", quantity, self.found)
         one = self.found[quantity]
         scale = 1 / one.value if one.value != 0 else math.nan
         return dict(zip(self.by, (one.derivatives * self._values * scale).tolist(), strict=True))
@@ -168,8 +171,10 @@ class Sensitivities(Result):
                 parts.append(f"{quantity} by {name} ({number(sizes[name], 3)} % per 1 %)")
         return f"Largest elasticities: {', '.join(parts)}." if parts else ""
 
+    @matches_annotations
     def ranked(self, quantity: str) -> list[str]:
         """Names of the parameters in order of decreasing elasticity of the quantity."""
+        require_name("quantity", quantity, self.found)
         sizes = np.abs(self.found[quantity].derivatives * self._values)
         absolute = np.abs(self.found[quantity].derivatives)
         order = np.lexsort((-np.nan_to_num(absolute), -np.nan_to_num(sizes)))
@@ -272,8 +277,10 @@ class SensitivitiesOver(Result):
             "elasticity_im": Column(np.imag(self.elasticities), "1", "imaginary part", axes=_AXES),
         }
 
+    @matches_annotations
     def ranked(self, place: int) -> list[int]:
         """Indices of the parameters in descending order of the elasticity of the quantity with index `place`,
         largest at any speed."""
+        require_index("place", place, len(self.quantities))
         sizes = np.nan_to_num(np.abs(self.elasticities[:, place])).max(axis=0)
         return np.argsort(-sizes, kind="stable")[:MOST_SHOWN].tolist()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.contracts import Statistics
@@ -198,13 +199,16 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     def phase(self) -> Array:
         return np.linspace(0.0, self.system.period, _STEPS + 1)
 
+    @matches_annotations
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
         empty = np.zeros((0, len(phase)))
         return empty, empty, empty
 
-    def at(self, phase: Array) -> Array:
+    @matches_annotations
+    def at(self, phase: float | Array) -> Array:
         return self.state(np.atleast_1d(phase))[0]
 
+    @matches_annotations
     def statistics(self, name: str) -> Statistics:
         if self.system.labels.solvable:
             return PeriodicMotion.statistics(self, name)

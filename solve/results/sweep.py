@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.errors import require_name
 from solve.labels import SPEED
@@ -171,6 +172,7 @@ class Sweep(Result):
         """Multipliers (P, 2n) in order of decreasing modulus; 0 if unresolved, NaN where the point failed."""
         return self.results.all_multipliers
 
+    @matches_annotations
     def figures(self, name: str, figure: str = "max_abs") -> Array:
         """Values (P,) of a statistic of a coordinate or output.
 
@@ -195,6 +197,7 @@ class Sweep(Result):
         require_name("figure", figure, FIGURES)
         return self.results.figures[:, stored.index(name), FIGURES.index(figure)]
 
+    @matches_annotations
     def spectrum(self, name: str) -> Array:
         """Amplitudes (P, harmonics + 1) of a quantity whose spectrum was requested. Raises
         UnknownNameError."""
@@ -261,6 +264,7 @@ class Sweep(Result):
         points = [point.record(self.system) for point in self.points]
         return {**super().record(), **to_json({"speeds": self.speeds, "points": points})}
 
+    @matches_annotations
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
         """Figure of the response versus speed, with its maxima, and of the spectral radius. Unstable speeds
         are shaded.
@@ -288,6 +292,7 @@ class Sweep(Result):
         """
         return super().plot(names, figure)
 
+    @matches_annotations
     def waterfall(self, name: str) -> Figure:
         """Figure of the spectra of a quantity versus speed, or versus the parameter that varies instead.
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.errors import NoResultError, counted
 from solve.labels import parts_of
@@ -59,6 +60,7 @@ class Sweeps(Result):
     system: PeriodicSystem
     figure: str = "max_abs"
 
+    @matches_annotations
     def figures(self, quantity: str, figure: str | None = None) -> Array:
         """Statistics (systems, P) of a coordinate or output, or maxima over a group of outputs; NaN where a
         point failed. Raises UnknownNameError."""
@@ -68,6 +70,7 @@ class Sweeps(Result):
             [[sweep.figures(name, figure) for name in names] for sweep in self.sweeps.values()], axis=1
         )
 
+    @matches_annotations
     def extremes(self, quantity: str, figure: str | None = None) -> list[Extreme]:
         """Peaks and quiet speeds of the first system in ascending order, with the responses of all systems.
         Raises UnknownNameError."""
@@ -89,6 +92,7 @@ class Sweeps(Result):
         """Warnings about the results, each with the label of its system."""
         return [f"{label}: {text}" for label, sweep in self.sweeps.items() for text in sweep.warnings]
 
+    @matches_annotations
     def plot(self, quantities: Sequence[str] | None = None, figure: str | None = None) -> Figure:
         """Figure with one panel per quantity and one curve per system. Raises UnknownNameError."""
         return super().plot(quantities, figure)

@@ -86,7 +86,7 @@ class Tolerances(Result):
     worst : mapping of str to WorstPoint
         Worst point for each quantity.
     bounds : mapping of str to tuple of float
-        Limits of each quantity, in SI units. The first limit defines whether large or small values are worse.
+        Limits of each quantity, in SI units. The worst value is the one farthest beyond a limit.
     units : mapping of str to str
         Units of quantities.
     points : (P, r) array

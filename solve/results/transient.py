@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.contracts import Statistics, driven
 from solve.equations import exceeded_limits, output_values, warnings_of
@@ -128,6 +129,7 @@ class TransientMotion(Result):
         states = self.q, self.qd, self._joined(2)
         return dict(output_values(self.system, self.phase, self.speeds, *states, self.acceleration))
 
+    @matches_annotations
     def values(self, name: str) -> Array:
         """Values (j,) of a coordinate or output. Raises UnknownNameError."""
         known_quantities(self.system, [name])
@@ -319,6 +321,7 @@ class Transient(TransientMotion):
         """Text that states the range of the speed."""
         return self.system.labels.speed_unit.span(self.ends[0], self.ends[-1])
 
+    @matches_annotations
     def plot(self, names: Sequence[str] | None = None) -> Figure:
         """Figure of each quantity, by default the coordinates, versus periods or, for a run-up, versus time.
         Raises UnknownNameError."""

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.batch.family import over_speed
 from solve.batch.task import task_of
@@ -67,6 +68,7 @@ class PeriodicCurves:
     1
     """
 
+    @matches_annotations
     def __init__(self, system: PeriodicSystem, method: Method = _METHOD, steps: int = 96, samples: int = 4):
         if not (isinstance(steps, int) and steps >= 2 and steps % 2 == 0):
             raise StepsError(f"steps is {steps!r}; allowed: even numbers of at least 2, such as 96")
@@ -85,6 +87,7 @@ class PeriodicCurves:
         count = self.steps * self.samples
         return np.arange(count) * (self.system.period / count)
 
+    @matches_annotations
     def __call__(self, speeds: float | str | Iterable[float | str]) -> SolvedCurves:
         """Solve at speeds (P,), in rad/s or as texts with a unit. Raises UnitError, ValueOutOfBoundsError."""
         speeds = np.array(speeds_given(speeds), dtype=float)

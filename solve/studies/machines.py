@@ -1,7 +1,7 @@
 """Machines sampled from a model with randomly deviating parameters: stability and quantities at several
 speeds, with gradients."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,11 +25,26 @@ from solve.studies.tracked import leading
 
 
 class Quantity(NamedTuple):
-    """Quantity with the sign of its unfavourable direction: 1 if larger values are worse, -1 if smaller
-    values are worse."""
+    """Quantity with its limits. limits: tightest limit in each unfavourable direction, which is 1 if larger
+    values are worse and -1 if smaller values are worse; 0 in a direction without a limit."""
 
     named: Named
-    sign: float
+    limits: Mapping[float, float]
+
+    @classmethod
+    def with_bounds(cls, named: Named, bounds: Sequence[Bound]) -> "Quantity":
+        """Quantity with its limits among the bounds. Without a limit small values are worse for minima, and
+        large values for other quantities."""
+        limits: dict[float, float] = {}
+        for bound in bounds:
+            if bound.quantity.text == named.text:
+                others = (limits.get(bound.sign, bound.value), bound.value)
+                limits[bound.sign] = min(others) if bound.sign > 0 else max(others)
+        return cls(named, limits or {-1.0 if named.figure == "min" else 1.0: 0.0})
+
+    def excess(self, values: Array) -> Array:
+        """Distance of values (…) beyond the nearest limit; negative between the limits."""
+        return np.max([sign * (values - limit) for sign, limit in self.limits.items()], axis=0)
 
 
 STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
@@ -134,8 +149,8 @@ class Machines:
     def worst(self, values: Array) -> tuple[Array, Array]:
         """Worst values (P, q) over all speeds, from values (q, P, k), and indices (P, q) of the speeds at
         which they occur. A worst value is NaN if the value at any speed is NaN."""
-        signs = np.array([each.sign for each in self.quantities])[:, None, None]
-        speed_indices = (signs * values).argmax(axis=2)
+        excess = [each.excess(each_values) for each, each_values in zip(self.quantities, values, strict=True)]
+        speed_indices = np.array(excess).argmax(axis=2)
         return np.take_along_axis(values, speed_indices[..., None], axis=2)[..., 0].T, speed_indices.T
 
     def design(self, speed: float) -> Design:

@@ -9,12 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from solve.approximation import slope
-from solve.arguments import first_is
+from solve.arguments import checked_rtol, first_is, require_steps
 from solve.arrays import Array
-from solve.derivatives.point import periods_of, quantities_by, sensitivities
+from solve.derivatives.point import periods_of, quantities_by, require_stages, sensitivities
 from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
+from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED
-from solve.methods.choice import Rule
+from solve.methods.choice import Rule, chosen
 from solve.methods.free import free
 from solve.period.named import RADIUS
 from solve.period.points import SinglePoint
@@ -101,8 +102,13 @@ def sensitivities_over(
     SolveError
         Other subclasses for bad input.
     """
+    # Settings are checked here, so that they are not refused at every speed.
     periods_of(nonlinear, periods)
-    settings = method, steps, rtol, engine, nonlinear, periods
+    require_stages(rule := chosen(method))
+    chosen_engine(engine)
+    if steps is not None:
+        require_steps(steps)
+    settings = rule, steps, checked_rtol(rtol), engine, nonlinear, periods
     given_speeds, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
     texts = [quantity.text for quantity in quantities]
     system, omegas = shown_in(system, given_speeds[0]), np.array(given_speeds)

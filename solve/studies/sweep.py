@@ -14,6 +14,7 @@ from solve.arguments import (
     NUMBERS_A_POINT,
     checked_rtol,
     matches_annotations,
+    require_integer,
     require_size,
     require_steps,
     unique_names,
@@ -26,7 +27,7 @@ from solve.contracts import Statistics
 from solve.equations import exceeded_limits, is_nonlinear, output_values, require_bounds, warnings_of
 from solve.errors import LinearModelError, MissingValueError, SolveError, ValueOutOfBoundsError, require_name
 from solve.labels import in_own_unit, known_quantities, parts_of
-from solve.methods.choice import Rule
+from solve.methods.choice import Rule, chosen
 from solve.model.model import Model, of_model
 from solve.period.quantities import LEAST_SAMPLES, figures
 from solve.period.quantities import harmonics as harmonics_of
@@ -110,6 +111,7 @@ def sweep(
     >>> len(found.speeds)
     3
     """
+    require_integer("harmonics", harmonics, 0)
     values = varied_values(over, system)
     given_speeds = speeds_given(_speeds(system, speeds, over))
     system, omegas = shown_in(system, given_speeds[0]), np.array(given_speeds)
@@ -386,14 +388,14 @@ def validity(
             f"{system.labels.name} is linear by construction; validity requires a model with "
             "nonlinear equations"
         )
-    given_speeds, rtol = speeds_given(speeds), checked_rtol(rtol)
+    given_speeds, rtol, rule = speeds_given(speeds), checked_rtol(rtol), chosen(method)
     system, omegas = shown_in(system, given_speeds[0]), np.sort(given_speeds)
     errors, failures = np.full((len(omegas), system.n), np.nan), {}
     with progress.task("speeds", len(omegas)):
         for position, omega in enumerate(omegas.tolist()):
             with progress.subtask("speeds"):
                 try:
-                    by_coordinate = periodic(system, omega, method, rtol=rtol).linearisation_error
+                    by_coordinate = periodic(system, omega, rule, rtol=rtol).linearisation_error
                     assert by_coordinate is not None
                     errors[position] = list(by_coordinate.values())
                 except SolveError as reason:

@@ -18,6 +18,7 @@ from solve.methods.choice import Rule, chosen
 from solve.methods.collocated import Collocated
 from solve.methods.method import Method
 from solve.model.model import Model, of_model
+from solve.period.named import Named
 from solve.results.tolerances import (
     UNSTABLE,
     ParameterSpread,
@@ -194,13 +195,10 @@ def _machines(
     model = shown_in(model, given[0])
     spreads = spreads_of(model, vary)
     bounds = bounds_of(model, texts[0])
-    signs = {bound.quantity.text: bound.sign for bound in reversed(bounds)}
     named = [STABILITY.quantity, *(bound.quantity for bound in bounds)]
     named += [real_quantity(model, text) for text in unique_names(texts[1])]
     distinct = {each.text: each for each in named}.values()
-    quantities = [
-        Quantity(each, signs.get(each.text, -1.0 if each.figure == "min" else 1.0)) for each in distinct
-    ]
+    quantities = [Quantity.with_bounds(each, [STABILITY, *bounds]) for each in distinct]
     method, rtol, engine = accuracy
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
@@ -254,19 +252,21 @@ def _sobol(
 
 
 def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
-    """Search for the worst case of each quantity, from the worst of the points (P, r), whose values are
-    `values` (q, P, k). The last point is the nominal one."""
+    """Search for the worst case of each quantity, in the direction of each limit, from the worst of the
+    points (P, r), whose values are `values` (q, P, k). The last point is the nominal one."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
     worst, speed_index = machines.worst(values)
     found = {}
     for at, quantity in enumerate(machines.quantities):
-        known = np.where(np.isnan(worst[:, at]), -np.inf, quantity.sign * worst[:, at])
         climbed = []
-        for start in known.argsort()[-_STARTS:].tolist():
-            speed = machines.speeds[int(speed_index[start, at])]
-            value, parameters = _local_worst_point(machines, quantity, speed, points[start], (low, high))
-            climbed.append((quantity.sign * value, value, speed, parameters))
+        for sign in quantity.limits:
+            known = np.where(np.isnan(worst[:, at]), -np.inf, sign * worst[:, at])
+            for start in known.argsort()[-_STARTS:].tolist():
+                speed = machines.speeds[int(speed_index[start, at])]
+                direction = quantity.named, sign
+                value, parameters = _local_worst_point(machines, direction, speed, points[start], (low, high))
+                climbed.append((float(quantity.excess(np.array(value))), value, speed, parameters))
         _, value, speed, parameters = max(climbed, key=lambda each: each[0])
         found[quantity.named.text] = WorstPoint(
             value, float(worst[-1, at]), speed, dict(zip(machines.spreads, parameters.tolist(), strict=True))
@@ -275,10 +275,15 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
 
 
 def _local_worst_point(
-    machines: Machines, quantity: Quantity, speed: float, start: Array, ends: tuple[Array, Array]
+    machines: Machines,
+    direction: tuple[Named, float],
+    speed: float,
+    start: Array,
+    ends: tuple[Array, Array],
 ) -> tuple[float, Array]:
-    """Return the worst value of a quantity at a speed, for parameters within the ends of their tolerances,
-    and these parameters (r,). The gradient search begins at `start`."""
+    """Return the extreme value of a quantity at a speed, for parameters within the ends of their tolerances,
+    and these parameters (r,). The gradient search begins at `start`. direction: the quantity, and 1 for its
+    largest or -1 for its smallest value."""
     from scipy.optimize import minimize
 
     design = machines.design(speed)
@@ -289,7 +294,7 @@ def _local_worst_point(
     def descent(x: Array) -> tuple[float, Array]:
         nonlocal best
         try:
-            value, slopes = leading(design, x, 0, *quantity)
+            value, slopes = leading(design, x, 0, *direction)
         except SolveError:
             return 0.0, np.zeros(len(x))
         if value > best[0]:
@@ -301,7 +306,7 @@ def _local_worst_point(
     scale = abs(descent(x)[0]) or 1.0
     bounds, options = list(zip(low, high, strict=True)), {"maxfun": _MOST_STEPS}
     minimize(descent, x, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
-    return (quantity.sign * best[0] if math.isfinite(best[0]) else math.nan), best[1]
+    return (direction[1] * best[0] if math.isfinite(best[0]) else math.nan), best[1]
 
 
 def _doubts(probability: Mapping[str, Probability], unknown: int) -> list[str]:

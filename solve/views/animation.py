@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from solve.arguments import first_is, number_or_nan
+from solve.arguments import first_is, matches_annotations, number_or_nan
 from solve.arrays import Array, Plane
 from solve.equations import require_load, sketched
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
@@ -123,6 +123,7 @@ class Animation:
         warnings = [warning for warning in self.warnings if warning != self.doubt]
         return page_text(self.drawn(still=False), warnings)
 
+    @matches_annotations
     def save(self, path: str | Path) -> None:
         """Write the animation (.gif, .html), or a picture of several positions (.png, .pdf, .svg), completely
         or not at all. Raises FileError."""

@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import require_name
 from solve.labels import known_quantities
-from solve.results.formatting import fixed, prefixed
+from solve.results.formatting import ROUND_OFF, fixed, prefixed
 from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion
 from solve.results.special_orbits import NonlinearOrbit, RigidOrbit
@@ -185,7 +185,7 @@ def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
 
 
 def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
-    """Return a table of the extrema, with their phases, and of the means."""
+    """Return a table of the extrema, with their phases, and of the means; "–" for the phases of constant quantities."""
     motion.evaluate_outputs()
     period, rows = motion.system.period, []
     for name in known_quantities(motion.system):
@@ -194,7 +194,10 @@ def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
         high, low, mean = (
             fixed(value * factor, values.max_abs * factor) for value in (values.max, values.min, values.mean)
         )
-        high_at, low_at = _degrees(period, values.max_phase), _degrees(period, values.min_phase)
+        if values.max - values.min <= ROUND_OFF * values.max_abs:
+            high_at = low_at = "–"
+        else:
+            high_at, low_at = _degrees(period, values.max_phase), _degrees(period, values.min_phase)
         rows.append((_broken(name), unit, high, high_at, low, low_at, mean))
     return table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2, rows=rows)
 

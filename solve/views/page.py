@@ -10,6 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
+from solve.arguments import matches_annotations
 from solve.errors import SolveError
 from solve.results.contents import versions
 from solve.results.files import checked, write_atomic
@@ -109,6 +110,7 @@ class Report:
         """HTML text of the page."""
         return _page(self)
 
+    @matches_annotations
     def save(self, path: str | Path) -> None:
         """Write the page to a file that ends in .html, completely or not at all. Raises FileError."""
         write_atomic(checked(path, ENDINGS, "report"), self.write)

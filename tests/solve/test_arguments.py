@@ -106,6 +106,10 @@ def plane():
     return random_system(3, 2)
 
 
+def orbit():
+    return solve.periodic(plane(), 2.0)
+
+
 CHARTED = {"x": "delta=1:2:2", "y": "epsilon=0:1:2", "speed": 1.0}
 REFUSED = {
     "orders is 2.5; allowed: whole numbers of at least 1": lambda: solve.critical_speeds(
@@ -126,7 +130,7 @@ REFUSED = {
     r"position is \[\]; allowed": lambda: solve.frequencies(plane(), []),
     "count is 1.5; allowed": lambda: solve.frequencies(plane(), 0.0, 1.5),  # type: ignore[arg-type]
     "0 values at 1 positions": lambda: solve.frequencies_over(solve.load("cam"), "k1", [], np.zeros(1)),
-    r"coordinates are \[1\]; give": lambda: solve.PeriodicSystem(plane().at, [1]),  # type: ignore[list-item]
+    r"coordinates is \[1\]; allowed: sequence of str": lambda: solve.PeriodicSystem(plane().at, [1]),  # type: ignore[list-item]
     "'targets' is empty": lambda: solve.compare(plane(), 2.0, targets=[]),
     "period is '2'; allowed": lambda: solve.PeriodicSystem(plane().at, ["q"], "2"),  # type: ignore[arg-type]
     "1e\\+09 turns; allowed: up to 43690, or more with": lambda: solve.transient(plane(), 2.0, 10**9),
@@ -153,6 +157,67 @@ REFUSED = {
         solve.load("cam"), "100 rpm", solve.periodic(plane(), 2.0)
     ),
 }
+
+
+METHODS = {
+    "phase is 'x'; allowed: float or (k,) array; see help(solve.Orbit.at)": lambda: orbit().at("x"),
+    "path is 3; allowed: str or Path; see help(solve.Orbit.save)": lambda: orbit().save(3),
+    "name is 3; allowed: str; see help(solve.Orbit.harmonics)": lambda: orbit().harmonics(3),
+    "1e+30 harmonics; allowed: up to": lambda: orbit().harmonics("q1", 10**29 * 10 // 8),
+    "figure is None; allowed: ": lambda: solve.sweep(plane(), [1.0, 2.0]).figures("q1", None),
+    "phase is [None]; allowed: ndarray; see help(solve.PeriodicSystem.at)": lambda: plane().at([None], 1.0),
+    "options is 3; allowed: mapping; see help(solve.Model.varied)": lambda: solve.load("cam").varied({}, 3),
+    "gamma of newmark is a; allowed: 0 … 1": lambda: solve.Newmark("a"),
+    "beta of newmark is [0.2]; allowed: 0 … 1": lambda: solve.Newmark(beta=[0.2]),
+    "order of radau is 9.0; allowed: 3, 5": lambda: solve.Radau(9.0),
+    "matrices is 3; allowed: callable; see help(solve.PeriodicSystem)": lambda: solve.PeriodicSystem(
+        3, ["q"]
+    ),
+    "inputs is 3; allowed: sequence of str": lambda: solve.FirstOrderSystem(np.cos, ["x"], inputs=3),
+    "steps is 'a'; allowed": lambda: solve.PeriodicCurves(plane(), steps="a"),
+    "method is 3; allowed: Method; see help(solve.PeriodicCurves)": lambda: solve.PeriodicCurves(plane(), 3),
+    "harmonics is -1; allowed: whole numbers of at least 0": lambda: solve.sweep(
+        plane(), [1.0, 2.0], harmonics=-1
+    ),
+}
+
+
+@pytest.mark.parametrize("words", METHODS)
+def test_methods_and_constructors_refuse_arguments_of_wrong_type(words):
+    with pytest.raises(SolveError) as caught:
+        METHODS[words]()
+    assert str(caught.value).startswith(words)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("study", "settings", "words"),
+    [
+        (solve.validity, {"method": "trapezoid"}, "method 'trapezoid'"),
+        (solve.validity, {"rtol": 2.0}, "rtol is 2.0"),
+        (solve.sensitivities_over, {"method": "trapezoid"}, "method 'trapezoid'"),
+        (solve.sensitivities_over, {"method": "newmark"}, "method is newmark; sensitivities support"),
+        (solve.sensitivities_over, {"engine": "gpu"}, "engine 'gpu'"),
+        (solve.sensitivities_over, {"steps": 2.5}, "steps is 2.5"),
+        (solve.sensitivities_over, {"rtol": 2.0}, "rtol is 2.0"),
+    ],
+)
+def test_wrong_settings_are_refused_before_the_first_speed(monkeypatch, study, settings, words):
+    def solved(*_, **__):
+        raise AssertionError("a speed was solved")
+
+    for module in ("solve.studies.sweep.periodic", "solve.studies.sensitivities.sensitivities"):
+        monkeypatch.setattr(module, solved)
+    with pytest.raises(SolveError, match=words):
+        study(solve.load("cam"), "100:200:3 rpm", **settings)
+
+
+def test_methods_accept_sequences_and_numbers_of_numpy():
+    motion, system = orbit(), plane()
+    np.testing.assert_array_equal(motion.at([0.1, 0.2]), motion.at(np.array([0.1, 0.2])))
+    assert motion.at(np.float64(0.1)).shape == (2, 1)
+    np.testing.assert_array_equal(system.at([0.1], 2)[2], system.at(np.array([0.1]), 2.0)[2])
+    assert solve.Gauss(np.int64(8)).nodes.shape == (4,)
 
 
 @pytest.mark.parametrize("words", REFUSED)

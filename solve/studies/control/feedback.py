@@ -160,7 +160,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return {**values, **dict(zip(self.open_loop.inputs, u, strict=True))}
 
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Closed loop with the same feedback and a system with some parameters and options changed."""
         return self.around(self.model.varied(parameters, options))

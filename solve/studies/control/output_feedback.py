@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from solve.arguments import require_integer, unique_names
+from solve.arguments import matches_annotations, require_integer, unique_names
 from solve.arrays import Array
 from solve.contracts import Columns, Dependence, Matrices, ParameterDerivatives
 from solve.equations import derivatives_of, input_matrix
@@ -95,6 +95,7 @@ class OutputFeedback(FeedbackLoop):
     True
     """
 
+    @matches_annotations
     def __init__(
         self,
         system: PeriodicSystem,
@@ -145,8 +146,9 @@ class OutputFeedback(FeedbackLoop):
             units={**self.labels.units, **added},
         )
 
+    @matches_annotations
     def varied(
-        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+        self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
         """Closed loop with some gains, or parameters and options of the system, changed."""
         changes = dict(parameters or {})
@@ -280,6 +282,7 @@ def _unit(system: PeriodicSystem, u: str, y: str) -> str:
 class GainDerivatives:
     """Derivatives of output feedback with respect to its gains; see `ParameterDerivatives`."""
 
+    @matches_annotations
     def __init__(self, loop: OutputFeedback):
         self._loop = loop
 
@@ -308,6 +311,7 @@ class GainDependence(Dependence):
 
     linear = partial_outputs = True
 
+    @matches_annotations
     def __init__(self, loop: OutputFeedback, names: Sequence[str]):
         terms = [loop.gain_terms[name] for name in names]
         self._loop, self._input = loop, [term.input for term in terms]

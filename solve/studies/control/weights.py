@@ -126,7 +126,7 @@ def named_numbers(
     for key, value in given.items():
         require_name(f"{name}: name", key, allowed)
         numbers[key] = number_or_nan(value)
-        least = "positive numbers" if positive else "numbers of at least 0"
+        least = "real numbers > 0" if positive else "real numbers of at least 0"
         if not (0 <= numbers[key] < np.inf) or (positive and numbers[key] == 0):
             raise ValueOutOfBoundsError(f"{name}: {key} is {value!r}; allowed: {least}")
     return numbers

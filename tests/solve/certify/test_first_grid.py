@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from solve import Gauss, Newmark, PeriodicSystem, Radau
+from solve import Gauss, Newmark, PeriodicSystem, Radau, periodic
 from solve.certify.resolution import first_steps
 from solve.period.frozen import frozen
 from solve.period.points import SinglePoint
@@ -22,8 +22,8 @@ def oscillators(*omegas, damping=0.0):
 
 def steps(method, system, rtol=1e-6):
     point = SinglePoint(system, 1.0)
-    (computed,) = first_steps(method, point, frozen(point), True, rtol).tolist()
-    return computed
+    computed, _ = first_steps(method, point, frozen(point), True, rtol, 2**20)
+    return int(computed[0])
 
 
 @pytest.mark.parametrize("n", [1, 2])
@@ -51,6 +51,43 @@ def test_modes_that_die_out_need_few_steps():
     dying, lasting = (oscillators(1.0, 400.0, damping=damping) for damping in (0.01, 0.0))
     for method in (Gauss(), Radau(13)):
         assert steps(method, dying) < steps(method, lasting) / 2
+
+
+def stiff(rates, rng):
+    """Damped modes λ from soft to stiff, W q with a random triangular W, so that stiff entries do not cancel.
+    The load is cos φ on each. Returns the system, q at the phases 0 and π/2, and the multipliers."""
+    W = np.eye(len(rates)) + np.triu(rng.uniform(-0.5, 0.5, (len(rates), len(rates))), 1)
+    C, K = (W.T @ np.diag(part) @ W for part in (-2 * rates.real, np.abs(rates) ** 2))
+    loads = (W.T * np.abs(rates) ** 2).sum(axis=1)
+    response = np.linalg.inv(W) @ (np.abs(rates) ** 2 / ((1j - rates) * (1j - rates.conj())))
+    system = constant(W.T @ W, C, K, lambda phase: np.cos(phase)[:, None] * loads)
+    return system, np.array([response.real, -response.imag]).T, np.exp(2 * np.pi * rates)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("method", ["auto", "radau"])
+def test_an_orbit_is_accurate_although_no_grid_resolves_all_modes(method, seed):
+    """After a period, 1 % of modes of 2e4 and 1e6 rad/s remain, of which the faster one requires more steps
+    than allowed. The orbit meets the tolerance; the error of the multipliers is what remains."""
+    system, response, multipliers = stiff(
+        np.array([-0.02 + 1.3j, -0.1 + 2.6j, -0.74 + 2e4j, -0.74 + 1e6j]), np.random.default_rng(seed)
+    )
+    orbit = periodic(system, 1.0, method, rtol=1e-6)
+    error = np.abs(orbit.at([0.0, np.pi / 2]) - response).max()
+    assert error < 10 * orbit.error_estimate.orbit * np.abs(response).max()
+    assert orbit.error_estimate.orbit <= 1e-6
+    assert 0.005 < orbit.error_estimate.multipliers < 0.05
+    assert (orbit.verdict, orbit.steps < 100) == ("asymptotically stable", True)
+    assert orbit.spectral_radius == pytest.approx(np.abs(multipliers).max(), rel=1e-6)
+    assert "gives the multipliers to" in orbit.warnings[0]
+
+
+def test_modes_are_followed_if_they_decide_the_verdict_or_no_orbit_is_wanted():
+    """An undamped mode that requires too many steps is not ignored, nor is a damped one without an orbit."""
+    for damping, orbit, ignored in ((0.0, True, False), (8e-7, True, True), (8e-7, False, False)):
+        point = SinglePoint(oscillators(1.0, 1e6, damping=damping), 1.0)
+        computed, unresolved = first_steps(Radau(13), point, frozen(point), orbit, 1e-6, 2**14)
+        assert (computed[0] < 100, unresolved[0] > 0) == (ignored, ignored)
 
 
 def test_harmonics_of_the_load_count_as_far_as_inertia_lets_them():

@@ -42,7 +42,7 @@ def test_json_has_gain_feedforward_and_observer(capsys):
         (["--lqr", "q2=1, q2=2, u=1"], "write each name once"),
         (["--lqr", "q9=1, u=1"], "q9"),
         (["--lqr", "q2=-1, u=1"], "at least 0"),
-        (["--lqr", "q2=1, u=0"], "positive"),
+        (["--lqr", "q2=1, u=0"], "u is 0.0; allowed: real numbers > 0"),
         (["--kalman", "u=1, q1=1e-9", "--feedforward"], "--feedforward requires --lqr"),
         (["--kalman", "u=1, q1=1e-9", "--samples", "40"], "--samples 40 requires --lqr"),
     ],

@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import re
+import shlex
 import subprocess
 import sys
 from importlib import import_module
@@ -148,7 +149,7 @@ def test_axes_cuts_bounds_and_frequencies_take_a_unit(command, tmp_path):
 def test_a_range_with_an_invalid_unit_or_form_is_refused(command):
     for over, words in (
         ("k1=60:80:2 kN", ("k1: unit 'kN'", "N m/rad")),
-        ("k1=60:80 kN m/rad", ("k1=A:B:N", "'20:40:5 mm'")),
+        ("k1=60:80 kN m/rad", ("k1=A:B:N", '--over "k1=60:80:11 kN m/rad"')),
         ("k9=60:80:2 kN", ("k9", "did you mean 'k3'")),
     ):
         ran = command("sweep", "cam", "--speed", "100 rpm", "--over", over)
@@ -156,6 +157,35 @@ def test_a_range_with_an_invalid_unit_or_form_is_refused(command):
         assert all(word in ran.err for word in words), ran.err
     with pytest.raises(ValueOutOfBoundsError, match="N > 1"):
         evenly("1:2:1 mm", "r")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ("sweep", "cam", "--speed", "100 rpm", "--rtol", "1e-2", "--over", "k2=6e8:8e8"),
+        ("chart", "mathieu", "--y", "epsilon=0:1:2", "--rtol", "1e-2", "--x", "delta=1:2 1/s^2"),
+        ("frequencies", "cam", "--position", "0 deg", "--over", "k3=260:280kN/mm"),
+        (
+            "optimise",
+            "cam",
+            "--minimise",
+            "q3.max_abs",
+            "--speed",
+            "90 rpm",
+            "--rtol",
+            "1e-2",
+            "--free",
+            "k2=600:900 kN/mm",
+        ),
+    ],
+    ids=["over", "x", "over a unit", "free"],
+)
+def test_the_remedy_of_a_message_is_accepted(command, line):
+    ran = command(*line)
+    assert ran.status == 2
+    remedy = shlex.split(ran.err[ran.err.index(f'{line[-2]} "' if "free" not in line[-2] else "--free k2") :])
+    again = command(*line[:-2], *remedy)
+    assert again.status == 0, again.err
 
 
 @pytest.mark.parametrize(("speed", "more"), [("3 Hz", ("--over", "delta=0.5:1.5:3")), ("2 rad/s", ())])
@@ -324,7 +354,7 @@ def test_bounds_of_a_fit_take_a_unit(command, tmp_path):
         ran = command(*line, "--bounds", f"k1={bounds}")
         if value is None:
             assert (ran.status, ran.err.count("\n")) == (2, 1)
-            assert "'20:40 mm'" in ran.err
+            assert "--bounds k1=1e4:1e6, or with one unit after both" in ran.err
         else:
             assert json.loads(ran.out)["parameters"]["k1"]["value"] == pytest.approx(value, rel=1e-3)
 

@@ -157,7 +157,7 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
         (UnknownNameError, ({"x": 1.0}, {"u": 1.0}), "allowed: q, q_dot|q"),
         (UnknownNameError, ({"q": 1.0}, {"v": 1.0}), "v"),
         (ValueOutOfBoundsError, ({"q": -1.0}, {"u": 1.0}), "q is -1.0"),
-        (ValueOutOfBoundsError, ({"q": 1.0}, {"u": 0.0}), "positive"),
+        (ValueOutOfBoundsError, ({"q": 1.0}, {"u": 0.0}), "real numbers > 0"),
         (ValueOutOfBoundsError, (np.eye(3), {"u": 1.0}), "shape"),
         (ValueOutOfBoundsError, ([[1.0, 2.0], [0.0, 1.0]], {"u": 1.0}), "symmetric"),
         (ValueOutOfBoundsError, (-np.eye(2), {"u": 1.0}), "eigenvalue"),

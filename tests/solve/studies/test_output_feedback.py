@@ -145,7 +145,7 @@ def test_margin_of_a_constant_oscillator_is_its_damping():
             damping = 0.3 * self.labels.parameters["c"] - 0.1 * self.labels.parameters["e"]
             return one, damping * one, 4 * one, np.zeros((len(phase), 1))
 
-    found = solve.stability_margin(Damped(None, ["q"]), 1.0, ["c", "e"])
+    found = solve.stability_margin(Damped(np.cos, ["q"]), 1.0, ["c", "e"])
     assert found.distance == pytest.approx(np.sqrt(0.4), rel=1e-3)
     assert found.changes["c"] == pytest.approx(-0.6, rel=1e-2)
     assert found.verdicts == ("asymptotically stable", "unstable")

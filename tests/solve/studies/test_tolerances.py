@@ -76,6 +76,26 @@ def test_values_below_a_lower_limit_violate_it(model):
     assert found.worst["q.max_abs"].parameters == {"k": pytest.approx(10.0)}
 
 
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize(("low", "high", "worst"), [(9.8, 7.0, 10.0), (11.0, 8.5, 8.0), (9.5, 9.4, 8.0)])
+def test_worst_point_is_farthest_beyond_one_of_two_limits(model, low, high, worst, reverse):
+    """The amplitude falls with the stiffness k: between the limits at stiffnesses `low` and `high`, or beyond
+    one of them at the stiffness `worst`."""
+    limits = [f"q.max_abs > {amplitude(low):.17g}", f"q.max_abs < {amplitude(high):.17g}"]
+    limits.append("spectral_radius > 0.1")
+    found = solve.tolerances(
+        model,
+        SPEED,
+        {"k": "uniform(8, 10)"},
+        limits[::-1] if reverse else limits,
+        samples=64,
+        index_samples=0,
+    )
+    assert found.worst["q.max_abs"].parameters == {"k": pytest.approx(worst)}
+    assert found.worst["q.max_abs"].value == pytest.approx(amplitude(worst), rel=1e-6)
+    assert found.worst["spectral_radius"].value == pytest.approx(np.exp(-np.pi * DAMPING / MASS / SPEED))
+
+
 def test_results_within_their_error_of_a_limit_are_counted_apart(model):
     exact = float(solve.periodic(model, SPEED, rtol=1e-12).statistics("q").max_abs)
     found = solve.tolerances(

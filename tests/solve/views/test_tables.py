@@ -51,6 +51,20 @@ def test_phases_are_drive_angles_for_any_period():
     assert [row[2], row[4]] == [f"{behind:.1f}°", f"{behind + 360:.1f}°"]
 
 
+def test_constant_quantities_have_no_phase_of_their_extrema():
+    """x = 2 and y = cos(φ)/(4.3 - 1) with forces that are coupled by x + y."""
+
+    def matrices(phase, speed):
+        couple = np.ones((len(phase), 1, 1)) * np.array([[1.0, 1.0], [0.0, 1.0]])
+        loads = np.stack((8.6 + np.cos(phase), np.cos(phase)), axis=1)
+        return couple, 0.0 * couple, 4.3 * couple, loads
+
+    system = solve.PeriodicSystem(matrices, ["x", "y"])
+    rows = [line.split() for line in text_of(printout(solve.periodic(system, 1.0))).splitlines()]
+    assert ["x", "2.000000", "–", "2.000000", "–", "2.000000"] in rows
+    assert ["y", "0.3030303", "0.0°", "-0.3030303", "180.0°", "0.0000000"] in rows
+
+
 def test_the_end_of_the_turn_is_its_beginning():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
