@@ -202,7 +202,11 @@ def _is_sequence(value: Any, annotation: Any) -> bool:
         return conforms(1.0, annotation)
     if _dimensions(value) == 0:
         return False
-    return not isinstance(value, Collection) or all(conforms(each, annotation) for each in value)
+    if not isinstance(value, Collection):
+        return True
+    if set(map(type, value)) == {float}:  # One check for all entries saves most of the time.
+        return conforms(1.0, annotation)
+    return all(conforms(each, annotation) for each in value)
 
 
 def described(value: object) -> str:

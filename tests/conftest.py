@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -35,6 +36,10 @@ if sys.dont_write_bytecode and not os.path.exists(pytest.__spec__.cached):
     sys.dont_write_bytecode = False
     os.chmod(sys.pycache_prefix, 0o755)
     atexit.register(shutil.rmtree, sys.pycache_prefix, ignore_errors=True)
+
+# The layout takes most of the time of drawing. Tests that look at it use the fixture `laid_out`.
+_SET_LAYOUT = Figure.set_layout_engine
+Figure.set_layout_engine = lambda figure, layout=None, **_: None
 
 # A job in the background is started deaf to interruptions, and so would be the commands under test.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -78,6 +83,12 @@ def pytest_make_collect_report(collector):
 def pytest_collection_modifyitems(items):
     """The same order in all processes again, which have to agree on it."""
     items.sort(key=lambda item: item.path.parts)
+
+
+@pytest.fixture
+def laid_out(monkeypatch):
+    """Figures have the layout that users see."""
+    monkeypatch.setattr(Figure, "set_layout_engine", _SET_LAYOUT)
 
 
 @pytest.fixture

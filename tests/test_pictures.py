@@ -26,7 +26,7 @@ def test_picture_without_a_command_is_refused(tmp_path):
     tuple(map(int, matplotlib.__version__.split(".")[:2])) < (3, 11), reason="draws letters otherwise"
 )
 @pytest.mark.parametrize("name", ["newmark_stability.png", "validity_cam.png"])
-def test_command_reproduces_the_picture_on_the_page(tmp_path, name):
+def test_command_reproduces_the_picture_on_the_page(tmp_path, name, laid_out):
     """Up to 2 % of the pixels may differ, since fonts depend on the matplotlib version."""
     (picture,) = (each for each in EVERY if each.file.name == name)
     pictures.renew(picture._replace(file=tmp_path / name))

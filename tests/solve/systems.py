@@ -16,6 +16,7 @@ CAM_LAW = {
     "1": {1: 0.22165, 3: 0.05560, 5: -0.01706},
     "2": {1: 0.22206, 3: 0.08539, 5: 0.00518, 7: -0.00373, 9: 0.00345, 11: -0.00182},
 }
+ORDERS = np.arange(1, 4)
 
 seeds = st.integers(min_value=0, max_value=2**32 - 1)
 
@@ -34,21 +35,9 @@ def constant(M, C, K, force):
     return system(matrices, n)
 
 
-def series(rng, shape, size, harmonics=3):
-    """A function of the phase: a Fourier series with zero mean and entries of about `size`."""
-    amplitudes = (
-        size
-        * rng.standard_normal((2, harmonics, *shape))
-        / np.arange(1, harmonics + 1).reshape(-1, *(1 for _ in shape))
-    )
-
-    orders, columns = np.arange(1, harmonics + 1), amplitudes.reshape(2 * harmonics, -1)
-
-    def value(phase):
-        angles = np.outer(phase, orders)
-        return (np.concatenate((np.cos(angles), np.sin(angles)), axis=1) @ columns).reshape(-1, *shape)
-
-    return value
+def amplitudes(rng, count, size):
+    """Coefficients (6, count) of cos φ, cos 2φ, cos 3φ and the sines, of about `size`."""
+    return (size * rng.standard_normal((2, 3, count)) / ORDERS[:, None]).reshape(6, count)
 
 
 def spd(rng, n, low, high):
@@ -60,13 +49,16 @@ def spd(rng, n, low, high):
 def random_matrices(seed, n, modulation=0.15):
     """M, C, K, d with time derivatives at speed 1: smooth, damped, all of them varying."""
     rng = np.random.default_rng(seed)
-    means = spd(rng, n, 1.0, 2.0), spd(rng, n, 0.1, 0.5), spd(rng, n, 1.0, 20.0)
-    parts = [series(rng, (n, n), modulation * size / n) for size in (0.5, 0.5, 2.0)]
-    load, mean_load = series(rng, (n,), 1.0), rng.standard_normal(n)
+    means = [spd(rng, n, *bounds).ravel() for bounds in ((1.0, 2.0), (0.1, 0.5), (1.0, 20.0))]
+    parts = [amplitudes(rng, n * n, modulation * size / n) for size in (0.5, 0.5, 2.0)]
+    columns = np.concatenate((*parts, amplitudes(rng, n, 1.0)), axis=1)
+    mean = np.concatenate((*means, rng.standard_normal(n)))
 
     def matrices(phase, speed):
-        M, C, K = (mean + part(phase) for mean, part in zip(means, parts, strict=True))
-        return (M + np.swapaxes(M, 1, 2)) / 2, C, K, mean_load + load(phase)
+        angles = np.outer(phase, ORDERS)
+        entries = mean + np.concatenate((np.cos(angles), np.sin(angles)), axis=1) @ columns
+        M, C, K = np.moveaxis(entries[:, :-n].reshape(-1, 3, n, n), 1, 0)
+        return (M + np.swapaxes(M, 1, 2)) / 2, C, K, entries[:, -n:]
 
     return matrices
 
@@ -77,13 +69,13 @@ def random_system(seed, n, **settings):
 
 def cam_matrices(case="1", **changed):
     """Chapter Eq. (64) with Tables 1 and 2, by hand."""
-    p, law = CAM | changed, CAM_LAW[case]
+    p = CAM | changed
+    k, a = (np.array(part) for part in zip(*CAM_LAW[case].items(), strict=True))
 
     def matrices(phase, speed):
-        U1, U2, U3 = (
-            sum(a * k**r * trig(k * phase) for k, a in law.items())
-            for r, trig in ((0, np.cos), (1, lambda x: -np.sin(x)), (2, lambda x: -np.cos(x)))
-        )
+        angles = np.outer(phase, k)
+        cosines, sines = np.cos(angles), np.sin(angles)
+        U1, U2, U3 = cosines @ a, -sines @ (k * a), -cosines @ (k**2 * a)
         m, m3, one, zero = p["m2"] + p["m3"], p["m3"], np.ones_like(phase), np.zeros_like(phase)
         M = [
             [p["I1"] + m * U1**2, m * U1, m3 * U1],

@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from solve.system import check, in_phase
-from tests.benchmarks.population import FRESH_TRIALS, options
 from tests.solve.certificates import fresh
 from tests.solve.certificates.trials import matched_error
 from tests.solve.certificates.truth import PHASES, panel_edges
@@ -158,14 +157,3 @@ def test_undamped_systems_have_constant_mass_and_symmetric_stiffness():
             assert np.ptp(M, axis=0).max() <= 1e-14 * np.abs(M).max()
             assert np.abs(K - np.swapaxes(K, 1, 2)).max() <= 1e-14 * np.abs(K).max()
     assert 0.1 < undamped / 140 < 0.3
-
-
-def test_the_benchmark_takes_part_of_either_population():
-    assert vars(options([])) == {"every": 1, "first": None, "fresh": False, "start": 0}
-    assert vars(options(["--fresh", "--start", "1", "--first", "30", "--every", "7"])) == {
-        "every": 7,
-        "first": 30,
-        "fresh": True,
-        "start": 1,
-    }
-    assert [(trial.name, trial.rtol) for trial in FRESH_TRIALS] == [("auto", 1e-4), ("auto", 1e-8)]

@@ -1,12 +1,15 @@
 """`solve compare`: its JSON, table, picture and file."""
 
+import contextlib
 import csv
+import io
 import json
 import math
 
 import numpy as np
 import pytest
 
+from solve.commands import deliver
 from solve.commands.app import run
 from solve.methods.choice import METHODS
 from solve.results.comparison import Row
@@ -19,10 +22,20 @@ ARGUMENTS = (
 ROW = {"method", "order", "steps", "orbit_error", "multiplier_error", "time", "verdict", "at", "warnings"}
 
 
-def test_json_has_the_promised_keys(command):
-    ran = command("compare", *ARGUMENTS, "--json")
-    assert (ran.status, ran.err) == (0, "")
-    record = json.loads(ran.out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Output, figures and folder of one comparison with picture and file."""
+    folder, output, figures = tmp_path_factory.mktemp("compared"), io.StringIO(), []
+    keep = deliver.drawn
+    with pytest.MonkeyPatch.context() as patch, contextlib.chdir(folder):
+        patch.setattr(deliver, "drawn", lambda figure, file: figures.append(figure) or keep(figure, file))
+        with contextlib.redirect_stdout(output):
+            assert run(["compare", *ARGUMENTS, "--json", "--plot", "work.png", "--save", "rows.csv"]) == 0
+    return output.getvalue(), figures, folder
+
+
+def test_json_has_the_promised_keys(compared):
+    record = json.loads(compared[0], parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
     assert record["model"] == "manipulator"
     assert record["reference"]["error_estimate"]["orbit"] < 1e-10
     assert all(row.keys() >= ROW for row in record["rows"])
@@ -56,17 +69,9 @@ def test_tables_fit_80_columns(command):
     assert "modal: out of reach" in " ".join(ran.out.split())
 
 
-def test_picture_has_one_labelled_line_per_method(command, monkeypatch, tmp_path):
-    from solve.commands import deliver
-
-    figures = []
-    keep = deliver.drawn
-    monkeypatch.setattr(
-        deliver, "drawn", lambda figure, file: (figures.append(figure), keep(figure, file))[1]
-    )
-    assert command("compare", *ARGUMENTS, "--plot", "work.png").status == 0
-    assert (tmp_path / "work.png").read_bytes().startswith(b"\x89PNG")
-    (figure,) = figures
+def test_picture_has_one_labelled_line_per_method(compared):
+    _, (figure,), folder = compared
+    assert (folder / "work.png").read_bytes().startswith(b"\x89PNG")
     orbit, multipliers = figure.axes
     assert [axes.get_title() for axes in figure.axes] == ["orbit", "multipliers"]
     for axes in figure.axes:
@@ -150,8 +155,7 @@ def test_false_multipliers_and_verdicts_are_marked_in_the_table(command):
     assert [row["followed"] for row in rows[::2]] == [True, False]
 
 
-def test_rows_are_saved(tmp_path):
-    assert run(["compare", *ARGUMENTS, "--save", str(tmp_path / "rows.csv")]) == 0
-    header, *rows = csv.reader((tmp_path / "rows.csv").read_text().splitlines())
+def test_rows_are_saved(compared):
+    header, *rows = csv.reader((compared[2] / "rows.csv").read_text().splitlines())
     assert header[:6] == ["method", "order", "steps", "orbit_error (1)", "multiplier_error (1)", "time (s)"]
     assert len(rows) == 6

@@ -33,13 +33,6 @@ def test_a_result_leaves_standard_error_clean():
     assert ran.stdout.count("\n") == 1
 
 
-def test_a_refusal_leaves_no_traceback():
-    ran = solved("periodic", "cam", "--speed", "600")
-    assert ran.returncode == 2
-    assert ran.stdout == ""
-    assert ran.stderr == "solve: '600' has no unit; write it like '600 rpm'\n"
-
-
 def test_help_loads_no_command_and_no_heavy_package():
     code = (
         "import sys; from solve.commands.app import MODULES, run; status = run(['--help']); "

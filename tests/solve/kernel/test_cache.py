@@ -15,6 +15,14 @@ SMALL = Size(1, 2, 2, True, False)
 needs_compiler = pytest.mark.skipif(bool(trouble()), reason=trouble() or "there is a compiler")
 
 
+@pytest.fixture(autouse=True)
+def short_source(tmp_path, monkeypatch):
+    """A source that is compiled in a moment, in place of the kernel."""
+    source = tmp_path / "short.c"
+    source.write_text("int lanes = 1;\n")
+    monkeypatch.setattr(library, "_SOURCE", source)
+
+
 def again():
     """Another process would load the library anew."""
     library.library.cache_clear()

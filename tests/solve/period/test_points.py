@@ -51,8 +51,9 @@ class Several:
         return Several(self.each, self.which[positions])
 
     def tables(self, phase):
-        entries = np.array([entries_of(system, phase, 1.0) for system in self.each])
-        return Tables.from_entries(entries[self.which], self.n)
+        numbers, places = np.unique(self.which, return_inverse=True)
+        entries = np.array([entries_of(self.each[number], phase, 1.0) for number in numbers])
+        return Tables.from_entries(entries[places], self.n)
 
 
 @pytest.fixture(scope="module", params=[(1, 1000), (2, 250), (3, 250)], ids=["1", "2", "3"])

@@ -113,19 +113,20 @@ def opened(result, folder, ending):
     for name, values in theirs.items():
         assert ours[name].dtype == values.dtype
         assert ours[name].tobytes() == values.tobytes()
-    for one, other in zip(again.plot().axes, picture(result).axes, strict=True):
-        for line, before in zip(one.lines, other.lines, strict=True):
-            np.testing.assert_array_equal(line.get_xydata(), before.get_xydata())
+    return again
+
+
+def is_open_nc(result, folder):
+    again = opened(result, folder, ".nc")
     again.save(folder / "again.npz")
     assert solve.open(folder / "again.npz").record() == result.record()
 
 
-def is_open_nc(result, folder):
-    opened(result, folder, ".nc")
-
-
 def is_open_npz(result, folder):
-    opened(result, folder, ".npz")
+    again = opened(result, folder, ".npz")
+    for one, other in zip(again.plot().axes, picture(result).axes, strict=True):
+        for line, before in zip(one.lines, other.lines, strict=True):
+            np.testing.assert_array_equal(line.get_xydata(), before.get_xydata())
 
 
 def is_plot(result, _):
@@ -206,25 +207,24 @@ def test_rows_of_a_chart_are_its_points():
 
 @pytest.mark.parametrize("name", [slowly(name) for name in names()])
 def test_every_command_saves_and_prints_the_same(name, tmp_path, capsys, monkeypatch):
-    """Of its picture, it is seen here that it is written; the commands' own tests draw."""
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, stream, **__: stream.write(b"drawn"))
+    """The picture is inspected as an object; the commands' own tests draw."""
+    pictures = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: pictures.append(figure))
     cell = next(row[-1] for row in ROWS[2:] if row[0].startswith(f"`{name}`"))
     run, words = command_of(name, cell)
-    for ending in (".npz", ".nc"):
-        file = tmp_path / f"result{ending}"
-        assert run([*words, "--json", "--save", str(file), "--plot", str(tmp_path / "result.png")]) == 0
-        printed = json.loads(capsys.readouterr().out)
-        assert (tmp_path / "result.png").read_bytes() == b"drawn"
-        saved = solve.open(file)
-        assert saved.record()["parameters"] == printed["parameters"]
-        if name not in {"solve.frequencies", "solve.frequencies_over"}:
-            assert without_times(saved.record()) == without_times(printed)
-            shows_the_unit_given(saved, words)
-            break
+    file = tmp_path / "result.npz"
+    assert run([*words, "--json", "--save", str(file), "--plot", str(tmp_path / "result.png")]) == 0
+    printed, saved = json.loads(capsys.readouterr().out), solve.open(file)
+    (drawn,) = pictures
+    assert (tmp_path / "result.png").exists()
+    assert saved.record()["parameters"] == printed["parameters"]
+    if name not in {"solve.frequencies", "solve.frequencies_over"}:
+        assert without_times(saved.record()) == without_times(printed)
+        shows_the_unit_given(saved, drawn, words)
 
 
-def shows_the_unit_given(result, words):
-    """Speeds stand in the unit of the flags: in rpm only beside it."""
+def shows_the_unit_given(result, drawn, words):
+    """Speeds have the unit of the flags; rpm appears only beside it."""
     unit = next((text.split()[-1] for text in words if re.search(r"\d (Hz|rad/s)$", text)), None)
     if unit is None:
         return
@@ -232,9 +232,9 @@ def shows_the_unit_given(result, words):
     tags.feed(result._repr_html_())
     beside = [line for line in tags.text.splitlines() if "rpm" in line]
     assert all(f"{unit} = " in line for line in beside)
-    drawn = [text.get_text() for text in result.plot().findobj(Text)]
-    assert not any("rpm" in text for text in [*drawn, *result.warnings])
-    assert any(unit in text for text in [*drawn, tags.text])
+    texts = [text.get_text() for text in drawn.findobj(Text)]
+    assert not any("rpm" in text for text in [*texts, *result.warnings])
+    assert any(unit in text for text in [*texts, tags.text])
 
 
 def blocks():

@@ -205,7 +205,7 @@ def page_data(page):
     return json.loads(match[1])
 
 
-def test_the_page_moves_its_lines_as_the_figure_does(coupler):
+def test_the_page_moves_its_lines_as_the_figure_does(coupler, laid_out):
     """Each path, moved as the script does, lies where matplotlib puts the line, to a hundredth of a point."""
     made = Animation(**{**vars(coupler), "frames": 4})
     page, seen = made.html, scene(made.drawn(still=False))

@@ -60,7 +60,7 @@ def test_response_curve_omits_unstable_speeds_and_their_edges():
     assert len(marks.get_xdata()) == 0
 
 
-def test_order_labels_do_not_overlap_frame_or_frequencies():
+def test_order_labels_do_not_overlap_frame_or_frequencies(laid_out):
     critical = solve.critical_speeds(solve.load("cam"), "400:700:30 rpm", figure="rms", rtol=1e-6)
     figure = critical.plot(campbell=True)
     figure.draw_without_rendering()

@@ -17,6 +17,8 @@ from solve.views.fit import compared_figure
 from solve.views.style import VERMILION, page, save_figure
 from tests.solve.results.problems import SPEED, chain, multipliers, orbit, response, x_of
 
+pytestmark = pytest.mark.usefixtures("laid_out")
+
 
 @pytest.fixture(scope="module")
 def result():
