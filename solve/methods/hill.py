@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -182,7 +183,7 @@ def _zeros(problem: Problem, multiplier: int, orders: int, values: Array, tolera
         signs, logarithms = zip(*map(at, (left, middle, right)), strict=True)
         # Two zeros may lie near a minimum of the modulus of the determinant.
         if abs(sum(signs)) == 3 and logarithms[1] == min(logarithms):
-            closest = minimize_scalar(
+            closest: Any = minimize_scalar(
                 lambda value, sign=signs[1], scale=logarithms[1]: sign * scaled(value, scale),
                 bounds=(left, right),
                 method="bounded",

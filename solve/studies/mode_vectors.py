@@ -57,9 +57,13 @@ class ModeVectors:
     parts: Array
     inertia: Array
 
-    @cached_property
+    @property
     def inverse(self) -> Array:
         """Left inverse (m, k, N) of p at the nodes."""
+        return self._inverse
+
+    @cached_property
+    def _inverse(self) -> Array:
         return np.linalg.pinv(self.parts)
 
     @property
