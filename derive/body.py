@@ -101,8 +101,8 @@ def declared_body(
 
 
 def _occupied(matrix: str, interface: int, size: int) -> list[tuple[int, int]]:
-    """Entries on and above the diagonal that are not zero by construction: modes are mutually orthogonal, and
-    their stiffness is not coupled with the interface."""
+    """Entries on and above the diagonal, except those that are always zero: entries that couple two different
+    modes, and stiffnesses that couple a mode with the interface."""
     pairs = [(i, j) for i in range(size) for j in range(i, size)]
     if matrix == "C":
         return pairs

@@ -291,7 +291,8 @@ def arbitrary_points(symbols: Sequence[Any]) -> list[dict[Any, Any]]:
 
 @lru_cache(maxsize=256)
 def _roots(switch: Any, moving: Any) -> list[list[Any]]:
-    """Zeros of a switch in one symbol, for each of the arbitrary points."""
+    """Zeros of a switch as a function of the symbol `moving`, at each of the random points of the other
+    symbols."""
     return [list(_along(switch, point, moving)) for point in arbitrary_points(in_order(switch))]
 
 

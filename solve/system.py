@@ -304,8 +304,8 @@ def in_phase(system: PeriodicSystem, phase: Array, speed: float) -> Matrices:
 
 
 def check(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is regular.
-    Matrices of a model must also pass the checks of generated matrices."""
+    """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is regular. If
+    the system is a model, its matrices must also pass the checks that apply to generated matrices."""
     system._check(speed)
 
 

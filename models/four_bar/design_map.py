@@ -67,7 +67,7 @@ class DesignMap(Serializable):
 
     @cached_property
     def own_index(self) -> int:
-        """Index of the mechanism's own L4."""
+        """Index of the mechanism's L4 in the lengths of the map."""
         return int(np.searchsorted(self.L4, self.own_L4))
 
     @cached_property
@@ -152,7 +152,9 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
     if model.parameters["zeta"] <= 0:
         raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
     if not low < high:
-        raise DesignError(f"L4 from {low:g} to {high:g} m leaves no range for the pivot; widen the range")
+        raise DesignError(
+            f"no pivot position is possible for L4 from {low:g} to {high:g} m; widen the range of L4"
+        )
     own_L4 = model.parameters["L4"]
     if not low <= own_L4 <= high:
         raise DesignError(

@@ -124,7 +124,8 @@ class LinkBasis:
         return np.einsum("tij,iba,bc,jcd->tad", TERMS, self.axes, local, self.axes, optimize=True)
 
     def expanding(self, local: Array) -> Array:
-        """Table (5, k, r) of Rᵀ local R_r for `local` (k, r), with zeros in the rows of the interface."""
+        """Return the products Rᵀ `local` R_r for `local` (k, r) as a table (5, k, r), with one slice for each
+        of `TERMS`. The rows of the interface are zero."""
         table = np.einsum("tij,iba,bc,jcd->tad", TERMS, self.body.axes, local, self.axes, optimize=True)
         table[:, self.body.interface] = 0.0
         return table

@@ -231,8 +231,8 @@ class Spectrum:
 
     @property
     def _has_factors(self) -> bool:
-        """Whether factors of the period are available in the coordinates of the system, and few enough to be
-        used."""
+        """Whether the monodromy matrix is available as a product of maps in the coordinates of the system,
+        with few enough factors."""
         method = self.certified.method
         return isinstance(method, OneStep) and method.converges and not self._is_long
 

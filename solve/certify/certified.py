@@ -262,8 +262,8 @@ class Certified:
 
 
 def verdicts_of(solutions: Solutions, errors: Array, modes: FrozenModes) -> Array:
-    """Verdicts (P,), as indices in VERDICTS, on the motion relative to rigid-body modes; "stable" if there is
-    no other motion."""
+    """Verdicts (P,), as indices in VERDICTS, on the motion without the rigid-body modes; "stable" if no
+    motion remains."""
     of_vibration = verdicts(solutions.Phi, solutions.multipliers, errors, modes)
     return np.where(_rigid_body_only(solutions), STABLE, of_vibration)
 

@@ -136,7 +136,10 @@ def compare(
         list[str] | None, Flag("Method to compare; repeatable; all by default.", "NAME")
     ] = None,
     steps: Annotated[
-        list[int] | None, Flag("Number of steps per period, equal for all methods; repeatable.", "N")
+        list[int] | None,
+        Flag(
+            "Number of steps per period, the same for all methods. The flag may be given more than once.", "N"
+        ),
     ] = None,
     rtol: Annotated[
         list[float] | None,
@@ -182,7 +185,11 @@ def transient(
     nonlinear: Annotated[bool, Flag("Integrate the nonlinear equations of motion.")] = False,
     rtol: Annotated[
         float,
-        Flag("Relative distance from the orbit at which it counts as reached; also the tolerance.", "R"),
+        Flag(
+            "Relative distance from the orbit within which the orbit counts as reached; also the tolerance "
+            "of the integration.",
+            "R",
+        ),
     ] = 1e-3,
     show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
     speeds: Annotated[

@@ -81,12 +81,12 @@ class WeightedSums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """Forward derivatives of the orbit with respect to r quantities θ. They are efficient for many
+    """Forward derivatives of the orbit with respect to r quantities θ. This is efficient if there are many
     statistics.
 
-    nodes (m, r): derivatives of the starts of steps with respect to θ. If q″ jumps by a at the start of a
-    step, the derivative of q′ jumps by -a times this value. level: derivatives of the means along rigid-body
-    modes, see `PeriodicProblem.solve`."""
+    nodes (m, r): derivatives with respect to θ of the phases at which the steps start. If q″ jumps by a at
+    such a phase, the derivative of q′ jumps by -a times the derivative of the phase. level: derivatives of
+    the means along rigid-body modes, see `PeriodicProblem.solve`."""
 
     orbit: GridOrbit
     dependence: Dependence

@@ -232,7 +232,8 @@ class PeriodicProblem:
 
     @cached_property
     def _damping(self) -> Array:
-        """C (m, l, n, n) of the original system, with respect to the phase."""
+        """Damping matrices C (m, l, n, n) of the original system, for derivatives with respect to the
+        phase."""
         phases = self.phases[:, self.loaded]
         C = matrices(self.point, phases.ravel())[1][0]
         return C.reshape(*phases.shape, *C.shape[1:])

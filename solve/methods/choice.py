@@ -85,8 +85,8 @@ METHODS: dict[str, Callable[..., Any]] = {
 
 
 def chosen(method: str | Rule, **settings: Any) -> Rule:
-    """Method with this name and with the settings that are not None, or the function `auto`. An object that
-    is a method is returned unchanged.
+    """Return the method named `method`, with those settings that are not None, or the function `auto` if
+    `method` is "auto". A method object is returned unchanged.
 
     Raises UnknownNameError for other names. Raises ValueOutOfBoundsError for other objects, and for settings
     that the method does not have."""

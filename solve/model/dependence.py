@@ -334,7 +334,8 @@ class AssembledDependence(Dependence):
         return self._cache[key]
 
     def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
-        """Interpolants over the phase of the derivatives of Ω²M, ΩC and K in row order, and of d.
+        """Interpolants, as functions of the phase, of the derivatives of d and of the entries of Ω²M, ΩC and
+        K, row by row.
 
         Each is paired with a less accurate one for error estimates. All grids use the interpolants, because a
         varied system takes longer to assemble than to sample."""

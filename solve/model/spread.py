@@ -85,7 +85,7 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
         if not width > 0:
             raise ValueOutOfBoundsError(
                 f"{where} is '{text}' with the nominal value {value:g}, so that the range is empty; give a "
-                "tolerance > 0; if the nominal value is 0, give it in the parameter's unit"
+                "tolerance > 0; for a nominal value of 0, give the tolerance in the unit of the parameter"
             )
         return Spread(text, False, value - width, value + width)
     distribution = _DISTRIBUTION.fullmatch(text.strip())

@@ -43,8 +43,8 @@ _DIFFERENCE = 1e-3
 
 @dataclass(frozen=True)
 class _OnCurve:
-    """Point of the curve of special points; the tangent (2,) of this curve, in the basis of the tangents of
-    the point; and the derivative of g normal to the curve."""
+    """Point of the curve of special points, with the tangent (2,) of the curve expressed in the two tangents
+    of the surface of orbits at this point, and the derivative of g normal to the curve."""
 
     point: Point
     along: Array

@@ -149,7 +149,8 @@ def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -
 
 
 def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unknowns:
-    """Unknowns of a harmonic vibration with the shape (n,), as a direction."""
+    """Return the unknowns of a harmonic vibration with the mode shape `shape` (n,), as the direction of a
+    branch."""
     rates = {np.cos: (np.cos, lambda x: -np.sin(x)), np.sin: (np.sin, np.cos)}[function]
     values = [shape[:, None] * rate(grid.nodes) for rate in rates]
     q, v, a = values[0].T, values[1].T, -values[0].T

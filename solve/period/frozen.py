@@ -146,7 +146,8 @@ class FrozenModes:
         return has_steady_determinant(self._rates_at(slice(None))[0], _STEADY)
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
-        """Eigenvalues λ (P, k, N) with respect to the phase, at the selected phases."""
+        """Eigenvalues λ (P, k, N) per radian of the phase, of the coefficients frozen at the selected
+        phases."""
         if self._is_oscillator:
             return quadratic_roots(*self._matrices_at(phases)[:, 0, 0])
         pencils, first_order = self._matrices_at(phases), self._first_order
@@ -160,7 +161,7 @@ class FrozenModes:
 
     @cached_property
     def few_eigenvalues(self) -> Array:
-        """Eigenvalues λ (P, k', N) with respect to the phase, at every 16th phase."""
+        """Eigenvalues λ (P, k', N) per radian of the phase, at every 16th phase."""
         return self.eigenvalues(_FEW)
 
     @property

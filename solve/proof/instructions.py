@@ -192,8 +192,8 @@ def _decided(decide: Callable[..., Any], operands: Sequence[Ball]) -> Any:
 
 
 def _real_only(hull: Callable[..., Ball]) -> Callable[..., Ball]:
-    """Wrap a function that returns a hull of real values. The result is undefined for complex operands, for
-    which this hull is not an enclosure."""
+    """Wrap a function whose hull encloses its values for real operands only. For complex operands, the
+    wrapped function returns an undefined ball."""
     return lambda *operands: (
         acb(arb.nan()) if any(isinstance(operand, acb) for operand in operands) else hull(*operands)
     )

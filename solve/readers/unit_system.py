@@ -1,4 +1,5 @@
-"""System of a functional mock-up unit, whose motion is found at each speed at which the system is used."""
+"""System of a functional mock-up unit (FMU). The motion of the unit is computed at each speed at which the
+system is used."""
 
 from collections.abc import Callable, Sequence
 

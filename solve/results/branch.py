@@ -198,8 +198,9 @@ class Branch(BranchPoints):
         return [{key: value for key, value in point.items() if key != "multiplier"} for point in points]
 
     def _special(self, kind: str) -> list[dict[str, Any]]:
-        """Points of one kind, each with the value of the varied quantity, the spectral radius, the multiplier
-        on the unit circle, the number of the branch, and the periods and the error of the orbit."""
+        """Special points of one kind. Each has the value of the varied quantity, the spectral radius, the
+        multiplier on the unit circle, the index of the branch, the number of periods after which the orbit
+        repeats, and the error of the orbit."""
         points = []
         for at in np.flatnonzero(self.kinds == KINDS.index(kind)).tolist():
             rho = self.multipliers[at]
@@ -380,8 +381,9 @@ class Branch(BranchPoints):
 
 
 def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array) -> bool:
-    """Return whether a branch ends with its first orbit: both the value of the varied quantity and the
-    statistics must be equal. Statistics alone do not suffice, because orbits may be zero at all values."""
+    """Return whether the last orbit of a branch equals the first one, in the value of the varied quantity and
+    in the statistics. Statistics alone do not suffice, because the orbit may be zero for every value of the
+    quantity."""
     return len(figures) > 2 and values[0] == values[-1] and np.array_equal(figures[0], figures[-1])
 
 

@@ -120,7 +120,9 @@ def _file_errors(file: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise FileError(f"'{file}' cannot be written ({error.strerror or error}); no file is left") from None
+        raise FileError(
+            f"'{file}' cannot be written ({error.strerror or error}); no file was changed"
+        ) from None
 
 
 @contextmanager

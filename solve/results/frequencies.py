@@ -78,8 +78,8 @@ def _roots_of(frequencies: Array, growth_rates: Array | None) -> NaturalFrequenc
 
 
 def _growing(rows: Roots, positions: str) -> list[str]:
-    """Return a sentence that names the modes that grow in the rows of a result; an empty list if none
-    grows."""
+    """Return a list with one sentence, which names the modes that grow in the rows of a result. The list is
+    empty if no mode grows."""
     frequencies, rates = rows._roots
     grows = np.isfinite(rates)
     if not grows.any():

@@ -216,7 +216,7 @@ def _critical(result: Outcome) -> list[RenderableType]:
         "limit": Column(["limiting" if peak.ratio > 1 else "" for peak in peaks], heading=" "),
         **_damping(result, speeds),
     }
-    remark = "links: % of stress per % of ζ; damping helps where negative"
+    remark = "links: change of stress in % per 1 % of ζ; negative where damping lowers the stress"
     return [table_of(f"Critical speeds at L4 = {result.map.own_L4:.4f} m", columns, left=1), Text(remark)]
 
 

@@ -347,7 +347,8 @@ class GainDependence(Dependence):
         return by, by_states
 
     def _of_input(self, phase: Array, speed: float, states: Array) -> Array:
-        """Derivatives (k, r) with respect to r gains, each of the input on which the gain acts."""
+        """For each of the r gains, return the derivative with respect to the gain of the input on which it
+        acts, as an array (k, r)."""
         loop = self._loop
         rates = np.array([speed, 1.0])[:, None] * states[:, 1:]
         values = np.einsum("kscn,kcn->ks", loop.signals(phase, speed)[0], rates)

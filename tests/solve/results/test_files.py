@@ -166,7 +166,9 @@ def test_full_disk_is_reported_and_leaves_no_file(tiny, name, capsys):
     assert run([*command, flag, str(tiny / name)]) == 2
     # Code is compiled once for a machine, which may be now.
     lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling ")]
-    assert lines == [f"solve: '{tiny / name}' cannot be written (No space left on device); no file is left"]
+    assert lines == [
+        f"solve: '{tiny / name}' cannot be written (No space left on device); no file was changed"
+    ]
     assert list(tiny.iterdir()) == []
 
 
