@@ -106,8 +106,9 @@ class PeriodicSystem:
         self._matrices = matrices
         self.coordinates = tuple(coordinates)
         self.breaks = tuple(float(b) for b in breaks)
-        require_own_names("inputs", inputs, coordinates)
-        self.inputs, self._symbols = tuple(inputs), "MCKdB" if inputs else "MCKd"
+        self.inputs = tuple(inputs)
+        require_own_names("inputs", self.inputs, coordinates)
+        self._symbols = "MCKdB" if self.inputs else "MCKd"
 
     @classmethod
     def from_samples(

@@ -212,7 +212,9 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
 
     spacing = float(phases[1] - phases[0])
     bounds = max(phases[at] - spacing, ends[0]), min(phases[at] + spacing, ends[1])
-    lowest: Any = minimize_scalar(determinant, bounds=bounds, method="bounded", options={"xatol": 1e-9})
+    lowest: Any = minimize_scalar(
+        determinant, bounds=bounds, method="bounded", options={"xatol": 1e-9 * spacing}
+    )
     return float(lowest.x) % point.period if lowest.fun <= ROUND_OFF else None
 
 

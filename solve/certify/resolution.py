@@ -104,15 +104,15 @@ def grid_sizes(steps: Array) -> Array:
 def unresolved_remainder(method: Method, modes: FrozenModes, steps: int) -> Array:
     """Remainder (P,), after a period, of a unit disturbance in modes that the steps do not resolve.
 
-    Modes are frozen at every 16th phase. The remainder is 0 if all modes are resolved, and infinite if a
-    method without stability function preserves unresolved modes."""
+    The remainder is 0 if all modes are resolved, and infinite if a method without stability function
+    preserves unresolved modes. The mean damping of a mode over few phases is wrong if the damping has as many
+    harmonics; therefore all phases are used."""
     limit = _resolved_angle(method, steps) * steps / modes.period
-    # Bounds are faster than eigenvalues for the many points of a chart.
-    rows = np.arange(len(modes)) if method.l_stable else (~modes.is_within(limit)).nonzero()[0]
+    rows = (~modes.is_within(limit)).nonzero()[0]
     remainder = np.zeros(len(modes))
     if not len(rows):
         return remainder
-    rates = modes[rows].few_eigenvalues
+    rates = modes[rows].eigenvalues()
     if method.stages is not None:
         remainder[rows] = _collocation_remainder(method.stages, rates, modes.period / steps, steps)
     else:

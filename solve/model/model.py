@@ -14,7 +14,7 @@ from solve.arrays import Array, Plane
 from solve.capabilities import Capabilities, Evaluation, Nonlinear, Validity, Variation
 from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
 from solve.equations import require_desired_motion
-from solve.errors import UnknownNameError, ValueOutOfBoundsError
+from solve.errors import UnknownNameError, ValueOutOfBoundsError, require_name
 from solve.labels import SPEED, Labels, require_vibration
 from solve.matrices import by_the_phase, split_entries
 from solve.model.bounds import checked_parameters, stated_limits
@@ -110,6 +110,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         ------
         UnknownNameError, ValueOutOfBoundsError
         """
+        for name in parameters or {}:
+            require_name(f"parameter of {self.labels.name}", name, self.labels.parameters)
         model = self.from_setup(self.setup.varied(parameters or {}, options or {}))
         model.labels = replace(model.labels, speed_unit=self.labels.speed_unit)
         if not options:

@@ -231,17 +231,23 @@ class _BranchFollower:
                 after, corrections = self.manifold.along(
                     before, length, partial(self._check, before), curvature
                 )
-                if length > _CROSSING and _orientation(before) != _orientation(after) and not unforced:
+                turns = before.orientation != after.orientation and not unforced
+                if turns and (length > _CROSSING or grazes_between(self.manifold, before, after)):
                     raise NoOrbitError("the step may have left the branch")
                 special = special_points(self.manifold, before, after)
-                located = len(special) == len(special_kinds(before, after))
-                if not located and grazes_between(self.manifold, before, after):
-                    raise NoOrbitError("the multipliers change at a grazing orbit within the step")
+                is_located = len(special) == len(special_kinds(before, after))
+                if not is_located and (length > _CROSSING or self._is_near_grazing(before, after)):
+                    raise NoOrbitError("a special point within the step cannot be located")
                 return [*special, after], length, self._growth(corrections, length == first)
             except SolveError:
                 length /= 2
         at = self.parameters.text(before.orbit.values)
         raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
+
+    def _is_near_grazing(self, before: Point, after: Point) -> bool:
+        """Whether an orbit at the ends of a step, or between them, grazes a switch."""
+        ends = before, after
+        return grazes_between(self.manifold, *ends) or any(grazes(self.manifold, end) for end in ends)
 
     def _growth(self, corrections: int, not_shortened: bool) -> float:
         """Ratio of the next step length to the length of a step with a number of corrections."""
@@ -296,12 +302,6 @@ class _BranchFollower:
         """Vector of unknowns in which only the parameter changes, towards its last value."""
         (first, last), *others = self.parameters.ranges
         return Unknowns(self.parameters.task.rest(grid), np.array([last - first, *[0.0] * len(others)]))
-
-
-def _orientation(point: Point) -> float:
-    """Sign of det(I - Φ) times the direction of the parameter. It is constant along a branch without branch
-    points (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
-    return float(np.sign(np.prod(1 - point.orbit.multipliers).real * point.direction.value))
 
 
 def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:

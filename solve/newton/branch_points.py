@@ -139,6 +139,14 @@ class Point:
         """Value of the first parameter, as accurate as the orbit."""
         return float(self.orbit.values[0])
 
+    @property
+    def orientation(self) -> float:
+        """Sign of det(I - Φ) times the direction of the parameter. It is constant along a branch without
+        branch points (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2), also at grazing orbits,
+        where either both factors change their sign or neither (M. di Bernardo et al., Piecewise-smooth
+        Dynamical Systems, 3.2)."""
+        return float(np.sign(np.prod(1 - self.orbit.multipliers).real * self.direction.value))
+
 
 @dataclass(frozen=True)
 class ContinuationParameters:

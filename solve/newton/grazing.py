@@ -12,7 +12,7 @@ import numpy as np
 from solve.contracts import Events
 from solve.equations import events_of
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.branch_points import Point, Unknowns
+from solve.newton.branch_points import DAMPING, Point, Unknowns
 from solve.newton.iteration import iterate
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
@@ -45,7 +45,7 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
         raise NoOrbitError("the equations have no switches")
     # The last orbit itself may pass the switch already, within its errors.
     back, _ = manifold.along(before, -_BACK)
-    here = _events(manifold, back.unknowns)
+    here, is_unforced = _events(manifold, back.unknowns), DAMPING in manifold.parameters.names
     onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
     for way, step, factor in product((1, -1), _STEPS, _FACTORS):
         try:
@@ -57,7 +57,7 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
         except SolveError:
             continue
         first = _first_beyond(manifold, before, after)
-        if first is not None:
+        if first is not None and (is_unforced or first.orientation == back.orientation):
             located = [special_points(manifold, *ends) for ends in ((before, first), (first, after))]
             return [*located[0], first, *([] if first is after else [*located[1], after])]
     raise NoOrbitError("no orbit with other events was found nearby")

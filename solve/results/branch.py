@@ -85,7 +85,7 @@ class BranchPoints(ResultOver):
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
     curves : (P, n, k) array
-        Coordinates at k uniform phases of the period of each orbit; see `curve`.
+        Coordinates at k uniform phases of the period of each orbit, before the last correction; see `curve`.
     energies : (P,) array
         Energies of unforced orbits, relative to the state of rest, in J if the coordinates are in m or rad;
         empty for forced orbits.
@@ -150,8 +150,8 @@ class Branch(BranchPoints):
 
     @matches_annotations
     def curve(self, point: int) -> FourierCurve:
-        """Curve of the orbit at the point with index `point`. It can be the start of `solve.nonlinear`, which
-        computes the orbit to a tolerance.
+        """Curve of the orbit at the point with index `point`, before its last correction. It can be the start
+        of `solve.nonlinear`, which computes the orbit to a tolerance. `errors` does not apply to this curve.
 
         Examples
         --------

@@ -60,9 +60,10 @@ def _beside(values: Array, at: int, way: int) -> float:
 
 def _is_stable(kinds: Sequence[str], verdicts: Sequence[str], at: int, way: int) -> bool:
     """Whether the orbits next to a turning point in one direction along the branch are stable. The verdicts
-    of the nearest orbits may be undetermined, but there must be no special point among these."""
-    place = at + way
-    while 0 <= place < len(kinds) and kinds[place] == REGULAR:
+    of the nearest orbits may be undetermined, but there must be no special point among these, except grazing
+    orbits next to a fold."""
+    place, passed = at + way, (REGULAR, GRAZING) if kinds[at] == FOLD else (REGULAR,)
+    while 0 <= place < len(kinds) and kinds[place] in passed:
         if verdicts[place] != UNDETERMINED:
             return verdicts[place] == STABLE
         place += way

@@ -50,7 +50,7 @@ visible and do not overlap."""
 def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     """Return the names of the quantities to show, by default the first coordinates. Raises UnknownNameError,
     and ValueOutOfBoundsError for more quantities than fit on a page."""
-    if not names:
+    if names is None or len(names) == 0:
         return list((system.coordinates or system.outputs)[:MOST_SHOWN])
     quantities = known_quantities(system, names)
     if len(quantities) > MOST_SHOWN:

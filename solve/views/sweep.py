@@ -61,7 +61,7 @@ def _quantities_to_draw(sweep: Sweep) -> Sequence[str]:
 @figure.register(Sweep)
 def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
     """Figure of the response and the spectral radius versus speed; see `Sweep.plot`."""
-    names = known_quantities(sweep.system, names or _quantities_to_draw(sweep))
+    names = known_quantities(sweep.system, _quantities_to_draw(sweep) if names is None else names)
     responses = {name: sweep.figures(name, figure) for name in names}
     radius = sweep.spectral_radius if sweep.system.labels.vibrates else None
     return response_figure(sweep.system, sweep.varied, responses, radius, figure, sweep.unstable)
@@ -277,7 +277,10 @@ def sweeps_figure(
     sweeps: Sweeps, quantities: Sequence[str] | None = None, figure: str | None = None
 ) -> Figure:
     """Figure with one panel per quantity and one curve per system; see `Sweeps.plot`."""
-    responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
+    responses = {
+        name: sweeps.figures(name, figure)
+        for name in unique_names(sweeps.quantities if quantities is None else quantities)
+    }
     order, count = np.argsort(sweeps.speeds), len(responses)
     speeds = sweeps.system.labels.speed_unit.from_si(sweeps.speeds[order])
     with panels_over(sweeps.system, sweeps.speeds, "response versus speed", 1.1 + 1.9 * count, count) as (

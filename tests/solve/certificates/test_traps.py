@@ -237,6 +237,25 @@ def test_every_method_states_up_to_where_it_follows(name):
     assert any(UNRESOLVED in text for text in floquet(given, 1.0, name, steps=enough - 3, rtol=0.9).warnings)
 
 
+@pytest.mark.parametrize(("lobes", "modulation", "stiffness"), [(8, 20.0, 1e6), (16, 3.0, 1e12)])
+def test_damping_that_varies_with_many_harmonics_does_not_stabilise(lobes, modulation, stiffness):
+    """By Liouville's formula the stiff mode grows by exp(0.02 π), however its damping varies."""
+
+    def matrices(phase, speed):
+        M = np.broadcast_to(np.eye(2), (len(phase), 2, 2))
+        C, K = np.zeros((2, len(phase), 2, 2))
+        C[:, 0, 0], K[:, 0, 0] = 0.05, 2 + 0.3 * np.cos(phase)
+        C[:, 1, 1], K[:, 1, 1] = -0.02 + modulation * np.cos(lobes * phase), stiffness
+        return M, C, K, np.stack((np.cos(phase), np.sin(phase)), axis=1)
+
+    found = periodic(system(matrices, 2), 1.0, rtol=1e-6)
+    assert found.verdict in ("unstable", "undetermined")
+    if found.verdict == "unstable":
+        assert found.spectral_radius == pytest.approx(np.exp(0.02 * np.pi), rel=1e-5)
+    else:
+        assert not found.error_estimate.multipliers < 0.2
+
+
 @cache
 def toothed(teeth):
     """Oscillator whose stiffness has a number of teeth per revolution, and its exact solution."""

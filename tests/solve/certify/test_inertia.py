@@ -7,12 +7,12 @@ from solve import PeriodicSystem, floquet, periodic, sweep
 from solve.errors import MatricesError
 
 
-def one(inertia, breaks=()):
+def one(inertia, breaks=(), period=2 * np.pi):
     def matrices(phase, speed):
         unit = np.ones((len(phase), 1, 1))
         return inertia(phase)[:, None, None], 0.3 * unit, 2.3 * unit, np.cos(phase)[:, None]
 
-    return PeriodicSystem(matrices, ["q"], breaks=breaks)
+    return PeriodicSystem(matrices, ["q"], period, breaks)
 
 
 def two(coupling):
@@ -28,6 +28,7 @@ def two(coupling):
 
 SINGULAR = {
     "touches zero": (one(lambda p: 1 - np.cos(p - 1)), 1.0),
+    "touches zero in a short period": (one(lambda p: 1 - np.cos(1e6 * p - 3.9), period=2e-6 * np.pi), 3.9e-6),
     "changes sign": (one(lambda p: 0.3 + np.cos(p)), np.arccos(-0.3)),
     "negative for a moment": (one(lambda p: 0.99999 - np.cos(p - 1)), 1 - np.arccos(0.99999)),
     "coupled, touches": (two(lambda p: np.cos(p - 1)), 1.0),

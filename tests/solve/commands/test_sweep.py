@@ -211,7 +211,7 @@ def test_every_combination_of_parameter_and_speed_is_solved(command, tmp_path):
         (["--over", "epsilon=0:2:3", "--over", "epsilon=0:2:3"], "is given 2 times; give it once"),
         (
             ["--over", "epsilon=0:2:3", "--over", "delta=1:2:2", "--waterfall", "q"],
-            "over one quantity, but several vary",
+            "versus one quantity, but several vary",
         ),
         (["--over", "epsilon=0:2:13", "--turn", "q", "--plot", "t.png"], "13 curves"),
         (["--over", "epsilon"], "write --over NAME=A:B:N"),

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import solve
 from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError
 from solve.model.cases import Case, chosen_case, read_cases
 
@@ -127,3 +128,8 @@ def test_a_case_is_chosen_and_some_numbers_replaced(tmp_path):
         chosen_case(module, path, "c", {"a": 2.0})
     with pytest.raises(UnknownNameError, match="parameter of mine 'k2'"):
         chosen_case(module, path, None, {"k2": 2.0})
+
+
+def test_a_misspelt_parameter_of_a_varied_model_is_refused():
+    with pytest.raises(UnknownNameError, match="unknown parameter of cam 'K1'; did you mean 'k1'"):
+        solve.load("cam").varied({"K1": 5.0})

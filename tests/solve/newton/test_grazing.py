@@ -195,3 +195,25 @@ def test_a_function_that_jumps_has_no_zero(jumps, words):
             zero_between(function, *ends, agree, 0.0)
     else:
         assert zero_between(function, *ends, agree, 0.0)[0] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("zeta", "kappa", "gap", "speeds"),
+    [
+        (0.07052568751940078, 98.7369959466119, 1.3206630229499496, "0.62:2 rad/s"),
+        pytest.param(0.10938717392199174, 349.8, 2.5765622090932165, "0.62:2 rad/s", marks=pytest.mark.slow),
+        pytest.param(0.087, 300.0, 2.2, "0.6:2 rad/s", marks=pytest.mark.slow),
+    ],
+)
+def test_a_branch_lists_every_turning_point_and_grazing_orbit(zeta, kappa, gap, speeds):
+    """The orbit without contact grazes the stop where its amplitude is the clearance."""
+    model = model_of(stop(), zeta=zeta, k=1.0, kappa=kappa, gap=gap, f=1.0)
+    branch = solve.branch(model, speeds, rtol=1e-4, points=120)
+    ways = np.sign(np.diff(branch.values))
+    marked = np.isin(branch.kinds, [KINDS.index(FOLD), KINDS.index(GRAZING)])
+    for at in (np.flatnonzero(ways[1:] * ways[:-1] < 0) + 1).tolist():
+        assert marked[at - 1 : at + 2].any()
+    listed = np.array([point["speed"] for point in (*branch.grazing, *branch.folds)])
+    for exact in np.sqrt(np.roots([1, 4 * zeta**2 - 2, 1 - gap**-2])):
+        if branch.values[0] < exact < branch.values[-1]:
+            assert np.abs(listed / exact - 1).min() < 1e-4
