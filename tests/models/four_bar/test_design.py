@@ -46,7 +46,7 @@ def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
     low, high = allowed_lengths(Linkage(0.170, 0.328, 0.525, 0.547))
     assert math.degrees(Linkage(0.170, 0.328, 0.525, low).transmission_extremes().min) == pytest.approx(40)
     assert math.degrees(Linkage(0.170, 0.328, 0.525, high).transmission_extremes().max) == pytest.approx(140)
-    with pytest.raises(DesignError, match="no range for the pivot"):
+    with pytest.raises(DesignError, match="no pivot position is possible"):
         design_for(lengths=(0.547, 0.547))
     with pytest.raises(DesignError, match="no L4 keeps"):
         allowed_lengths(Linkage(0.3, 0.328, 0.525, 0.547))
