@@ -16,8 +16,8 @@ from solve.period.multipliers import KNOWN_ON_CIRCLE, STABLE, UNDETERMINED, verd
 from solve.period.points import Points
 
 NEAR_ONE = 1e-3
-"""Distance of a multiplier from +1 below which a warning is issued; a choice. The amplitude of the response
-is roughly proportional to 1/distance and thus sensitive to small changes of the parameters."""
+"""Distance of a multiplier from +1 below which a warning is issued. Chosen by judgement. The amplitude of the
+response is roughly proportional to 1/distance and thus sensitive to small changes of the parameters."""
 
 
 @dataclass(frozen=True)

@@ -36,11 +36,11 @@ NO_DIGIT = 0.1
 measured range."""
 
 ROUND_OFF = 64 * EPS
-"""Relative size below which a value is the round-off of its computation: a choice that allows for about ten
-operations. Entries are also changed by this amount to compute the effect of their round-off: the effect
-exceeds the round-off of the difference, and is linear if the result has three correct digits. With half and
-twice this value, 80 estimates for stiff modes in rotated axes are still not below the errors, and equally
-close to them."""
+"""Relative size below which a value is the round-off of its computation. Chosen by judgement that allows for
+about ten operations. Entries are also changed by this amount to compute the effect of their round-off: the
+effect exceeds the round-off of the difference, and is linear if the result has three correct digits. With
+half and twice this value, 80 estimates for stiff modes in rotated axes are still not below the errors, and
+equally close to them."""
 
 _COEFFICIENTS = 1e-3
 """Largest difference between coefficients and their interpolant, relative to the stiffness of the softest

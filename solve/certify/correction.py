@@ -26,8 +26,8 @@ from solve.period.points import SinglePoint
 from solve.system import PeriodicSystem, in_phase
 
 CANCELLED = 1e-3
-"""Fraction of the load scale below which a coordinate counts as small because forces cancel; a choice. Errors
-of larger coordinates are relative to max|q|, as `rtol` is."""
+"""Fraction of the load scale below which a coordinate counts as small because forces cancel. Chosen by
+judgement. Errors of larger coordinates are relative to max|q|, as `rtol` is."""
 
 _AT_REST = 16
 """Multiple of the round-off of the loads up to which a coordinate counts as zero. The round-off is a
@@ -36,7 +36,7 @@ and 1000 work for every equilibrium tried."""
 
 _LOST = 1e-3
 """Logarithm of a determinant beyond which an error may be round-off: sums over resolved multipliers are then
-more accurate. A choice."""
+more accurate. Chosen by judgement."""
 
 _MAY_BE_ROUND_OFF = 1e-2
 """Relative residual or correction above which it may be round-off; pure round-off gives about 1."""

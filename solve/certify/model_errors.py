@@ -45,12 +45,12 @@ from solve.system import PeriodicSystem, with_samples
 from solve.terminal import progress
 
 _FASTEST = 1e-3
-"""Lower limit of the ratio of the effects of successive harmonics in the extrapolation: a choice, because a
-difference may be zero by chance."""
+"""Lower limit of the ratio of the effects of successive harmonics in the extrapolation. Chosen by judgement,
+because a difference may be zero by chance."""
 
 _FLAT = 0.9
-"""Ratio of the effects of successive multiples above which the harmonics count as not decaying. A choice: at
-this ratio, one more accurate digit requires 22 multiples."""
+"""Ratio of the effects of successive multiples above which the harmonics count as not decaying. Chosen by
+judgement: at this ratio, one more accurate digit requires 22 multiples."""
 
 Error = TypeVar("Error")
 SystemAt = Callable[[int], tuple[PeriodicSystem, float]]

@@ -20,7 +20,7 @@ from solve.period.points import Points, matrices
 from solve.period.rigid_body import Free
 
 _MEMORY = 2**25
-"""Memory, in bytes, of the points that are solved at a time. A choice."""
+"""Memory, in bytes, of the points that are solved at a time. Chosen by judgement."""
 
 _WORK = 1e9
 """Number of multiplications for the points that are solved at a time. They take some tenths of a second, the

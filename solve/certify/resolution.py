@@ -20,11 +20,11 @@ from solve.period.pencils import residual_amplitude
 from solve.period.points import Points
 
 MIN_STEPS = 8
-"""Smallest number of steps of a grid: a choice. docs/certificate.md states the measured range."""
+"""Smallest number of steps of a grid. Chosen by judgement. docs/certificate.md states the measured range."""
 
 _MAX_FIRST_STEPS = 2**14
-"""Largest number of steps of a first grid: a choice, because predictions of more steps are not reliable.
-docs/certificate.md states the measured range."""
+"""Largest number of steps of a first grid. Chosen by judgement, because predictions of more steps are not
+reliable. docs/certificate.md states the measured range."""
 
 AIM = 0.3
 """Target of the error on the next grid, as a fraction of `rtol`. Measured: between 0.15 and 0.6 the number of
@@ -37,7 +37,7 @@ of 65 results on 14 random test systems stay within their estimates, and the ver
 
 _COMPARABLE = 3.0
 """Ratio of the remainders of two modes up to which resolving one is pointless if the other cannot be
-resolved. A choice: the error of the multipliers is then at most three times the inevitable one."""
+resolved. Chosen by judgement: the error of the multipliers is then at most three times the inevitable one."""
 
 
 def first_steps(

@@ -23,19 +23,19 @@ from solve.period.points import Points, ScaledEquations, SinglePoint
 from solve.system import PeriodicSystem
 
 _FEW_STEPS = 32
-"""Number of steps of the grid on which the round-off of the loads is computed. A choice: few suffice, because
-the bound varies smoothly."""
+"""Number of steps of the grid on which the round-off of the loads is computed. Chosen by judgement: few
+suffice, because the bound varies smoothly."""
 
 _MAX_GROWTH = 3.0
-"""Largest predicted ratio of the numbers of steps. A choice: the first grid may be too coarse for the order
-to hold, or a coordinate may be zero except for round-off."""
+"""Largest predicted ratio of the numbers of steps. Chosen by judgement: the first grid may be too coarse for
+the order to hold, or a coordinate may be zero except for round-off."""
 
 _SHARED = 1e-12
-"""Norm of a correction below which it changes multipliers by little more than round-off. A choice: near a
-fold, multipliers changed by 16 times the correction."""
+"""Norm of a correction below which it changes multipliers by little more than round-off. Chosen by judgement:
+near a fold, multipliers changed by 16 times the correction."""
 
 _COARSE = 256
-"""Number of steps above which no finer grid is tried if the iteration diverges. A choice."""
+"""Number of steps above which no finer grid is tried if the iteration diverges. Chosen by judgement."""
 
 
 def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:

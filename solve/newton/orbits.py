@@ -35,7 +35,7 @@ from solve.units import speed_in_si
 
 _STEPS = 64, 128
 """Numbers of steps per period of the grids on which orbits are sought; continuation uses the last grid.
-Choices."""
+Chosen by judgement."""
 
 _GIVEN_STEPS = 512
 """Smallest number of steps per period of the last grid on which an orbit is sought from a given motion. A

@@ -29,7 +29,7 @@ from solve.system import PeriodicSystem, in_phase
 
 _JUMP = 1e-6
 """Jump of q'' relative to its largest modulus below which forces are continuous: above the errors of the
-phases of events, far below an effect on multipliers. A choice."""
+phases of events, far below an effect on multipliers. Chosen by judgement."""
 
 
 @dataclass(frozen=True)

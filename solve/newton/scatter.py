@@ -22,15 +22,15 @@ from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 
 _TURNS = 400
-"""Number of periods after which a motion counts as not settled. A choice."""
+"""Number of periods after which a motion counts as not settled. Chosen by judgement."""
 
 _STATES, _RTOL = 128, 1e-7
-"""Number of states per period of the motions, and their tolerance. Choices."""
+"""Number of states per period of the motions, and their tolerance. Chosen by judgement."""
 
 _SETTLED, _SAME = 1e-4, 1e-2
 """Change of the state over the period of an orbit below which a motion has settled, and difference below
 which two states belong to the same orbit. Both are relative to the largest value of the motion or of the
-linear orbit. Choices."""
+linear orbit. Chosen by judgement."""
 
 
 @of_system

@@ -13,11 +13,12 @@ from solve.results.branch import is_closed
 from solve.results.orbit import Orbit
 
 _SAME = 1e-2
-"""Difference, relative to the scales of the coordinates, up to which two orbits count as the same. A choice:
-above the errors of orbits and, except near folds, far below the distance between different orbits."""
+"""Difference, relative to the scales of the coordinates, up to which two orbits count as the same. Chosen by
+judgement: above the errors of orbits and, except near folds, far below the distance between different
+orbits."""
 
 _PHASES = 64 * SAMPLES
-"""Number of phases per period of the model at which orbits are compared. A choice."""
+"""Number of phases per period of the model at which orbits are compared. Chosen by judgement."""
 
 
 def follow_orbits(

@@ -23,22 +23,22 @@ from solve.threads import one_thread
 
 _FIRST_STEP, _MAX_STEP, _MIN_STEP, _GROWTH = 0.03, 0.15, 1e-4, 1.5
 """Step lengths, in scaled coordinates and fractions of the ranges: initial, largest, and smallest before the
-curve ends; and factor by which a step grows after a success. Choices."""
+curve ends; and factor by which a step grows after a success. Chosen by judgement."""
 
 _FEW, _MAX_CORRECTIONS = 4, 12
 """Number of evaluations of g in a step up to which the next step is longer, and largest number of
-evaluations. Choices."""
+evaluations. Chosen by judgement."""
 
 _MIN_COSINE = 0.9
-"""Smallest cosine of the angle between a step and the preceding tangent. A choice."""
+"""Smallest cosine of the angle between a step and the preceding tangent. Chosen by judgement."""
 
 _EDGE = 1e-9
-"""Distance beyond the end of a range, relative to its length, up to which a point counts as inside. A choice:
-above round-off."""
+"""Distance beyond the end of a range, relative to its length, up to which a point counts as inside. Chosen by
+judgement: above round-off."""
 
 _DIFFERENCE = 1e-3
-"""Step of the central differences of g. A choice: their truncation error is about 1e-6, their round-off about
-1e-10."""
+"""Step of the central differences of g. Chosen by judgement: their truncation error is about 1e-6, their
+round-off about 1e-10."""
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,20 @@ from solve.period.multipliers import EPS, UNIT_CIRCLE
 from solve.results.branch import DOUBLING, FOLD, TORUS
 
 _MAX_REFINEMENTS = 30
-"""Maximum number of interpolations towards a special point. A choice; five to eight are usual."""
+"""Maximum number of interpolations towards a special point. Chosen by judgement; five to eight are usual."""
 
 _RTOL_FRACTION, _ROUNDOFF = 1e-3, 64 * EPS
 """Change of the parameter between two interpolations below which a special point is located, as a fraction of
-rtol; and smallest value of this limit. Choices: each interpolation costs as much as a point of the branch."""
+rtol; and smallest value of this limit. Chosen by judgement: each interpolation costs as much as a point of
+the branch."""
 
 _ZERO = 0.01
 """Value of a function at a zero, as a fraction of its change between the ends, above which it jumps there, as
-at a grazing orbit. A choice."""
+at a grazing orbit. Chosen by judgement."""
 
 _REAL = 1e-12
-"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. A choice: for real
-matrices NumPy returns real eigenvalues without imaginary part."""
+"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. Chosen by judgement: for
+real matrices NumPy returns real eigenvalues without imaginary part."""
 
 Test = Callable[[Point], float]
 

@@ -25,11 +25,11 @@ FILES = ".nc", ".npz"
 
 _SAMPLES = 256
 """Number of phases per model period at which a start function is evaluated; a cubic spline interpolates
-between them. A choice."""
+between them. Chosen by judgement."""
 
 _STATES, _RTOL = 128, 1e-6
-"""Number of states per period of the motion from a given state, and its tolerance. Choices: Newton's
-iteration removes the remaining error."""
+"""Number of states per period of the motion from a given state, and its tolerance. Chosen by judgement:
+Newton's iteration removes the remaining error."""
 
 
 class _NotRealError(TypeError):

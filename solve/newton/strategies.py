@@ -19,42 +19,42 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 
 _MAX_CORRECTIONS = 10
-"""Maximum number of corrections per continuation step. A choice: shortening the step costs less than further
-corrections."""
+"""Maximum number of corrections per continuation step. Chosen by judgement: shortening the step costs less
+than further corrections."""
 
 _FIRST_STEP, _MIN_STEP, _GROWTH = 0.1, 4e-3, 2.0
 """First and smallest step, as fractions of the range of the continuation; factor by which steps grow after a
-success and shrink after a failure. Choices."""
+success and shrink after a failure. Chosen by judgement."""
 
 _SPEED_HALVINGS = 6
 """Maximum number of halvings of the speed in the search for a speed at which the iteration converges from the
-linear orbit. A choice."""
+linear orbit. Chosen by judgement."""
 
 _MAX_PERIODS = 80
-"""Number of periods of the system after which a transient ends. A choice."""
+"""Number of periods of the system after which a transient ends. Chosen by judgement."""
 
 _FIRST_TRIAL = 16
 """Number of periods after which Newton's iteration is first tried on an unsettled transient; the number
-doubles after each trial. A choice."""
+doubles after each trial. Chosen by judgement."""
 
 _RTOL = 1e-6
-"""Relative tolerance of the transient. A choice: far below the change that counts as settled."""
+"""Relative tolerance of the transient. Chosen by judgement: far below the change that counts as settled."""
 
 _FULLY_SETTLED, _FINE_RTOL = 1e-5, 1e-8
 """Change per period of a motion below which finer grids are tried if Newton's iteration did not converge, and
-relative tolerance of the motion for these grids. Choices."""
+relative tolerance of the motion for these grids. Chosen by judgement."""
 
 _SETTLED = 1e-3
-"""Change per period, relative to the sizes of the coordinates, below which a transient has settled. A choice:
-Newton's iteration removes the remaining difference."""
+"""Change per period, relative to the sizes of the coordinates, below which a transient has settled. Chosen by
+judgement: Newton's iteration removes the remaining difference."""
 
 _REFINEMENTS = 4, 16, 64
-"""Factors on the number of steps for the grids that are tried after a transient has settled. Choices: the
-last grid resolves contacts that last a thousandth of the period."""
+"""Factors on the number of steps for the grids that are tried after a transient has settled. Chosen by
+judgement: the last grid resolves contacts that last a thousandth of the period."""
 
 _PERTURBATION = 1e-3
 """Initial displacement of a transient, relative to the sizes of the coordinates. From exactly zero, the
-transient would remain on an unstable equilibrium. A choice."""
+transient would remain on an unstable equilibrium. Chosen by judgement."""
 
 
 class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):

@@ -19,10 +19,11 @@ from solve.period.curve import Curve
 from solve.results.branch import DOUBLING
 
 _FIRST_LENGTHS = 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 5e-4, 2e-4
-"""Lengths of the first step onto a branch in scaled coordinates, in the order of the trials. Choices."""
+"""Lengths of the first step onto a branch in scaled coordinates, in the order of the trials. Chosen by
+judgement."""
 
 _MOST_MOVED = 0.01
-"""Largest change of the parameter, as a fraction of its range, in the first step. A choice."""
+"""Largest change of the parameter, as a fraction of its range, in the first step. Chosen by judgement."""
 
 _MOST_DOUBLINGS = 3
 """Maximum number of successive doublings that are followed: each doubles the computing time per orbit. A

@@ -37,24 +37,24 @@ REST, ORBIT = "rest", "orbit"
 TURNS = "turns"
 
 _COUNT, _MOST_STATES = 256, 2**14
-"""First and maximum number of states per period. Choices."""
+"""First and maximum number of states per period. Chosen by judgement."""
 
 _MAX_ENTRIES = 2**23
 """Number of matrix entries, over all states of a motion, up to which the number of states per period is
-increased: 64 MB. A choice."""
+increased: 64 MB. Chosen by judgement."""
 
 _MARCH_RTOL, _MIN_MARCH_RTOL = 1e-4, 1e-12
-"""Tolerance of the motion as a fraction of rtol, and its smallest value. Choices."""
+"""Tolerance of the motion as a fraction of rtol, and its smallest value. Chosen by judgement."""
 
 _OFF_RESONANCE = 0.9
 """Factor by which a resonant speed is multiplied, if the linear orbit is only required for the sizes of the
-coordinates. A choice."""
+coordinates. Chosen by judgement."""
 
 _FIRST_STEPS, _MAX_STEPS = 64, 2**14
-"""First and maximum number of steps per period. Choices."""
+"""First and maximum number of steps per period. Chosen by judgement."""
 
 _PHASES = 32
-"""Number of phases per period at which the frequency of the fastest mode is computed. A choice."""
+"""Number of phases per period at which the frequency of the fastest mode is computed. Chosen by judgement."""
 
 _MAX_CACHED = 2**21
 """Largest number of matrix entries in the one-step maps of a period that are reused for the next period: 16

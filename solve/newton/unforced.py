@@ -26,26 +26,26 @@ from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 _STEPS = 64
-"""Number of steps per period of the first orbit. A choice: grids are refined later."""
+"""Number of steps per period of the first orbit. Chosen by judgement: grids are refined later."""
 
 _LEAST, _MOST, _GROWTH = 1e-9, 1e6, 2.0
 """Smallest and largest amplitude, in units of the coordinates, at which the first orbit is sought, and ratio
-of successive trial amplitudes. Choices."""
+of successive trial amplitudes. Chosen by judgement."""
 
 _DETUNED, _FAR = 1e-3, 0.05
 """Smallest and largest difference between the frequencies of the first orbit and of small vibrations,
-relative to the range. Choices."""
+relative to the range. Chosen by judgement."""
 
 _IS_ZERO = 1e-9
-"""Size of loads, damping and their variation, relative to the other terms, that counts as zero. A choice:
-above round-off, and too small to affect the modes."""
+"""Size of loads, damping and their variation, relative to the other terms, that counts as zero. Chosen by
+judgement: above round-off, and too small to affect the modes."""
 
 _PHASES = 64
-"""Number of phases at which the equations at rest are compared. A choice."""
+"""Number of phases at which the equations at rest are compared. Chosen by judgement."""
 
 _PANELS = 512
-"""Number of panels in the quadrature of the elastic force along a line. A choice: with kinks in the force,
-the error is about 1e-6 of the energy."""
+"""Number of panels in the quadrature of the elastic force along a line. Chosen by judgement: with kinks in
+the force, the error is about 1e-6 of the energy."""
 
 
 def follow_modes_of(task: Task, ends: Array, most: int, store: BranchStore) -> list[Followed]:
