@@ -33,7 +33,7 @@ _MAX_CORRECTIONS = 40
 """Maximum number of corrections. Chosen by judgement."""
 
 _MIN_DAMPING = 1 / 64
-"""Damping factor of a correction that is not reduced further. Chosen by judgement."""
+"""Smallest damping factor of a correction. Chosen by judgement."""
 
 _NEAR = 0.1
 """Norm of a correction below which the jumps at events are included. Chosen by judgement: as long as
@@ -166,7 +166,7 @@ def iterate(
 ) -> Converged:
     """Apply Newton's iteration on a grid from the initial motion `start`. It ends when the norm of a
     correction is at most `last`, or at most the fraction `_RTOL_FRACTION` of the tolerance, whichever limit
-    is larger.
+    is larger. It also ends when corrections within round-off no longer decrease.
 
     Raises NoOrbitError after `most` corrections, or if damping does not help. The message states the smallest
     correction.

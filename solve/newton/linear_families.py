@@ -1,10 +1,10 @@
 """All solutions of the linear periodic problem along a motion while k parameters vary.
 
-The state x at phase 0 and the changes p of the parameters satisfy x = Φ x + g + G p, where g is the response
-at the end of the period to the load, and G that to unit changes of the parameters. These are 2n equations for
-2n + k unknowns. Their solutions are one particular solution plus combinations of k tangents. At a fold, where
-I - Φ is singular, the equations remain regular (H. B. Keller, Lectures on Numerical Methods in Bifurcation
-Problems, 1987, 4.3).
+The state x at phase 0 and the changes p of the parameters satisfy x = Φ x + g + G p. Here, g and the columns
+of G are the states at the end of the period that result from zero initial states, under the load and under a
+unit change of each parameter. These are 2n equations for 2n + k unknowns. Their solutions are one particular
+solution plus combinations of k tangents. At a fold, where I - Φ is singular, the equations remain regular (H.
+B. Keller, Lectures on Numerical Methods in Bifurcation Problems, 1987, 4.3).
 """
 
 from collections.abc import Sequence

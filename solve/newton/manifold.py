@@ -37,8 +37,9 @@ size of the next correction, size³/last². Chosen by judgement."""
 
 _RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.1, 1e-10
 """Upper limit of the last correction as a fraction of rtol, if this is smaller than `_MAX_LAST_CORRECTION`;
-and the norm below which a correction always suffices. Chosen by judgement: the remaining correction is part
-of the error estimate, and the correction with one more stage removes it from the orbit."""
+and the norm of a correction below which the iteration always counts as converged. Chosen by judgement: the
+remaining correction is part of the error estimate, and the correction with one more stage removes it from the
+orbit."""
 
 _LANES = 8
 """Number of segments of a period that the compiled code integrates simultaneously. The numbers of steps of
