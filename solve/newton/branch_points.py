@@ -127,8 +127,8 @@ class Point:
 
     unknowns: converged unknowns on `grid`. sizes (n,): scales of the coordinates for step lengths. tangents:
     orthonormal tangents, one per parameter. orbit: orbit computed by the method with one more stage. kind:
-    one of `solve.results.branch.KINDS`, or an empty string. periods: number of periods of the model in the
-    period of the orbit.
+    kind of a special point, one of `solve.results.branch.KINDS`; empty for a regular point. periods: number
+    of periods of the model in the period of the orbit.
     """
 
     unknowns: Unknowns
