@@ -63,8 +63,8 @@ class Spectrum:
     """All multipliers of a point in order of decreasing modulus, positive imaginary part first.
 
     Multipliers that the monodromy matrix resolves are its eigenvalues. Smaller multipliers are computed from
-    the factors of the period with twice as many steps. Their errors are estimated from the differences to
-    results with one more stage. Multipliers of rigid-body modes are exactly +1.
+    the factors of the period with twice as many steps. Their errors are estimated from the differences
+    between these results and those with one more stage. Multipliers of rigid-body modes are exactly +1.
 
     each: whether `rtol` applies to each multiplier. All multipliers are then those of `refined`.
     """

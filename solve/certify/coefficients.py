@@ -163,7 +163,7 @@ class SampledPhases:
         cls, grid: Grid, first: int, end: int, lower: Collocation, higher: Collocation
     ) -> "SampledPhases":
         """Return the sampled and the compared phases of the steps from `first` to `end` - 1 of a grid. The
-        solution is computed by the method `lower`, and compared with that by `higher`."""
+        solution by the method `lower` is compared with the solution by `higher`."""
         nodes = np.union1d(lower.c, higher.c)
         stages, more_stages = (grid.stages(np.array(each.c))[first:end] for each in (lower, higher))
         compared, step = _compared_phases(grid, first, end)

@@ -30,7 +30,8 @@ random test systems stay within their estimates, and the verdicts are the same."
 
 SAFETY = 2.0
 """Ratio of the error estimate to the difference from a more accurate solution. To first order, the difference
-equals the error. It is at least half of the error for 99.8 % of the stored random test systems."""
+equals the error. The difference is at least half of the error for 99.8 % of the stored random test
+systems."""
 
 NO_DIGIT = 0.1
 """Relative error above which a value is not accurate to even one digit. docs/certificate.md states the
@@ -183,7 +184,7 @@ class Comparison(PointSolver):
 
 @cache
 def _signs(n: int) -> Array:
-    """Return changes (1, 3n² + n) of the entries of M, C, K and d, in units of round-off.
+    """Return test changes (1, 3n² + n) of the entries of M, C, K and d, in units of round-off.
 
     The changes of the diagonal of a symmetric stiffness matrix have the same sign, so that their effects do
     not cancel. Their effect Σ x_i² K_ii on a mode x is at least 1/n of Σ |x_i K_ij x_j|, which bounds the

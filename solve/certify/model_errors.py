@@ -69,9 +69,9 @@ class _Effect(NamedTuple):
 
 
 def with_model_errors(result: Certified, system_at: SystemAt) -> Certified:
-    """Return solved points whose errors include those of reduction and interpolation. The errors are added to
-    the absolute errors of the multipliers, from which the verdicts follow. Without reduction or
-    interpolation, the points are returned unchanged.
+    """Return solved points with the errors of reduction and interpolation. Both errors are added to the
+    absolute errors of the multipliers, from which the verdicts follow. The error of interpolation is also
+    added to the relative errors. Without reduction or interpolation, the points are returned unchanged.
 
     system_at: function that returns the system and the speed of the point with a given index.
     """

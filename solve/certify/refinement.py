@@ -90,8 +90,8 @@ def _rigid_body_groups(solver: PointSolver) -> list[Array]:
 
 
 def _at_positions(result: Certified | Failed, positions: Array) -> Certified | Failed:
-    """Return a result of a group of points with positions among all points. positions: positions of the group
-    among all points."""
+    """Convert positions in a result from positions within a group of points to positions among all points.
+    positions: positions of the group among all points."""
     if isinstance(result, Failed):
         return Failed(int(positions[result.position]), result.reason)
     return replace(result, positions=positions[result.positions])

@@ -60,8 +60,9 @@ def first_steps(
     steps.
 
     If an orbit is requested, damped modes that require more than `most` steps do not count, nor do modes
-    whose remainder after a period is not much larger. With such modes, the multipliers do not meet the
-    tolerance on any grid, and fine grids would increase the round-off of the orbit.
+    whose remainder after a period is at most `_COMPARABLE` times that of these modes. With such modes, the
+    multipliers do not meet the tolerance on any grid, and fine grids would increase the round-off of the
+    orbit.
     """
     collocation = method.corrector
     if not isinstance(collocation, Collocated):
@@ -118,7 +119,7 @@ def unresolved_remainder(method: Method, modes: FrozenModes, steps: int) -> Arra
 
     The remainder is 0 if all modes are resolved. It is infinite if a method without a stability function
     preserves unresolved modes. The mean damping of a mode over a few phases would be wrong if the damping had
-    as many harmonics; therefore, all phases are used.
+    as many harmonics as there are phases. Therefore, all phases are used.
     """
     limit = _resolved_angle(method, steps) * steps / modes.period
     rows = (~modes.is_within(limit)).nonzero()[0]

@@ -30,11 +30,11 @@ _FIRST_STEP, _MAX_STEP, _MIN_STEP = 0.05, 0.2, 1e-5
 scaled coordinates and fractions of the range of the parameter. Chosen by judgement."""
 
 _FEW, _MANY = 2, 5
-"""A step with at most `_FEW` corrections lengthens the next step; a step with at least `_MANY` corrections
-shortens it. Chosen by judgement."""
+"""After a step with at most `_FEW` corrections, the next step is longer; after a step with at least `_MANY`
+corrections, it is shorter. Chosen by judgement."""
 
 _ROUNDOFF = 4 * EPS
-"""Minimum relative error of the parameter."""
+"""Relative round-off error of the parameter, which is added to its error."""
 
 _REFINEMENTS = 3
 """Maximum number of interpolations in the search for a prescribed value of the parameter. Chosen by
@@ -83,8 +83,8 @@ def follow_branch(
     saved: SavedBranch | None = None,
 ) -> tuple[list[Point], str]:
     """Continue a branch from its first point. Return at most `most` points and the reason why they end inside
-    the range of the parameter; the reason is empty if they end at an end of the range, or if the branch is
-    closed.
+    the range of the parameter; the reason is empty if they end at an end of the range, if the branch is
+    closed, or if `left` returns True.
 
     start: function that returns the first point. left: function that is called for successive points, and
     returns True for a point that is no longer on the branch. saved: stored steps, from which the continuation
@@ -198,8 +198,8 @@ class _BranchFollower:
         return there >= along
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
-        """Return the points with larger errors of the spectral radius, which include the effect of the error
-        of the parameter. This error moves the orbit along the branch.
+        """Return copies of the points in which the error of the spectral radius includes the effect of the
+        error of the parameter. The error of the parameter moves the orbit along the branch.
 
         At a fold, the error of the spectral radius is at least the distance from +1 of the nearest
         multiplier. At grazing orbits, the error is infinite.

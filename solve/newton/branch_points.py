@@ -57,19 +57,19 @@ class Unknowns:
         return self.on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)))
 
     def times(self, factor: float) -> "Unknowns":
-        """These unknowns multiplied by a factor."""
+        """Return these unknowns multiplied by `factor`."""
         curve = self.curve
         drift = None if curve.drift is None else factor * curve.drift
         return Unknowns(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
 
     @cached_property
     def samples(self) -> Array:
-        """Coordinates (n, k) at SAMPLES phases per step."""
+        """Coordinates (n, k) at `SAMPLES` phases per step."""
         return self.curve.sampled(SAMPLES)
 
     @cached_property
     def uniform_samples(self) -> Array:
-        """Coordinates (n, _PHASES) at uniform phases of the period."""
+        """Coordinates (n, `_PHASES`) at equally spaced phases of the period."""
         return self.curve(np.arange(_PHASES) * (self.curve.nodes[-1] / _PHASES))
 
     @property

@@ -1,7 +1,7 @@
 """Folder that stores the steps of branches, so that an interrupted continuation can resume.
 
-`branches.json` describes the calculation. The file NUMBER-STEP.npz contains one step of the branch with this
-number. Stored steps are read up to the first damaged or missing file.
+`branches.json` describes the calculation. The file NUMBER-STEP.npz contains step STEP of branch NUMBER; both
+are counted from 0. Stored steps are read up to the first damaged or missing file.
 """
 
 import json

@@ -20,8 +20,8 @@ from solve.newton.special_points import special_points
 
 _STEPS = 0.001, 0.003, 0.01, 0.03
 """Steps of the parameter from the grazing orbit, as fractions of the range. Chosen by judgement: the shortest
-step is short enough for Newton's iteration to converge, and the longest makes the difference of the events
-clear."""
+step is short enough for Newton's iteration to converge, and the longest makes the events clearly
+different."""
 
 _FACTORS = 1.0, *(1 + sign * change for change in (6e-5, 2e-4, 6e-4, 2e-3, 6e-3) for sign in (1, -1))
 """Factors by which the last motion is multiplied to start Newton's iteration, in the order of the trials.

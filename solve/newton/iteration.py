@@ -42,7 +42,7 @@ included if the iteration without jumps stops before it converges."""
 
 _MOST_EVENTS = 128
 """Largest number of events per period of the system. Chosen by judgement: it is a quarter of the number of
-phases at which switches are evaluated on a coarse grid. Most events of a motion with more events would be
+phases at which switches are evaluated on a coarse grid. If a motion had more events, most of them would be
 missed."""
 
 _STALLED = 1e-6
@@ -165,8 +165,8 @@ def iterate(
     task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS, last: float = 0.0
 ) -> Converged:
     """Apply Newton's iteration on a grid from the initial motion `start`. It ends when the norm of a
-    correction is at most `last`, or at most the fraction `_RTOL_FRACTION` of the tolerance, whichever limit
-    is larger. It also ends when corrections within round-off no longer decrease.
+    correction is at most the larger of `last` and `_RTOL_FRACTION` times the tolerance. It also ends when
+    corrections within round-off no longer decrease.
 
     Raises NoOrbitError after `most` corrections, or if damping does not help. The message states the smallest
     correction.

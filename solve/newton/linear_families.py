@@ -130,7 +130,7 @@ class LinearFamily:
         d if `load` is None.
 
         Return None if the equations of `_null_space` must be solved instead, for example because a multiplier
-        is near +1. This never applies to machines with rigid-body modes.
+        is near +1. For machines with rigid-body modes, those equations are never used.
         """
         if self._is_coupled:
             return None
@@ -273,7 +273,7 @@ class _Steps:
 
     @property
     def monodromy(self) -> Array:
-        """Monodromy matrix Φ(T) (2n, 2n)."""
+        """Monodromy matrix (2n, 2n) of the period."""
         Phi = np.eye(self._states)
         for block in self._chain[:, -1, :, : self._states]:
             Phi = block @ Phi

@@ -119,8 +119,9 @@ def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Sc
 
 
 def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
-    """Return the motions over the last `periods` model periods of a motion that has settled on an orbit of
-    this many periods. Return an empty list if the motion does not settle."""
+    """Integrate from the state `start` until the motion settles on an orbit. Return the motions over the last
+    period of the orbit, one per model period; an empty list if the motion does not settle. most: largest
+    number of model periods in the period of the orbit."""
     n, system = task.system.n, task.system
     march = nonlinear_of(system).marcher(sizes, _STATES, _RTOL)
     state, motions = start / np.repeat([1.0, task.speed], n), list[Array]()

@@ -30,10 +30,10 @@ by judgement."""
 
 _FEW, _MAX_CORRECTIONS = 4, 12
 """Number of evaluations of g in a step up to which the next step is longer, and largest permitted number of
-evaluations. Chosen by judgement."""
+evaluations in a step. Chosen by judgement."""
 
 _MIN_COSINE = 0.9
-"""Smallest cosine of the angle between a step and the preceding tangent. Chosen by judgement."""
+"""Smallest permitted cosine of the angle between a step and the preceding tangent. Chosen by judgement."""
 
 _EDGE = 1e-9
 """Distance beyond the end of a range, relative to the length of the range, up to which a point counts as

@@ -58,8 +58,8 @@ _PHASES = 32
 """Number of phases per period at which the frequency of the fastest mode is computed. Chosen by judgement."""
 
 _MAX_CACHED = 2**21
-"""Largest number of steps times the square of the number of coordinates for which the one-step maps of a
-period are stored for the next period. The maps then occupy at most 64 MB."""
+"""Largest value of (number of steps) × (number of coordinates)² for which the one-step maps of a period are
+stored for the next period. The maps then occupy at most 64 MB."""
 
 _METHOD = Radau()
 
@@ -89,9 +89,9 @@ def transient(
     turns : int
         Number of periods, from phase 0.
     start : 'rest', 'orbit', (q, q̇) or path
-        Initial state: "rest", which is the default; "orbit" for a state of the linear orbit; q and q̇ (n,),
-        where q̇ is the derivative with respect to time; or the path of an .npz file of an orbit or a
-        transient, whose last state is used.
+        Initial state: "rest", which is the default; "orbit" for the state of the linear orbit at phase 0; q
+        and q̇ (n,), where q̇ is the derivative with respect to time; or the path of an .npz file of an orbit
+        or a transient, whose last state is used.
     nonlinear : bool
         Whether to integrate the nonlinear equations.
     rtol : float
