@@ -1,8 +1,7 @@
 """All multipliers of a point, each with an error estimate and its mode.
 
 The monodromy matrix Φ does not resolve multipliers below eps‖Φ‖. Those multipliers are computed from the
-factors of the period, that is, from products of one-step maps.
-"""
+factors of the period, that is, from products of one-step maps."""
 
 import math
 from collections.abc import Sequence
@@ -30,8 +29,8 @@ from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
 
 _MAX_WORK = 3e6, 1e7, 2e8
-"""Limits on (number of steps) × (number of states)²: for factors that are computed by default, for modes on
-the grid of the refined multipliers, and for the grid of the refined multipliers. Chosen by judgement."""
+"""Limits on (number of steps) × (number of states)²: for factors that are computed by default, for the modes
+of refined multipliers, and for refined multipliers. Chosen by judgement."""
 
 _DEFAULT_LOSS = 1e-9
 """Value of the parameter `loss` (see `solve.period.blocks.LOSS`) if the errors of individual multipliers are
@@ -49,8 +48,7 @@ class RefinedMultipliers:
 
     logarithms (N,): log ρ, -inf for an exact zero. errors (N,): estimated relative error of each ρ, NaN if ρ
     is not accurate to one digit. steps: number of steps per period. rigid (N,): whether the multiplier
-    belongs to a rigid-body mode.
-    """
+    belongs to a rigid-body mode."""
 
     logarithms: Array
     errors: Array
@@ -66,8 +64,7 @@ class Spectrum:
     the factors of the period with twice as many steps. Their errors are estimated from the differences
     between these results and those with one more stage. Multipliers of rigid-body modes are exactly +1.
 
-    each: whether `rtol` applies to each multiplier. All multipliers are then those of `refined`.
-    """
+    each: whether `rtol` applies to each multiplier. All multipliers are then those of `refined`."""
 
     point: SinglePoint
     certified: Certified
@@ -95,21 +92,20 @@ class Spectrum:
 
     @property
     def leading(self) -> Array:
-        """Largest multipliers (k,), which the monodromy matrix separates from all others. Empty if `refined`
-        is given."""
+        """Largest multipliers (k,), which the monodromy matrix separates from the others; empty if
+        `refined`."""
         if self.refined is not None:
             return self._eigenvalues[:0]
         is_separate = 2 * self.certified.absolute[0] < NO_DIGIT * np.abs(self._eigenvalues)
         return self._with_rigid(self._eigenvalues, 1.0)[self._with_rigid(is_separate, fill=True)]
 
     def logarithm(self, at: int) -> complex:
-        """Return log ρ of the multiplier with index `at`. If it is a leading multiplier, no others are
-        computed."""
+        """Return log ρ of the multiplier with index `at`. A leading one is computed without the others."""
         leading = self.leading
         return complex(np.log(leading[at]) if at < len(leading) else self.logarithms[at])
 
     def multiplier(self, at: int) -> complex:
-        """Return the multiplier ρ with index `at`. If it is a leading multiplier, no others are computed."""
+        """Return the multiplier ρ with index `at`. A leading one is computed without the others."""
         leading = self.leading
         return complex(leading[at] if at < len(leading) else self.values[at])
 
@@ -163,8 +159,7 @@ class Spectrum:
 
     @property
     def notes(self) -> list[str]:
-        """Note if results are missing because the eigenvalues of the product of the step maps are unknown;
-        otherwise empty."""
+        """Note on results that are missing without the eigenvalues of the product of the step maps."""
         is_refused = self.each and self.refined is None
         # A note alone does not justify computing the eigenvalues of the factors.
         has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
@@ -198,8 +193,7 @@ class Spectrum:
 
     @cached_property
     def _solutions(self) -> Solutions:
-        """Solutions with the step maps that determine the modes and the multipliers that the monodromy matrix
-        does not resolve to one digit."""
+        """Solutions with the step maps from which modes and small multipliers are computed."""
         certified, steps = self.certified, self._factor_steps
         if self.refined is not None and self._work(self.refined.steps) <= _MAX_WORK[1]:
             steps = self.refined.steps
@@ -272,8 +266,7 @@ class Spectrum:
 
     @cached_property
     def _factored(self) -> tuple[Blocks, ProductEigenvalues] | None:
-        """Factors of the period and their eigenvalues. None if there are no factors, or if the computation of
-        the eigenvalues does not converge."""
+        """Factors of the period and their eigenvalues; None if they cannot be computed."""
         if not self._has_factors or not slicot.available():
             return None
         maps = self._solutions.steps
@@ -317,8 +310,7 @@ def refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMult
     not reduce the errors or would take too long. If the user has specified the number of steps, it is not
     changed.
 
-    Return None if SLICOT is not available, or if its iteration does not converge.
-    """
+    Return None if SLICOT is not available, or if its iteration does not converge."""
     if not slicot.available():
         return None
     try:
@@ -361,8 +353,7 @@ def rigid_multipliers(certified: Certified) -> int:
 
 
 def solved_on(point: Points, method: Method, steps: int, engine: str, rigid: Free | None = None) -> Solutions:
-    """Return solutions without orbits, on a uniform grid of `steps` steps. rigid: rigid-body modes of the
-    points. Raises SolveError."""
+    """Return solutions without orbits on `steps` uniform steps. Raises SolveError."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     return solutions_on(method, point, grid, False, engine, rigid).checked()
 
@@ -375,8 +366,7 @@ def _blocks_on_steps(
     rigid: Free | None = None,
     loss: float = LOSS,
 ) -> Blocks:
-    """Return the factors of the period on a grid of `steps` steps. They are computed in chunks if memory
-    requires it."""
+    """Return the factors on a grid of `steps` steps. They are computed in chunks if memory requires it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with progress.task(f"factors of {steps} steps, for all multipliers", len(chunks)) as done:

@@ -244,8 +244,7 @@ class ResampledPoints(DerivedPoints):
 
     A collocation method weights the residual in a step by the Lagrange polynomials of its stages. The
     averages have the same weights. A feature of the coefficients between two stages therefore contributes its
-    integral. Polynomial coefficients that the stages resolve exactly do not change.
-    """
+    integral. Polynomial coefficients that the stages resolve exactly do not change."""
 
     def __init__(self, points: Points, steps: int, rules: tuple[Collocation, Collocation]):
         super().__init__(points)

@@ -1,8 +1,7 @@
 """Error estimates from the difference between two solutions of the same points, and round-off errors.
 
 Column 0 of the errors (P, 2) contains the errors of the orbit, relative to the largest value of each
-coordinate. Column 1 contains the errors of the multipliers, relative to the spectral radius.
-"""
+coordinate. Column 1 contains the errors of the multipliers, relative to the spectral radius."""
 
 from functools import cache, cached_property
 
@@ -44,8 +43,7 @@ allows for about ten operations.
 To compute the effect of round-off in the entries, the entries are also changed by this amount. The effect
 then exceeds the round-off of the difference, and is linear if the result has three correct digits. With half
 or twice this value, 80 estimates for stiff modes in rotated axes are still not below the errors, and equally
-close to them.
-"""
+close to them."""
 
 _COEFFICIENTS = 1e-3
 """Relative difference between coefficients and their interpolant below which its effect is not computed, as a
@@ -113,8 +111,7 @@ class Comparison(PointSolver):
 
         The errors include the round-off of the step maps. If the effect of round-off in the coefficients may
         exceed the `errors` (k, 2), it is also included. This effect is computed as the difference from
-        solutions with slightly changed entries.
-        """
+        solutions with slightly changed entries."""
         roundoff = roundoff_errors(solutions)
         of = slice(0 if self.request.orbit else 1, 2)
         rows = self.may_exceed(positions, roundoff[:, of], errors[:, of]).nonzero()[0]
@@ -189,8 +186,7 @@ def _signs(n: int) -> Array:
     The changes of the diagonal of a symmetric stiffness matrix have the same sign, so that their effects do
     not cancel. Their effect Σ x_i² K_ii on a mode x is at least 1/n of Σ |x_i K_ij x_j|, which bounds the
     effect of any changes. M, C and K change by different factors, so that the changes of two terms that
-    balance in a mode do not cancel.
-    """
+    balance in a mode do not cancel."""
     diagonal = np.eye(n).ravel()
     return np.concatenate((-diagonal, 2 * diagonal, diagonal, (-1.0) ** np.arange(n)))[None]
 
@@ -201,8 +197,7 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
 
     The difference of the orbits is the maximum of max|difference|/max|q| over all coordinates. A coordinate
     that is zero except for round-off, such as that of the mass at a tuned absorber, is compared with the
-    displacement that all loads on it would cause.
-    """
+    displacement that all loads on it would cause."""
     multipliers = coarse.multipliers.difference(fine.multipliers)
     orbit = np.zeros_like(multipliers)
     if coarse.curve is not None and fine.curve is not None:
@@ -245,8 +240,7 @@ def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> A
 
     If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error
     `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if `roundoff` is below
-    `NO_DIGIT`.
-    """
+    `NO_DIGIT`."""
     limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
     is_small = largest <= limit * largest.max(axis=1, keepdims=True)
     if not is_small.any():

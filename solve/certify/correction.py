@@ -1,8 +1,7 @@
 """Checks of a solution that are independent of its error estimate, and scales for relative errors.
 
 The checks are Liouville's formula, the residual of the equation of motion, and one correction of Newton's
-method.
-"""
+method."""
 
 import math
 from dataclasses import dataclass
@@ -71,8 +70,7 @@ class CoordinateScale:
         """Return the scales (n,) of coordinates whose largest moduli are `largest` (n,); 1 if no force acts.
 
         roundoff: whether coordinates that are zero within the round-off of the loads are scaled by the
-        displacements that the individual terms of the loads would cause.
-        """
+        displacements that the individual terms of the loads would cause."""
         scale = np.maximum(largest, fraction * self.load_scale)
         if roundoff:
             scale = np.where(largest <= self.roundoff, np.maximum(scale, self._load_terms), scale)
@@ -138,8 +136,7 @@ def corrected(
     """Return the next Newton iterate from a motion, on a grid over the period of the motion.
 
     The iterate is the solution of the system linearised along the motion. Raises SolveError if the linearised
-    system has no solution, and LinearModelError for linear systems.
-    """
+    system has no solution, and LinearModelError for linear systems."""
     along = nonlinear_of(system).along(motion, columns_by(engine))
     point = SinglePoint(along, speed)
     return solutions_on(method, point, grid, True, engine, free(point)).checked()
@@ -165,8 +162,7 @@ def linearisation_error(
     """Return the estimated distance (n,) between the nonlinear orbit and a linear one.
 
     The estimate is one Newton correction, divided by the scale of each coordinate. It is NaN if the
-    linearised system has no solution.
-    """
+    linearised system has no solution."""
     try:
         solutions = corrected(system, motion, speed, method, grid, engine)
     except SolveError:
@@ -183,8 +179,7 @@ def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions,
     """Return the difference of log|det Φ| between the method and Liouville's formula, -∫ tr(M⁻¹C) dt.
 
     The difference is 0 except for modes that the steps do not resolve. It is NaN for a method without steps.
-    speed: in rad/s. logarithms (2n,): ln ρ of the multipliers, NaN for unresolved multipliers.
-    """
+    speed: in rad/s. logarithms (2n,): ln ρ of the multipliers, NaN for unresolved multipliers."""
     if solutions.steps is None:
         return math.nan
     nodes, weights = np.polynomial.legendre.leggauss(3)

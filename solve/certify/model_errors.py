@@ -20,8 +20,7 @@ harmonics.
   extrapolated from the amplitudes of the resolved harmonics.
 
 The larger of the two errors is used. It is zero if the resolved harmonics end within round-off. Harmonics
-beyond the resolved range that alias to lower ones are then not detected.
-"""
+beyond the resolved range that alias to lower ones are then not detected."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -73,8 +72,7 @@ def with_model_errors(result: Certified, system_at: SystemAt) -> Certified:
     absolute errors of the multipliers, from which the verdicts follow. The error of interpolation is also
     added to the relative errors. Without reduction or interpolation, the points are returned unchanged.
 
-    system_at: function that returns the system and the speed of the point with a given index.
-    """
+    system_at: function that returns the system and the speed of the point with a given index."""
     if not len(result):
         return result
     capabilities = system_at(0)[0].capabilities
@@ -169,8 +167,7 @@ def _orbit_errors(
     output.
 
     Orbits are compared at 720 or more phases. Coordinates below 1e-12 of the largest displacement count as
-    zero.
-    """
+    zero."""
     reduction = system.capabilities.reduction
     assert reduction is not None
     count = max(720, 2 * len(reduced.nodes))
@@ -265,8 +262,7 @@ def _sufficient(ratios: Array, excess: Array, spacing: int, azimuths: int) -> in
     decay.
 
     ratios (2,): ratios between the effects of successive multiples of the spacing. excess (2,): errors
-    divided by the tolerance.
-    """
+    divided by the tolerance."""
     missed = excess > 1
     if not missed.any():
         return azimuths

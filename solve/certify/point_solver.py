@@ -86,8 +86,7 @@ class PointSolver:
 
         Round-off ε of the largest rate ω₁ changes the smallest rate ω₂ by at most ε ω₁²/(2ω₂), and a
         multiplier by the period T times this change. A second bound is ω₁ T ε, multiplied by the factor of
-        cancellation in the stiffness. For a single coordinate, the bound is zero.
-        """
+        cancellation in the stiffness. For a single coordinate, the bound is zero."""
         if self.points.n == 1:
             return np.zeros(len(positions), dtype=bool)
         least, largest = self._extreme_rates[:, positions] * self.points.period
@@ -168,8 +167,7 @@ class PointSolver:
         """Yield the solved points, and failures for points whose load drives a rigid-body mode.
 
         errors (k, 2): relative errors of orbit and multipliers. absolute (k,): absolute errors of the
-        multipliers. The defects of the solutions are added to `errors` in place.
-        """
+        multipliers. The defects of the solutions are added to `errors` in place."""
         errors[:, 0] += solutions.defect
         if solutions.free is not None and solutions.driven is not None and self.request.orbit:
             is_driven = solutions.driven > _DRIVEN + 10 * errors[:, 0]

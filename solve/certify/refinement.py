@@ -49,8 +49,7 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
     are round-off. Errors are estimated as differences from a more accurate solution, see `Comparison`. A
     point fails with ResonanceError if an orbit is requested and a multiplier equals +1 within a tenth of the
     difference between the two solutions. Raises StepsError for a requested number of steps that the method
-    cannot use at any point.
-    """
+    cannot use at any point."""
     solver = (_Refinement if method.converges else PointSolver)(points, method, request)
     groups = _rigid_body_groups(solver)
     if len(groups) > 1:
@@ -104,8 +103,7 @@ class _GridComparison:
     positions (k,): positions of the points. solutions, better: first solution, and the more accurate one.
     errors (k, 2): errors of the first solution. roundoff (k, 2): round-off errors of the first solution.
     tolerances (k, 2): allowed errors, at least the round-off. remainder (k,): size, after a period, of a unit
-    disturbance in modes that the steps do not resolve.
-    """
+    disturbance in modes that the steps do not resolve."""
 
     positions: Array
     modes: FrozenModes
@@ -134,8 +132,7 @@ class _Refinement(Comparison):
     """Solver that refines the grid of each point as required, unless the number of steps is prescribed.
 
     previous_errors (P, 2): errors on the last grid of each point. unresolved (P,): remainder of modes that
-    are left unresolved because they would require too many steps.
-    """
+    are left unresolved because they would require too many steps."""
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         super().__init__(points, method, request)
@@ -225,8 +222,7 @@ class _Refinement(Comparison):
         3. A finer grid would not decide an undetermined verdict.
 
         On the last grid, every point is accepted, and its errors state the accuracy reached. The errors of
-        accepted points are raised in place to those due to features between the samples.
-        """
+        accepted points are raised in place to those due to features between the samples."""
         is_roundoff = pair.errors < 1e3 * pair.roundoff
         is_roundoff[:, 1] |= pair.underflows
         is_roundoff &= 2 * pair.errors > self.previous_errors[pair.positions]
@@ -261,8 +257,7 @@ class _Refinement(Comparison):
         The number of steps is doubled if the errors are small enough but another condition fails. The second
         grid of a point has at least 4/3 as many steps as the first. Each later grid has at least twice as
         many steps as the one before, because errors then decrease more slowly than the order of the method
-        implies.
-        """
+        implies."""
         orders, errors, tolerances = np.minimum(self.orders, 20), pair.errors, pair.tolerances
         growth = np.where(errors <= tolerances, 1.0, (errors / (AIM * tolerances)) ** (1 / orders))
         growth = np.where(np.isfinite(errors), growth, 2.0).max(axis=1)

@@ -3,8 +3,7 @@
 With coefficients frozen at a phase, a step of length h of a one-step method multiplies a mode of rate λ by
 R(hλ) instead of exp(hλ). If these two factors differ, two solutions may agree on a wrong multiplier: an
 L-stable method damps an undamped mode, and other methods preserve a decaying mode. The larger of the two
-factors bounds the disturbance that remains after a period.
-"""
+factors bounds the disturbance that remains after a period."""
 
 from functools import lru_cache
 
@@ -62,8 +61,7 @@ def first_steps(
     If an orbit is requested, damped modes that require more than `most` steps do not count, nor do modes
     whose remainder after a period is at most `_COMPARABLE` times that of these modes. With such modes, the
     multipliers do not meet the tolerance on any grid, and fine grids would increase the round-off of the
-    orbit.
-    """
+    orbit."""
     collocation = method.corrector
     if not isinstance(collocation, Collocated):
         phase_advance = np.zeros(len(modes)) if method.l_stable else modes.phase_advance_estimate
@@ -92,8 +90,7 @@ def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> A
 
     Harmonics above the frequency ω₁ of the fastest mode, `fastest` (P,), have the additional weight (ω₁/ω)³:
     inertia reduces the response by (ω₁/ω)², and local errors accumulate only over a period of the mode. The
-    factor 1.25 on ω accounts for the response, whose harmonics extend beyond those of the coefficients.
-    """
+    factor 1.25 on ω accounts for the response, whose harmonics extend beyond those of the coefficients."""
     omega = np.arange(1, amplitudes.shape[1]) * 2 * np.pi / T
     response = 3 * np.minimum(np.log(fastest)[:, None] - np.log(omega), 0.0)
     powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
@@ -105,8 +102,7 @@ def grid_sizes(steps: Array) -> Array:
     and so on.
 
     Points share these few grid sizes, so that tables are reused. Above 192 steps, there are four sizes per
-    factor of two, because additional steps then cost more than an additional grid.
-    """
+    factor of two, because additional steps then cost more than an additional grid."""
     steps = np.maximum(steps, MIN_STEPS)
     octave = np.exp2(np.floor(np.log2(steps)))
     spacing = octave / np.where(steps > 192, 4, 2)
@@ -119,8 +115,7 @@ def unresolved_remainder(method: Method, modes: FrozenModes, steps: int) -> Arra
 
     The remainder is 0 if all modes are resolved. It is infinite if a method without a stability function
     preserves unresolved modes. The mean damping of a mode over a few phases would be wrong if the damping had
-    as many harmonics as there are phases. Therefore, all phases are used.
-    """
+    as many harmonics as there are phases. Therefore, all phases are used."""
     limit = _resolved_angle(method, steps) * steps / modes.period
     rows = (~modes.is_within(limit)).nonzero()[0]
     remainder = np.zeros(len(modes))

@@ -88,8 +88,7 @@ def follow_branch(
 
     start: function that returns the first point. left: function that is called for successive points, and
     returns True for a point that is no longer on the branch. saved: stored steps, from which the continuation
-    resumes.
-    """
+    resumes."""
     task = parameters.task
     with one_thread(task.system.n), progress.task("points", most) as count:
         follower = _BranchFollower(parameters, saved or SavedBranch())

@@ -103,8 +103,7 @@ class FollowedOrbit:
     values (k,): values of the parameters. figures (q, 7): statistics of the q coordinates and outputs, in the
     order of `Statistics`. figure_errors (q,): relative errors of these coordinates and outputs. multipliers
     (2n,): Floquet multipliers. radius: spectral radius. errors (2,): relative error of the orbit, and error
-    of the spectral radius. repeats: whether the orbit already repeats after fewer periods.
-    """
+    of the spectral radius. repeats: whether the orbit already repeats after fewer periods."""
 
     values: Array
     figures: Array
@@ -128,8 +127,7 @@ class Point:
     unknowns: converged unknowns on `grid`. sizes (n,): scales of the coordinates for step lengths. tangents:
     orthonormal tangents, one per parameter. orbit: orbit computed by the method with one more stage. kind:
     kind of a special point, one of `solve.results.branch.KINDS`; empty for a regular point. periods: number
-    of periods of the model in the period of the orbit.
-    """
+    of periods of the model in the period of the orbit."""
 
     unknowns: Unknowns
     sizes: Array
@@ -163,8 +161,7 @@ class ContinuationParameters:
     """Names of the parameters of a continuation, and the first and last value of each one.
 
     task: settings apart from the values of the parameters. names: "speed" (rad/s), or parameters by which the
-    equations can be differentiated. ranges (k, 2): first and last values.
-    """
+    equations can be differentiated. ranges (k, 2): first and last values."""
 
     task: Task
     names: tuple[str, ...]

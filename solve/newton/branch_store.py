@@ -1,8 +1,7 @@
 """Folder that stores the steps of branches, so that an interrupted continuation can resume.
 
 `branches.json` describes the calculation. The file NUMBER-STEP.npz contains step STEP of branch NUMBER; both
-are counted from 0. Stored steps are read up to the first damaged or missing file.
-"""
+are counted from 0. Stored steps are read up to the first damaged or missing file."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -37,8 +36,7 @@ class BranchStep:
 
     points: points of the branch that the step adds. length: length of the next step. largest, resting:
     attributes of the `Manifold` after the step. ended: reason why the branch ends with this step; empty at
-    the end of the range or of a closed branch, and None if the branch continues.
-    """
+    the end of the range or of a closed branch, and None if the branch continues."""
 
     points: tuple[Point, ...]
     length: float
@@ -93,8 +91,7 @@ def opened_branches(folder: str | Path | None, work: Mapping[str, Any]) -> Itera
     store saves nothing.
 
     work: description of the calculation. Raises FileError if the folder contains other files or another
-    calculation, if another process uses it, or if it cannot be written.
-    """
+    calculation, if another process uses it, or if it cannot be written."""
     if folder is None:
         yield BranchStore(None)
         return

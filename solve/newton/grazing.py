@@ -3,8 +3,7 @@
 The branch has a corner there, because the tangent on each side follows from the equations with the events of
 that side. Beyond the corner, the branch either continues to further values of the parameter or turns back.
 Newton's iteration at a fixed value of the parameter finds the orbit beyond, whether it is stable or not. The
-iteration starts from the last orbit, or from slightly larger or smaller motions.
-"""
+iteration starts from the last orbit, or from slightly larger or smaller motions."""
 
 from itertools import product
 
@@ -42,8 +41,7 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
     """Return the first points beyond a grazing orbit near `before`, and the special points between them. The
     events of the orbits beyond differ from those of the orbits up to `before`.
 
-    Raises NoOrbitError if the equations have no switches, or if no such orbit is found.
-    """
+    Raises NoOrbitError if the equations have no switches, or if no such orbit is found."""
     if not _events(manifold, before.unknowns).sides:
         raise NoOrbitError("the equations have no switches")
     # Within its errors, the last orbit may already pass the switch.

@@ -64,8 +64,7 @@ class Task:
 
     speed: in rad/s. periods: number of periods of the system in the period of the orbit. rtol: tolerance of
     the orbit. factors (1, n): scale factors of the equations if their magnitudes differ widely, otherwise
-    None.
-    """
+    None."""
 
     system: PeriodicSystem
     speed: float
@@ -122,8 +121,7 @@ class Task:
 class Converged:
     """Result of Newton's iteration.
 
-    solutions: last iterate. iterations: number of corrections. last: relative norm of the last correction.
-    """
+    solutions: last iterate. iterations: number of corrections. last: relative norm of the last correction."""
 
     solutions: Solutions
     iterations: int
@@ -169,8 +167,7 @@ def iterate(
     corrections within round-off no longer decrease.
 
     Raises NoOrbitError after `most` corrections, or if damping does not help. The message states the smallest
-    correction.
-    """
+    correction."""
     with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
         return _iterate(task, start, grid, most, max(last, _RTOL_FRACTION * task.rtol))
 
@@ -291,8 +288,7 @@ def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) 
     `period`.
 
     The mean displacement and the steady velocity along rigid-body modes are removed. A velocity that is
-    determined by drag becomes the drift of the curve.
-    """
+    determined by drag becomes the drift of the curve."""
     q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
     nodes, drift = np.linspace(0.0, period, q.shape[-1]), None
     if rigid is not None:
@@ -346,8 +342,7 @@ def correct(
     """Return the next Newton iterate from `curve`.
 
     through_jumps: whether to include the jumps of disturbances at events with discontinuous forces.
-    otherwise: the iterate without these jumps, if already computed; it is returned if there are no jumps.
-    """
+    otherwise: the iterate without these jumps, if already computed; it is returned if there are no jumps."""
     along, grid = linearised_along(task, curve, grid)
     jumps = event_jumps(along, curve, task.speed, grid) if through_jumps else []
     if otherwise is not None and not jumps:

@@ -4,8 +4,7 @@ The state x at phase 0 and the changes p of the parameters satisfy x = Φ x + g 
 of G are the states at the end of the period that result from zero initial states, under the load and under a
 unit change of each parameter. These are 2n equations for 2n + k unknowns. Their solutions are one particular
 solution plus combinations of k tangents. At a fold, where I - Φ is singular, the equations remain regular (H.
-B. Keller, Lectures on Numerical Methods in Bifurcation Problems, 1987, 4.3).
-"""
+B. Keller, Lectures on Numerical Methods in Bifurcation Problems, 1987, 4.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -58,8 +57,7 @@ class LinearFamily:
     used.
 
     sizes (n,): scales of the coordinates. more_stages: whether to use the method with one more stage. The
-    properties raise SolveError subclasses if there are no solutions.
-    """
+    properties raise SolveError subclasses if there are no solutions."""
 
     def __init__(
         self,
@@ -130,8 +128,7 @@ class LinearFamily:
         d if `load` is None.
 
         Return None if the equations of `_null_space` must be solved instead, for example because a multiplier
-        is near +1. For machines with rigid-body modes, those equations are never used.
-        """
+        is near +1. For machines with rigid-body modes, those equations are never used."""
         if self._is_coupled:
             return None
         try:
@@ -188,8 +185,7 @@ class _Equations:
     """Equations linearised along the motion `motion`, with the load d and one load -∂r/∂θ for each parameter
     θ.
 
-    names: parameters θ. free: whether the machine has rigid-body modes.
-    """
+    names: parameters θ. free: whether the machine has rigid-body modes."""
 
     along: PeriodicSystem
     task: Task

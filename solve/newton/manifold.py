@@ -67,8 +67,7 @@ class Manifold:
     """Manifold of orbits over the parameters.
 
     resting: whether some coordinate stays zero (within round-off) throughout an orbit. largest (n,): largest
-    amplitude of each coordinate so far.
-    """
+    amplitude of each coordinate so far."""
 
     parameters: ContinuationParameters
     resting: bool = field(default=False, init=False)
@@ -119,8 +118,7 @@ class Manifold:
         curvature: derivative of the first direction with respect to the length; it improves the initial
         guess.
 
-        Raises SolveError subclasses if the iteration does not converge.
-        """
+        Raises SolveError subclasses if the iteration does not converge."""
         unknowns, sizes = before.unknowns, before.sizes
         for direction, length in zip(directions, lengths, strict=True):
             unknowns = unknowns.plus(length / self.inner(direction, direction, sizes), direction)
@@ -209,8 +207,7 @@ class Manifold:
 
         towards: directions with which the tangents of the point form acute angles. family: solutions of the
         linear problem near the unknowns, for the scales `sizes`, if already computed. held: directions along
-        which the point does not move when the grid is refined; by default its tangents.
-        """
+        which the point does not move when the grid is refined; by default its tangents."""
         known, scale = np.zeros(1) if sizes is None else sizes, self._scale(unknowns, grid)
         if unknowns.largest.min() <= _MAY_REST * known.max() or sizes is None:
             self.resting = self.resting or scale.rests(unknowns.largest)
@@ -285,8 +282,7 @@ class Manifold:
         """Return the orbit of the more accurate unknowns `better`, with zeros as the errors of orbit and
         radius.
 
-        there: less accurate unknowns. off (n,): relative differences between the coordinates of both.
-        """
+        there: less accurate unknowns. off (n,): relative differences between the coordinates of both."""
         task, curve = self.parameters.task_at(better.values), better.curve
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
         errors = np.concatenate(

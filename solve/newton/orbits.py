@@ -145,8 +145,7 @@ class _Search:
     """Search for an orbit by several strategies.
 
     steps: number of steps of the grid; None for an automatic choice. notes: notes on the engine.
-    all_multipliers: whether `rtol` applies to each multiplier.
-    """
+    all_multipliers: whether `rtol` applies to each multiplier."""
 
     task: Task
     steps: int | None

@@ -9,8 +9,7 @@ the states before and after the event,
 
 For continuous forces, S = I and s = 0. If a parameter moves a break, that is, a phase b(θ) at which the
 matrices jump, S = I and s = (f⁻ - f⁺) db/dθ. Newton's iteration includes these jumps and therefore converges
-quadratically.
-"""
+quadratically."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,8 +38,7 @@ class EventJump:
     """Jump of disturbances at an event of a motion.
 
     step: index of the step before the event. matrix: S (N, N). state (N,): state of the motion at the event.
-    by_parameters: s (N, k).
-    """
+    by_parameters: s (N, k)."""
 
     step: int
     matrix: Array
@@ -63,8 +61,7 @@ def event_jumps(
     """Return the jumps at the events of a motion; empty if no force jumps there.
 
     along: system linearised along the motion. curve: the motion. speed: in rad/s. grid: grid with the events
-    as nodes. names: parameters θ, which may include "speed".
-    """
+    as nodes. names: parameters θ, which may include "speed"."""
     events = np.array(events_of(along).phases)
     if not len(events):
         return []
@@ -93,8 +90,7 @@ def break_jumps(
     """Return the jumps that are due to breaks whose phases depend on the parameters `names`.
 
     breaks: breaks of the model over the period, which are nodes of the grid. The other arguments are those of
-    `event_jumps`.
-    """
+    `event_jumps`."""
     slopes = derivatives_of(along).of_breaks(names)
     moved = np.flatnonzero(slopes.any(axis=1))
     if not len(moved):

@@ -32,8 +32,7 @@ def follow_orbits(
     `most` points in each direction.
 
     starts: one pair per orbit, which contains its number of periods and a function that returns it. An orbit
-    that lies on an earlier branch is skipped.
-    """
+    that lies on an earlier branch is skipped."""
     followed, crossings = list[Followed](), list[tuple[int, list[Point]]]()
     for periods, start in starts:
         by_periods = parameters.over_periods(periods)

@@ -4,8 +4,7 @@ The orbits at all values of both parameters form a surface. A function g on this
 special points. For folds, g is the determinant of the parameter components of two tangents: if it is zero,
 both parameters are stationary in one direction on the surface. For doublings, g = Π (1 + ρ)/(1 + |ρ|). The
 curve g = 0 is followed on the surface, where it is smooth even at cusps (Y. A. Kuznetsov, Elements of Applied
-Bifurcation Theory, 10.3).
-"""
+Bifurcation Theory, 10.3)."""
 
 import math
 from collections.abc import Callable
@@ -49,8 +48,7 @@ class _OnCurve:
     """Point of a curve of special points.
 
     along (2,): components of the tangent of the curve in the directions of the two tangents of the surface.
-    slope: derivative of g normal to the curve.
-    """
+    slope: derivative of g normal to the curve."""
 
     point: Point
     along: Array

@@ -137,8 +137,7 @@ def zero_between(
 
     function: function that returns, for an argument, its value and a point. ends, values: two arguments and
     the values there, which have different signs. agree: function that returns whether two successive points
-    agree. reached: point with which the first one is compared. Raises NoOrbitError.
-    """
+    agree. reached: point with which the first one is compared. Raises NoOrbitError."""
     (low, high), (first, second), kept = ends, values, False
     most = _ZERO * abs(second - first)
     for _ in range(_MAX_REFINEMENTS):

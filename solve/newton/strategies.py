@@ -159,8 +159,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     The transient has settled if successive periods differ little, or if Newton's iteration from one of the
     periods converges to an orbit that is not unstable. If the transient does not settle, an unstable orbit to
     which the iteration has converged is returned. Raises NoOrbitError, whose message states the remaining
-    change per period.
-    """
+    change per period."""
     change, next_trial, unstable, motion = np.inf, _FIRST_TRIAL, None, task.rest(grid)
     with progress.task("periods at most", _MAX_PERIODS) as count:
         for turns, motion, change in _march(task, grid):
@@ -212,8 +211,7 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
     """Integrate the motion from near rest. Yield the number of periods of the system so far, the motion over
     the last period of the orbit, and the relative difference between the two ends of this motion.
 
-    The difference excludes rigid-body motion.
-    """
+    The difference excludes rigid-body motion."""
     system, count = task.system, max(1, grid.steps // task.periods)
     sizes = linear_sizes(task, grid)
     march = nonlinear_of(system).marcher(sizes, count, _RTOL)

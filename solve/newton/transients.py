@@ -157,8 +157,8 @@ def transient(
 
 
 def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
-    """Return the linear orbit. for_sizes: whether only the sizes of the coordinates are required; at a
-    resonance, the orbit is then computed at a lower speed."""
+    """Return the linear orbit. for_sizes: whether only the sizes of the coordinates are required; a lower
+    speed is then used at a resonance."""
     try:
         return periodic(system, speed, rtol=rtol, engine=engine)
     except ResonanceError:
@@ -196,8 +196,7 @@ class _Integration:
     """Integration of a linear or nonlinear system, accurate enough for a comparison with the orbit to `rtol`.
 
     orbit: linear orbit, whose amplitudes scale the coordinates. nonlinear: whether to integrate the nonlinear
-    equations.
-    """
+    equations."""
 
     system: PeriodicSystem
     orbit: Orbit | None
@@ -212,8 +211,7 @@ class _Integration:
 
         Linear motion with vibrations that are too fast for the steps or states is not rejected, but its error
         is reported. Raises TransientError for nonlinear motion that CVODES cannot integrate even with few
-        states.
-        """
+        states."""
         count, work = _COUNT, 3 * self.system.n**2 * (len(ends) - 1)
         result, march_error, tolerance = None, 0.0, interpolation_tolerance(self.rtol)
         while True:
@@ -226,8 +224,8 @@ class _Integration:
                 return result
             previous, march_error = march_error, march.error if isinstance(march, StepMarcher) else 0.0
             if result is not None and march_error > tolerance >= previous:
-                # More states would show vibrations that no number of steps resolves. The error of the
-                # previous result includes these vibrations.
+                # More states would show vibrations that no steps resolve. The error of the previous result
+                # includes them.
                 return result
             between = float(interpolation_error(march.nodes, motion, bool(self.system.breaks)).max())
             error = max(between, march_error)
@@ -251,7 +249,7 @@ class _Integration:
 
 
 def _damping_note(march: Integrator) -> list[str]:
-    """Return a warning if the steps do not resolve the fastest modes; otherwise an empty list."""
+    """Return a warning, in a list, if the steps do not resolve the fastest modes."""
     if not isinstance(march, StepMarcher) or march.angle <= _METHOD.follows:
         return []
     return [
@@ -264,8 +262,7 @@ def _march(march: Integrator, state: Array, ends: Array, period: float) -> Array
     """Return the motions (turns, 3, n, k) of successive periods. The derivatives are those of `Integrator`.
 
     state (2n,): initial q and q̇, with the derivative with respect to time. ends (turns + 1,): speeds at the
-    ends of the periods.
-    """
+    ends of the periods."""
     motions, n = [], len(state) // 2
     with progress.task(TURNS, len(ends) - 1) as count:
         for turn, (first, last) in enumerate(pairwise(ends.tolist())):
@@ -314,8 +311,7 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
 
 
 def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -> Orbit | None:
-    """Return the nonlinear orbit near the last period (3, n, k) of the motion; None if there is no such
-    orbit."""
+    """Return the nonlinear orbit near the last period (3, n, k) of the motion; None if there is none."""
     last = joined([motion], system.period, rigid_at_rest(system, speed))
     try:
         return nonlinear_orbit(system, speed, last, rtol=1e-6, engine=engine)
@@ -372,8 +368,8 @@ class _PeriodSteps:
         self._mean_speed, self._cache = (first + last) / 2, dict[int, Discretisation]()
 
     def motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array]:
-        """Return the motion q, v, a (3, n, k) at `nodes` (k,) from the initial state `state` (2n,), and
-        max|q| (n,) over the ends of the steps."""
+        """Return the motion q, v, a (3, n, k) at `nodes` (k,) from the state (2n,), and max|q| (n,) at the
+        steps."""
         discretisation = self._cache.get(steps) or self._discretised(steps)
         if steps * self._system.n**2 <= _MAX_CACHED:
             self._cache[steps] = discretisation
