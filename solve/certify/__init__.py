@@ -1,1 +1,1 @@
-"""Grid refinement and error estimates of solutions."""
+"""Grid refinement, and error estimates of solutions."""

@@ -1,7 +1,7 @@
 """All multipliers of a point, each with an error estimate and its mode.
 
-The monodromy matrix does not resolve multipliers below eps‖Φ‖. Those multipliers are computed from the
-factors of the period."""
+The monodromy matrix Φ does not resolve multipliers below eps‖Φ‖. Those multipliers are computed from the
+factors of the period, that is, from products of one-step maps."""
 
 import math
 from collections.abc import Sequence
@@ -29,26 +29,26 @@ from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
 
 _MAX_WORK = 3e6, 1e7, 2e8
-"""Chosen limits of (number of steps) × (number of states)² for factors that are computed by default, for
-modes on the refined grid, and for the refined grid."""
+"""Limits on (number of steps) × (number of states)²: for factors that are computed by default, for the modes
+of refined multipliers, and for refined multipliers. Chosen by judgement."""
 
 _DEFAULT_LOSS = 1e-9
-"""Value of `solve.period.blocks.LOSS` if the errors of individual multipliers are not limited. For a beam
-structure of 54 states, this value reduces the 768 factors to a quarter, and changes multipliers by at most
-2e-11 and resolved multipliers by at most 1e-12."""
+"""Value of the parameter `loss` (see `solve.period.blocks.LOSS`) if the errors of individual multipliers are
+not limited. For a beam structure with 54 states, this value reduces the number of factors from 768 to a
+quarter. It changes all multipliers by at most 2e-11, and resolved multipliers by at most 1e-12."""
 
 _MEMORY = 2**29
-"""Size, in bytes, of the steps that are solved together."""
+"""Memory, in bytes, of the steps that are computed in one chunk."""
 
 
 @dataclass(frozen=True)
 class RefinedMultipliers:
-    """All multipliers of a point, each to the tolerance if round-off and the limit of computational work
-    permit.
+    """All multipliers of a point. Each meets the tolerance unless round-off or the limit of computational
+    work prevents it.
 
-    logarithms (N,): log ρ, -inf for an exact zero. errors (N,): estimated relative error of each ρ, NaN if
-    not accurate to one digit. steps: number of steps per period. rigid (N,): whether the multiplier belongs
-    to a rigid-body mode."""
+    logarithms (N,): log ρ, -inf for an exact zero. errors (N,): estimated relative error of each ρ, NaN if ρ
+    is not accurate to one digit. steps: number of steps per period. rigid (N,): whether the multiplier
+    belongs to a rigid-body mode."""
 
     logarithms: Array
     errors: Array
@@ -61,9 +61,10 @@ class Spectrum:
     """All multipliers of a point in order of decreasing modulus, positive imaginary part first.
 
     Multipliers that the monodromy matrix resolves are its eigenvalues. Smaller multipliers are computed from
-    the factors of the period on twice the steps; their errors are the differences from results with one more
-    stage. If `rtol` applies to each multiplier, all multipliers are taken from `refined`. Multipliers of
-    rigid-body modes are exactly +1. each: whether `rtol` applies to each multiplier."""
+    the factors of the period with twice as many steps. Their errors are estimated from the differences
+    between these results and those with one more stage. Multipliers of rigid-body modes are exactly +1.
+
+    each: whether `rtol` applies to each multiplier. All multipliers are then those of `refined`."""
 
     point: SinglePoint
     certified: Certified
@@ -91,7 +92,7 @@ class Spectrum:
 
     @property
     def leading(self) -> Array:
-        """Largest multipliers (k,), which the monodromy matrix separates from all others; empty if
+        """Largest multipliers (k,), which the monodromy matrix separates from the others; empty if
         `refined`."""
         if self.refined is not None:
             return self._eigenvalues[:0]
@@ -99,13 +100,12 @@ class Spectrum:
         return self._with_rigid(self._eigenvalues, 1.0)[self._with_rigid(is_separate, fill=True)]
 
     def logarithm(self, at: int) -> complex:
-        """Value of log ρ for the multiplier with index `at`. For a leading multiplier, other multipliers are
-        not computed."""
+        """Return log ρ of the multiplier with index `at`. A leading one is computed without the others."""
         leading = self.leading
         return complex(np.log(leading[at]) if at < len(leading) else self.logarithms[at])
 
     def multiplier(self, at: int) -> complex:
-        """Value of ρ for the multiplier with index `at`, computed as in `logarithm`."""
+        """Return the multiplier ρ with index `at`. A leading one is computed without the others."""
         leading = self.leading
         return complex(leading[at] if at < len(leading) else self.values[at])
 
@@ -116,8 +116,8 @@ class Spectrum:
 
     @cached_property
     def modes(self) -> Sequence[FloquetMode]:
-        """Modes of all multipliers. The harmonic of a mode is missing if its multiplier is not accurate to
-        one digit or the method computes no step maps."""
+        """Modes of all multipliers. A mode has no harmonic if its multiplier is not accurate to one digit, or
+        if the method computes no step maps."""
         rotation = 2 * math.pi * self.point.speed / self.point.period
         angles = np.imag(self.logarithms) * rotation / (2 * math.pi)
         modes = [FloquetMode(float(angle)) for angle in angles]
@@ -144,7 +144,7 @@ class Spectrum:
 
     @property
     def warnings(self) -> list[str]:
-        """Warning that an error exceeds `rtol`, if `rtol` applies to each multiplier; otherwise empty."""
+        """Warning if `rtol` applies to each multiplier and an error exceeds it; otherwise empty."""
         if self.refined is None:
             return []
         rtol, steps = self.certified.request.rtol, self.refined.steps
@@ -159,8 +159,7 @@ class Spectrum:
 
     @property
     def notes(self) -> list[str]:
-        """Note on results that require the eigenvalues of the product of the step maps, if these are unknown;
-        otherwise empty."""
+        """Note on results that are missing without the eigenvalues of the product of the step maps."""
         is_refused = self.each and self.refined is None
         # A note alone does not justify computing the eigenvalues of the factors.
         has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
@@ -185,8 +184,8 @@ class Spectrum:
         return [f"{', and '.join(missing)}; {reason}"] if missing else []
 
     def _with_rigid(self, values: Array, fill: float) -> Array:
-        """Values (N,) of all multipliers, from `values` without rigid-body modes. For each rigid-body mode,
-        `fill` is inserted after the multipliers outside the unit circle."""
+        """Insert `fill` once for each rigid-body mode into `values`, which exclude these modes. It is
+        inserted after the multipliers outside the unit circle. Return the values (N,) for all multipliers."""
         count = rigid_multipliers(self.certified)
         if self.refined is not None or not count:
             return values
@@ -194,8 +193,7 @@ class Spectrum:
 
     @cached_property
     def _solutions(self) -> Solutions:
-        """Solutions with the step maps from which modes are computed, and multipliers that the monodromy
-        matrix does not resolve to one digit."""
+        """Solutions with the step maps from which modes and small multipliers are computed."""
         certified, steps = self.certified, self._factor_steps
         if self.refined is not None and self._work(self.refined.steps) <= _MAX_WORK[1]:
             steps = self.refined.steps
@@ -205,8 +203,9 @@ class Spectrum:
 
     @property
     def _factor_steps(self) -> int:
-        """Number of steps of the factors. Unless the steps are given, it is twice the number of the solution,
-        because small multipliers belong to fast modes."""
+        """Number of steps of the factors. If there are unresolved multipliers, it is twice the number of
+        steps of the solution, because small multipliers belong to fast modes. If the user has specified the
+        number of steps, that number is used."""
         certified = self.certified
         is_small = self.refined is None and not self._has_digit.all() and certified.request.steps is None
         return certified.steps * (2 if is_small and certified.method.with_another_stage else 1)
@@ -220,7 +219,7 @@ class Spectrum:
 
     @property
     def _eigenvalues(self) -> Array:
-        """Eigenvalues of the monodromy matrix, without those of rigid-body modes."""
+        """Eigenvalues of the monodromy matrix, excluding those of rigid-body modes."""
         values = self.certified.solutions.multipliers.values[0]
         return values[: len(values) - rigid_multipliers(self.certified)]
 
@@ -231,27 +230,25 @@ class Spectrum:
 
     @property
     def _has_factors(self) -> bool:
-        """Whether the monodromy matrix is available as a product of maps in the coordinates of the system,
-        with few enough factors."""
+        """Whether the monodromy matrix is available as a product of few enough one-step maps."""
         method = self.certified.method
         return isinstance(method, OneStep) and method.converges and not self._is_long
 
     @property
     def _is_long(self) -> bool:
-        """Whether the factors are too many or too large to be used by default."""
+        """Whether the factors would take too much computing time to be used by default."""
         return self.refined is None and self._work(self.certified.steps) > _MAX_WORK[0]
 
     @cached_property
     def _logarithms_and_errors(self) -> tuple[Array, Array]:
-        """Logarithms log ρ (N,) and their errors (N,), without rigid-body modes."""
+        """Logarithms log ρ (N,) of the multipliers and their errors (N,), excluding rigid-body modes."""
         if self.refined is not None:
             return self.refined.logarithms, self.refined.errors
         certified, rho, has_digit = self.certified, self._eigenvalues, self._has_digit
         with np.errstate(divide="ignore", invalid="ignore"):
             logarithms = np.where(rho != 0, np.log(rho), UNKNOWN)
             errors = np.where(has_digit, certified.absolute[0] / np.abs(rho), np.nan)
-        # If the largest multipliers are not resolved to one digit, no multiplier is, even if two solutions
-        # agree.
+        # If the largest multipliers are not accurate to one digit, none is, even if two solutions agree.
         if has_digit.all() or not certified.errors[0, 1] < NO_DIGIT or self._factored is None:
             return logarithms, errors
         eigenvalues, order = self._factored[1], self._order[~self.rigid]
@@ -269,8 +266,7 @@ class Spectrum:
 
     @cached_property
     def _factored(self) -> tuple[Blocks, ProductEigenvalues] | None:
-        """Factors of the period and their eigenvalues; None without factors, or if the eigenvalues do not
-        converge."""
+        """Factors of the period and their eigenvalues; None if they cannot be computed."""
         if not self._has_factors or not slicot.available():
             return None
         maps = self._solutions.steps
@@ -283,7 +279,7 @@ class Spectrum:
 
     @cached_property
     def _order(self) -> Array:
-        """Indices (N,) of the multipliers among the eigenvalues of the factors."""
+        """Index (N,) of each multiplier among the eigenvalues of the factors."""
         assert self._factored is not None
         logarithms = self._factored[1].logarithms[0]
         if self.refined is not None:
@@ -300,7 +296,7 @@ class Spectrum:
 
 
 def require_step_maps(method: Method) -> None:
-    """Raise StepsError for a method without step maps."""
+    """Raise StepsError if the method does not compute step maps."""
     if not isinstance(method, OneStep):
         raise StepsError(
             f"all multipliers are computed from the maps of the steps, which {method.name} does not "
@@ -309,9 +305,12 @@ def require_step_maps(method: Method) -> None:
 
 
 def refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMultipliers | None:
-    """All multipliers of a solved point. Steps are doubled until each error, twice the difference from a
-    better method, is at most `rtol`. Doubling ends early if it does not reduce the errors or takes too long.
-    Given steps are kept. None without SLICOT, or if its iteration does not converge."""
+    """Return all multipliers of a solved point. The number of steps is doubled until each error is at most
+    `rtol`. An error is estimated as twice the difference from a better method. Doubling ends early if it does
+    not reduce the errors or would take too long. If the user has specified the number of steps, it is not
+    changed.
+
+    Return None if SLICOT is not available, or if its iteration does not converge."""
     if not slicot.available():
         return None
     try:
@@ -348,13 +347,13 @@ def _refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMul
 
 
 def rigid_multipliers(certified: Certified) -> int:
-    """Number of multipliers of a point that belong to rigid-body modes."""
+    """Return the number of multipliers of a point that belong to rigid-body modes."""
     rigid_modes = certified.solutions.free
     return 0 if rigid_modes is None else int(rigid_modes.modes.multiplicity[0])
 
 
 def solved_on(point: Points, method: Method, steps: int, engine: str, rigid: Free | None = None) -> Solutions:
-    """Solutions without orbits on a number of steps, with given rigid-body modes. Raises SolveError."""
+    """Return solutions without orbits on `steps` uniform steps. Raises SolveError."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     return solutions_on(method, point, grid, False, engine, rigid).checked()
 
@@ -367,7 +366,7 @@ def _blocks_on_steps(
     rigid: Free | None = None,
     loss: float = LOSS,
 ) -> Blocks:
-    """Factors on a grid of `steps` steps, computed in chunks if memory requires it."""
+    """Return the factors on a grid of `steps` steps. They are computed in chunks if memory requires it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with progress.task(f"factors of {steps} steps, for all multipliers", len(chunks)) as done:
@@ -389,12 +388,12 @@ def _blocks_on_steps(
 
 
 def multiplier_errors(better: Array, eigenvalues: ProductEigenvalues) -> Array:
-    """Relative errors (N,) of multipliers: the larger of the round-off and twice the difference from more
-    accurate logarithms `better` (N,)."""
+    """Return the relative error (N,) of each multiplier: the larger of its round-off error and twice the
+    difference from the more accurate logarithms `better` (N,)."""
     distances = log_distances(eigenvalues.logarithms[0], better)
     nearest, distance = distances.argmin(axis=1), distances.min(axis=1)
     is_mutual = distances.argmin(axis=0)[nearest] == np.arange(len(distances))
-    # A multiplier far from all accurate ones is not resolved in any assignment.
+    # A multiplier far from all accurate ones is unresolved, however the multipliers are matched.
     if not (is_mutual | (distance >= NO_DIGIT)).all():
         distance = distances[matched(distances)]
     return np.maximum(SAFETY * distance, eigenvalues.errors[0])

@@ -1,4 +1,4 @@
-"""Requests for solutions, and solutions with their error estimates and warnings."""
+"""Requests for solutions, and solutions with error estimates and warnings."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -16,29 +16,29 @@ from solve.period.multipliers import KNOWN_ON_CIRCLE, STABLE, UNDETERMINED, verd
 from solve.period.points import Points
 
 NEAR_ONE = 1e-3
-"""Distance of a multiplier from +1 below which a warning is issued; a choice. The amplitude of the response
-is roughly proportional to 1/distance and thus sensitive to small changes of the parameters."""
+"""Distance of a multiplier from +1 below which a warning is issued. Chosen by judgement: the amplitude of the
+response is roughly proportional to 1/distance, and thus sensitive to small changes of the parameters."""
 
 
 @dataclass(frozen=True)
 class SolveRequest:
-    """Required accuracy or number of steps of the solutions of points.
+    """Requested accuracy or number of steps for the solutions of points.
 
     Parameters
     ----------
     orbit : bool
-        Whether periodic solutions are required, or multipliers only.
+        Whether periodic solutions are required; otherwise, only multipliers are computed.
     rtol : float
-        Tolerance of the relative errors of orbit and multipliers.
+        Tolerance of the relative errors of the orbit and of the multipliers.
     steps : int, optional
-        Steps per period. By default, as many as `rtol` requires.
+        Number of steps per period. By default, it is the number that `rtol` requires.
     engine : str
-        Engine, COMPILED or NUMPY.
+        COMPILED or NUMPY.
     reduction_method : Method
-        Method for the error estimate of a reduction; applicable to every system.
+        Method for the error estimate of a reduction. It must be applicable to every system.
     reference_methods : callable
-        Function that returns convergent methods for given points. Results of methods that do not converge are
-        compared with results of these methods.
+        Function that yields convergent methods for given points, each with the indices of its points. Results
+        of methods that do not converge are compared with results of these methods.
     """
 
     orbit: bool
@@ -50,20 +50,20 @@ class SolveRequest:
 
 
 class ReductionError(NamedTuple):
-    """Estimated effect of a reduction on the results; NaN without an estimate.
+    """Estimated errors that a reduction causes in the results; NaN if there is no estimate.
 
     Attributes
     ----------
     modes : int
-        Retained modes per link.
+        Number of retained modes per link.
     coordinates, full : int
-        Number of coordinates with and without the reduction.
+        Number of coordinates of the reduced system and of the full system.
     discarded : float
-        Lowest frequency of the discarded modes in rad/s.
+        Lowest frequency, in rad/s, of the discarded modes.
     orbit : float
-        Largest max|error|/max|q| of all coordinates of the full system; NaN without an orbit.
+        Maximum of max|error|/max|q| over all coordinates of the full system; NaN without an orbit.
     multipliers : float
-        Largest |error| divided by the spectral radius.
+        Largest |error| of a multiplier, divided by the spectral radius.
     spectral_radius : float
         Error of the dominant multiplier, divided by the spectral radius.
     outputs : mapping
@@ -81,7 +81,7 @@ class ReductionError(NamedTuple):
 
     @property
     def parts(self) -> list[str]:
-        """Phrases that state the errors of orbit, multipliers and the least accurate output."""
+        """Phrases that state the errors of the orbit, the multipliers and the least accurate output."""
         phrases = [] if math.isnan(self.orbit) else [f"orbit {self.orbit:.1e}"]
         phrases.append(f"multipliers {self.multipliers:.1e}")
         if self.outputs:
@@ -91,7 +91,7 @@ class ReductionError(NamedTuple):
 
     @property
     def warnings(self) -> list[str]:
-        """Warning about the reduction; empty if the reduction discards nothing."""
+        """Warning about the reduction; empty if the reduction does not discard coordinates."""
         count = f"reduce={self.modes} keeps {self.coordinates} of {self.full} coordinates"
         if self.coordinates == self.full:
             return []
@@ -110,10 +110,10 @@ class InterpolationError(NamedTuple):
     harmonic : int
         Highest harmonic of the samples with an amplitude above round-off.
     orbit, multipliers : float
-        Relative errors, scaled as in `ErrorEstimate`; 0 if no harmonic above the resolved ones exceeds
+        Relative errors, defined as in `ErrorEstimate`; 0 if all harmonics above the resolved ones are
         round-off.
     sufficient : int or None
-        Estimated number of azimuths with which the tolerance is met; None if the harmonics do not decay.
+        Estimated number of azimuths that meets the tolerance; None if the harmonics do not decay.
     """
 
     azimuths: int
@@ -128,7 +128,7 @@ class InterpolationError(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Sentence on the number of azimuths that is sufficient."""
+        """Sentence that states the estimated errors, and the number of azimuths that suffices."""
         if self.orbit == 0 and self.multipliers == 0:
             return (
                 f"interpolated from {self.azimuths} azimuths, which suffice: harmonics end at {self.harmonic}"
@@ -144,7 +144,7 @@ class InterpolationError(NamedTuple):
 
 @dataclass(frozen=True)
 class Failed:
-    """Index of a point without a solution, and the exception that states the reason."""
+    """Index `position` of a point without a solution, and the exception that states the reason."""
 
     position: int
     reason: SolveError
@@ -157,17 +157,17 @@ class Certified:
     Attributes
     ----------
     positions : (k,)
-        Positions among the requested points.
+        Indices of the points among the requested points.
     errors : (k, 2)
         Relative errors of orbit and multipliers.
     absolute : (k,)
         Absolute errors of the multipliers.
     modes : FrozenModes
-        Modes of the points with frozen coefficients.
+        Modes of the points, with coefficients frozen at fixed phases.
     reduction : tuple of ReductionError
-        One per point, or none.
+        One entry per point; empty without a reduction.
     interpolation : tuple of InterpolationError
-        One per point, or none; `errors` and `absolute` contain them.
+        One entry per point; empty without interpolation. `errors` and `absolute` include these errors.
     """
 
     positions: Array
@@ -185,12 +185,12 @@ class Certified:
 
     @property
     def steps(self) -> int:
-        """Steps per period."""
+        """Number of steps per period."""
         return self.solutions.grid.steps
 
     @cached_property
     def verdicts(self) -> Array:
-        """Verdicts (k,) as indices in VERDICTS; see `solve.period.multipliers.verdicts`."""
+        """Verdicts (k,) as indices in `VERDICTS`; see `solve.period.multipliers.verdicts`."""
         return verdicts_of(self.solutions, self.absolute, self.modes)
 
     @cached_property
@@ -200,7 +200,7 @@ class Certified:
 
     @property
     def doubtful(self) -> Array:
-        """Whether (k,) a point has warnings."""
+        """Whether (k,) there are warnings about each point."""
         multipliers = self.solutions.multipliers
         doubtful = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
         doubtful |= (multipliers.resolved == 0) & ~_rigid_body_only(self.solutions)
@@ -210,7 +210,7 @@ class Certified:
         return doubtful
 
     def warnings(self, at: int) -> list[str]:
-        """Warnings about the point with index `at`, one sentence each."""
+        """Return the warnings about the point with index `at`, one sentence each."""
         method, request, rho = self.method, self.request, self.solutions.multipliers
         orbit, multipliers = map(float, self.errors[at])
         is_below_round_off = not rho.resolved[at] and not _rigid_body_only(self.solutions)[at]
@@ -250,7 +250,7 @@ class Certified:
         return warnings
 
     def _missed_tolerances(self, orbit: float, multipliers: float | None) -> list[str]:
-        """Warning if an error exceeds the tolerance."""
+        """Return a warning if an error exceeds the tolerance; otherwise an empty list."""
         errors = {"orbit": orbit} if multipliers is None else {"orbit": orbit, "multipliers": multipliers}
         rtol, steps = self.request.rtol, self.request.steps
         missed = [f"{name} to {error:.1e}" for name, error in errors.items() if error > rtol]
@@ -262,8 +262,8 @@ class Certified:
 
 
 def verdicts_of(solutions: Solutions, errors: Array, modes: FrozenModes) -> Array:
-    """Verdicts (P,), as indices in VERDICTS, on the motion without the rigid-body modes; "stable" if no
-    motion remains."""
+    """Return the verdicts (P,), as indices in `VERDICTS`, on the motion without the rigid-body modes. If only
+    rigid-body motion exists, the verdict is "stable"."""
     of_vibration = verdicts(solutions.Phi, solutions.multipliers, errors, modes)
     return np.where(_rigid_body_only(solutions), STABLE, of_vibration)
 
@@ -278,9 +278,10 @@ def _rigid_body_only(solutions: Solutions) -> Array:
 def unresolved_modes_warning(
     method: Method, phase_advance: float, steps: int, orbit_error: float | None = None
 ) -> list[str]:
-    """Warning if the method does not damp modes that its steps do not resolve.
+    """Return a warning if the method does not damp modes that its steps do not resolve; otherwise an empty
+    list.
 
-    phase_advance: ω_max T in rad. orbit_error: the error of the orbit, if it is small.
+    phase_advance: ω_max T in rad. orbit_error: error of the orbit, if this error is small.
     """
     if method.l_stable or phase_advance <= steps * method.follows:
         return []

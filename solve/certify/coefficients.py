@@ -15,22 +15,22 @@ from solve.period.multipliers import EPS
 from solve.period.points import DerivedPoints, Points, Tables
 
 PHASES = 1001
-"""Number of fixed phases at which coefficients are compared with their interpolant: odd, so that few of these
-phases coincide with the stages of a grid. A feature narrower than the spacing of all sampled phases may be
-missed. docs/certificate.md states the measured range."""
+"""Number of fixed phases at which coefficients are compared with their interpolant. It is odd, so that few of
+these phases coincide with the stages of a grid. A feature narrower than the spacing of all sampled phases may
+be missed. docs/certificate.md states the measured range."""
 
 ROUND_OFF = 512 * EPS
-"""Relative size below which harmonics, and differences between coefficients and their interpolant, are
-round-off. Measured: at most 4e-14 for the models of this project, and 2e-13 for 3000 steps and coefficients
-with noise in the last digit."""
+"""Relative size below which harmonics, and differences between coefficients and their interpolant, count as
+round-off. Measured round-off: at most 4e-14 for the models of this project, and 2e-13 for 3000 steps and
+coefficients with noise in the last digit."""
 
 _MEMORY = 2**27
-"""Bytes of the coefficients that are processed at a time."""
+"""Memory, in bytes, of the coefficients that are processed in one chunk."""
 
 
 class _ArrayCache:
-    """Cache of values computed from arrays. A value is kept as long as the first array from which it was
-    computed exists."""
+    """Cache of values that are computed from arrays. A value is kept as long as the first of its arrays
+    exists."""
 
     def __init__(self, compute: Callable[..., Any]):
         self._compute = compute
@@ -47,18 +47,18 @@ class _ArrayCache:
 
 
 def harmonics(points: Points, loads: bool) -> Array:
-    """Relative amplitudes (P, k) of the harmonics 0, 1, … of the coefficients; 0 for round-off.
+    """Return the relative amplitudes (P, k) of the harmonics 0, 1, … of the coefficients; 0 for round-off.
 
-    Amplitudes are relative to the largest harmonic of an entry. The maximum over all entries, with or without
-    the `loads`, is returned. For systems with jumps only harmonic 0 is returned, since their harmonics decay
-    too slowly.
+    The amplitudes of each entry of M, C and K (and d, if `loads` is True) are relative to the largest
+    harmonic of this entry. The returned amplitude is the maximum over the entries. For systems with jumps,
+    whose harmonics decay too slowly, only harmonic 0 is returned.
     """
     if points.breaks:
         return np.ones((len(points), 1))
     count = min(PHASES, _MEMORY // (8 * _entry_count(points.n)) | 1)
     tables = points.tables(_fixed_phases(points.period, count))
     spectrum = _spectrum(tables.table) if tables.per_point else _cached_spectrum(tables.table)
-    # Loads are the last entries.
+    # The entries of d are the last ones.
     terms = slice(None if loads else int((tables.entry < 3 * points.n**2).sum()))
     entries, starts = _entries(tables.entry[terms])
     relative = np.empty((len(points), spectrum.shape[-2]))
@@ -71,32 +71,33 @@ def harmonics(points: Points, loads: bool) -> Array:
 
 
 def _entries(entry: Array) -> tuple[Array, Array]:
-    """Distinct indices (E,) among the ascending indices (R,) of entries, and the position of the first term
-    of each entry."""
+    """Return the distinct indices (E,) among the ascending indices `entry` (R,), one per term, and the
+    position (E,) of the first term of each entry."""
     starts = np.concatenate(([0], (entry[1:] != entry[:-1]).nonzero()[0] + 1))
     return entry[starts], starts
 
 
 def _relative(values: Array, largest: Array, entries: Array, n: int) -> Array:
-    """Largest (P, k) of the values (P, k, E) of all entries, relative to their largest values (P, E). Values
-    within round-off are 0."""
+    """Return the maximum (P, k) over all entries of `values` (P, k, E), relative to `largest` (P, E), the
+    largest value of each entry. Values within round-off are 0."""
     scale = np.where(largest > 0, largest, 1.0)[:, None]
     is_visible = values > ROUND_OFF * _entry_sizes(largest, entries, n)[:, None]
     return np.where(is_visible, values / scale, 0.0).max(axis=-1)
 
 
 def _entry_count(n: int) -> int:
-    """Number of entries of M, C, K and d."""
+    """Return the number of entries of M, C, K and d."""
     return 3 * n**2 + n
 
 
 def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
-    """Sizes (P, E) relative to which the entries have round-off, from their `largest` values (P, E).
+    """Return reference magnitudes (P, E) for the round-off of entries whose largest values are `largest` (P,
+    E).
 
     An entry that is zero in exact arithmetic, such as a sum of products, has the round-off of its terms. The
-    terms are bounded by the diagonals, as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½. A load d_i
-    is bounded by max_j |d_j| (D_ii / D_jj)^½ with the largest diagonal D of M, C and K. entries (E,): indices
-    of the entries.
+    terms of a matrix entry are bounded by the diagonal, as in a positive definite matrix: |X_ij| ≤ (X_ii
+    X_jj)^½. A load d_i is bounded by max_j |d_j| (D_ii / D_jj)^½, where D_ii is the largest of M_ii, C_ii and
+    K_ii. entries (E,): indices of the entries.
     """
     every_entry = np.zeros((len(largest), _entry_count(n)))
     every_entry[:, entries] = largest
@@ -111,7 +112,7 @@ def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
 
 
 def _spectrum(table: Array) -> Array:
-    """Harmonics (…, k, R) of the terms of a table, up to the last one above round-off."""
+    """Return the harmonics (…, k, R) of the terms of a table, up to the last harmonic above round-off."""
     with np.errstate(over="ignore", invalid="ignore"):
         spectrum = np.fft.rfft(table, axis=-2, norm="forward")
         sizes = np.abs(spectrum)
@@ -131,22 +132,22 @@ def _fixed_phases(period: float, count: int) -> Array:
 @dataclass(frozen=True, eq=False)
 class SampledPhases:
     """Phases of consecutive steps at which coefficients are sampled, and further phases at which the
-    interpolant is compared with the coefficients.
+    coefficients are compared with their interpolant.
 
     Attributes
     ----------
     lower, higher : (m, s), (m, s + 1)
-        Stages of the two methods.
+        Phases of the stages of the two methods.
     compared : (Q,)
-        Further phases in ascending order.
+        Further phases, in ascending order.
     step, place : (Q,)
-        Step of each compared phase, and the number of the phase within its step.
+        Step of each compared phase, and the number of the phase within this step.
     basis : (m, c, 2 s + 1)
-        Lagrange polynomials of all stages at the compared phases of each step; c is the largest number of
-        compared phases in a step.
+        Lagrange polynomials of all stages, evaluated at the compared phases of each step; c is the largest
+        number of compared phases in a step.
     weights : (m, s, c)
-        Increments of the coefficients at the stages of the lower method for a unit difference at each
-        compared phase of a step.
+        Increments of the coefficients at the stages of the lower method that result from a unit difference at
+        each compared phase of a step.
     """
 
     lower: Array
@@ -161,8 +162,8 @@ class SampledPhases:
     def on_steps(
         cls, grid: Grid, first: int, end: int, lower: Collocation, higher: Collocation
     ) -> "SampledPhases":
-        """Sampled and compared phases of the steps from `first` to `end` - 1 of a grid for two methods; the
-        solution is computed by the `lower` one."""
+        """Return the sampled and the compared phases of the steps from `first` to `end` - 1 of a grid. The
+        solution by the method `lower` is compared with the solution by `higher`."""
         nodes = np.union1d(lower.c, higher.c)
         stages, more_stages = (grid.stages(np.array(each.c))[first:end] for each in (lower, higher))
         compared, step = _compared_phases(grid, first, end)
@@ -181,7 +182,8 @@ class SampledPhases:
         return cls(stages, more_stages, compared, step, place, basis, weights)
 
     def increments(self, differences: Array) -> Array:
-        """Increments (…, m s, R) of the coefficients at the stages due to the differences (…, Q, R)."""
+        """Return the increments (…, m s, R) of the coefficients at the stages that result from `differences`
+        (…, Q, R)."""
         m, s = self.lower.shape
         by_step = np.zeros((*differences.shape[:-2], m, self.weights.shape[-1], differences.shape[-1]))
         by_step[..., self.step, self.place, :] = differences
@@ -189,8 +191,8 @@ class SampledPhases:
 
 
 def _compared_phases(grid: Grid, first: int, end: int) -> tuple[Array, Array]:
-    """Phases (Q,) of steps at which coefficients are compared, and the step of each phase. First come the
-    fixed phases inside the steps, then both ends of each step."""
+    """Return the phases (Q,) at which coefficients are compared, and the step of each phase. The fixed phases
+    inside the steps come first, followed by both ends of each step."""
     fixed, steps = _fixed_phases(grid.period, PHASES), np.arange(first, end)
     ends = grid.stages(np.array([0.0, 1.0]))
     step = np.searchsorted(grid.nodes, fixed, side="right") - 1
@@ -215,7 +217,7 @@ def _differences(
 
 
 def _largest(values: Array) -> Array:
-    """Largest modulus (…, R) over the phases of values (…, k, R)."""
+    """Return the largest modulus (…, R), over the k phases, of values (…, k, R)."""
     return np.maximum(values.max(axis=-2), -values.min(axis=-2))
 
 
@@ -226,8 +228,8 @@ _cached_differences = _ArrayCache(_differences)
 def _sampled_phases(
     steps: int, period: float, breaks: tuple[float, ...], rules: tuple[Collocation, Collocation], memory: int
 ) -> tuple[SampledPhases, ...]:
-    """Sampled and compared phases of a uniform grid, divided so that the coefficients of each part fit into
-    memory. memory: bytes of the coefficients at a phase."""
+    """Return the sampled and compared phases of a uniform grid. The grid is divided into parts whose
+    coefficients fit into memory. memory: bytes of the coefficients per phase."""
     grid = Grid.uniform(steps, period, breaks)
     per_step = 2 * len(rules[0].c) + 3 + PHASES / grid.steps
     size = max(1, int(_MEMORY / (memory * per_step)))
@@ -238,11 +240,11 @@ def _sampled_phases(
 
 
 class ResampledPoints(DerivedPoints):
-    """Points whose coefficients at the stages of a grid are local averages over further phases.
+    """Points whose coefficients at the stages of a grid are replaced by local averages over further phases.
 
-    A collocation method weights the residual of a step by the Lagrange polynomials of its stages. The
-    averages have the same weights, so that a feature between two stages contributes its integral.
-    Coefficients that are polynomials of a degree resolved by the stages do not change."""
+    A collocation method weights the residual in a step by the Lagrange polynomials of its stages. The
+    averages have the same weights. A feature of the coefficients between two stages therefore contributes its
+    integral. Polynomial coefficients that the stages resolve exactly do not change."""
 
     def __init__(self, points: Points, steps: int, rules: tuple[Collocation, Collocation]):
         super().__init__(points)
@@ -254,8 +256,8 @@ class ResampledPoints(DerivedPoints):
         return ResampledPoints(self.points[positions], self.steps, self.rules)
 
     def tables(self, phase: Array) -> Tables:
-        """Tables at phases (k,). They contain averages if the phases are the stages of consecutive steps, and
-        the original coefficients otherwise."""
+        """Return tables at phases (k,). They contain averages if the phases are the stages of consecutive
+        steps, and the original coefficients otherwise."""
         stages, averaged = self._averaged
         first = int(np.searchsorted(stages, phase[0]))
         rows = slice(first, first + len(phase))
@@ -265,7 +267,7 @@ class ResampledPoints(DerivedPoints):
 
     @cached_property
     def _averaged(self) -> tuple[Array, Tables]:
-        """Phases (k,) of all stages, and tables of averages at these phases."""
+        """Phases (k,) of all stages, and tables of the averages at these phases."""
         stages = np.concatenate([part.lower.ravel() for part in self._parts])
         lower = [self.points.tables(part.lower.ravel()) for part in self._parts]
         averaged = [
@@ -276,8 +278,8 @@ class ResampledPoints(DerivedPoints):
 
     @cached_property
     def relative_difference(self) -> Array:
-        """Largest difference (P,) between an entry and its interpolant, relative to the largest value of the
-        entry; 0 for round-off."""
+        """Largest difference (P,) between the entries and their interpolants, relative to the largest value
+        of each entry; 0 for round-off."""
         sizes, entry = [], np.zeros(0)
         for part in self._parts:
             terms, (_, *largest) = self._differences(part)
@@ -290,8 +292,8 @@ class ResampledPoints(DerivedPoints):
         return _relative(sums[:, None], largest, entries, self.n)[:, 0]
 
     def _differences(self, part: SampledPhases) -> tuple[Tables, tuple[Array, Array, Array]]:
-        """Tables at the compared phases; differences (…, Q, R) of coefficients from their interpolant there,
-        the largest differences (…, R) and the largest coefficients (…, R)."""
+        """Return the tables at the compared phases, followed by a tuple for their R terms: the differences
+        (…, Q, R) from the interpolant, the largest differences (…, R) and the largest values (…, R)."""
         terms, lower, higher = (
             self.points.tables(each.ravel()) for each in (part.compared, part.lower, part.higher)
         )
@@ -300,8 +302,9 @@ class ResampledPoints(DerivedPoints):
 
 
 def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:
-    """Trapezoidal weights (Q,) of ascending fractions (Q,) of steps (Q,), for quadrature over each step with
-    these fractions and the step's nodes."""
+    """Return trapezoidal weights (Q,) at the fractions `fraction` (Q,) of the steps with indices `step` (Q,).
+    Steps and fractions are in ascending order. The weights are for a quadrature over each step that also uses
+    `nodes`, whose weights are not returned."""
     m = int(step[-1]) + 1
     every_step = np.concatenate((step, np.repeat(np.arange(m), len(nodes))))
     every_fraction = np.concatenate((fraction, np.tile(nodes, m)))

@@ -1,7 +1,7 @@
-"""Errors estimated from the difference between two solutions of the same points, and round-off errors.
+"""Error estimates from the difference between two solutions of the same points, and round-off errors.
 
-Column 0 of the errors (P, 2) belongs to the orbit, relative to the largest value of each coordinate. Column 1
-belongs to the multipliers, relative to the spectral radius."""
+Column 0 of the errors (P, 2) contains the errors of the orbit, relative to the largest value of each
+coordinate. Column 1 contains the errors of the multipliers, relative to the spectral radius."""
 
 from functools import cache, cached_property
 
@@ -24,60 +24,65 @@ from solve.period.points import Points, ScaledEntries
 from solve.period.rigid_body import Free
 
 PHASES_PER_STEP = 4
-"""Smallest number of phases per step at which curves are compared. With 2 or 8, the errors of 65 results on
-14 random test systems stay within their estimates, and the verdicts are the same."""
+"""Minimum number of phases per step at which curves are compared. With 2 or 8, the errors of 65 results on 14
+random test systems stay within their estimates, and the verdicts are the same."""
 
 SAFETY = 2.0
-"""Ratio of the error estimate to the difference from a better solution. The difference equals the error to
-first order, and is at least half of the error for 99.8 % of the stored random test systems."""
+"""Ratio of the error estimate to the difference from a more accurate solution. To first order, the difference
+equals the error. The difference is at least half of the error for 99.8 % of the stored random test
+systems."""
 
 NO_DIGIT = 0.1
 """Relative error above which a value is not accurate to even one digit. docs/certificate.md states the
 measured range."""
 
 ROUND_OFF = 64 * EPS
-"""Relative size below which a value is the round-off of its computation: a choice that allows for about ten
-operations. Entries are also changed by this amount to compute the effect of their round-off: the effect
-exceeds the round-off of the difference, and is linear if the result has three correct digits. With half and
-twice this value, 80 estimates for stiff modes in rotated axes are still not below the errors, and equally
+"""Relative size below which a value counts as the round-off of its computation. Chosen by judgement: it
+allows for about ten operations.
+
+To compute the effect of round-off in the entries, the entries are also changed by this amount. The effect
+then exceeds the round-off of the difference, and is linear if the result has three correct digits. With half
+or twice this value, 80 estimates for stiff modes in rotated axes are still not below the errors, and equally
 close to them."""
 
 _COEFFICIENTS = 1e-3
-"""Largest difference between coefficients and their interpolant, relative to the stiffness of the softest
-mode, as a fraction of `rtol`. The response amplifies this difference by at most the phase advance of a
-resolved mode, a few hundred radians. With half and twice this value, the errors of 65 results on 14 random
-test systems stay within their estimates, and the verdicts are the same."""
+"""Relative difference between coefficients and their interpolant below which its effect is not computed, as a
+fraction of `rtol` times the stiffness ratio of the softest and the stiffest mode. The response amplifies this
+difference by at most the phase advance of a resolved mode, a few hundred radians. With half or twice this
+value, the errors of 65 results on 14 random test systems stay within their estimates, and the verdicts are
+the same."""
 
 _AMPLIFICATION = 100.0
-"""Factor by which the response may amplify aliased harmonics of the coefficients: that of a resonance with a
-damping ratio of 0.5 %."""
+"""Assumed factor by which the response amplifies aliased harmonics of the coefficients: the amplification at
+a resonance with a damping ratio of 0.5 %."""
 
 
 def better_method(method: Method) -> tuple[Method, int]:
-    """More accurate method for comparison with a method, and the ratio of their numbers of steps. It has one
-    more stage on the same grid or, without a variant of higher order, twice the steps."""
+    """Return a more accurate method with which a method is compared, and the ratio of their numbers of steps.
+    The more accurate method has one more stage on the same grid. If there is no such method, it is the same
+    method with twice as many steps."""
     higher = method.with_another_stage
     return (method, 2) if higher is None else (higher, 1)
 
 
 class Comparison(PointSolver):
-    """Solver that computes a solution and a more accurate one; their difference estimates the error of the
+    """Solver that computes a solution and a more accurate one. Their difference estimates the error of the
     first.
 
     A collocation method with s stages is compared with s + 1 stages on the same grid. A step with one more
     stage solves the error equation of the step with s stages. The difference of their maps is therefore the
     dual-weighted residual with an exact discrete adjoint. Since the equations are linear, the periodic
-    solutions of both sets of maps propagate these local errors exactly. Other methods are compared with twice
-    the steps.
+    solutions of both sets of maps propagate these local errors exactly. Other methods are compared with the
+    same method and twice as many steps.
 
     Attributes
     ----------
     better : Method
         Method of the more accurate solution.
     step_ratio : int
-        Number of its steps divided by the number of steps of the first solution.
+        Number of steps of the more accurate solution, divided by that of the first solution.
     remaining : float
-        Error of the more accurate solution as a fraction of the difference.
+        Error of the more accurate solution, as a fraction of the difference between both solutions.
     """
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
@@ -87,25 +92,26 @@ class Comparison(PointSolver):
 
     @cached_property
     def max_steps(self) -> int:
-        """Largest number of steps of the first solution; the more accurate solution needs more steps or
-        stages and may limit it."""
+        """Largest number of steps of the first solution. It may be limited by the more accurate solution,
+        which has more steps or more stages."""
         return self.better.most_steps(self.points.n, self.points.first_order) // self.step_ratio
 
     def pair_chunks(self, steps: int, positions: Array) -> list[Array]:
-        """Chunks of the positions, split so that both solutions fit into memory."""
+        """Split the positions into chunks for which both solutions fit into memory."""
         return self.chunks(steps * self.step_ratio, positions, self.better)
 
     def pair(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
-        """Solution with `steps` steps and a more accurate one, for points at positions (k,)."""
+        """Return the solution with `steps` steps and a more accurate one, for points at positions (k,)."""
         equations, rigid = self.equations[positions], self.rigid_body_modes(positions)
         first = self.solve_points(self.method, equations, steps, rigid)
         return first, self.solve_points(self.better, equations, steps * self.step_ratio, rigid)
 
     def roundoff(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
-        """Round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
+        """Return round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
 
-        If the round-off of the coefficients may exceed the `errors` (k, 2), it is added to the round-off of
-        the maps. It is computed as the difference from solutions with slightly changed entries."""
+        The errors include the round-off of the step maps. If the effect of round-off in the coefficients may
+        exceed the `errors` (k, 2), it is also included. This effect is computed as the difference from
+        solutions with slightly changed entries."""
         roundoff = roundoff_errors(solutions)
         of = slice(0 if self.request.orbit else 1, 2)
         rows = self.may_exceed(positions, roundoff[:, of], errors[:, of]).nonzero()[0]
@@ -121,14 +127,15 @@ class Comparison(PointSolver):
         return roundoff
 
     def _linear_modes(self, positions: Array, equations: Points) -> Free | None:
-        """Rigid-body modes of points at positions (k,), whose linear equations are given."""
+        """Return the rigid-body modes of points at positions (k,). equations: linear equations of these
+        points."""
         return self.rigid_body_modes(positions) if self.method.linear else free(equations)
 
     def _change(
         self, points: Points, rigid: Free | None, steps: int, positions: Array, solutions: Solutions
     ) -> Array:
-        """Differences (k, 2) between given solutions and solutions of `points`, with changed coefficients, on
-        the same grid; infinite if `points` have no solution."""
+        """Return the differences (k, 2) between `solutions` and the solutions of `points`, whose coefficients
+        are changed, on the same grid. A difference is infinite if the changed point has no solution."""
         change = np.full((len(positions), 2), np.inf)
         other = self.solve_points(self.method.corrector, points, steps, rigid)
         rows = other.known
@@ -137,7 +144,7 @@ class Comparison(PointSolver):
         return change
 
     def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        """Errors (k, 2) due to variations of the coefficients that neither grid samples, for points at
+        """Return errors (k, 2) due to variations of the coefficients that neither grid samples, for points at
         positions (k,) with `steps` steps."""
         if self.step_ratio == 1:
             return self._between_stages(steps, positions, solutions)
@@ -146,8 +153,8 @@ class Comparison(PointSolver):
         return np.zeros((len(positions), 2))
 
     def _between_stages(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        """Differences (k, 2) from solutions with locally averaged coefficients; 0 if the coefficients agree
-        with their interpolant."""
+        """Return the differences (k, 2) between `solutions` and solutions with locally averaged coefficients;
+        0 if the coefficients agree with their interpolant."""
         method = self.method
         points = method.linearised(self.points[positions], solutions)
         rules = method.stages, self.better.stages
@@ -163,9 +170,10 @@ class Comparison(PointSolver):
         return errors
 
     def _aliased(self, steps: int, positions: Array) -> Array:
-        """Errors (k, 2) due to aliasing: sum of the aliased harmonics of the coefficients, times their
-        amplification."""
-        # The harmonics of the coefficients couple those of a Fourier series, hence the factor 2.
+        """Return the errors (k, 2) due to aliasing: the sum of the aliased harmonics of the coefficients,
+        multiplied by the factor `_AMPLIFICATION`."""
+        # The harmonics of the coefficients couple those of a Fourier series, so that only half as many are
+        # resolved.
         resolved, points = steps // (2 if self.method.spectral else 1), self.points[positions]
         aliased = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
         return np.column_stack(tuple(aliased)) * _AMPLIFICATION
@@ -173,21 +181,23 @@ class Comparison(PointSolver):
 
 @cache
 def _signs(n: int) -> Array:
-    """Changes (1, 3n² + n) of the entries of M, C, K and d, in units of round-off.
+    """Return test changes (1, 3n² + n) of the entries of M, C, K and d, in units of round-off.
 
-    Changes of the diagonal of a symmetric stiffness do not cancel: their effect on a mode x is Σ x_i² K_ii,
-    which is at least 1/n of Σ |x_i K_ij x_j|. M, C and K change by different factors, so that the changes of
-    two terms that balance in a mode do not cancel."""
+    The changes of the diagonal of a symmetric stiffness matrix have the same sign, so that their effects do
+    not cancel. Their effect Σ x_i² K_ii on a mode x is at least 1/n of Σ |x_i K_ij x_j|, which bounds the
+    effect of any changes. M, C and K change by different factors, so that the changes of two terms that
+    balance in a mode do not cancel."""
     diagonal = np.eye(n).ravel()
     return np.concatenate((-diagonal, 2 * diagonal, diagonal, (-1.0) ** np.arange(n)))[None]
 
 
 def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: str = NUMPY) -> Array:
-    """Differences (P, 2) between coarse and more accurate solutions of points with these frozen modes.
+    """Return the differences (P, 2) between coarse and more accurate solutions of points. modes: frozen modes
+    of these points.
 
-    The difference of the orbits is max|difference|/max|q|, the largest of all coordinates. A coordinate that
-    is zero except for round-off (the mass at a tuned absorber) is compared with the displacement that all
-    loads on it would cause."""
+    The difference of the orbits is the maximum of max|difference|/max|q| over all coordinates. A coordinate
+    that is zero except for round-off, such as that of the mass at a tuned absorber, is compared with the
+    displacement that all loads on it would cause."""
     multipliers = coarse.multipliers.difference(fine.multipliers)
     orbit = np.zeros_like(multipliers)
     if coarse.curve is not None and fine.curve is not None:
@@ -200,8 +210,8 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
 def _curve_differences(
     coarse: Grid, curve: PeriodicCurve, fine: Grid, better: PeriodicCurve, engine: str
 ) -> tuple[Array, Array]:
-    """Largest moduli (P, n) of the difference of two curves and of the `better` one, at evenly spaced phases
-    of each step of the coarse grid."""
+    """Return the largest moduli (P, n) of the difference of two curves, and those of the more accurate curve
+    `better`. The curves are compared at evenly spaced phases of each step of the coarse grid."""
     per_fine_step, rest = divmod(PHASES_PER_STEP * coarse.steps, fine.steps)
     is_shared = not rest and per_fine_step <= PHASES_PER_STEP
     if not (is_shared and (fine.smooth or coarse.steps == fine.steps)):
@@ -219,17 +229,18 @@ def _curve_differences(
 
 
 def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
-    """Largest moduli (P, n) of the differences between two arrays of values (P, n, k), and of the values
-    `better`."""
+    """Return the largest moduli (P, n) of the differences between the values `q` and `better` (P, n, k), and
+    those of `better`."""
     return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
 def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
-    """Scales (P, n) for the errors of coordinates: the `largest` moduli, or the load scale if these are
-    round-off.
+    """Return the scales (P, n) to which the errors of coordinates are relative: the moduli `largest` (P, n),
+    or the load scale of a coordinate whose modulus is round-off.
 
-    If forces on a coordinate cancel, the condition number includes this cancellation. The `roundoff` (P,) is
-    then relative to the coordinate, which is accurate to one digit if `roundoff` is below `NO_DIGIT`."""
+    If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error
+    `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if `roundoff` is below
+    `NO_DIGIT`."""
     limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
     is_small = largest <= limit * largest.max(axis=1, keepdims=True)
     if not is_small.any():
@@ -243,10 +254,10 @@ def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> A
 
 
 def orbit_roundoff(solutions: Solutions) -> Array:
-    """Round-off error (P,) of the orbit, from the condition number of the periodic system."""
+    """Return the round-off errors (P,) of the orbits, from the condition numbers of the periodic systems."""
     return np.fmax(EPS * roundoff_growth(solutions.grid.steps) * solutions.condition, ROUND_OFF)
 
 
 def roundoff_errors(solutions: Solutions) -> Array:
-    """Round-off errors (P, 2) of orbit and multipliers."""
+    """Return the round-off errors (P, 2) of orbits and multipliers."""
     return np.array((orbit_roundoff(solutions), np.maximum(solutions.multiplier_rounding, ROUND_OFF))).T

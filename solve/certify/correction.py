@@ -1,4 +1,4 @@
-"""Checks of a solution that are independent of its error estimate, and scales of relative errors.
+"""Checks of a solution that are independent of its error estimate, and scales for relative errors.
 
 The checks are Liouville's formula, the residual of the equation of motion, and one correction of Newton's
 method."""
@@ -26,20 +26,21 @@ from solve.period.points import SinglePoint
 from solve.system import PeriodicSystem, in_phase
 
 CANCELLED = 1e-3
-"""Fraction of the load scale below which a coordinate counts as small because forces cancel; a choice. Errors
-of larger coordinates are relative to max|q|, as `rtol` is."""
+"""Fraction of the load scale below which a coordinate counts as small because forces cancel. Chosen by
+judgement. The errors of larger coordinates are relative to max|q|, as `rtol` is."""
 
 _AT_REST = 16
 """Multiple of the round-off of the loads up to which a coordinate counts as zero. The round-off is a
-first-order bound, divided by diagonal impedances, which neglect amplification by modes. All values between 1
-and 1000 work for every equilibrium tried."""
+first-order bound divided by diagonal impedances, which do not include amplification by modes. All values
+between 1 and 1000 work for every equilibrium tried."""
 
 _LOST = 1e-3
-"""Logarithm of a determinant beyond which an error may be round-off: sums over resolved multipliers are then
-more accurate. A choice."""
+"""Difference between the logarithms of two determinants above which the difference may be round-off. The
+determinant is then computed from the resolved multipliers, which is more accurate. Chosen by judgement."""
 
 _MAY_BE_ROUND_OFF = 1e-2
-"""Relative residual or correction above which it may be round-off; pure round-off gives about 1."""
+"""Relative residual or correction above which the value may be due to round-off alone, which gives values of
+about 1."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +49,17 @@ class CoordinateScale:
 
     A coordinate may be small because the forces on it cancel: at an antiresonance, at an equilibrium, or by
     symmetry. Its largest modulus is then not a suitable scale. The load scale of a coordinate is the
-    vibration that the largest single force on it would cause against its own stiffness, damping and inertia.
-    The force is a load or due to another coordinate:
+    vibration that the largest single force on it would cause against the stiffness, damping and inertia of
+    this coordinate alone. The force is a load, or is exerted by another coordinate:
 
         B_i = max_f Σ_k |f_ik| / (|M_ii| (kΩ)² + |C_ii| kΩ + |K_ii|),    k: harmonics of the force f on row i,
 
-    with means of the diagonals over the period. The scale is max(max|q_i|, fraction · B_i), in the unit of
-    the coordinate. Without cancellation max|q_i| is at least about B_i, since the modulus of the complex
-    impedance is at most the denominator."""
+    where the diagonal entries are means over the period. The scale is max(max|q_i|, fraction · B_i), in the
+    unit of the coordinate. If no forces cancel, max|q_i| is at least about B_i, because the modulus of the
+    complex impedance is at most the denominator.
+
+    along: linearised system. motion: motion along which it is linearised. steps: number of steps of the grid.
+    """
 
     along: PeriodicSystem
     motion: Motion
@@ -63,10 +67,10 @@ class CoordinateScale:
     steps: int
 
     def scales(self, largest: Array, fraction: float = CANCELLED, roundoff: bool = False) -> Array:
-        """Scales (n,) of coordinates with these largest moduli (n,); 1 if no force acts.
+        """Return the scales (n,) of coordinates whose largest moduli are `largest` (n,); 1 if no force acts.
 
         roundoff: whether coordinates that are zero within the round-off of the loads are scaled by the
-        displacements that the individual terms of the loads cause."""
+        displacements that the individual terms of the loads would cause."""
         scale = np.maximum(largest, fraction * self.load_scale)
         if roundoff:
             scale = np.where(largest <= self.roundoff, np.maximum(scale, self._load_terms), scale)
@@ -74,22 +78,24 @@ class CoordinateScale:
 
     @property
     def roundoff(self) -> Array:
-        """Moduli (n,) below which coordinates and corrections are zero within the round-off of the loads."""
+        """Moduli (n,) up to which coordinates and corrections count as zero within the round-off of the
+        loads."""
         return _AT_REST * EPS * self._load_terms
 
     def load_roundoff(self, largest: Array) -> float:
-        """Largest relative error, due to the round-off of the loads, of coordinates with these largest moduli
-        (n,). Coordinates that are zero are omitted."""
+        """Return the largest relative error, due to the round-off of the loads, of coordinates whose largest
+        moduli are `largest` (n,). Coordinates that are zero are omitted."""
         error = EPS * self._load_terms
         return float(np.where(largest > 0, error / np.where(largest > 0, largest, 1.0), 0.0).max())
 
     def rests(self, largest: Array) -> bool:
-        """Whether at least one coordinate is zero within the round-off of the loads."""
+        """Whether at least one coordinate with the largest moduli `largest` (n,) is zero within the round-off
+        of the loads."""
         return bool((largest <= self.roundoff).any())
 
     @cached_property
     def load_scale(self) -> Array:
-        """Scale B (n,), in the units of the coordinates."""
+        """Load scale B (n,), in the units of the coordinates."""
         M, C, K, d = self._matrices
         q, v, a = (self.motion(self._phases, derivative).T for derivative in range(3))
         is_other = ~np.eye(self.along.n, dtype=bool)
@@ -98,7 +104,7 @@ class CoordinateScale:
 
     @cached_property
     def _load_terms(self) -> Array:
-        """Displacements (n,) due to the individual terms of the loads."""
+        """Displacements (n,) that the individual terms of the loads would cause."""
         return self._displacements(roundoff_of(self.along, self._phases, self.speed))
 
     @cached_property
@@ -111,7 +117,8 @@ class CoordinateScale:
         return in_phase(self.along, self._phases, self.speed)
 
     def _displacements(self, forces: Array) -> Array:
-        """Displacements (n, …) that forces (k, n, …) cause against the diagonal impedances."""
+        """Return the displacements (n, …) that `forces` (k, n, …) at k uniform phases would cause against the
+        diagonal impedances."""
         spectrum = np.abs(np.fft.rfft(forces, axis=0)) * (2 / len(forces))
         spectrum[0] /= 2
         M, C, K = (np.abs(np.einsum("kii->ki", matrix)).mean(axis=0) for matrix in self._matrices[:3])
@@ -126,17 +133,18 @@ class CoordinateScale:
 def corrected(
     system: PeriodicSystem, motion: Motion, speed: float, method: Method, grid: Grid, engine: str
 ) -> Solutions:
-    """Next Newton iterate from a motion, on a grid over the period of the motion.
+    """Return the next Newton iterate from a motion, on a grid over the period of the motion.
 
-    It is the solution of the system linearised along the motion. Raises SolveError if the linearised system
-    has no solution, LinearModelError for linear systems."""
+    The iterate is the solution of the system linearised along the motion. Raises SolveError if the linearised
+    system has no solution, and LinearModelError for linear systems."""
     along = nonlinear_of(system).along(motion, columns_by(engine))
     point = SinglePoint(along, speed)
     return solutions_on(method, point, grid, True, engine, free(point)).checked()
 
 
 def correction(motion: Motion, solutions: Solutions) -> tuple[Array, Array]:
-    """Largest moduli (n,) of the Newton correction to a motion, and of the corrected motion."""
+    """Return the largest moduli (n,) of the Newton correction from `motion` to the curve of `solutions`, and
+    those of this curve."""
     assert solutions.curve is not None
     fractions, after = (np.arange(PHASES_PER_STEP) + 0.5) / PHASES_PER_STEP, solutions.curve
     if isinstance(motion, Curve) and isinstance(after, Curve) and np.array_equal(motion.nodes, after.nodes):
@@ -151,10 +159,10 @@ def correction(motion: Motion, solutions: Solutions) -> tuple[Array, Array]:
 def linearisation_error(
     system: PeriodicSystem, motion: Motion, speed: float, method: Method, grid: Grid, engine: str
 ) -> Array:
-    """Estimated distance (n,) of the nonlinear orbit from a linear one.
+    """Return the estimated distance (n,) between the nonlinear orbit and a linear one.
 
-    It is one Newton correction divided by the scale of each coordinate; NaN if the linearised system has no
-    solution."""
+    The estimate is one Newton correction, divided by the scale of each coordinate. It is NaN if the
+    linearised system has no solution."""
     try:
         solutions = corrected(system, motion, speed, method, grid, engine)
     except SolveError:
@@ -168,10 +176,10 @@ def linearisation_error(
 
 
 def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions, logarithms: Array) -> float:
-    """Difference of log|det Φ| between the method and Liouville's formula -∫ tr(M⁻¹C) dt.
+    """Return the difference of log|det Φ| between the method and Liouville's formula, -∫ tr(M⁻¹C) dt.
 
-    It is 0 except for modes that the steps do not resolve, and NaN for a method without steps. speed: in
-    rad/s. logarithms (2n,): ln ρ of the multipliers, NaN for unresolved ones."""
+    The difference is 0 except for modes that the steps do not resolve. It is NaN for a method without steps.
+    speed: in rad/s. logarithms (2n,): ln ρ of the multipliers, NaN for unresolved multipliers."""
     if solutions.steps is None:
         return math.nan
     nodes, weights = np.polynomial.legendre.leggauss(3)
@@ -182,16 +190,16 @@ def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions,
     volume = -float(solutions.grid.h @ rates @ weights) / 2
     defect = float(np.linalg.slogdet(solutions.steps.A[0])[1].sum()) - volume
     total = float(np.real(logarithms).sum()) - volume
-    # Determinants of products of steps lose small multipliers to round-off.
+    # In the determinant of a product of step maps, small multipliers are lost to round-off.
     return total if abs(defect) > _LOST and math.isfinite(total) else defect
 
 
 def equation_residual(
     system: PeriodicSystem, speed: float, phase: Array, state: tuple[Array, Array, Array]
 ) -> float:
-    """Largest residual of the equation of motion at phases (k,) for states q, q̇, q̈ (n, k).
+    """Return the largest residual of the equation of motion at phases (k,), for the states q, q̇, q̈ (n, k).
 
-    The residual of each row is divided by the largest term of the row.
+    The residual of each row is divided by the largest term of this row.
     """
     M, C, K, d = system.at(phase, speed)
     q, qd, qdd = state

@@ -1,24 +1,26 @@
-"""Errors due to reduction of a system, and due to interpolation of its matrices from samples.
+"""Errors due to the reduction of a system, and due to the interpolation of its matrices from samples.
 
-**Reduction.** The full system is represented by an enriched one. Its basis consists of the reduced basis and
-the low-frequency contribution of the discarded coordinates. The residual of the reduced orbit in the enriched
-equations is orthogonal to the reduced basis; the response to this residual is the difference of both orbits.
-For a linear functional of the orbit this is the dual-weighted residual with the adjoint solution of the
-enriched system (R. Becker, R. Rannacher, Acta Numerica 10 (2001) 1), here for all coordinates, outputs and
-multipliers from one solution. The estimate is also valid near resonance, because the change of the operator
-is not linearised. Measured on the four-bar with 3 and 5 elements and 1 to 5 modes per link at 10 to 90 rad/s,
-errors of multipliers are 0.35 to 1.2 times their estimates. Verdicts therefore allow for twice the estimate.
+**Reduction.** The full system is represented by an enriched one. The basis of the enriched system consists of
+the reduced basis and the low-frequency contribution of the discarded coordinates. The residual of the reduced
+orbit in the enriched equations is orthogonal to the reduced basis. The response to this residual is the
+difference between the two orbits. For a linear functional of the orbit, this is the dual-weighted residual
+with the adjoint solution of the enriched system (R. Becker, R. Rannacher, Acta Numerica 10 (2001) 1). Here,
+one solution yields it for all coordinates, outputs and multipliers. The estimate is also valid near
+resonance, because the change of the operator is not linearised. It was measured on the four-bar with 3 and 5
+elements and 1 to 5 modes per link at 10 to 90 rad/s: the errors of multipliers are 0.35 to 1.2 times their
+estimates. Verdicts therefore allow for twice the estimate.
 
-**Interpolation.** Harmonics that the azimuths do not resolve are missing, and alias to resolved ones.
+**Interpolation.** Harmonics that the azimuths do not resolve are missing, and they alias to resolved
+harmonics.
 
-- A solution with fewer harmonics differs from the full one by the effect of the omitted harmonics. Two such
-  differences show how fast the effect decreases with the harmonic; extrapolation gives the effect of the
-  missing harmonics.
-- Harmonics near the number of azimuths alias to the mean. Their effect is that of shifted means; the shift
-  is extrapolated from the amplitudes of the resolved harmonics.
+- A solution with fewer harmonics differs from the full solution by the effect of the omitted harmonics. Two
+  such differences show how fast this effect decreases with the harmonic. Extrapolation yields the effect of
+  the missing harmonics.
+- Harmonics near the number of azimuths alias to the mean. Their effect is that of shifted means. The shift is
+  extrapolated from the amplitudes of the resolved harmonics.
 
-The larger error counts. It is zero if the resolved harmonics end within round-off; harmonics beyond the
-resolved range that alias to lower ones are then not detected."""
+The larger of the two errors is used. It is zero if the resolved harmonics end within round-off. Harmonics
+beyond the resolved range that alias to lower ones are then not detected."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -45,12 +47,12 @@ from solve.system import PeriodicSystem, with_samples
 from solve.terminal import progress
 
 _FASTEST = 1e-3
-"""Lower limit of the ratio of the effects of successive harmonics in the extrapolation: a choice, because a
-difference may be zero by chance."""
+"""Lower limit of the ratio between the effects of successive harmonics in the extrapolation. Chosen by
+judgement, because a difference may be zero by chance."""
 
 _FLAT = 0.9
-"""Ratio of the effects of successive multiples above which the harmonics count as not decaying. A choice: at
-this ratio, one more accurate digit requires 22 multiples."""
+"""Ratio between the effects of successive multiples of the spacing above which the harmonics count as not
+decaying. Chosen by judgement: at this ratio, one more accurate digit requires 22 multiples."""
 
 Error = TypeVar("Error")
 SystemAt = Callable[[int], tuple[PeriodicSystem, float]]
@@ -58,16 +60,19 @@ SystemAt = Callable[[int], tuple[PeriodicSystem, float]]
 
 
 class _Effect(NamedTuple):
-    """Relative differences (2,) of orbit and multipliers if harmonics above `kept` times the spacing are
-    omitted."""
+    """Relative differences (2,) of orbit and multipliers that result if harmonics above `kept` times the
+    spacing are omitted."""
 
     kept: int
     change: Array
 
 
 def with_model_errors(result: Certified, system_at: SystemAt) -> Certified:
-    """Solved points, with the errors of reduction and interpolation added to the error margins of multipliers
-    and verdicts. Without reduction and interpolation, the points remain unchanged."""
+    """Return solved points with the errors of reduction and interpolation. Both errors are added to the
+    absolute errors of the multipliers, from which the verdicts follow. The error of interpolation is also
+    added to the relative errors. Without reduction or interpolation, the points are returned unchanged.
+
+    system_at: function that returns the system and the speed of the point with a given index."""
     if not len(result):
         return result
     capabilities = system_at(0)[0].capabilities
@@ -91,7 +96,7 @@ def _at_each(
     task: str,
     error_at: Callable[[Certified, int, PeriodicSystem, float], Error],
 ) -> Iterator[Error]:
-    """Errors of the points, computed one after another."""
+    """Yield the result of `error_at` for each point. task: name of the task whose progress is displayed."""
     with progress.task(task, len(result)) as count:
         for row in range(len(result)):
             yield error_at(result, row, *system_at(row))
@@ -101,7 +106,8 @@ def _at_each(
 def _reduction_at(
     result: Certified, row: int, system: PeriodicSystem, speed: float
 ) -> tuple[ReductionError, float]:
-    """Reduction errors at a point, and the absolute error that they add to its multipliers."""
+    """Return the reduction error of a point, and the absolute error that it adds to the multipliers of the
+    point."""
     reduction = system.capabilities.reduction
     assert reduction is not None
     try:
@@ -135,8 +141,8 @@ def _reduction_error(
 
 
 def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, speed: float) -> Solutions:
-    """Solution of a point by the method for general systems; reused from the result if it was computed by
-    this method."""
+    """Return the solution of a point by the method that is applicable to every system. The solution in
+    `result` is used if it was computed by this method."""
     method = result.request.reduction_method
     if result.method.name == method.name:
         return result.solutions[np.array([row])]
@@ -148,7 +154,8 @@ def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, spee
 
 
 def _multiplier_shifts(rho: Array, better: Array) -> Array:
-    """Distances (N,) of multipliers from those of a larger system (N',), matched one to one."""
+    """Return the distances (N,) between multipliers and those of a larger system (N',), matched one to
+    one."""
     distance = np.abs(rho[:, None] - better)
     return distance[matched(distance)]
 
@@ -156,7 +163,8 @@ def _multiplier_shifts(rho: Array, better: Array) -> Array:
 def _orbit_errors(
     system: PeriodicSystem, speed: float, reduced: PeriodicCurve, enriched: PeriodicCurve
 ) -> tuple[float, dict[str, float]]:
-    """Largest relative error of the coordinates of the full system, and relative errors of the outputs.
+    """Return the largest relative error of the coordinates of the full system, and the relative error of each
+    output.
 
     Orbits are compared at 720 or more phases. Coordinates below 1e-12 of the largest displacement count as
     zero."""
@@ -184,7 +192,7 @@ def _relative_error(values: Array, exact: Array) -> float:
 
 
 def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers:
-    """Multipliers with errors increased by `error`, relative to the spectral radius."""
+    """Return multipliers whose absolute errors are increased by `error` times the spectral radius."""
     sizes = np.real(refined.logarithms)
     with np.errstate(over="ignore", invalid="ignore"):
         errors = refined.errors + error * np.exp(sizes.max() - sizes)
@@ -194,7 +202,7 @@ def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers
 def _interpolation_at(
     result: Certified, row: int, system: PeriodicSystem, speed: float
 ) -> InterpolationError:
-    """Interpolation error at a point."""
+    """Return the interpolation error of a point."""
     samples = system.capabilities.samples
     assert samples is not None
     spacing, last = samples.spacing, int(samples.significant.max(initial=0))
@@ -221,7 +229,8 @@ def _interpolation_at(
 
 
 def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
-    """Relative changes (2,) of orbit and multipliers at a point with other `samples`. Raises SolveError."""
+    """Return the relative changes (2,) of orbit and multipliers at a point if the system is interpolated from
+    `samples` instead. Raises SolveError."""
     system, speed = point
     solutions = result.solutions[np.array([row])]
     fewer = SinglePoint(with_samples(system, samples), speed)
@@ -231,15 +240,15 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
 
 
 def _extrapolated(effects: list[_Effect], next_one: int) -> Array:
-    """Errors (2,) due to harmonics from `next_one` times the spacing."""
+    """Return the errors (2,) due to harmonics from `next_one` times the spacing upwards."""
     last = effects[-1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return last.change * _ratios(effects) ** (next_one - last.kept - 1)
 
 
 def _ratios(effects: list[_Effect]) -> Array:
-    """Ratios (2,) of the effects of successive multiples of the spacing, at most 1; 1 with a single
-    effect."""
+    """Return the ratios (2,) between the effects of successive multiples of the spacing, at most 1. With a
+    single effect, they are 1."""
     if len(effects) < 2:
         return np.ones(2)
     (low, more), (high, less) = effects
@@ -249,10 +258,11 @@ def _ratios(effects: list[_Effect]) -> Array:
 
 
 def _sufficient(ratios: Array, excess: Array, spacing: int, azimuths: int) -> int | None:
-    """Number of azimuths for which the errors meet the tolerance; None if the harmonics hardly decay.
+    """Return the number of azimuths for which the errors meet the tolerance; None if the harmonics hardly
+    decay.
 
-    ratios (2,): ratios of the effects of successive multiples of the spacing. excess (2,): errors divided by
-    the tolerance."""
+    ratios (2,): ratios between the effects of successive multiples of the spacing. excess (2,): errors
+    divided by the tolerance."""
     missed = excess > 1
     if not missed.any():
         return azimuths

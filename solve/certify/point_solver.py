@@ -1,4 +1,4 @@
-"""Solver of points by one method on a grid; points without a solution are returned with the reason."""
+"""Solver of points by one method on a grid. Points without a solution are returned with the reason."""
 
 import math
 from collections.abc import Iterator
@@ -20,20 +20,20 @@ from solve.period.points import Points, matrices
 from solve.period.rigid_body import Free
 
 _MEMORY = 2**25
-"""Memory, in bytes, of the points that are solved at a time. A choice."""
+"""Memory, in bytes, of the points that are solved in one chunk. Chosen by judgement."""
 
 _WORK = 1e9
-"""Number of multiplications for the points that are solved at a time. They take some tenths of a second, the
-longest delay after an interruption by the user."""
+"""Number of multiplications for the points that are solved in one chunk. A chunk takes some tenths of a
+second, which is the longest delay after an interruption by the user."""
 
 _AMPLIFIED = 32.0
 """Divisor of the bound on the effect of round-off in the entries. With 32, the effect is at most 0.7 of the
-bound on 430 grids of random test systems, of systems with stiff modes in rotated axes, and of models. With
-16 and 64, none of 80 estimates for stiff modes falls below the error."""
+divided bound on 430 grids of random test systems, of systems with stiff modes in rotated axes, and of models.
+With 16 or 64, none of 80 estimates for stiff modes is below the error."""
 
 _DRIVEN = 1e-9
-"""Mean acceleration of a free machine, relative to its accelerations, that counts as zero. Measured round-off
-for chains whose loads have zero mean: 1e-13."""
+"""Mean acceleration of a free machine, relative to the moduli of its accelerations, up to which it counts as
+zero. Measured round-off for chains whose loads have zero mean: 1e-13."""
 
 
 class PointSolver:
@@ -46,13 +46,14 @@ class PointSolver:
     modes : FrozenModes
         Frozen modes of all points.
     free : Free or None
-        Rigid-body modes of the points; None if there are none, or if they are determined along an orbit by
-        the method.
+        Rigid-body modes of the points. None if there are none, or if the method determines them along an
+        orbit.
     """
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         self.points, self.method, self.request = points, method, request
-        # The curve of a first-order coordinate results from one integration fewer.
+        # The curve of a first-order coordinate results from one integration fewer than that of other
+        # coordinates.
         is_lower = bool(points.first_order) and method.stages is not None
         self.orders = np.array([method.curve_order - is_lower, method.order])
         self.modes = frozen(points, engine=request.engine)
@@ -69,7 +70,7 @@ class PointSolver:
 
     @cached_property
     def equations(self) -> Points:
-        """Points with balanced equations. For methods that do not converge the equations are not balanced,
+        """Points with balanced equations. For methods that do not converge, the equations are not balanced,
         because row factors change the modal masses and hence the results of these methods."""
         return balanced(self.points, self.modes) if self.method.converges else self.points
 
@@ -80,12 +81,12 @@ class PointSolver:
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
     def may_exceed(self, positions: Array, roundoff: Array, errors: Array) -> Array:
-        """Whether (k,) the error due to round-off of the coefficients may exceed one of the errors (k, j),
-        for points at positions (k,). roundoff (k, j): errors due to round-off of the step maps.
+        """Whether (k,) the error due to round-off of the coefficients may exceed one of the `errors` (k, j),
+        for points at `positions` (k,). roundoff (k, j): errors due to round-off of the step maps.
 
         Round-off ε of the largest rate ω₁ changes the smallest rate ω₂ by at most ε ω₁²/(2ω₂), and a
-        multiplier by T times this change. A second bound is ω₁ T ε, multiplied by the factor of cancellation
-        in the stiffness. For a single coordinate the bound is zero."""
+        multiplier by the period T times this change. A second bound is ω₁ T ε, multiplied by the factor of
+        cancellation in the stiffness. For a single coordinate, the bound is zero."""
         if self.points.n == 1:
             return np.zeros(len(positions), dtype=bool)
         least, largest = self._extreme_rates[:, positions] * self.points.period
@@ -107,12 +108,12 @@ class PointSolver:
 
     @cached_property
     def min_steps(self) -> Array:
-        """Smallest numbers of steps (P,) for which the method can be stable."""
+        """Smallest number of steps (P,) for which the method can be stable at each point."""
         return self.method.least_steps(self.modes)
 
     def invalid_points(self) -> list[Failed]:
-        """Failures of points with a singular M, and of points at which the method is unstable with the given
-        steps.
+        """Return failures for points with a singular M, and for points at which the method is unstable with
+        the requested number of steps.
 
         Raises StepsError for a number of steps that the method cannot use at any point.
         """
@@ -123,7 +124,7 @@ class PointSolver:
         return [*failures, *self.unstable_points(self.request.steps, rest)]
 
     def unstable_points(self, steps: Any, positions: Array) -> Iterator[Failed]:
-        """Failures of points at which the method is unstable with these steps.
+        """Yield failures for points at which the method is unstable with `steps` steps.
 
         Raises StepsError if the method cannot use this number at any point.
         """
@@ -136,8 +137,8 @@ class PointSolver:
             yield Failed(position, reason)
 
     def chunks(self, steps: int, positions: Array, method: Method | None = None) -> list[Array]:
-        """Chunks of the positions. A chunk fits into memory, and an interruption takes effect after a
-        chunk."""
+        """Split the positions into chunks. Each chunk fits into memory, and is solved within the longest
+        delay after an interruption (`_WORK`)."""
         if len(positions) < 2:
             return [positions] if len(positions) else []
         method = method or self.method
@@ -150,20 +151,23 @@ class PointSolver:
         return np.array_split(positions, min(len(positions), count))
 
     def solve(self, steps: int, positions: Array) -> Solutions:
-        """Solutions of points at positions (k,) on this number of steps."""
+        """Return solutions of the points at positions (k,) on a grid of `steps` steps."""
         rigid = self.rigid_body_modes(positions)
         return self.solve_points(self.method, self.equations[positions], steps, rigid)
 
     def solve_points(self, method: Method, points: Points, steps: int, rigid: Free | None) -> Solutions:
-        """Solutions of points with these rigid-body modes by a method with `steps` steps."""
+        """Return solutions of `points` by a method on a grid of `steps` steps. rigid: rigid-body modes of the
+        points."""
         grid = Grid.uniform(steps, points.period, points.breaks)
         return solutions_on(method, points, grid, self.request.orbit, self.request.engine, rigid)
 
     def certify(
         self, positions: Array, solutions: Solutions, errors: Array, absolute: Array
     ) -> Iterator[Certified | Failed]:
-        """Solved points with their errors (k, 2), and absolute errors (k,) of the multipliers. Points whose
-        load drives a rigid-body mode fail."""
+        """Yield the solved points, and failures for points whose load drives a rigid-body mode.
+
+        errors (k, 2): relative errors of orbit and multipliers. absolute (k,): absolute errors of the
+        multipliers. The defects of the solutions are added to `errors` in place."""
         errors[:, 0] += solutions.defect
         if solutions.free is not None and solutions.driven is not None and self.request.orbit:
             is_driven = solutions.driven > _DRIVEN + 10 * errors[:, 0]
@@ -180,10 +184,11 @@ class PointSolver:
 
 
 def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, MatricesError]]:
-    """Positions of points with an M that is singular at some phase, and the exceptions. Phases between the
-    samples are included.
+    """Yield the position of each point with an M that is singular at some phase, and the exception for it.
+    The phase may lie between the sampled phases.
 
-    The phase is searched if M has no steady inertia at the sampled phases.
+    The phase is searched only for points without steady inertia at the sampled phases; see
+    `FrozenModes.has_steady_inertia`.
     """
     for position in (~modes.has_steady_inertia()).nonzero()[0].tolist():
         phase = _singular_phase(points[np.array([position])], modes.phases)
@@ -192,7 +197,8 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 
 
 def _singular_phase(point: Points, phases: Array) -> float | None:
-    """Phase at which det M of a point changes sign, or has a minimum within round-off."""
+    """Return the phase at which det M of a point changes sign, or has a minimum that is zero within
+    round-off; None if there is no such phase."""
     from scipy.optimize import minimize_scalar
 
     jumps = np.sort(np.add.outer(point.period * np.arange(-1, 2), np.mod(point.breaks, point.period)).ravel())
@@ -219,7 +225,7 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
 
 
 def _determinants(point: Points, phases: Array) -> tuple[Array, Array]:
-    """Signs (k,) and logarithms (k,) of |det M|."""
+    """Return the signs (k,) of det M, and the logarithms (k,) of |det M|."""
     M, C, _, _ = (part[0] for part in matrices(point, np.mod(phases, point.period)))
     with np.errstate(invalid="ignore"):
         return np.linalg.slogdet(leading(M, C, point.first_order))

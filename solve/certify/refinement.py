@@ -1,4 +1,4 @@
-"""Refinement of grids until the errors estimated from two solutions meet the tolerance."""
+"""Refinement of grids until the errors, which are estimated from two solutions, meet the tolerance."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
@@ -32,22 +32,24 @@ STEPS = "steps"
 """Name of the progress counter for the steps of a single solution."""
 
 _MAX_GROWTH = 6.0
-"""Largest ratio of the steps of successive grids. With 3 and 12, the errors of 65 results on 14 random test
-systems stay within their estimates, and the verdicts are the same."""
+"""Largest ratio of the numbers of steps of successive grids. With 3 or 12, the errors of 65 results on 14
+random test systems stay within their estimates, and the verdicts are the same."""
 
 _UNKNOWN = 0.5
-"""Estimate above which an error is reported as infinite, because the error may then be as large as the
-result. With 0.25 and 1, the errors of 65 results on 14 random test systems stay within their estimates, and
+"""Error estimate above which an error is reported as infinite, because the error may then be as large as the
+result. With 0.25 or 1, the errors of 65 results on 14 random test systems stay within their estimates, and
 the verdicts are the same."""
 
 
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:
-    """Solutions with error estimates. Each point is yielded once, in groups as they are completed.
+    """Yield solutions with error estimates. Each point is yielded once, in groups that are yielded as soon as
+    they are completed.
 
-    The grid has the given number of `steps`, or is the first grid on which errors are at most `rtol` or the
-    round-off. Errors are estimated as differences from a more accurate solution, see `Comparison`. A point
-    fails with ResonanceError if an orbit is requested and a multiplier equals +1 within the difference of
-    both solutions. Raises StepsError for `steps` that the method cannot use at any point."""
+    The grid has the requested number of steps, or is the first grid on which the errors are at most `rtol` or
+    are round-off. Errors are estimated as differences from a more accurate solution, see `Comparison`. A
+    point fails with ResonanceError if an orbit is requested and a multiplier equals +1 within a tenth of the
+    difference between the two solutions. Raises StepsError for a requested number of steps that the method
+    cannot use at any point."""
     solver = (_Refinement if method.converges else PointSolver)(points, method, request)
     groups = _rigid_body_groups(solver)
     if len(groups) > 1:
@@ -67,8 +69,8 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
 def on_one_grid(
     points: Points, method: Method, request: SolveRequest, steps: int
 ) -> Iterator[tuple[Array, Solutions]]:
-    """Solutions of the points by the more accurate method on one grid, without error estimates, in chunks
-    with the positions (k,) of the points. Failed points are omitted."""
+    """Yield solutions by the more accurate method on one grid, without error estimates. They are computed in
+    chunks, and yielded with the positions (k,) of their points. Points without a solution are omitted."""
     solver = PointSolver(points, method.with_another_stage or method, request)
     for chunk in solver.chunks(steps, np.arange(len(points))):
         solutions = solver.solve(steps, chunk)
@@ -76,8 +78,9 @@ def on_one_grid(
 
 
 def _rigid_body_groups(solver: PointSolver) -> list[Array]:
-    """Positions of points in up to three groups: with rigid-body modes but no conserved momentum, with
-    conserved momentum, and without rigid-body modes. Empty groups are omitted."""
+    """Return the positions of the points in up to three groups: points with rigid-body modes but no conserved
+    momentum, points with conserved momentum, and points without rigid-body modes. Empty groups are omitted.
+    """
     if solver.free is None:
         return []
     has_modes, conserves = solver.free.modes.any, solver.free.modes.conserving
@@ -86,7 +89,8 @@ def _rigid_body_groups(solver: PointSolver) -> list[Array]:
 
 
 def _at_positions(result: Certified | Failed, positions: Array) -> Certified | Failed:
-    """Result of a group of points, renumbered by the `positions` of the group among all points."""
+    """Convert positions in a result from positions within a group of points to positions among all points.
+    positions: positions of the group among all points."""
     if isinstance(result, Failed):
         return Failed(int(positions[result.position]), result.reason)
     return replace(result, positions=positions[result.positions])
@@ -94,11 +98,12 @@ def _at_positions(result: Certified | Failed, positions: Array) -> Certified | F
 
 @dataclass(frozen=True)
 class _GridComparison:
-    """Two solutions of the same points on related grids.
+    """Two solutions of the same k points on related grids.
 
-    positions (k,) of the points; errors (k, 2) of the first solution; roundoff (k, 2): round-off errors of
-    the first solution; tolerances (k, 2): allowed errors, at least the round-off; remainder (k,): size, after
-    a period, of a unit disturbance in modes that the steps do not resolve."""
+    positions (k,): positions of the points. solutions, better: first solution, and the more accurate one.
+    errors (k, 2): errors of the first solution. roundoff (k, 2): round-off errors of the first solution.
+    tolerances (k, 2): allowed errors, at least the round-off. remainder (k,): size, after a period, of a unit
+    disturbance in modes that the steps do not resolve."""
 
     positions: Array
     modes: FrozenModes
@@ -124,10 +129,10 @@ class _GridComparison:
 
 
 class _Refinement(Comparison):
-    """Solution of points with given steps, or with as many steps as each point requires.
+    """Solver that refines the grid of each point as required, unless the number of steps is prescribed.
 
-    previous_errors (P, 2): errors of the last grid of each point. unresolved (P,): remainder of modes
-    that are left unresolved because they require too many steps."""
+    previous_errors (P, 2): errors on the last grid of each point. unresolved (P,): remainder of modes that
+    are left unresolved because they would require too many steps."""
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         super().__init__(points, method, request)
@@ -150,8 +155,8 @@ class _Refinement(Comparison):
                 yield from self._refine_on(steps, chunk, pending)
 
     def _first_grids(self, positions: Array, least: Array) -> Array:
-        """Numbers of steps (k,) of the first grids of points at positions (k,). They are at least 1.2 times
-        `least`, the stability limit."""
+        """Return the numbers of steps (k,) of the first grids of the points at `positions` (k,). They are at
+        least 1.2 times `least` (k,), the number that stability requires."""
         points, modes, request = self.points[positions], self.modes[positions], self.request
         first, self.unresolved[positions] = first_steps(
             self.method, points, modes, request.orbit, request.rtol, self.max_steps
@@ -161,8 +166,8 @@ class _Refinement(Comparison):
     def _refine_on(
         self, steps: int, chunk: Array, pending: dict[int, list[Array]]
     ) -> Iterator[Certified | Failed]:
-        """Solve points on one grid. Points that are not accepted are added to `pending`, under the size of
-        their next grid."""
+        """Solve points on one grid, and yield results and failures. Points that are not accepted are added to
+        `pending`, under the number of steps of their next grid."""
         is_given = self.request.steps is not None
         with np.errstate(all="ignore"), progress.task(f"{self.method.name} on {steps} steps"):
             solutions, better = self.pair(steps, chunk)
@@ -189,7 +194,7 @@ class _Refinement(Comparison):
     def _compare(
         self, steps: int, positions: Array, solutions: Solutions, better: Solutions
     ) -> _GridComparison:
-        """Comparison of both solutions of points, with the errors of the first."""
+        """Return the comparison of both solutions of points, with the errors of the first solution."""
         modes = self.modes[positions]
         errors = SAFETY * differences(solutions, better, modes, self.request.engine)
         roundoff = self.roundoff(steps, positions, solutions, errors)
@@ -207,16 +212,17 @@ class _Refinement(Comparison):
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
         """Whether (k,) each point is accepted without a finer grid.
 
-        Three conditions hold for accepted points:
+        An accepted point meets three conditions:
 
-        1. each error is at most the tolerance, or is round-off. An error counts as round-off if this grid did
-           not halve it, and if it is below a thousand times the estimated round-off or all multipliers
-           underflow. Larger errors may not decrease for other reasons, such as kinks in the coefficients;
-        2. features of the coefficients between the samples cause no larger errors;
-        3. a finer grid would not decide an undetermined verdict.
+        1. Each error is at most the tolerance, or counts as round-off. An error counts as round-off if this
+           grid did not halve it, and if, in addition, it is below a thousand times the estimated round-off or
+           all multipliers underflow. Larger errors may not decrease for other reasons, such as kinks in the
+           coefficients.
+        2. Features of the coefficients between the samples do not cause larger errors.
+        3. A finer grid would not decide an undetermined verdict.
 
-        On the last grid every point is accepted, and its errors state the accuracy reached. Errors due to
-        features between the samples are added in place to those of accepted points."""
+        On the last grid, every point is accepted, and its errors state the accuracy reached. The errors of
+        accepted points are raised in place to those due to features between the samples."""
         is_roundoff = pair.errors < 1e3 * pair.roundoff
         is_roundoff[:, 1] |= pair.underflows
         is_roundoff &= 2 * pair.errors > self.previous_errors[pair.positions]
@@ -230,8 +236,9 @@ class _Refinement(Comparison):
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
-        """Whether (k,) a grid of twice the steps would decide the undetermined verdict of a point, if errors
-        decrease with the order of the method and are not round-off."""
+        """Whether (k,) a grid with twice as many steps would decide the undetermined verdict of a point. The
+        errors are assumed to decrease with the order of the method; errors that are round-off do not
+        decrease."""
         order = min(self.method.order, 20)
         errors = pair.errors[:, 1] * pair.solutions.multipliers.spectral_radius
         decides = np.isfinite(errors) & (errors > KNOWN_ON_CIRCLE / 2)
@@ -244,12 +251,13 @@ class _Refinement(Comparison):
         return decides
 
     def _postpone(self, steps: int, pair: _GridComparison, pending: dict[int, list[Array]]) -> Array:
-        """Add points to `pending`. Returns the steps (k,) of their next grids, on which errors that decrease
-        with the order of the method reach the aim.
+        """Add points to `pending`. Return the numbers of steps (k,) of their next grids, on which the errors
+        reach the target `AIM` if they decrease with the order of the method.
 
-        Steps are doubled if the errors are small enough but another condition fails. The second grid of a
-        point has at least 4/3 as many steps as the first; later grids have at least twice as many, because
-        errors then decrease more slowly than the order of the method implies."""
+        The number of steps is doubled if the errors are small enough but another condition fails. The second
+        grid of a point has at least 4/3 as many steps as the first. Each later grid has at least twice as
+        many steps as the one before, because errors then decrease more slowly than the order of the method
+        implies."""
         orders, errors, tolerances = np.minimum(self.orders, 20), pair.errors, pair.tolerances
         growth = np.where(errors <= tolerances, 1.0, (errors / (AIM * tolerances)) ** (1 / orders))
         growth = np.where(np.isfinite(errors), growth, 2.0).max(axis=1)
@@ -261,7 +269,8 @@ class _Refinement(Comparison):
         return next_steps
 
     def _certify(self, pair: _GridComparison) -> Iterator[Certified | Failed]:
-        """Certify points. Points with a multiplier +1 fail if an orbit is requested."""
+        """Certify points, and yield the results. If an orbit is requested, points with a multiplier +1
+        fail."""
         solutions, underflows = pair.solutions, pair.underflows
         rho, better = solutions.multipliers, pair.better.multipliers
         resonant = self._is_resonant(pair) if self.request.orbit else np.zeros(len(pair), dtype=bool)
@@ -279,8 +288,8 @@ class _Refinement(Comparison):
             yield from self.certify(pair.positions[rows], solutions[rows], errors[rows], absolute[rows])
 
     def _is_resonant(self, pair: _GridComparison) -> Array:
-        """Whether (k,) a multiplier of a point equals +1 within a tenth of the change between both
-        solutions."""
+        """Whether (k,) a multiplier of a point equals +1 within a tenth of its change between the two
+        solutions, or within round-off."""
         nearest = pair.better.multipliers.nearest_one
         change = nearest - pair.solutions.multipliers.nearest_one
         distance = np.abs(nearest + self.remaining * change - 1)
@@ -297,22 +306,20 @@ class _Refinement(Comparison):
 
 
 def _add(pending: dict[int, list[Array]], steps: Array, positions: Array) -> None:
-    """Add points at positions (k,) to `pending`, each under the number of steps (k,) of its grid."""
+    """Add points at `positions` (k,) to `pending`, each under the number of steps (k,) of its grid."""
     for size in unique_integers(steps) if len(steps) else ():
         pending.setdefault(size, []).append(positions[steps == size])
 
 
 def _failed(failures: Mapping[int, SolveError], positions: Array) -> Iterator[Failed]:
-    """Failures, given by row, with the positions of their points among all points."""
+    """Return failures with the positions of their points. The keys of `failures` are indices in
+    `positions`."""
     return (Failed(int(positions[row]), reason) for row, reason in failures.items())
 
 
 def _certify_approximation(solver: PointSolver, positions: Array) -> Iterator[Certified | Failed]:
     """Solve points by a method that does not converge, and certify them by comparison with a convergent
-    method.
-
-    Without given steps there is one per degree.
-    """
+    method. If the number of steps is not prescribed, there is one step per degree."""
     request = solver.request
     steps = min(360, solver.max_steps) if request.steps is None else request.steps
     accurate = replace(request, rtol=min(request.rtol, 1e-8), steps=None)

@@ -1,9 +1,9 @@
 """Resolution of modes and harmonics by a number of steps: first grid, grid sizes, and unresolved modes.
 
-With coefficients frozen at a phase, a step of a one-step method multiplies a mode of rate λ by R(hλ) instead
-of exp(hλ). If the two factors differ, two solutions may agree on a wrong multiplier: L-stable methods damp an
-undamped mode, other methods preserve a decaying one. The larger factor bounds the disturbance that remains
-after a period."""
+With coefficients frozen at a phase, a step of length h of a one-step method multiplies a mode of rate λ by
+R(hλ) instead of exp(hλ). If these two factors differ, two solutions may agree on a wrong multiplier: an
+L-stable method damps an undamped mode, and other methods preserve a decaying mode. The larger of the two
+factors bounds the disturbance that remains after a period."""
 
 from functools import lru_cache
 
@@ -20,41 +20,48 @@ from solve.period.pencils import residual_amplitude
 from solve.period.points import Points
 
 MIN_STEPS = 8
-"""Smallest number of steps of a grid: a choice. docs/certificate.md states the measured range."""
+"""Smallest number of steps of a grid. Chosen by judgement. docs/certificate.md states the measured range."""
 
 _MAX_FIRST_STEPS = 2**14
-"""Largest number of steps of a first grid: a choice, because predictions of more steps are not reliable.
-docs/certificate.md states the measured range."""
+"""Largest number of steps of a first grid. Chosen by judgement, because larger predicted numbers are not
+reliable. docs/certificate.md states the measured range."""
 
 AIM = 0.3
-"""Target of the error on the next grid, as a fraction of `rtol`. Measured: between 0.15 and 0.6 the number of
-steps changes by less than 10 %."""
+"""Target of the error on the next grid, as a fraction of `rtol`. Measured: for values between 0.15 and 0.6,
+the number of steps changes by less than 10 %."""
 
 _UNRESOLVED = 0.25
-"""Relative error of a mode over the period above which it is unresolved: a quarter of a radian of phase, far
-below half a revolution, where two solutions may agree by chance. With half and twice this value, the errors
-of 65 results on 14 random test systems stay within their estimates, and the verdicts are the same."""
+"""Relative error of a mode over the period above which the mode counts as unresolved: a quarter of a radian
+of phase. This is far below half a revolution, where two solutions may agree by chance. With half or twice
+this value, the errors of 65 results on 14 random test systems stay within their estimates, and the verdicts
+are the same."""
 
 _COMPARABLE = 3.0
-"""Ratio of the remainders of two modes up to which resolving one is pointless if the other cannot be
-resolved. A choice: the error of the multipliers is then at most three times the inevitable one."""
+"""Ratio between the remainders of two modes up to which it is pointless to resolve one mode if the other
+cannot be resolved. Chosen by judgement: the error of the multipliers is then at most three times the
+inevitable error."""
 
 
 def first_steps(
     method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float, most: int
 ) -> tuple[Array, Array]:
-    """Numbers of steps (P,) of the first grids: those m for which the error m c (ωT/m)^(p + 1) of a motion of
-    angular frequency ω equals the target. Also the remainder (P,) that is left unresolved for want of steps.
+    """Return the numbers of steps (P,) of the first grids, and the remainders (P,) of modes that are left
+    unresolved because they require too many steps.
 
-    c and p are the error constant and the order of the method. The motions are the frozen modes, weighted by
-    their decay per period relative to the least damped one, and the harmonics of the coefficients, weighted
-    by their amplitudes. Along a nonlinear orbit only the modes count, because on a coarse grid the orbit has
-    spurious harmonics. Methods without an error constant start with few steps; methods that do not damp stiff
-    modes start with steps that resolve these modes on the doubled grid of the comparison solution.
+    The number of steps m is that for which the error m c (ωT/m)^(p + 1) of a motion of angular frequency ω
+    equals the target. Here, c and p are the error constant and the order of the method. The motions are the
+    frozen modes, weighted by their decay per period relative to the least damped mode, and the harmonics of
+    the coefficients, weighted by their amplitudes. Along a nonlinear orbit, only the modes count, because the
+    orbit has spurious harmonics on a coarse grid.
 
-    If an orbit is requested, damped modes that require more than `most` steps do not count, nor do modes of
-    which hardly more remains after a period: the multipliers do not meet the tolerance on any grid, and fine
-    grids increase the round-off of the orbit."""
+    Methods without an error constant start with few steps. Methods that do not damp stiff modes start with a
+    number of steps that resolves these modes on the grid of the comparison solution, which has twice as many
+    steps.
+
+    If an orbit is requested, damped modes that require more than `most` steps do not count, nor do modes
+    whose remainder after a period is at most `_COMPARABLE` times that of these modes. With such modes, the
+    multipliers do not meet the tolerance on any grid, and fine grids would increase the round-off of the
+    orbit."""
     collocation = method.corrector
     if not isinstance(collocation, Collocated):
         phase_advance = np.zeros(len(modes)) if method.l_stable else modes.phase_advance_estimate
@@ -63,7 +70,7 @@ def first_steps(
     c, p, T = collocation.error_constant, collocation.order, modes.period
     rates, remaining = modes.rates_and_decay()
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        # Varying coefficients increase the frozen rates by about 1.5 times the speed.
+        # The variation of the coefficients increases the frozen rates by about 1.5 times the speed.
         powers = remaining * ((rates + 1.5) * T) ** (p + 1)
         is_out_of_reach = (c / (AIM * rtol) * powers > float(most) ** p) & orbit
         unresolved = _COMPARABLE * np.where(is_out_of_reach, remaining, 0.0).max(axis=1)
@@ -78,11 +85,12 @@ def first_steps(
 
 
 def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> Array:
-    """Largest value (P,) of amplitude · (ωT)^(p + 1) over the harmonics with amplitudes (P, k).
+    """Return the largest value (P,) of amplitude · (ωT)^(p + 1) over the harmonics with the `amplitudes` (P,
+    k).
 
-    Harmonics above the `fastest` mode (P,), ω₁, have the additional weight (ω₁/ω)³: inertia reduces the
-    response by (ω₁/ω)², and local errors accumulate over a period of the mode only. The factor 1.25 on ω
-    accounts for the response, whose harmonics extend beyond those of the coefficients."""
+    Harmonics above the frequency ω₁ of the fastest mode, `fastest` (P,), have the additional weight (ω₁/ω)³:
+    inertia reduces the response by (ω₁/ω)², and local errors accumulate only over a period of the mode. The
+    factor 1.25 on ω accounts for the response, whose harmonics extend beyond those of the coefficients."""
     omega = np.arange(1, amplitudes.shape[1]) * 2 * np.pi / T
     response = 3 * np.minimum(np.log(fastest)[:, None] - np.log(omega), 0.0)
     powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
@@ -90,11 +98,11 @@ def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> A
 
 
 def grid_sizes(steps: Array) -> Array:
-    """Numbers of steps (k,), rounded up to a member of 8, 12, 16, 24, …, 128, 192, 224, 256, 320, 384, and so
-    on.
+    """Round numbers of steps (k,) up to members of the sequence 8, 12, 16, 24, …, 128, 192, 224, 256, 320
+    and so on.
 
-    Points share these few grids, so that tables are reused. Above 192 steps there are four sizes per factor
-    of two, because extra steps then cost more than an extra grid."""
+    Points share these few grid sizes, so that tables are reused. Above 192 steps, there are four sizes per
+    factor of two, because additional steps then cost more than an additional grid."""
     steps = np.maximum(steps, MIN_STEPS)
     octave = np.exp2(np.floor(np.log2(steps)))
     spacing = octave / np.where(steps > 192, 4, 2)
@@ -102,11 +110,12 @@ def grid_sizes(steps: Array) -> Array:
 
 
 def unresolved_remainder(method: Method, modes: FrozenModes, steps: int) -> Array:
-    """Remainder (P,), after a period, of a unit disturbance in modes that the steps do not resolve.
+    """Return the remainder (P,), after a period, of a unit disturbance in modes that the steps do not
+    resolve.
 
-    The remainder is 0 if all modes are resolved, and infinite if a method without stability function
-    preserves unresolved modes. The mean damping of a mode over few phases is wrong if the damping has as many
-    harmonics; therefore all phases are used."""
+    The remainder is 0 if all modes are resolved. It is infinite if a method without a stability function
+    preserves unresolved modes. The mean damping of a mode over a few phases would be wrong if the damping had
+    as many harmonics as there are phases. Therefore, all phases are used."""
     limit = _resolved_angle(method, steps) * steps / modes.period
     rows = (~modes.is_within(limit)).nonzero()[0]
     remainder = np.zeros(len(modes))
@@ -123,8 +132,9 @@ def unresolved_remainder(method: Method, modes: FrozenModes, steps: int) -> Arra
 
 
 def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: int) -> Array:
-    """Product over the period (P,) of the largest factors of unresolved modes, or of the fastest mode at
-    phases where all modes are resolved, from frozen eigenvalues (P, k, 2n)."""
+    """Return the product (P,), over all steps of the period, of the largest factor of the unresolved modes.
+    At phases where all modes are resolved, the factor of the fastest mode is used. The product is 0 if all
+    modes are resolved at all phases. rates (P, k, 2n): frozen eigenvalues."""
     z = h * rates
     is_unresolved, factors = _unresolved_factors(stages, z, steps)
     counts = is_unresolved | (np.abs(z) == np.abs(z).max(axis=-1, keepdims=True))
@@ -134,15 +144,16 @@ def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: i
 
 
 def _unresolved_factors(stages: Collocation, z: Array, steps: int) -> tuple[Array, Array]:
-    """Whether modes with z = hλ are unresolved, and the larger modulus of their exact and computed
-    factors."""
+    """Return whether modes with z = hλ are unresolved, and the larger of the moduli of their exact and
+    computed factors."""
     exact, computed = np.exp(z), stages.stability_function(z)
     largest = np.maximum(np.abs(exact), np.abs(computed))
     return ~(steps * np.abs(computed - exact) <= _UNRESOLVED * largest), largest
 
 
 def _resolved_angle(method: Method, steps: int) -> float:
-    """Largest h|λ| up to which a method resolves all non-growing modes over this number of steps."""
+    """Return the largest h|λ| up to which a method resolves all modes that do not grow, over `steps`
+    steps."""
     if method.stages is not None:
         return _collocation_angle(method.stages, steps)
     return min(method.follows, float(method.in_phase(np.array(steps), _UNRESOLVED)) / steps)

@@ -1,4 +1,4 @@
-"""Continuation of nonlinear orbits in a parameter, such as the speed, also through folds, by arclength (H. B.
+"""Arclength continuation of nonlinear orbits in the speed or another parameter, also through folds (H. B.
 Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory, Academic Press, 1977)."""
 
 import math
@@ -26,44 +26,45 @@ from solve.terminal import progress
 from solve.threads import one_thread
 
 _FIRST_STEP, _MAX_STEP, _MIN_STEP = 0.05, 0.2, 1e-5
-"""Step lengths, in scaled coordinates and fractions of the range of the parameter: initial, largest, and
-smallest before the continuation stops. Choices."""
+"""Initial and largest step length, and the step length below which the continuation stops. Lengths are in
+scaled coordinates and fractions of the range of the parameter. Chosen by judgement."""
 
 _FEW, _MANY = 2, 5
-"""Number of corrections of a step up to which the next step is longer, and number from which it is shorter.
-Choices."""
+"""After a step with at most `_FEW` corrections, the next step is longer; after a step with at least `_MANY`
+corrections, it is shorter. Chosen by judgement."""
 
 _ROUNDOFF = 4 * EPS
-"""Minimum relative error of the parameter."""
+"""Relative round-off error of the parameter, which is added to its error."""
 
 _REFINEMENTS = 3
-"""Maximum number of interpolations towards a value of the parameter. A choice."""
+"""Maximum number of interpolations in the search for a prescribed value of the parameter. Chosen by
+judgement."""
 
 _MAX_ANGLE, _ANGLE_FRACTION = math.acos(0.85), 0.5
-"""Largest permitted angle between a step and the tangents at its ends, and target of the next step as a
-fraction of it. The angle is proportional to the step length. Choices: on the cam's branch from 300 rpm, a
-length of the branch takes 0.79 times as many solutions with 1/2 as with 0.8, because fewer steps are
-rejected."""
+"""Largest permitted angle between a step and the tangents at its ends, and the fraction of this angle at
+which the next step aims. The angle is proportional to the step length. Chosen by judgement: on the cam's
+branch from 300 rpm, the fraction 1/2 requires 0.79 times as many solutions per length of the branch as the
+fraction 0.8, because fewer steps are rejected."""
 
 
 _CROSSING = 0.01
-"""Length of a step, in scaled coordinates, up to which a branch may change its orientation. A choice. In
-longer steps a change of orientation indicates a jump to another branch, in shorter steps a crossing of two
-branches."""
+"""Longest step, in scaled coordinates, in which a branch may change its orientation. Chosen by judgement. In
+a longer step, a change of orientation indicates a jump to another branch; in a shorter step, it indicates a
+crossing of two branches."""
 
 
 _RECENT = 8
-"""Number of last points among which the previous regular point is sought. A choice: steps with more special
-points are rare."""
+"""Number of most recent points among which the last regular point is sought. Chosen by judgement: more
+special points in succession are rare."""
 
 _SAME = 1e-3
-"""Distance of two orbits at one value of the parameter, in scaled coordinates, below which they count as the
-same. A choice: above the errors of orbits, below the distance between different orbits."""
+"""Distance, in scaled coordinates, below which two orbits at the same value of the parameter count as the
+same. Chosen by judgement: above the errors of orbits, below the distance between different orbits."""
 
 
 def first_point(parameters: ContinuationParameters, orbit: Orbit, value: float) -> Point:
-    """First point of the branch, from an orbit at a value of the parameter. Its tangent points towards the
-    last value."""
+    """Return the first point of the branch, from an orbit at the parameter value `value`. The tangent of the
+    point is directed towards the last value of the range."""
     grid = parameters.task.grid(orbit.steps)
     first, last = parameters.ranges[0]
     unknowns = Unknowns(on(grid, orbit.curve), np.array([value]))
@@ -81,11 +82,12 @@ def follow_branch(
     left: Callable[[Point], bool] = lambda _: False,
     saved: SavedBranch | None = None,
 ) -> tuple[list[Point], str]:
-    """Continue a branch from its first point. Returns at most `most` points, and the reason if they end
-    inside the range of the parameter.
+    """Continue a branch from its first point. Return at most `most` points and the reason why they end inside
+    the range of the parameter; the reason is empty if they end at an end of the range, if the branch is
+    closed, or if `left` returns True.
 
-    start: function that returns the first point; left: function that is called for successive points, and
-    returns True for a point that is not on the branch; saved: stored steps, from which the continuation
+    start: function that returns the first point. left: function that is called for successive points, and
+    returns True for a point that is no longer on the branch. saved: stored steps, from which the continuation
     resumes."""
     task = parameters.task
     with one_thread(task.system.n), progress.task("points", most) as count:
@@ -95,7 +97,8 @@ def follow_branch(
 
 
 def orbits_at(parameters: ContinuationParameters, points: Sequence[Point], value: float) -> list[Point]:
-    """Orbits of a branch at a value of the parameter, without orbits that cannot be computed."""
+    """Return the orbits of a branch at the parameter value `value`. Orbits that cannot be computed are
+    omitted."""
     follower, found = _BranchFollower(parameters, SavedBranch()), list[Point]()
     for before, after in pairwise(points):
         if (before.value - value) * (after.value - value) <= 0:
@@ -105,7 +108,7 @@ def orbits_at(parameters: ContinuationParameters, points: Sequence[Point], value
 
 
 class _BranchFollower:
-    """Continuation of a branch from its first point."""
+    """Continuation of one branch from its first point."""
 
     def __init__(self, parameters: ContinuationParameters, saved: SavedBranch):
         self.parameters, self.manifold, self.saved = parameters, Manifold(parameters), saved
@@ -119,7 +122,7 @@ class _BranchFollower:
         count: progress.Task,
         left: Callable[[Point], bool],
     ) -> tuple[list[Point], str]:
-        """See `follow_branch`."""
+        """Implementation of `follow_branch`; `count` is the task whose progress is displayed."""
         points, length, number = list[Point](), _FIRST_STEP, 0
         while len(points) < most:
             step = self.saved.read(number)
@@ -142,7 +145,7 @@ class _BranchFollower:
         return BranchStep(tuple(points), length, self.manifold.largest, self.manifold.resting, ended)
 
     def _next(self, points: Sequence[Point], length: float) -> BranchStep:
-        """Next step of a branch with these points."""
+        """Return the next step of the branch whose points so far are `points`."""
         before, found = points[-1], list[Point]()
         try:
             step, length, growth = self._step(points, length)
@@ -163,15 +166,16 @@ class _BranchFollower:
         return self._stored(found, min(growth * length, _MAX_STEP))
 
     def _beyond_grazing(self, before: Point) -> list[Point]:
-        """Grazing point at the end of the branch so far, and the first points beyond it. Raises SolveError
-        if there are none within the range."""
+        """Return the last point `before` of the branch, marked as a grazing point, and the first points
+        beyond it. Raises SolveError if there are no such points within the range."""
         points = points_beyond(self.manifold, before)
         if not self.ends[0] <= points[-1].value <= self.ends[1]:
             raise NoOrbitError("the orbit beyond is outside the range")
         return [replace(before, kind=GRAZING), *points]
 
     def _closing_point(self, start: Point, before: Point, after: Point) -> Point | None:
-        """First point of the branch, if the branch returns to it within a step and is thus closed."""
+        """Return the first point of the branch if the step from `before` to `after` returns to it, so that
+        the branch is closed; otherwise None."""
         direction, sizes = before.direction, before.sizes
         along = self.manifold.component(before, start, direction)
         length = self.manifold.component(before, after, direction)
@@ -187,19 +191,21 @@ class _BranchFollower:
         return start if apart <= _SAME else None
 
     def _is_beyond(self, start: Point, before: Point, other: Point) -> bool:
-        """Whether a point `other` lies beyond the first point of the branch, in the direction of the step."""
+        """Whether the point `other` lies beyond the first point `start` of the branch, in the direction of
+        the step from `before`."""
         along, there = (self.manifold.component(before, each, before.direction) for each in (start, other))
         return there >= along
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
-        """Raise the errors of the spectral radius to the effect of the error of the parameter, which moves
-        the orbit along the branch. Returns the points.
+        """Return copies of the points in which the error of the spectral radius includes the effect of the
+        error of the parameter. The error of the parameter moves the orbit along the branch.
 
         At a fold, the error of the spectral radius is at least the distance from +1 of the nearest
-        multiplier. At grazing orbits the error is infinite.
+        multiplier. At grazing orbits, the error is infinite.
 
-        An error e of the parameter p moves the orbit by e/|p'|, with derivatives with respect to the
-        arclength s. At a turning point, where p' = 0, it moves the orbit by √(2e/|p''|).
+        Let p' and p'' be the derivatives of the parameter p with respect to the arclength. An error e of p
+        moves the orbit by e/|p'| along the branch. At a turning point, where p' = 0, it moves the orbit by
+        √(2e/|p''|).
         """
         none = np.zeros(2)
         rates = [none]
@@ -221,8 +227,8 @@ class _BranchFollower:
         return with_errors
 
     def _step(self, points: Sequence[Point], length: float) -> tuple[list[Point], float, float]:
-        """Special points of the next step and the next point, the length of this step, and the ratio of the
-        next step length to this length."""
+        """Return the special points of the next step followed by its end point, the length of this step, and
+        the ratio of the next step length to this length."""
         unforced, first, before = DAMPING in self.parameters.names, length, points[-1]
         regular = [point for point in points[-_RECENT:-1] if not point.kind]
         curvature = self.manifold.curvature(regular[-1], before) if regular else None
@@ -245,18 +251,19 @@ class _BranchFollower:
         raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
 
     def _is_near_grazing(self, before: Point, after: Point) -> bool:
-        """Whether an orbit at the ends of a step, or between them, grazes a switch."""
+        """Whether an orbit at either end of a step, or between the ends, grazes a switch."""
         ends = before, after
         return grazes_between(self.manifold, *ends) or any(grazes(self.manifold, end) for end in ends)
 
     def _growth(self, corrections: int, not_shortened: bool) -> float:
-        """Ratio of the next step length to the length of a step with a number of corrections."""
+        """Return the ratio of the next step length to the length of a step that took `corrections`
+        corrections."""
         growth = 0.7 if corrections >= _MANY else 1.5 if corrections <= _FEW and not_shortened else 1.0
         return min(growth, _ANGLE_FRACTION * _MAX_ANGLE / max(self.angle, EPS))
 
     def _check(self, before: Point, unknowns: Unknowns, tangent: Unknowns) -> None:
-        """Raise NoOrbitError if a step to these unknowns may have jumped to another branch or passed two
-        folds, because the branch curves too much within it. Stores the angle of the step."""
+        """Raise NoOrbitError if the branch curves so much within a step to `unknowns` that the step may have
+        jumped to another branch or passed two folds. Store the angle of the step in `self.angle`."""
         long = self.manifold.distance(unknowns, before.unknowns, before.sizes)
         ends, cosines = (before.direction, tangent), list[float]()
         for end in ends:
@@ -270,7 +277,8 @@ class _BranchFollower:
             raise NoOrbitError("the step passes over two folds")
 
     def between(self, before: Point, after: Point, value: float) -> Point:
-        """First point between two points of the branch at which the parameter has a given value."""
+        """Return the first point of the branch between the points `before` and `after` at which the parameter
+        has the value `value`."""
         near, rises = before, after.value > before.value
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
@@ -284,13 +292,13 @@ class _BranchFollower:
         near = replace(near, unknowns=replace(along, values=np.array([value, *along.values[1:]])))
         ways = [self._parameter_direction(near.grid), *near.tangents[1:]]
         found, _ = self.manifold.reached(near, ways, [0.0] * len(ways))
-        # The corrections have changed the value by round-off.
+        # The corrections have changed the value of the parameter by round-off.
         return replace(found, orbit=replace(found.orbit, values=near.unknowns.values))
 
     def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
-        """Distance between two points along the tangent at the first point, change of the parameter, and
-        derivatives of the parameter with respect to this distance at both points. Raises NoOrbitError if the
-        branch curves too much."""
+        """Return the distance between two points along the tangent at the first point, the change of the
+        parameter, and the derivatives of the parameter with respect to this distance at both points. Raises
+        NoOrbitError if the branch curves too much."""
         length = self.manifold.component(before, after, before.direction)
         slope = self.manifold.inner(after.direction, before.direction, before.sizes)
         if not (length > 0 and slope > 0):
@@ -299,14 +307,16 @@ class _BranchFollower:
         return length, change, (before.direction.value, after.direction.value / slope)
 
     def _parameter_direction(self, grid: Grid) -> Unknowns:
-        """Vector of unknowns in which only the parameter changes, towards its last value."""
+        """Return the direction in which only the first parameter changes, towards its last value."""
         (first, last), *others = self.parameters.ranges
         return Unknowns(self.parameters.task.rest(grid), np.array([last - first, *[0.0] * len(others)]))
 
 
 def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:
-    """First argument at which the cubic Hermite interpolant of the change of the parameter reaches a
-    level."""
+    """Return the distance at which the change of the parameter first reaches `level`, according to its cubic
+    Hermite interpolant over the distances from 0 to `length`. If the interpolant does not reach the level,
+    return `length`. The change is 0 at the start and `change` at the end; `slopes` are its derivatives there.
+    """
     first, last = (length * slope for slope in slopes)
     found = np.roots([first + last - 2 * change, 3 * change - 2 * first - last, first, -level])
     real = found[np.isreal(found)].real

@@ -14,23 +14,25 @@ from solve.period.grid import Grid
 from solve.results.serialization import serializable
 
 SAMPLES = 8
-"""Number of phases per step at which orbits are compared. A choice."""
+"""Number of phases per step at which orbits are compared. Chosen by judgement."""
 
 DAMPING = "artificial damping"
-"""Parameter ε of a term ε Ω M q̇, which is zero on every orbit; see `solve.newton.unforced`."""
+"""Name of the parameter ε of an artificial damping term ε Ω M q̇. The parameter is zero on every orbit; see
+`solve.newton.unforced`."""
 
 _PHASES = 1024
-"""Number of phases per period at which orbits with different events are compared. A choice."""
+"""Number of phases per period at which orbits with different events are compared. Chosen by judgement."""
 
 _MAX_TASKS = 8
-"""Number of cached systems, one for each value of the parameters. A choice: a point uses one or two."""
+"""Number of cached tasks, one for each combination of parameter values. Chosen by judgement: the computation
+of a point uses one or two."""
 
 
 @serializable
 @dataclass(frozen=True)
 class Unknowns:
-    """Unknowns of a continuation: an orbit as a curve, and the values (k,) of the parameters. Also the
-    difference of two such vectors."""
+    """Unknowns of a continuation: an orbit as a curve, and the values (k,) of the parameters. The difference
+    of two such vectors is stored in the same form."""
 
     curve: Curve
     values: Array
@@ -41,38 +43,38 @@ class Unknowns:
         return float(self.values[0])
 
     def plus(self, factor: float, other: "Unknowns") -> "Unknowns":
-        """These unknowns plus `factor` times `other`, on the nodes of `other`."""
+        """Return the sum of these unknowns and `factor` times `other`, on the nodes of `other`."""
         curve = add(self.beside(other).curve, factor, other.curve)
         return Unknowns(curve, self.values + factor * other.values)
 
     def on(self, grid: Grid) -> "Unknowns":
-        """These unknowns on the nodes of a grid."""
+        """Interpolate these unknowns on the nodes of `grid`."""
         return Unknowns(on(grid, self.curve), self.values)
 
     def beside(self, other: "Unknowns") -> "Unknowns":
-        """These unknowns on the nodes of another vector."""
+        """Interpolate these unknowns on the nodes of `other`."""
         nodes = other.curve.nodes
         return self.on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)))
 
     def times(self, factor: float) -> "Unknowns":
-        """These unknowns multiplied by a factor."""
+        """Return these unknowns multiplied by `factor`."""
         curve = self.curve
         drift = None if curve.drift is None else factor * curve.drift
         return Unknowns(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
 
     @cached_property
     def samples(self) -> Array:
-        """Coordinates (n, k) at SAMPLES phases per step."""
+        """Coordinates (n, k) at `SAMPLES` phases per step."""
         return self.curve.sampled(SAMPLES)
 
     @cached_property
     def uniform_samples(self) -> Array:
-        """Coordinates (n, _PHASES) at uniform phases of the period."""
+        """Coordinates (n, `_PHASES`) at equally spaced phases of the period."""
         return self.curve(np.arange(_PHASES) * (self.curve.nodes[-1] / _PHASES))
 
     @property
     def amplitudes(self) -> Array:
-        """Half the peak-to-peak ranges (n,) of the coordinates at the samples. Adding a full revolution to an
+        """Half the peak-to-peak range (n,) of each coordinate at the samples. Adding a full revolution to an
         angle does not change its range."""
         return np.ptp(self.samples, axis=1) / 2
 
@@ -83,8 +85,9 @@ class Unknowns:
 
 
 def sampled_together(*vectors: Unknowns) -> tuple[list[Array], Array]:
-    """Values (n, k) of several curves at the same k phases, and weights (k,) for means over the period. The
-    phases are those of each step if the curves share nodes, and uniform otherwise."""
+    """Return the values (n, k) of each curve at k common phases, and weights (k,) for means over the period.
+    If the curves share their nodes, there are `SAMPLES` phases in each step; otherwise the phases are
+    uniform."""
     curve = vectors[0].curve
     nodes = curve.nodes
     if all(np.array_equal(unknowns.curve.nodes, nodes) for unknowns in vectors[1:]):
@@ -95,10 +98,12 @@ def sampled_together(*vectors: Unknowns) -> tuple[list[Array], Array]:
 @serializable
 @dataclass(frozen=True)
 class FollowedOrbit:
-    """Orbit of a branch: parameter values (k,); statistics (q, 7) of coordinates and outputs in the order of
-    `Statistics`, and relative errors (q,) of the quantities; multipliers (2n,) and spectral radius; errors
-    (2,) of the orbit (relative) and of the spectral radius; and whether the orbit repeats after fewer
-    periods."""
+    """Orbit of a branch.
+
+    values (k,): values of the parameters. figures (q, 7): statistics of the q coordinates and outputs, in the
+    order of `Statistics`. figure_errors (q,): relative errors of these coordinates and outputs. multipliers
+    (2n,): Floquet multipliers. radius: spectral radius. errors (2,): relative error of the orbit, and error
+    of the spectral radius. repeats: whether the orbit already repeats after fewer periods."""
 
     values: Array
     figures: Array
@@ -117,9 +122,12 @@ class FollowedOrbit:
 @serializable
 @dataclass(frozen=True)
 class Point:
-    """Point of a branch: its converged unknowns on a grid; scales (n,) of the coordinates for step lengths;
-    orthonormal tangents, one per parameter; the orbit by the method with one more stage; its kind (one of
-    `solve.results.branch.KINDS`); and the number of the model's periods in the period of the orbit."""
+    """Point of a branch.
+
+    unknowns: converged unknowns on `grid`. sizes (n,): scales of the coordinates for step lengths. tangents:
+    orthonormal tangents, one per parameter. orbit: orbit computed by the method with one more stage. kind:
+    kind of a special point, one of `solve.results.branch.KINDS`; empty for a regular point. periods: number
+    of periods of the model in the period of the orbit."""
 
     unknowns: Unknowns
     sizes: Array
@@ -131,7 +139,7 @@ class Point:
 
     @property
     def direction(self) -> Unknowns:
-        """Unit tangent of a branch with one parameter."""
+        """Unit tangent of a branch with one parameter; with more parameters, the first tangent."""
         return self.tangents[0]
 
     @property
@@ -141,17 +149,19 @@ class Point:
 
     @property
     def orientation(self) -> float:
-        """Sign of det(I - Φ) times the direction of the parameter. It is constant along a branch without
-        branch points (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2), also at grazing orbits,
-        where either both factors change their sign or neither (M. di Bernardo et al., Piecewise-smooth
-        Dynamical Systems, 3.2)."""
+        """Sign of the product of det(I - Φ) and the parameter component of the tangent. It is constant along
+        a branch without branch points (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2). It
+        also remains the same at grazing orbits, where either both factors or neither change their sign (M. di
+        Bernardo et al., Piecewise-smooth Dynamical Systems, 3.2)."""
         return float(np.sign(np.prod(1 - self.orbit.multipliers).real * self.direction.value))
 
 
 @dataclass(frozen=True)
 class ContinuationParameters:
-    """Parameters of a continuation, and the first and last value (k, 2) of each parameter. A parameter is
-    "speed" (rad/s), or one for which the equations have derivatives. The task defines all other settings."""
+    """Names of the parameters of a continuation, and the first and last value of each one.
+
+    task: settings apart from the values of the parameters. names: "speed" (rad/s), or parameters by which the
+    equations can be differentiated. ranges (k, 2): first and last values."""
 
     task: Task
     names: tuple[str, ...]
@@ -160,16 +170,16 @@ class ContinuationParameters:
 
     @property
     def spans(self) -> Array:
-        """Lengths (k,) of the parameter ranges, which scale the parameters."""
+        """Length (k,) of each range, by which the parameter is scaled."""
         return np.abs(self.ranges[:, 1] - self.ranges[:, 0])
 
     def over_periods(self, periods: int) -> "ContinuationParameters":
-        """The same parameters for orbits with another number of periods."""
+        """Return the same parameters for orbits of `periods` periods."""
         return replace(self, task=replace(self.task, periods=periods))
 
     def task_at(self, values: Array) -> Task:
-        """Task at parameter values (k,). Raises SolveError subclasses for values that the model does not
-        permit."""
+        """Return the task at the parameter values `values` (k,). Raises SolveError subclasses for values that
+        the model does not permit."""
         key = np.asarray(values).tobytes()
         if key not in self._tasks:
             if len(self._tasks) >= _MAX_TASKS:
@@ -180,7 +190,7 @@ class ContinuationParameters:
     def _task_at(self, values: Array) -> Task:
         given = dict(zip(self.names, map(float, values), strict=True))
         speed = given.pop(SPEED, self.task.speed)
-        # The artificial damping is zero on every orbit, so that only its derivative is needed.
+        # The parameter of the artificial damping is zero on every orbit; only its derivative is needed.
         given.pop(DAMPING, None)
         if not speed > 0:
             raise NoOrbitError("the branch reaches speed 0")
@@ -188,7 +198,8 @@ class ContinuationParameters:
         return replace(self.task, system=system, speed=speed)
 
     def text(self, values: Array) -> str:
-        """Text of values with their units, and with their names unless only the speed varies."""
+        """Format parameter values with their units. The names are included unless the speed is the only
+        parameter."""
         shown = [pair for pair in zip(self.names, values, strict=True) if pair[0] != DAMPING]
         named = [name for name, _ in shown] != [SPEED]
         return ", ".join(

@@ -1,5 +1,5 @@
-"""First orbits of branches: from a given start, or all orbits on which motions from scattered starts
-settle."""
+"""First orbits of branches: an orbit from a given start, or all orbits on which motions from scattered
+initial states settle."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,16 +21,17 @@ from solve.results.scatter import Scatter
 from solve.units import speed_in_si
 
 MAX_START_RTOL = 1e-3
-"""Largest rtol of the orbit from which a branch starts, because the next orbits use its grid. On coarser
-grids Newton's iteration along the branch may diverge: for the cam at 300 rpm it does with 1e-2, but not with
-3e-3."""
+"""Largest rtol of the orbit from which a branch starts, because the next orbits use the grid of this orbit.
+On coarser grids, Newton's iteration along the branch may diverge: for the cam at 300 rpm it diverges with
+rtol 1e-2, but not with 3e-3."""
 
 _PROBES = 127
-"""Number of phases at which a start is sampled for its hash. A choice."""
+"""Number of phases at which the motion of a start is sampled for its hash. Chosen by judgement."""
 
 
 def scattered_or(start: Start | Scatter | None) -> Start | Scatter | None:
-    """Result of `solve.scatter` read from its file, if the start is such a file; otherwise the start."""
+    """Return the result of `solve.scatter` from its file if `start` is the path of such a file; otherwise
+    return `start`."""
     if isinstance(start, str | Path) and Path(start).suffix.lower() in FILES:
         with suppress(FileError):
             given = save.open(start)
@@ -41,7 +42,8 @@ def scattered_or(start: Start | Scatter | None) -> Start | Scatter | None:
 def first_value(
     parameters: ContinuationParameters, start: Start | Scatter | None, begin: float | str | None
 ) -> float:
-    """Value of the parameter at the first orbit. Raises ValueOutOfBoundsError."""
+    """Return the value of the parameter at the first orbit. Raises ValueOutOfBoundsError for a value outside
+    the range, and NoOrbitError for a scatter result without orbits."""
     system, name, ends = parameters.task.system, parameters.names[0], parameters.ranges[0]
     if isinstance(start, Scatter):
         if begin is not None:
@@ -71,7 +73,8 @@ def first_value(
 
 
 def orbit_starts(task: Task, start: Start | Scatter | None) -> list[tuple[int, Callable[[], Orbit]]]:
-    """List of first orbits: for each, its number of periods and a function that returns the orbit."""
+    """Return the first orbits of the branches as a list of pairs: the number of periods of an orbit, and a
+    function that computes this orbit."""
 
     def orbit(given: Start | None, periods: int) -> Orbit:
         rtol = min(task.rtol, MAX_START_RTOL)
@@ -83,7 +86,7 @@ def orbit_starts(task: Task, start: Start | Scatter | None) -> list[tuple[int, C
 
 
 def start_digest(start: Start | Scatter | None, task: Task) -> str | None:
-    """Hash of the motions of a start; None without a start."""
+    """Return the hash of the motions of `start`; None without a start."""
     if start is None:
         return None
     if isinstance(start, Scatter):

@@ -1,7 +1,7 @@
-"""Folder with the steps of branches, from which an interrupted continuation resumes.
+"""Folder that stores the steps of branches, so that an interrupted continuation can resume.
 
-`branches.json` describes the calculation. The file NUMBER-STEP.npz contains a step of a branch. Stored steps
-are read up to the first damaged or missing file."""
+`branches.json` describes the calculation. The file NUMBER-STEP.npz contains step STEP of branch NUMBER; both
+are counted from 0. Stored steps are read up to the first damaged or missing file."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -25,15 +25,18 @@ from solve.results.serialization import from_arrays, serializable, to_arrays
 _DESCRIPTION = "branches.json"
 
 _PROBES = 7
-"""Number of phases at which matrices are stored to identify the calculation. A choice."""
+"""Number of phases at which the matrices are sampled for the hash that identifies the calculation. Chosen by
+judgement."""
 
 
 @serializable
 @dataclass(frozen=True)
 class BranchStep:
-    """Step of a branch: its points; the length of the next step; `largest` and `resting` of the `Manifold`;
-    and the reason why the branch ends here. The reason is empty at the end of the range or of a closed
-    branch, and None if the branch continues."""
+    """Step of a branch.
+
+    points: points of the branch that the step adds. length: length of the next step. largest, resting:
+    attributes of the `Manifold` after the step. ended: reason why the branch ends with this step; empty at
+    the end of the range or of a closed branch, and None if the branch continues."""
 
     points: tuple[Point, ...]
     length: float
@@ -43,7 +46,7 @@ class BranchStep:
 
 
 class SavedBranch:
-    """Stored steps of one branch. Without a folder nothing is stored."""
+    """Stored steps of one branch. Without a folder, nothing is stored."""
 
     def __init__(self, folder: Path | None = None, number: int = 0):
         self._folder, self._number = folder, number
@@ -53,42 +56,42 @@ class SavedBranch:
         return self._folder / f"{self._number}-{step}.npz"
 
     def read(self, step: int) -> BranchStep | None:
-        """Stored step; None if it is missing or damaged."""
+        """Return the stored step with number `step`; None if it is missing or damaged."""
         if self._folder is None:
             return None
         try:
             with np.load(self._file(step), allow_pickle=False) as arrays:
                 found = from_arrays(dict(arrays))
         except Exception:
-            # The exception for a damaged file depends on the library.
+            # NumPy and zipfile raise various exceptions for a damaged file.
             return None
         return found if isinstance(found, BranchStep) else None
 
     def write(self, step: int, contents: BranchStep) -> None:
-        """Write a step. Raises FileError."""
+        """Store `contents` as the step with number `step`. Raises FileError."""
         if self._folder is not None:
             write_atomic(self._file(step), partial(_write, to_arrays(contents)))
 
 
 class BranchStore:
-    """Store of several branches in the order in which they are followed."""
+    """Stored steps of several branches, numbered in the order in which the branches are followed."""
 
     def __init__(self, folder: Path | None):
         self._folder, self._count = folder, 0
 
     def next(self) -> SavedBranch:
-        """Stored steps of the next branch."""
+        """Return the stored steps of the next branch."""
         self._count += 1
         return SavedBranch(self._folder, self._count - 1)
 
 
 @contextmanager
 def opened_branches(folder: str | Path | None, work: Mapping[str, Any]) -> Iterator[BranchStore]:
-    """Store in a folder with one writer; the folder is created if necessary. Without a folder, the store
-    keeps nothing.
+    """Open a store in `folder` for a single writer; the folder is created if necessary. Without a folder, the
+    store saves nothing.
 
     work: description of the calculation. Raises FileError if the folder contains other files or another
-    calculation, is in use by another process, or cannot be written."""
+    calculation, if another process uses it, or if it cannot be written."""
     if folder is None:
         yield BranchStore(None)
         return
@@ -108,7 +111,8 @@ def opened_branches(folder: str | Path | None, work: Mapping[str, Any]) -> Itera
 
 
 def description_of(parameters: ContinuationParameters, **choices: Any) -> dict[str, Any]:
-    """Description of everything that determines the points of branches, except for their number."""
+    """Return a description of everything that determines the points of branches, except the number of points.
+    `choices` are further entries."""
     task = parameters.task
     phase = (np.arange(_PROBES) + 0.37) * (task.system.period / _PROBES)
     return {

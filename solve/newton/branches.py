@@ -1,4 +1,4 @@
-"""Branches of nonlinear orbits over the speed or a parameter."""
+"""Branches of nonlinear orbits in the speed or another parameter."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,17 +30,19 @@ from solve.units import apart, ramp_in_si
 _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
 
 _SAMPLES = 127
-"""Number of phases at which orbits are stored; a choice. It resolves 63 harmonics, accurate enough as a start
-of Newton's iteration, and is odd, so that the highest harmonic has a cosine and a sine."""
+"""Number of phases at which orbits are stored. Chosen by judgement: the number resolves 63 harmonics, which
+are accurate enough as a start of Newton's iteration. It is odd, so that the highest harmonic has both a
+cosine and a sine."""
 
 
 _PHASES, _ROUNDOFF = 32, 1e-12
-"""Number of phases at which coefficients are compared, and relative difference up to which they are equal.
-Choices."""
+"""Number of phases at which coefficients are compared, and the relative difference up to which they count as
+equal. Chosen by judgement."""
 
 _SIZES = 3.0 ** np.arange(2, -13, -1)
-"""Sizes of the motions along which coefficients are compared, in the units of the coordinates. Choices: each
-motion grows from one size to the next, so that forces that act over a small range are passed."""
+"""Sizes of the motions along which coefficients are compared, in the units of the coordinates. Chosen by
+judgement: each motion grows from one size to the next, so that it reaches forces that act over a small range
+only."""
 
 
 @of_system
@@ -58,7 +60,8 @@ def branch(
     begin: float | str | None = None,
     store: str | Path | None = None,
 ) -> Branch:
-    """Continue nonlinear orbits in the speed or a parameter, through folds, also along isolated branches.
+    """Continue nonlinear orbits in the speed or another parameter, also through folds and along isolated
+    branches.
 
     Folds, period doublings and tori (Neimark–Sacker points) are located to `rtol`.
 
@@ -67,34 +70,37 @@ def branch(
     system : Model
         Model with nonlinear equations.
     speeds : str or (float or str, float or str), optional
-        First speed, and the speed towards which the branch is continued: "300:600 rpm", or rad/s. The branch
-        ends where it leaves this range. If `over` is given, the constant speed; by default the speed of the
-        case.
+        First and last speed of the range: a text such as "300:600 rpm", or a pair of speeds (numbers in rad/s
+        or texts with unit). The branch starts at the first speed, and ends where it leaves the range. If
+        `over` is given, `speeds` is the constant speed; by default, the speed of the case.
     over : str, optional
-        Parameter that varies instead of the speed, with its first and last value: "k1=1e4:9e4".
+        Parameter that varies instead of the speed, with its first and last value, such as "k1=1e4:9e4".
     switch : bool
-        Whether to follow the branches of twice the period from each doubling, up to three in sequence.
+        Whether to follow the branches of twice the period that start at period doublings, for up to three
+        successive doublings.
     periods : int
         Number of model periods per period of the orbits.
     start : Orbit, Transient, Scatter, (q, q̇), callable or path, optional
-        Start of `solve.nonlinear` at the first orbit; or a result of `solve.scatter`, or its file. With the
-        latter, the branches through all its orbits are followed from the speed or parameter value of that
-        result.
+        `start` of `solve.nonlinear` for the first orbit; or a result of `solve.scatter`, or the path of its
+        file. For a scatter result, the branches through all its orbits are followed from the speed or
+        parameter value of this result.
     points : int
-        Maximum number of orbits of each branch, in each direction.
+        Maximum number of orbits per branch and direction.
     rtol : float
-        Largest error of the orbits, relative to the scale of each coordinate.
+        Largest permitted error of the orbits, relative to the scale of each coordinate.
     engine : str
         "auto", "compiled" or "numpy".
     unforced : bool
-        Whether to follow the nonlinear modes of equations without load and damping. Their frequency is the
-        speed; each branch starts at a frequency of small vibrations between `speeds`. Two multipliers, due to
-        phase shift and energy, are exactly +1; the spectral radius is that of the others.
+        Whether to follow the nonlinear modes of equations without load or damping. The speed is the frequency
+        of the mode. Each branch starts at a frequency of small vibrations within the range `speeds`. Two
+        multipliers, due to phase shift and energy, are exactly +1; the spectral radius is that of the other
+        multipliers.
     begin : float or str, optional
-        Value of the speed or the parameter at the first orbit, between the ends of the range. The branch is
-        followed in both directions. By default the first end.
+        Value of the speed or the parameter at the first orbit, within the range. From a value between the
+        ends, the branch is followed in both directions. By default, the first value of the range.
     store : str or Path, optional
-        Folder that keeps finished steps; the same call resumes from it, also with more points.
+        Folder in which finished steps are stored; the same call resumes from them, even if `points` is
+        larger.
 
     Returns
     -------
@@ -114,9 +120,9 @@ def branch(
 
     Notes
     -----
-    Every orbit is converged on one grid and corrected once by the method with one more stage. The corrected
-    orbit is returned. Its difference from the first orbit is the error estimate; the grid is refined if the
-    estimate exceeds rtol.
+    Each orbit is computed by Newton's iteration on one grid, and corrected once by the method with one more
+    stage. The corrected orbit is returned. Its difference from the uncorrected orbit is the error estimate;
+    the grid is refined if the estimate exceeds rtol.
     """
     require_integer("points", points, 2)
     require_integer("periods", periods)
@@ -150,7 +156,8 @@ def branch(
 
 
 def _is_linear(task: Task) -> bool:
-    """Whether the equations have no switches, and the same M, C and K along rest and along other motions."""
+    """Whether the equations have no switches, and M, C and K are the same along rest and along other
+    motions."""
     system, speed = task.system, task.speed
     if warnings_of(system, speed) != warnings_of(system, speed, linear=False):
         return False
@@ -172,8 +179,8 @@ def continuation(
     rtol: float,
     engine: str,
 ) -> tuple[ContinuationParameters, Sequence[str]]:
-    """Validate the input; return the parameters of a continuation, and notes on the engine. Raises SolveError
-    subclasses for invalid input."""
+    """Validate the input. Return the parameters of the continuation, and notes on the engine. Raises
+    SolveError subclasses for invalid input."""
     rtol, (used, notes) = checked_rtol(rtol), chosen_engine(engine)
     if over is None:
         if speeds is None or isinstance(speeds, float | int):
@@ -195,8 +202,8 @@ def continuation(
 
 
 def range_of(system: PeriodicSystem, over: str) -> tuple[str, float, float]:
-    """Parse the text NAME=A:B, with values in the model's unit, into the name and the first and last value.
-    Raises SolveError."""
+    """Parse the text NAME=A:B, in which a unit may follow the values. Return the name, and the first and last
+    value in the declared unit of the parameter (rad/s for the speed). Raises SolveError."""
     usage = f"over is {over!r}; write NAME=A:B, two different values, such as 'k1=1e4:9e4'"
     name, equals, values = over.partition("=")
     name, (limits, _, unit) = name.strip(), apart(values.strip()).partition(" ")
@@ -245,7 +252,7 @@ def _result(parameters: ContinuationParameters, followed: Sequence[Followed], no
 
 
 def _energies(task: Task, followed: Sequence[Followed]) -> Array:
-    """Energies (P,) of unforced orbits; empty for others."""
+    """Return the energies (P,) of unforced orbits; empty for other orbits."""
     return np.array(
         [
             energy(task.system, point.unknowns.curve, point.value)
@@ -257,6 +264,6 @@ def _energies(task: Task, followed: Sequence[Followed]) -> Array:
 
 
 def _sampled(point: Point) -> Array:
-    """Coordinates (n, k) of an orbit at uniform phases of its period."""
+    """Return the coordinates (n, k) of an orbit at k uniform phases of its period."""
     end = float(point.grid.nodes[-1])
     return point.unknowns.curve(np.arange(_SAMPLES) * (end / _SAMPLES))

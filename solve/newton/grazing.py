@@ -1,9 +1,9 @@
-"""Continuation of a branch beyond a grazing orbit, where multipliers change abruptly.
+"""Continuation of a branch beyond a grazing orbit, where the multipliers change abruptly.
 
 The branch has a corner there, because the tangent on each side follows from the equations with the events of
-that side. The branch continues at further values of the parameter or turns back. Newton's iteration at a
-fixed value finds the orbit beyond, stable or not. It starts from the last orbit, or from slightly larger or
-smaller motions."""
+that side. Beyond the corner, the branch either continues to further values of the parameter or turns back.
+Newton's iteration at a fixed value of the parameter finds the orbit beyond, whether it is stable or not. The
+iteration starts from the last orbit, or from slightly larger or smaller motions."""
 
 from itertools import product
 
@@ -18,32 +18,33 @@ from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
 
 _STEPS = 0.001, 0.003, 0.01, 0.03
-"""Steps of the parameter from the grazing orbit, as fractions of its range. Choices: the shortest are near
-enough for Newton's iteration, the longest make the events clear."""
+"""Steps of the parameter from the grazing orbit, as fractions of the range. Chosen by judgement: the shortest
+step is short enough for Newton's iteration to converge, and the longest makes the events clearly
+different."""
 
 _FACTORS = 1.0, *(1 + sign * change for change in (6e-5, 2e-4, 6e-4, 2e-3, 6e-3) for sign in (1, -1))
-"""Factors of the last motion from which Newton's iteration starts, in the order in which they are tried.
-Choices: at some of them the motion is about as far from the switch as the orbit beyond, which is nearer for
-harder stops."""
+"""Factors by which the last motion is multiplied to start Newton's iteration, in the order of the trials.
+Chosen by judgement: with one of these factors, the motion is about as far from the switch as the orbit
+beyond. For harder stops, the orbit beyond is nearer to the switch."""
 
 _BACK = 0.01
-"""Length, in scaled coordinates, of the step back to an orbit with the same events as the branch so far. A
-choice."""
+"""Length, in scaled coordinates, of the step back to an orbit with the same events as the branch so far.
+Chosen by judgement."""
 
 _HALVINGS, _SAME = 10, 0.02
-"""Number of halvings of the step, and largest distance from the grazing orbit after them, in scaled
-coordinates. Choices: if the distance decreases with the square root of the step, the orbit comes 32 times
-nearer; a stable orbit of another branch does not."""
+"""Number of halvings of the step, and the largest distance from the grazing orbit, in scaled coordinates,
+after them. Chosen by judgement: if the distance decreases with the square root of the step, the halvings
+divide it by 32; the distance of a stable orbit on another branch does not decrease."""
 
 
 def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
-    """First points beyond a grazing orbit near `before`, whose orbits pass other switches, with the special
-    points between them.
+    """Return the first points beyond a grazing orbit near `before`, and the special points between them. The
+    events of the orbits beyond differ from those of the orbits up to `before`.
 
-    Raises NoOrbitError if the equations have no switches, and if no such orbit is found."""
+    Raises NoOrbitError if the equations have no switches, or if no such orbit is found."""
     if not _events(manifold, before.unknowns).sides:
         raise NoOrbitError("the equations have no switches")
-    # The last orbit itself may pass the switch already, within its errors.
+    # Within its errors, the last orbit may already pass the switch.
     back, _ = manifold.along(before, -_BACK)
     here, is_unforced = _events(manifold, back.unknowns), DAMPING in manifold.parameters.names
     onwards = float(np.sign(before.direction.value) * manifold.parameters.spans[0])
@@ -64,7 +65,7 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
 
 
 def grazes(manifold: Manifold, point: Point) -> bool:
-    """Whether the orbit of a point grazes a switch, where multipliers change abruptly."""
+    """Whether the orbit of a point grazes a switch, so that the multipliers change abruptly there."""
     return bool(_events(manifold, point.unknowns).grazing)
 
 
@@ -74,18 +75,18 @@ def grazes_between(manifold: Manifold, before: Point, after: Point) -> bool:
 
 
 def _differ(here: Events, there: Events) -> bool:
-    """Whether two orbits pass different switches."""
+    """Whether the events of two orbits differ, so that the orbits pass different switches."""
     return len(here.phases) != len(there.phases) or here.sides != there.sides
 
 
 def _events(manifold: Manifold, unknowns: Unknowns) -> Events:
-    """Events of an orbit."""
+    """Return the events of an orbit."""
     return events_of(manifold.parameters.task_at(unknowns.values).along(unknowns.curve))
 
 
 def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | None:
-    """Orbit nearest to the grazing orbit on the branch of the orbit beyond; None if that branch does not
-    begin at the grazing orbit. Otherwise a slow sweep jumps to it."""
+    """Return the orbit nearest to the grazing orbit, on the branch through the orbit `after` beyond it.
+    Return None if that branch does not begin at the grazing orbit; a slow sweep would then jump to it."""
     point = after
     for _ in range(_HALVINGS):
         if manifold.distance(point.unknowns, before.unknowns, before.sizes) <= _SAME:
@@ -101,7 +102,8 @@ def _first_beyond(manifold: Manifold, before: Point, after: Point) -> Point | No
 
 
 def _orbit_at(manifold: Manifold, before: Point, value: float, factor: float) -> Unknowns:
-    """Orbit at a value of the parameter, by Newton's iteration from `factor` times the orbit `before`."""
+    """Return the orbit at the parameter value `value`. Newton's iteration starts from `factor` times the
+    orbit `before`."""
     values = np.array([value])
     task = manifold.parameters.task_at(values)
     return Unknowns(iterate(task, before.unknowns.times(factor).curve, before.grid).curve, values)

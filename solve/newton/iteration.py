@@ -1,7 +1,7 @@
 """Newton's iteration for a nonlinear orbit (Newton–Kantorovich). Each correction solves the linear periodic
 problem along the last curve (U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value
-Problems, 2.3.4). Corrections are damped until their norms decrease (P. Deuflhard, Newton Methods for
-Nonlinear Problems, 3.3)."""
+Problems, 2.3.4). A correction is damped if its full length would not reduce the norm of the next one (P.
+Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
 
 import math
 from collections.abc import Sequence
@@ -30,37 +30,41 @@ from solve.terminal import progress
 from solve.threads import one_thread
 
 _MAX_CORRECTIONS = 40
-"""Maximum number of corrections. A choice."""
+"""Maximum number of corrections. Chosen by judgement."""
 
 _MIN_DAMPING = 1 / 64
-"""Smallest damping factor of a correction. A choice."""
+"""Smallest damping factor of a correction. Chosen by judgement."""
 
 _NEAR = 0.1
-"""Norm of a correction below which jumps at events are included. A choice: for larger corrections the
-iteration without jumps converges from more starts. Jumps are also included if the iteration without jumps
-stops."""
+"""Norm of a correction below which the jumps at events are included. Chosen by judgement: as long as
+corrections are larger, the iteration without jumps converges from more initial motions. The jumps are also
+included if the iteration without jumps stops before it converges."""
 
 _MOST_EVENTS = 128
-"""Largest number of events per period of the system. A choice: a quarter of the number of phases at which
-switches are evaluated on a coarse grid, so that most events of a motion with more of them would be missed."""
+"""Largest number of events per period of the system. Chosen by judgement: it is a quarter of the number of
+phases at which switches are evaluated on a coarse grid. If a motion had more events, most of them would be
+missed."""
 
 _STALLED = 1e-6
-"""Relative size below which corrections that no longer decrease count as round-off. A choice: far above eps
-times the condition number of typical systems, far below a useful rtol."""
+"""Relative size below which corrections that no longer decrease count as round-off. Chosen by judgement: far
+above eps times the condition number of typical systems, and far below a useful rtol."""
 
 QUADRATIC = 1e-3
-"""Norm of a correction below which convergence is quadratic. A choice: the next correction is about its
-square."""
+"""Norm of a correction below which the convergence counts as quadratic. Chosen by judgement: the norm of the
+next correction is about the square of this norm."""
 
 _RTOL_FRACTION = 0.01
-"""Upper limit of the last correction, as a fraction of the tolerance of the orbit. A choice: with quadratic
-convergence the remaining error is far smaller than the last correction."""
+"""Upper limit of the last correction, as a fraction of the tolerance of the orbit. Chosen by judgement: with
+quadratic convergence, the remaining error is far smaller than the last correction."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Orbit to compute: system, speed (rad/s), number of periods, method and tolerance. factors (1, n): scale
-    factors of the equations, if their magnitudes differ widely."""
+    """Orbit to compute.
+
+    speed: in rad/s. periods: number of periods of the system in the period of the orbit. rtol: tolerance of
+    the orbit. factors (1, n): scale factors of the equations if their magnitudes differ widely, otherwise
+    None."""
 
     system: PeriodicSystem
     speed: float
@@ -74,13 +78,13 @@ class Task:
         require_size("periods", self.periods, NUMBERS_A_POINT)
 
     def with_method(self, method: Collocated) -> "Task":
-        """The same orbit by another method."""
+        """Return the task of computing the same orbit by another method."""
         other = replace(self, method=method)
         vars(other).update(rigid=self.rigid, breaks=self.breaks)
         return other
 
     def along(self, curve: Motion) -> PeriodicSystem:
-        """System linearised along a curve, with the events of the curve as breaks."""
+        """Return the system linearised along `curve`, with the events of the curve as breaks."""
         return nonlinear_of(self.system).along_events(curve, self.speed, columns_by(self.engine))
 
     def speed_text(self, speed: float) -> str:
@@ -89,16 +93,16 @@ class Task:
 
     @property
     def period(self) -> float:
-        """Period of the orbit in phase."""
+        """Period of the orbit, as an interval of the phase."""
         return self.periods * self.system.period
 
     def grid(self, steps: int) -> Grid:
-        """Grid of about `steps` steps over the period of the orbit."""
+        """Return a grid of about `steps` steps over the period of the orbit."""
         return Grid.uniform(steps, self.period, self.breaks)
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Phases of jumps of the equations over the period of the orbit."""
+        """Phases, over the period of the orbit, at which the equations jump."""
         offsets = np.arange(self.periods) * self.system.period
         return tuple((offsets[:, None] + np.array(self.system.breaks)).ravel().tolist())
 
@@ -108,13 +112,16 @@ class Task:
         return rigid_at_rest(self.system, self.speed)
 
     def rest(self, grid: Grid) -> Curve:
-        """Fundamental motion, q = 0. From this motion, the next iterate is the linear orbit."""
+        """Return the fundamental motion q = 0. The first Newton iterate from this motion is the linear
+        orbit."""
         return zero_motion(self.system.n, grid)
 
 
 @dataclass(frozen=True)
 class Converged:
-    """Last iterate, number of corrections, and relative norm of the last correction."""
+    """Result of Newton's iteration.
+
+    solutions: last iterate. iterations: number of corrections. last: relative norm of the last correction."""
 
     solutions: Solutions
     iterations: int
@@ -127,18 +134,19 @@ class Converged:
 
 
 def curve_of(solutions: Solutions) -> Curve:
-    """Curve of the solution of a single point."""
+    """Return the curve of the solution of a single point."""
     assert isinstance(solutions.curve, Curve)
     return solutions.curve[0]
 
 
 def zero_motion(n: int, grid: Grid) -> Curve:
-    """Motion q = 0 of n coordinates on the nodes of a grid."""
+    """Return the motion q = 0 of n coordinates on the nodes of a grid."""
     return Curve(grid.nodes, np.zeros((n, grid.steps, 1)))
 
 
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
-    """Rigid-body modes of a system linearised about the fundamental motion; None if it has none."""
+    """Return the rigid-body modes of a system linearised about the fundamental motion; None if it has
+    none."""
     free_machine = free(
         SinglePoint(nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period))), speed)
     )
@@ -146,15 +154,20 @@ def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None
 
 
 def without_zeros(sizes: Array) -> Array:
-    """Sizes (n,) of the coordinates with zeros replaced by the largest size, or by 1 if all are zero."""
+    """Return the sizes (n,) of the coordinates, with zeros replaced by the largest size, or by 1 if all sizes
+    are zero."""
     return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
 
 def iterate(
     task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS, last: float = 0.0
 ) -> Converged:
-    """Apply Newton's iteration on a grid, from an initial motion, until it converges, or until the norm of a
-    correction is at most `last`. Raises NoOrbitError, whose text includes the smallest correction."""
+    """Apply Newton's iteration on a grid from the initial motion `start`. It ends when the norm of a
+    correction is at most the larger of `last` and `_RTOL_FRACTION` times the tolerance. It also ends when
+    corrections within round-off no longer decrease.
+
+    Raises NoOrbitError after `most` corrections, or if damping does not help. The message states the smallest
+    correction."""
     with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
         return _iterate(task, start, grid, most, max(last, _RTOL_FRACTION * task.rtol))
 
@@ -180,7 +193,8 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> C
         except SolveError:
             after = None
         next_size = math.inf if after is None else norm(trial, after)
-        # Large corrections usually need damping only; the scales matter if two halvings do not suffice.
+        # Large corrections usually need damping only. If two halvings do not suffice, the scales may be the
+        # cause.
         may_vanish = damping < 1 / 2 or size < _NEAR
         if not next_size <= (1 - damping / 4) * size and may_vanish and norm.refined(curve, corrected):
             size = norm(curve, corrected)
@@ -200,8 +214,9 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> C
 
 
 class _CorrectionNorm:
-    """Norm of corrections, relative to max|q| of each coordinate. Once corrections no longer decrease,
-    nonvanishing scales are used instead (`CoordinateScale`). Corrections within round-off have norm 0."""
+    """Norm of corrections, relative to max|q| of each coordinate. If the corrections stop decreasing, max|q|
+    is replaced by scales that do not vanish (`CoordinateScale`). Corrections within round-off then count as
+    0."""
 
     def __init__(self, task: Task, grid: Grid):
         self._task, self._grid = task, grid
@@ -209,7 +224,8 @@ class _CorrectionNorm:
         self._curve: Curve | None = None
 
     def __call__(self, curve: Curve, solutions: Solutions) -> float:
-        """Largest norm over the coordinates of the correction to a curve."""
+        """Return the norm of the correction from `curve` to the curve of `solutions`, as the maximum over the
+        coordinates."""
         change, largest = correction(curve, solutions)
         return self._relative(np.where(change > self._roundoff, change, 0.0), largest)
 
@@ -218,7 +234,8 @@ class _CorrectionNorm:
         return float((change / np.where(scale > 0, scale, 1.0)).max())
 
     def refined(self, curve: Curve, solutions: Solutions) -> bool:
-        """Compute the nonvanishing scales along a curve. Returns False if they were computed before."""
+        """Compute the scales that do not vanish, along `curve`. Return False if they had already been
+        computed along this curve."""
         if curve is self._curve:
             return False
         task, self._curve = self._task, curve
@@ -231,7 +248,7 @@ class _CorrectionNorm:
         return True
 
     def converged(self, curve: Curve, solutions: Solutions, count: int) -> Converged:
-        """Return the converged result. Coordinates that are zero within round-off are set to zero."""
+        """Return the result of the iteration. Coordinates that are zero within round-off are set to zero."""
         size, reached = self._relative(*correction(curve, solutions)), curve_of(solutions)
         zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
         if zero.any():
@@ -241,7 +258,8 @@ class _CorrectionNorm:
 
 
 def interpolate(one: Curve, other: Curve, fraction: float) -> Curve:
-    """Linear interpolation (or extrapolation) from one curve to the other, on the nodes of the other."""
+    """Return the curve `one` + `fraction` · (`other` - `one`) on the nodes of `other`. A fraction above 1
+    extrapolates."""
     if fraction == 1:
         return other
     if not np.array_equal(one.nodes, other.nodes):
@@ -250,7 +268,7 @@ def interpolate(one: Curve, other: Curve, fraction: float) -> Curve:
 
 
 def add(one: Curve, factor: float, other: Curve) -> Curve:
-    """Sum of a curve and a multiple of another, both on the same nodes."""
+    """Return the curve `one` + `factor` · `other`. Both curves must have the same nodes."""
     powers = max(curve.coefficients.shape[-1] for curve in (one, other))
     total = np.zeros((*one.coefficients.shape[:-1], powers))
     total[..., : one.coefficients.shape[-1]] = one.coefficients
@@ -266,10 +284,11 @@ def _drift(one: Curve, factor: float, other: Curve) -> Array | None:
 
 
 def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) -> Curve:
-    """Join the motions (3, n, k) of successive revolutions into a curve over the whole period.
+    """Join the motions q, v, a (3, n, k) of successive periods of the system into a curve over the whole
+    `period`.
 
-    The mean displacement and steady velocity along rigid-body modes are removed. If drag determines the
-    velocity, it becomes the drift of the curve."""
+    The mean displacement and the steady velocity along rigid-body modes are removed. A velocity that is
+    determined by drag becomes the drift of the curve."""
     q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
     nodes, drift = np.linspace(0.0, period, q.shape[-1]), None
     if rigid is not None:
@@ -284,7 +303,7 @@ def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) 
 
 
 def on(grid: Grid, motion: Motion) -> Curve:
-    """Curve of a motion on the nodes of a grid."""
+    """Return the curve of a motion on the nodes of `grid`."""
     if isinstance(motion, Curve) and np.array_equal(motion.nodes, grid.nodes):
         return motion
     ends = grid.stages(np.array([0.0, 1.0]))
@@ -296,12 +315,12 @@ def on(grid: Grid, motion: Motion) -> Curve:
 
 
 def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSystem, Grid]:
-    """System linearised along a curve, and a grid of about the same number of steps with the phases of events
-    as breaks."""
+    """Return the system linearised along `curve`, and a grid with the phases of events as breaks and about as
+    many steps as `grid`. Raises ChatterError if there are too many events."""
     along = task.along(curve)
     if len(events_of(along).phases) > _MOST_EVENTS * task.periods:
         raise _chatter(task, np.array(events_of(along).phases))
-    # A parameter may have moved the breaks of the task since the grid was made.
+    # Since the grid was made, a parameter may have moved the breaks of the task.
     if along.breaks != tuple(grid.nodes[:-1][grid.at_break].tolist()):
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
@@ -320,8 +339,10 @@ def _chatter(task: Task, phases: Array) -> ChatterError:
 def correct(
     task: Task, curve: Curve, grid: Grid, through_jumps: bool, otherwise: Solutions | None = None
 ) -> Solutions:
-    """Next Newton iterate from a curve. through_jumps: whether disturbances jump at events with discontinuous
-    forces; otherwise: the iterate without these jumps, if already computed."""
+    """Return the next Newton iterate from `curve`.
+
+    through_jumps: whether to include the jumps of disturbances at events with discontinuous forces.
+    otherwise: the iterate without these jumps, if already computed; it is returned if there are no jumps."""
     along, grid = linearised_along(task, curve, grid)
     jumps = event_jumps(along, curve, task.speed, grid) if through_jumps else []
     if otherwise is not None and not jumps:

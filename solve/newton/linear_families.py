@@ -1,9 +1,10 @@
-"""All solutions of the linear periodic problem along a motion while parameters vary.
+"""All solutions of the linear periodic problem along a motion while k parameters vary.
 
-The state x at phase 0 and the changes p of k parameters satisfy x = Φ x + g + G p. These are 2n equations for
-2n + k unknowns, so that their solutions are one particular solution and k tangents. At a fold, where I - Φ is
-singular, these equations remain regular (H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems,
-1987, 4.3)."""
+The state x at phase 0 and the changes p of the parameters satisfy x = Φ x + g + G p. Here, g and the columns
+of G are the states at the end of the period that result from zero initial states, under the load and under a
+unit change of each parameter. These are 2n equations for 2n + k unknowns. Their solutions are one particular
+solution plus combinations of k tangents. At a fold, where I - Φ is singular, the equations remain regular (H.
+B. Keller, Lectures on Numerical Methods in Bifurcation Problems, 1987, 4.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -30,18 +31,19 @@ from solve.period.points import SinglePoint, Tables
 from solve.system import PeriodicSystem, in_phase
 
 _BLOCKS, _MANY_STATES = 8, 24
-"""Number of blocks of the period, whose initial states are unknowns, and number of states above which a
-single block is used. Choices: with 8 blocks, a solution that grows by |ρ| over the period loses log10|ρ|/8
-digits."""
+"""Number of blocks into which the period is divided, and the number of states above which there is only one
+block. The initial state of each block is unknown. Chosen by judgement: with 8 blocks, a solution that grows
+by |ρ| over the period loses log10|ρ|/8 digits."""
 
 
 _REGULAR = 1e-2
-"""Smallest distance of a multiplier from +1 above which I - Φ counts as regular. The inverse of this distance
-amplifies round-off. A choice."""
+"""Distance from +1 of the nearest multiplier above which I - Φ counts as regular. The inverse of this
+distance amplifies round-off. Chosen by judgement."""
 
 _REGULAR_NEARBY = 0.05
-"""The same limit for tangents of neighbouring unknowns. The inverse of this distance amplifies the difference
-between the tangents, which slows the convergence. A choice."""
+"""Distance from +1 of the nearest multiplier above which the tangents at neighbouring unknowns may be used.
+The inverse of this distance amplifies the difference between the tangents, which slows the convergence.
+Chosen by judgement."""
 
 _FREE_JUMPS = (
     "forces jump at an event of the orbit, such as a contact with a dashpot, or at a phase that depends on "
@@ -50,11 +52,12 @@ _FREE_JUMPS = (
 
 
 class LinearFamily:
-    """Solutions of the Newton equations about given unknowns, on a grid: a particular solution, k tangents to
-    the set of solutions, and the monodromy matrix. Each of them is computed on first use.
+    """Solutions of Newton's linear equations about given unknowns, on a grid: a particular solution, k
+    tangents to the set of solutions, and the monodromy matrix. Each of them is computed when it is first
+    used.
 
-    sizes (n,): scales of the coordinates. more_stages: whether to use the method with one more stage.
-    Properties raise SolveError subclasses if there are no solutions."""
+    sizes (n,): scales of the coordinates. more_stages: whether to use the method with one more stage. The
+    properties raise SolveError subclasses if there are no solutions."""
 
     def __init__(
         self,
@@ -111,17 +114,21 @@ class LinearFamily:
 
     @property
     def is_regular(self) -> bool:
-        """Whether all multipliers are so far from +1 that tangents of neighbouring unknowns serve too."""
+        """Whether all multipliers are so far from +1 that the tangents at neighbouring unknowns may be used
+        instead."""
         return not self._is_coupled and self._distance > _REGULAR_NEARBY
 
     @cached_property
     def _distance(self) -> float:
-        """Smallest distance of a multiplier from +1."""
+        """Distance from +1 of the nearest multiplier."""
         return float(np.abs(np.linalg.eigvals(self.Phi) - 1).min())
 
     def _response(self, load: int | None) -> Curve | None:
-        """Periodic response to the load -∂r/∂θ of one parameter, or to d if `load` is None, in compiled code.
-        None if a multiplier is near +1, except for machines with rigid-body modes, which require it."""
+        """Return the periodic response to the load -∂r/∂θ of the parameter with index `load`, or to the load
+        d if `load` is None.
+
+        Return None if the equations of `_null_space` must be solved instead, for example because a multiplier
+        is near +1. For machines with rigid-body modes, those equations are never used."""
         if self._is_coupled:
             return None
         try:
@@ -147,7 +154,7 @@ class LinearFamily:
 
     @cached_property
     def _null_space(self) -> list[Unknowns]:
-        """Particular solution and tangents from equations that remain regular at folds."""
+        """Particular solution, followed by the tangents, from the equations that remain regular at folds."""
         steps, count = self._steps, len(self._spans)
         unit = np.concatenate((np.tile(np.tile(self._sizes, 2), steps.blocks), self._spans))
         columns = _null_space(*steps.closing(), unit)
@@ -157,8 +164,8 @@ class LinearFamily:
 
 
 def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
-    """Columns (c, 1 + k): a solution z of `matrix` z = `right`, followed by a basis of the null space. unit
-    (c,): scales of the unknowns."""
+    """Return an array (c, 1 + k). Its first column z solves `matrix` z = `right`; the other columns are a
+    basis of the null space of `matrix`. unit (c,): scales of the unknowns."""
     rows = unit[: len(matrix), None]
     scaled = matrix * unit / rows
     Q, R = np.linalg.qr(scaled.T, mode="complete")
@@ -175,9 +182,10 @@ def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Equations linearised along a motion, with the loads d and -∂r/∂θ for each parameter θ.
+    """Equations linearised along the motion `motion`, with the load d and one load -∂r/∂θ for each parameter
+    θ.
 
-    free: whether the machine has rigid-body modes."""
+    names: parameters θ. free: whether the machine has rigid-body modes."""
 
     along: PeriodicSystem
     task: Task
@@ -187,13 +195,13 @@ class _Equations:
     _entries: dict[bytes, tuple[Array, Array]] = field(default_factory=dict, init=False, repr=False)
 
     def at(self, phase: Array) -> Matrices:
-        """Ω²M, ΩC, K (m, n, n) and the loads (m, n, 1 + k) at phases (m,)."""
+        """Return Ω²M, ΩC, K (m, n, n) and the loads (m, n, 1 + k) at phases (m,)."""
         speed = self.task.speed
         M, C, K, d = in_phase(self.along, phase, speed)
         return M, C, K, np.concatenate((d[..., None], self.by_parameters(phase)), axis=-1)
 
     def by_parameters(self, phase: Array) -> Array:
-        """Loads -∂r/∂θ (m, n, k) at phases (m,)."""
+        """Return the loads -∂r/∂θ (m, n, k) at phases (m,)."""
         compiled: Columns | None = columns_by(self.task.engine)
         names = [name for name in self.names if name != DAMPING]
         dependence = derivatives_of(self.along).by(names, compiled)
@@ -206,14 +214,16 @@ class _Equations:
         return columns
 
     def jumps(self, grid: Grid) -> list[EventJump]:
-        """Jumps of disturbances at the events of the motion, and at breaks that the parameters move."""
+        """Return the jumps of disturbances at the events of the motion, and at breaks whose phase depends on
+        a parameter."""
         names = [name for name in self.names if name != DAMPING]
         motion = self.along, self.motion, self.task.speed, grid
         return [*event_jumps(*motion, names), *break_jumps(*motion, self.task.breaks, names)]
 
     def entries(self, phase: Array) -> tuple[Array, Array]:
-        """Entries (m, R) of the linearised system that may differ from zero, and their indices (R,), at
-        phases (m,). They are cached, because all loads are solved on one grid."""
+        """Return the entries (m, R) of the linearised system that may differ from zero, at phases (m,), and
+        the indices (R,) of the entries. The result is cached, because the solutions for all loads use the
+        same phases."""
         key = phase.tobytes()
         if key not in self._entries:
             self._entries[key] = used_entries_of(self.along, phase, self.task.speed)
@@ -222,7 +232,8 @@ class _Equations:
 
 @dataclass(frozen=True)
 class _UnderLoad(SinglePoint):
-    """Linearised system with the load -∂r/∂θ of one parameter, or with its own load d if `load` is None."""
+    """Linearised system with the load -∂r/∂θ of the parameter with index `load`, or with its own load d if
+    `load` is None."""
 
     equations: _Equations
     load: int | None
@@ -238,7 +249,8 @@ class _UnderLoad(SinglePoint):
 
 
 class _Steps:
-    """Radau's method on a grid for several loads. The maps of the steps are multiplied within each block."""
+    """Steps of Radau's method on a grid, for several loads. Within each block, the maps of the steps are
+    multiplied."""
 
     def __init__(self, equations: _Equations, grid: Grid, jumps: Sequence[EventJump]):
         method: Collocation = equations.task.method.collocation
@@ -257,15 +269,15 @@ class _Steps:
 
     @property
     def monodromy(self) -> Array:
-        """Monodromy matrix Φ(T) (2n, 2n)."""
+        """Monodromy matrix (2n, 2n) of the period."""
         Phi = np.eye(self._states)
         for block in self._chain[:, -1, :, : self._states]:
             Phi = block @ Phi
         return Phi
 
     def closing(self) -> tuple[Array, Array]:
-        """Matrix (B·2n, B·2n + k) and right-hand side (B·2n,) of the equations that couple the B blocks
-        periodically."""
+        """Return the matrix (B·2n, B·2n + k) and the right-hand side (B·2n,) of the equations that connect
+        the B blocks with each other and the last block with the first."""
         ends, N, B = self._chain[:, -1], self._states, self.blocks
         matrix = np.zeros((B * N, B * N + ends.shape[-1] - N - 1))
         for block, end in enumerate(ends):
@@ -277,7 +289,7 @@ class _Steps:
         return matrix, ends[:, :, N].ravel()
 
     def from_start(self, start: Array, size: int) -> Array:
-        """Unknowns (size,) of the homogeneous motion that starts from a state (2n,) at phase 0."""
+        """Return the unknowns (size,) of the homogeneous motion from the state `start` (2n,) at phase 0."""
         unknowns, N = np.zeros(size), self._states
         for block, end in enumerate(self._chain[:, -1, :, :N]):
             unknowns[block * N : (block + 1) * N] = start
@@ -285,8 +297,8 @@ class _Steps:
         return unknowns
 
     def curves(self, columns: Array) -> Curve:
-        """Curves (c, n, …) of the solutions in the columns (B·2n + k, c). The load d acts in the first column
-        only."""
+        """Return the curves (c, n, …) of the solutions whose unknowns are the columns of `columns` (B·2n + k,
+        c). The load d acts in the first solution only."""
         N, B, grid, method = self._states, self.blocks, self._grid, self._method
         loads = np.zeros((self._chain.shape[-1] - N, columns.shape[1]))
         loads[0, 0], loads[1:] = 1.0, columns[B * N :]
@@ -309,8 +321,8 @@ class _Steps:
 
 
 def _joined(maps: Array, states: int, blocks: int) -> Array:
-    """Maps (B, l, N, N + r) from the start of each block to the ends of the l steps of the block, from the
-    maps (m, N, N + r) of the steps."""
+    """Return the maps (B, l, N, N + r) from the start of each block to the end of each of its l steps. `maps`
+    (m, N, N + r) are the maps of the single steps."""
     length = -(-len(maps) // blocks)
     padded = np.zeros((blocks * length, *maps.shape[1:]))
     padded[..., :states] = np.eye(states)
@@ -324,8 +336,8 @@ def _joined(maps: Array, states: int, blocks: int) -> Array:
 
 
 def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, multiplier: float) -> Curve:
-    """Free motion over one period, real, in the Floquet mode with the multiplier nearest to a given real
-    value."""
+    """Return the real free motion over one period in a Floquet mode: the mode whose multiplier is nearest to
+    the real value `multiplier`."""
     task = parameters.task_at(unknowns.values)
     along, grid = linearised_along(task, unknowns.curve, grid)
     equations = _Equations(along, task, unknowns.curve, parameters.names)

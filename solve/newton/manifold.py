@@ -1,5 +1,5 @@
-"""Orbits over k parameters as a k-dimensional manifold: corrections towards the manifold, and points with
-error estimates."""
+"""Orbits as points of a k-dimensional manifold over k parameters: corrections towards the manifold, and
+points with error estimates."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -25,44 +25,49 @@ from solve.period.multipliers import EPS
 from solve.period.quantities import orbit_figures, output_changes, repeats_early
 
 _MAX_CORRECTIONS = 8
-"""Maximum number of corrections of a step; a step that needs more is too long. A choice."""
+"""Maximum number of corrections of a step; a step that needs more is too long. Chosen by judgement."""
 
 _MAX_LAST_CORRECTION, _DIVERGED = 1e-4, 3.0
-"""Upper limit of the norm of the last correction, and of the first correction; each further correction must
-be smaller than the one before. Choices."""
+"""Upper limits of the norms of the last and of the first correction. Each further correction must be smaller
+than the one before. Chosen by judgement."""
 
 _QUADRATIC, _SAFETY = 1e-2, 10.0
-"""Norm of a correction below which convergence counts as quadratic, and safety factor for the predicted next
-correction, size³/last². Choices."""
+"""Norm of a correction below which the convergence counts as quadratic, and safety factor on the predicted
+size of the next correction, size³/last². Chosen by judgement."""
 
 _RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.1, 1e-10
-"""Upper limit of the last correction as a fraction of rtol, used if smaller than `_MAX_LAST_CORRECTION`; and
-norm below which corrections need not decrease. Choices: the remaining correction is part of the error
-estimate, and is removed from the orbit by the correction with one more stage."""
+"""Upper limit of the last correction as a fraction of rtol, if this is smaller than `_MAX_LAST_CORRECTION`;
+and the norm of a correction below which the iteration always counts as converged. Chosen by judgement: the
+remaining correction is part of the error estimate, and the correction with one more stage removes it from the
+orbit."""
 
 _LANES = 8
-"""Number of segments of a period that the compiled code integrates simultaneously. Finer grids have a
-multiple of this number of steps."""
+"""Number of segments of a period that the compiled code integrates simultaneously. The numbers of steps of
+finer grids are multiples of this number."""
 
 _ORBIT_ROUNDOFF = 64 * EPS
-"""Relative error of an orbit due to round-off, the same as for single orbits."""
+"""Relative error of an orbit due to round-off. Single orbits have the same value
+(`solve.certify.comparison`)."""
 
 _MAY_REST = 1e-10
-"""Largest modulus of a coordinate, relative to the largest scale, up to which it is tested for being zero
-within round-off. A choice."""
+"""Largest modulus of a coordinate, relative to the largest scale, up to which the coordinate is tested for
+being zero within round-off. Chosen by judgement."""
 
 _MIN_SIZE = 0.05
-"""Least scale of a coordinate relative to its largest amplitude on the manifold so far. A choice: without
-this limit, step lengths would tend to zero where a coordinate passes through zero."""
+"""Smallest scale of a coordinate, relative to its largest amplitude on the manifold so far. Chosen by
+judgement: without this limit, step lengths would tend to zero where the amplitude of a coordinate passes
+through zero."""
 
 _MAX_STEPS = 2**12
-"""Largest number of steps per period; finer grids are not used. A choice that limits the computing time."""
+"""Largest number of steps per period. Chosen by judgement, to limit the computing time."""
 
 
 @dataclass
 class Manifold:
-    """Manifold of orbits over the parameters. resting: whether a coordinate may be zero within round-off;
-    largest (n,): maximum amplitudes so far."""
+    """Manifold of orbits over the parameters.
+
+    resting: whether some coordinate stays zero (within round-off) throughout an orbit. largest (n,): largest
+    amplitude of each coordinate so far."""
 
     parameters: ContinuationParameters
     resting: bool = field(default=False, init=False)
@@ -70,13 +75,14 @@ class Manifold:
 
     @property
     def tolerance(self) -> float:
-        """Norm of a correction below which the iteration has converged."""
+        """Norm of a correction below which the iteration counts as converged."""
         rtol = self.parameters.task.rtol
         return max(_MIN_LAST_CORRECTION, min(_MAX_LAST_CORRECTION, _RTOL_FRACTION * rtol))
 
     def inner(self, one: Unknowns, other: Unknowns, sizes: Array, base: Unknowns | None = None) -> float:
-        """Inner product of two vectors of unknowns, in coordinates scaled by `sizes` (n,) and in fractions of
-        the parameter ranges. If `base` is given, it is subtracted from the first vector."""
+        """Return the inner product of two vectors of unknowns. The coordinates are divided by `sizes` (n,),
+        and the parameters by the lengths of their ranges. If `base` is given, it is subtracted from the first
+        vector."""
         (first, second, *third), weights = sampled_together(one, other, *([] if base is None else [base]))
         values = one.values if base is None else one.values - base.values
         first = first - third[0] if third else first
@@ -84,14 +90,15 @@ class Manifold:
         return float((first * second) @ weights @ sizes**-2.0) + along
 
     def distance(self, one: Unknowns, other: Unknowns, sizes: Array) -> float:
-        """Norm of the difference of two vectors of unknowns."""
+        """Return the norm of the difference of two vectors of unknowns, scaled as in `inner`."""
         (first, second), weights = sampled_together(one, other)
         apart = (one.values - other.values) / self.parameters.spans
         return math.sqrt(float((first - second) ** 2 @ weights @ sizes**-2.0) + float(apart @ apart))
 
     def component(self, before: Point, after: Point, direction: Unknowns) -> float:
-        """Inner product of a direction and the step between two points. Curves are subtracted at samples,
-        because the error of interpolation between grids with different events would exceed a short step."""
+        """Return the inner product of `direction` and the step from `before` to `after`. Curves are
+        subtracted at sampled phases: between grids with different events, interpolation errors could exceed a
+        short step."""
         return self.inner(after.unknowns, direction, before.sizes, before.unknowns)
 
     def reached(
@@ -102,14 +109,16 @@ class Manifold:
         check: Callable[[Unknowns, Unknowns], None] | None = None,
         curvature: Unknowns | None = None,
     ) -> tuple[Point, int]:
-        """Point at given lengths from `before` along directions, one per parameter, and its number of
-        corrections.
+        """Return the point at given lengths from `before` along directions, one per parameter, and its number
+        of corrections. If all lengths are 0, the components along the directions also remain fixed when the
+        grid is refined.
 
-        With all lengths 0, the components along the directions remain fixed on finer grids too. check: called
-        with the converged unknowns and their first tangent; raises SolveError to reject the point before its
-        errors are estimated, which takes as long as the iteration. curvature: derivative of the first
-        direction with respect to the length, which improves the initial guess. Raises SolveError subclasses
-        if the iteration does not converge."""
+        check: function that is called with the converged unknowns and their first tangent. It raises
+        SolveError to reject the point before the errors are estimated, which takes as long as the iteration.
+        curvature: derivative of the first direction with respect to the length; it improves the initial
+        guess.
+
+        Raises SolveError subclasses if the iteration does not converge."""
         unknowns, sizes = before.unknowns, before.sizes
         for direction, length in zip(directions, lengths, strict=True):
             unknowns = unknowns.plus(length / self.inner(direction, direction, sizes), direction)
@@ -123,14 +132,14 @@ class Manifold:
         return self.point(unknowns, before.tangents, before.grid, family, sizes, held), corrections
 
     def first(self, unknowns: Unknowns, towards: Unknowns, grid: Grid) -> Point:
-        """Point near `unknowns` at the same value of the only parameter. Its tangent is directed along
-        `towards`. Raises SolveError subclasses."""
+        """Return the point near `unknowns` at the same value of the only parameter. The tangent of the point
+        is directed along `towards`. Raises SolveError subclasses."""
         self.resting = self._scale(unknowns, grid).rests(unknowns.largest)
         return self.held(unknowns, [towards], grid)
 
     def held(self, unknowns: Unknowns, ways: Sequence[Unknowns], grid: Grid) -> Point:
-        """Point near `unknowns` with the same components along the directions `ways`, one per parameter.
-        Raises SolveError subclasses."""
+        """Return the point near `unknowns` with the same components along the directions `ways`, one per
+        parameter. Raises SolveError subclasses."""
         sizes = self._sizes(self._scale(unknowns, grid), unknowns)
         found, family, _ = self._converged(unknowns, _Step.none(unknowns, ways, sizes), grid)
         return self.point(found, ways, grid, family, sizes, ways)
@@ -142,19 +151,20 @@ class Manifold:
         check: Callable[[Unknowns, Unknowns], None] | None = None,
         curvature: Unknowns | None = None,
     ) -> tuple[Point, int]:
-        """Point at a length along the first tangent of the point `before`, and the number of corrections; see
-        `reached`."""
+        """Return the point at the distance `length` along the first tangent of `before`, and the number of
+        corrections; see `reached` for the other arguments."""
         lengths = [length, *[0.0] * (len(before.tangents) - 1)]
         return self.reached(before, before.tangents, lengths, check, curvature)
 
     def curvature(self, one: Point, other: Point) -> Unknowns:
-        """Derivative of the first tangent with respect to the arclength between two points."""
+        """Return the derivative of the first tangent with respect to the arclength, from the difference
+        between two points."""
         length = self.distance(other.unknowns, one.unknowns, other.sizes)
         return one.direction.times(-1.0).plus(1.0, other.direction).times(1 / length)
 
     def _converged(self, unknowns: Unknowns, step: "_Step", grid: Grid) -> tuple[Unknowns, LinearFamily, int]:
-        """Converged unknowns of a step, a linear problem near them, and the number of corrections. Raises
-        SolveError subclasses."""
+        """Return the converged unknowns of a step, a linear problem near them, and the number of corrections.
+        Raises SolveError subclasses."""
         last = _DIVERGED
         for corrections in range(1, _MAX_CORRECTIONS + 1):
             family = LinearFamily(self.parameters, unknowns, grid, step.sizes)
@@ -170,8 +180,8 @@ class Manifold:
         raise NoOrbitError("the step is too long")
 
     def _corrected(self, solution: Unknowns, tangents: Sequence[Unknowns], step: "_Step") -> Unknowns:
-        """Sum of a solution of the linear problem and multiples of the tangents that meets the conditions of
-        a step. Raises NoOrbitError."""
+        """Add multiples of the tangents to `solution`, a solution of the linear problem, so that the sum
+        meets the conditions of a step. Return the sum. Raises NoOrbitError."""
         gone = [self.inner(solution, each, step.sizes, step.before) for each in step.directions]
         matrix = [[self.inner(tangent, each, step.sizes) for tangent in tangents] for each in step.directions]
         try:
@@ -192,11 +202,12 @@ class Manifold:
         sizes: Array | None = None,
         held: Sequence[Unknowns] | None = None,
     ) -> Point:
-        """Point of the manifold from unknowns that solve the equations on a grid.
+        """Return the point of the manifold whose unknowns solve the equations on a grid. The grid is refined
+        if the estimated error exceeds rtol.
 
-        Its tangents have positive components along those in `towards`. family: solutions of the linear
-        problem near these unknowns with scales `sizes`, if available. held: directions along which finer
-        grids do not move the point; by default the tangents."""
+        towards: directions with which the tangents of the point form acute angles. family: solutions of the
+        linear problem near the unknowns, for the scales `sizes`, if already computed. held: directions along
+        which the point does not move when the grid is refined; by default its tangents."""
         known, scale = np.zeros(1) if sizes is None else sizes, self._scale(unknowns, grid)
         if unknowns.largest.min() <= _MAY_REST * known.max() or sizes is None:
             self.resting = self.resting or scale.rests(unknowns.largest)
@@ -231,8 +242,8 @@ class Manifold:
         return Point(unknowns, sizes, tangents, grid, found, periods=self.parameters.task.periods)
 
     def _better(self, unknowns: Unknowns, step: "_Step", grid: Grid, nearby: LinearFamily) -> Unknowns:
-        """Correction of converged unknowns by the method with one more stage. nearby: a linear problem near
-        these unknowns, whose tangents serve if it is regular. Raises SolveError."""
+        """Correct converged unknowns by the method with one more stage, and return the result. nearby: linear
+        problem near these unknowns; its tangents are used if both problems are regular. Raises SolveError."""
         family = LinearFamily(self.parameters, unknowns, grid, step.sizes, more_stages=True)
         solution = family.unknowns
         if not (nearby.is_regular and family.is_regular):
@@ -242,7 +253,8 @@ class Manifold:
     def _orthonormal(
         self, family: LinearFamily, towards: Sequence[Unknowns], sizes: Array
     ) -> tuple[Unknowns, ...]:
-        """Orthonormal tangents, each nearest to a direction in `towards`, if given."""
+        """Return orthonormal tangents, each nearest to one of the directions `towards`. If `towards` is
+        empty, return any orthonormal tangents."""
         basis: list[Unknowns] = []
         for tangent in family.tangents:
             basis.append(self.unit(tangent, basis, sizes))
@@ -259,15 +271,18 @@ class Manifold:
         return tuple(found)
 
     def unit(self, direction: Unknowns, others: Sequence[Unknowns], sizes: Array) -> Unknowns:
-        """Unit vector along a direction after subtraction of its components along orthonormal vectors."""
+        """Return the unit vector along what remains of `direction` after its components along the orthonormal
+        vectors `others` have been subtracted."""
         for _ in range(2):
             for other in others:
                 direction = direction.plus(-self.inner(direction, other, sizes), other)
         return direction.times(1 / math.sqrt(self.inner(direction, direction, sizes)))
 
     def _orbit(self, there: Unknowns, better: Unknowns, multipliers: Array, off: Array) -> FollowedOrbit:
-        """Orbit from the more accurate vector of unknowns, `better`, and its multipliers, without the errors
-        of orbit and radius. off: relative differences (n,) of the coordinates of `better` and `there`."""
+        """Return the orbit of the more accurate unknowns `better`, with zeros as the errors of orbit and
+        radius.
+
+        there: less accurate unknowns. off (n,): relative differences between the coordinates of both."""
         task, curve = self.parameters.task_at(better.values), better.curve
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
         errors = np.concatenate(
@@ -278,7 +293,7 @@ class Manifold:
         return FollowedOrbit(better.values, figures, errors, multipliers, radius, np.zeros(2), early)
 
     def _sizes(self, scale: CoordinateScale, unknowns: Unknowns) -> Array:
-        """Scales (n,) of the coordinates for step lengths."""
+        """Return the scales (n,) of the coordinates for step lengths. Update `largest`."""
         self.largest = np.maximum(self.largest, unknowns.amplitudes)
         return np.maximum(scale.scales(unknowns.amplitudes, 1.0, self.resting), _MIN_SIZE * self.largest)
 
@@ -290,8 +305,8 @@ class Manifold:
 
 @dataclass(frozen=True)
 class _Step:
-    """Conditions of a step: its lengths along directions, one per parameter, from the unknowns `before`.
-    sizes (n,): scales of the coordinates."""
+    """Conditions of a step: its lengths along directions, one per parameter, measured from the unknowns
+    `before`. sizes (n,): scales of the coordinates."""
 
     before: Unknowns
     directions: Sequence[Unknowns]
@@ -300,18 +315,19 @@ class _Step:
 
     @classmethod
     def none(cls, unknowns: Unknowns, directions: Sequence[Unknowns], sizes: Array) -> "_Step":
-        """Conditions of corrections normal to the directions."""
+        """Return the conditions of a step of length 0 along all directions. Corrections are then normal to
+        the directions."""
         return cls(unknowns, directions, [0.0] * len(directions), sizes)
 
 
 def _finer(steps: int) -> int:
-    """Next grid size, 5/4 times the number of steps; this divides the error of Radau's method of order 13 by
-    about twenty."""
+    """Return the next grid size: 5/4 of the number of steps, rounded up to a multiple of `_LANES`. The factor
+    divides the error of Radau's method of order 13 by about twenty."""
     return math.ceil(5 * steps / 4 / _LANES) * _LANES
 
 
 def _sum(unknowns: Unknowns, weights: Sequence[float] | Array, others: Sequence[Unknowns]) -> Unknowns:
-    """Linear combination: the unknowns plus weights times other vectors."""
+    """Return the unknowns plus the weighted sum of the vectors `others`."""
     for weight, other in zip(weights, others, strict=True):
         unknowns = unknowns.plus(float(weight), other)
     return unknowns

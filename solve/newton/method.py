@@ -1,5 +1,5 @@
-"""Newton's iteration in the form of a method, so that nonlinear solutions on several grids are compared like
-linear ones."""
+"""Newton's iteration with the interface of a method, so that nonlinear solutions on several grids are
+compared like linear ones."""
 
 import math
 from dataclasses import replace
@@ -23,24 +23,27 @@ from solve.period.points import Points, ScaledEquations, SinglePoint
 from solve.system import PeriodicSystem
 
 _FEW_STEPS = 32
-"""Number of steps of the grid on which the round-off of the loads is computed. A choice: few suffice, because
-the bound varies smoothly."""
+"""Number of steps of the grid on which the round-off of the loads is computed. Chosen by judgement: few steps
+suffice, because the bound varies smoothly."""
 
 _MAX_GROWTH = 3.0
-"""Largest predicted ratio of the numbers of steps. A choice: the first grid may be too coarse for the order
-to hold, or a coordinate may be zero except for round-off."""
+"""Largest factor by which the predicted number of steps may exceed the number on the first grid. Chosen by
+judgement: a larger factor may mean that the first grid is too coarse for the order to hold, or that a
+coordinate is zero except for round-off."""
 
 _SHARED = 1e-12
-"""Norm of a correction below which it changes multipliers by little more than round-off. A choice: near a
-fold, multipliers changed by 16 times the correction."""
+"""Largest norm of a correction that changes the multipliers by little more than round-off. Chosen by
+judgement: near a fold, the multipliers changed by 16 times the correction."""
 
 _COARSE = 256
-"""Number of steps above which no finer grid is tried if the iteration diverges. A choice."""
+"""Number of steps from which divergence of the iteration is final, so that no finer grid is tried. Chosen by
+judgement."""
 
 
 def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
-    """System linearised along a curve, with loads corrected so that coordinates that are zero remain exactly
-    zero. Round-off of uncorrected loads may vary from phase to phase, and no grid resolves it."""
+    """Return the system linearised along a curve, with loads that keep coordinates exactly zero if they are
+    zero on the curve. The round-off of the original loads may vary from phase to phase, which no grid
+    resolves."""
     is_zero = ~curve.coefficients.any(axis=(1, 2))
     if not is_zero.any():
         return along
@@ -55,21 +58,23 @@ def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
 
 
 class Newton(Method):
-    """Newton's iteration in the form of a method for one point, so that `certified` can compare grids. On
-    each grid it starts from the last curve of the finest grid so far, or from the curve of `lower`.
+    """Newton's iteration with the interface of a method for one point, so that `certified` can compare grids.
+    On each grid, the iteration starts from the curve on the finest grid so far, or from the curve of `lower`.
 
     Attributes
     ----------
     start : Motion
         Curve from which the iteration starts.
     first : int
-        Number of steps of the grid on which the start was found. Coarser grids may have no orbit near it.
+        Number of steps of the grid on which the start was computed. On coarser grids, there may be no orbit
+        near the start.
     predicts : bool
-        Whether the first grid is predicted, instead of `first` steps.
-    lower : Newton
-        Iteration with one stage fewer, from whose solutions this one starts.
-    better : Curve
-        Curve by the method with one more stage on the predicted grid, if this grid suffices."""
+        Whether the number of steps of the first grid is predicted; otherwise, it is `first`.
+    lower : Newton or None
+        Iteration by the method with one stage fewer, whose curves are the starts of this iteration.
+    better : Curve or None
+        Curve by the method with one more stage on the predicted grid, if this grid suffices.
+    """
 
     first_order = True
 
@@ -79,7 +84,8 @@ class Newton(Method):
         method = task.method
         self.task, self.start, self.first, self.finest = task, start, first, first
         self.predicts, self.lower, self.better = predicts, lower, None
-        # The next linearisation is about this curve, and its solution is not more accurate than the curve.
+        # The multipliers follow from the linearisation along the curve, and are not more accurate than the
+        # curve.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
 
@@ -89,7 +95,7 @@ class Newton(Method):
 
     @property
     def with_another_stage(self) -> "Newton":
-        """The same iteration by the method with one more stage."""
+        """Newton's iteration by the method with one more stage."""
         task = self.task.with_method(self.task.method.with_another_stage)
         return Newton(task, self.start, self.first, lower=self)
 
@@ -102,7 +108,7 @@ class Newton(Method):
         return self.task.method.error_constant
 
     def linearised(self, points: Points, solutions: Solutions) -> Points:
-        """Equations linearised along the solution of the single point."""
+        """Return the equations linearised along the solution of the single point."""
         curve, speed = curve_of(solutions), self.task.speed
         return SinglePoint(_without_roundoff(self.task.along(curve), curve), speed)
 
@@ -116,14 +122,15 @@ class Newton(Method):
         return np.full(len(modes), int(self.first / 1.2))
 
     def _predicted(self, modes: FrozenModes) -> int:
-        """Number of steps of a grid that is expected to suffice. On a first grid, the orbit is corrected by
-        the method with one more stage. The error is twice the change and decreases with the order."""
+        """Return a number of steps that is expected to suffice. On a first grid, the orbit is corrected by
+        the method with one more stage. The error is estimated as twice the change, and is assumed to decrease
+        with the order of the method."""
         most = self.most_steps(self.task.system.n)
         first, _ = first_steps(self, self.point(), modes, True, self.task.rtol, most)
         (steps,) = grid_sizes(np.maximum(first, self.first)).tolist()
         task, grid = self.task, self.task.grid(steps)
         try:
-            # The remaining correction is about rtol, and is included in the change.
+            # With this limit, the next correction would be about rtol. It is included in the change below.
             curve = iterate(task, self.start, grid, last=math.sqrt(task.rtol)).curve
             higher = task.with_method(task.method.with_another_stage)
             better = correct(higher, curve, grid, True)
@@ -157,8 +164,9 @@ class Newton(Method):
         try:
             found = iterate(task, self._start_on(grid), grid)
             if self.lower is not None and found.last > _SHARED:
-                # Multipliers are those about the curve before the last correction, with kinks at the events
-                # of an earlier curve. Both solutions would have them about curves with the same error.
+                # Otherwise, the multipliers would be those along the curve before the last correction, which
+                # has kinks at the events of an earlier curve. Both solutions would share its error, so that
+                # their difference would not show it.
                 found = replace(found, solutions=correct(task, found.curve, grid, True))
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
@@ -167,7 +175,7 @@ class Newton(Method):
         if grid.steps >= self.finest:
             self.start, self.finest = found.curve, grid.steps
         if self.lower is not None:
-            # The error estimate contains only the defect of the solution with fewer stages.
+            # The error estimate includes the defect only of the solution with fewer stages.
             return found.solutions
         along = task.along(found.curve)
         scale = CoordinateScale(along, found.curve, task.speed, _FEW_STEPS)
@@ -181,5 +189,5 @@ class Newton(Method):
         return self.lower.start if better is None or len(better.h) != grid.steps else better
 
     def point(self) -> SinglePoint:
-        """The system linearised along the curve from which the iteration starts."""
+        """Return the system linearised along the curve from which the iteration starts."""
         return SinglePoint(self.task.along(self.start), self.task.speed)

@@ -1,4 +1,4 @@
-"""Certified periodic solutions of nonlinear equations of motion."""
+"""Periodic solutions of nonlinear equations of motion, with error estimates."""
 
 import math
 from collections.abc import Sequence
@@ -34,17 +34,18 @@ from solve.terminal import progress
 from solve.units import speed_in_si
 
 _STEPS = 64, 128
-"""Numbers of steps per period of the grids on which orbits are sought; continuation uses the last grid.
-Choices."""
+"""Numbers of steps per period of the grids on which orbits are sought. Continuation in load or speed uses the
+last grid. Chosen by judgement."""
 
 _GIVEN_STEPS = 512
-"""Smallest number of steps per period of the last grid on which an orbit is sought from a given motion. A
-choice: the orbit of a mass at a stop 30000 times as stiff as its spring is found again from itself."""
+"""Minimum number of steps per period of the finest grid on which an orbit is sought from a given motion.
+Chosen by judgement: with this number, an orbit with contact at a stop 30000 times as stiff as the spring is
+recovered when the iteration starts from this orbit."""
 
 _TRANSIENT = "transient"
 _STRATEGIES = ("linear orbit", "load", "speed", _TRANSIENT)
-"""Strategies in the order in which they are tried. For several periods the transient is first, because the
-other strategies converge to an orbit of one period."""
+"""Strategies in the order in which they are tried. For several periods, the transient comes first, because
+the other strategies converge to an orbit of one period."""
 
 
 @of_system
@@ -59,27 +60,29 @@ def nonlinear(
     engine: str = "auto",
     all_multipliers: bool = False,
 ) -> NonlinearOrbit:
-    """Find the periodic solution of a model's nonlinear equations at a speed.
+    """Compute a periodic solution of the nonlinear equations of a model at a speed.
 
     Parameters
     ----------
     system : Model
         Model with nonlinear equations.
     speed : float or str
-        In rad/s, or a text with unit.
+        Speed in rad/s, or a text with unit.
     start : Orbit, Transient, (q, q̇), callable or path, optional
         Initial motion of Newton's iteration, over the period of the orbit or an integer fraction of it:
 
-        - an orbit, linear or nonlinear, also for other parameters, speeds or steps;
-        - a transient; its last periods are used;
-        - the path of a .nc or .npz file of either;
-        - q and q̇ (n,) at phase 0, with time derivatives, from which the motion is integrated over the
-          period;
+        - a linear or nonlinear orbit, even one for other parameter values, another speed or another number of
+          steps;
+        - a transient, of which the last periods are used;
+        - the path of a .nc or .npz file of an orbit or a transient;
+        - q and q̇ (n,) at phase 0, where q̇ is the derivative with respect to time. The motion is integrated
+          from this state over the period;
         - a function of phases (k,) that returns q (n, k), or a motion with `nodes` as for
           `PeriodicSystem.along`.
 
-        Without a start, the iteration starts from the linear orbit. If it does not converge, continuation in
-        the load or the speed, or a transient from rest, provides a start.
+        By default, the iteration starts from the linear orbit. If it does not converge, the initial motion is
+        obtained by continuation in the load, by continuation in the speed, or from a transient from rest. If
+        the orbit is unstable, a transient is tried too.
     periods : int
         Number of model periods per period of the orbit.
     method : str or Method
@@ -96,23 +99,24 @@ def nonlinear(
     Returns
     -------
     NonlinearOrbit
-        Periodic orbit; its system is the linearisation along the orbit.
+        Periodic orbit. Its `system` is the system linearised along the orbit.
 
     Raises
     ------
     LinearModelError
         For systems without nonlinear equations.
     NoOrbitError
-        If no orbit is found; the message states the progress of each strategy.
+        If no orbit is found. The message states the progress of each strategy.
     ChatterError
-        If the motion passes switches of the equations too often.
+        If the motion passes too many switches of the equations per period.
     ValueOutOfBoundsError, FileError
         For bad input.
 
     Notes
     -----
-    Each correction of the iteration is a linear periodic problem. Errors are estimated from orbits with one
-    more stage; multipliers are those of the converged linearisation.
+    Each correction of the iteration is the solution of a linear periodic problem. The error of the orbit is
+    estimated from the difference between this orbit and the orbit by the method with one more stage. The
+    multipliers are those of the system linearised along the orbit.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_integer("periods", periods)
@@ -138,8 +142,10 @@ def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
 
 @dataclass(frozen=True)
 class _Search:
-    """Search for an orbit by several strategies. steps: number of steps of the grid, chosen automatically if
-    None; notes: on the engine; all_multipliers: whether `rtol` applies to each multiplier."""
+    """Search for an orbit by several strategies.
+
+    steps: number of steps of the grid; None for an automatic choice. notes: notes on the engine.
+    all_multipliers: whether `rtol` applies to each multiplier."""
 
     task: Task
     steps: int | None
@@ -148,13 +154,13 @@ class _Search:
 
     @property
     def grids(self) -> list[Grid]:
-        """Grids of the search. Continuation uses the last."""
+        """Grids on which the orbit is sought. Continuation in load or speed uses the last one."""
         counts = [steps * self.task.periods for steps in _STEPS] if self.steps is None else [self.steps]
         return [self.task.grid(count) for count in counts]
 
     def find(self) -> NonlinearOrbit:
-        """Orbit by the first successful strategy. If it is unstable, the orbit on which a transient settles
-        is returned instead, unless that orbit is unstable too."""
+        """Return the orbit that the first successful strategy finds. If this orbit is unstable, return the
+        orbit on which a transient settles instead, unless that orbit is unstable too."""
         strategies = _STRATEGIES if self.task.periods == 1 else (_TRANSIENT, *_STRATEGIES[:-1])
         failed: list[str] = []
         unstable: NonlinearOrbit | None = None
@@ -196,8 +202,8 @@ class _Search:
         return self.certified(reached, strategy, failed, settled)
 
     def iterate(self, start: Start | None) -> Converged:
-        """Orbit by Newton's iteration from a motion (default: rest), on the first grid on which it
-        converges."""
+        """Return the orbit by Newton's iteration from the motion of `start` (by default, from rest), on the
+        first grid on which the iteration converges."""
         motion = None if start is None else motion_of(start, self.task)
         self._check_period(motion)
         *coarser, finest = self.grids if motion is None else self._grids_from(motion)
@@ -209,8 +215,8 @@ class _Search:
         return iterate(self.task, motion or self.task.rest(finest), finest, last=QUADRATIC)
 
     def _grids_from(self, motion: Motion) -> list[Grid]:
-        """Grids of the search from a given motion. Coarse grids may lose its short contacts; the last grid
-        has at least as many steps as the motion."""
+        """Return the grids of a search that starts from `motion`. Coarse grids may not resolve its short
+        contacts. The last grid therefore has at least as many steps as the motion."""
         if self.steps is not None:
             return self.grids
         steps = round(self.task.period / motion.nodes[-1]) * (len(motion.nodes) - 1)
@@ -228,7 +234,7 @@ class _Search:
     def certified(
         self, found: Converged, strategy: str, failed: Sequence[str] = (), settled: bool = True
     ) -> NonlinearOrbit:
-        """Certify the orbit that was found on one grid."""
+        """Certify the orbit `found`, which was computed on one grid."""
         task, start, first = self.task, found.curve, found.solutions.grid.steps
         solve_request = request(self.steps, task.rtol, task.engine, True)
         newton = Newton(task, start, first, predicts=self.steps is None)

@@ -2,13 +2,14 @@
 Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
 
 A disturbance y moves the phase of the event, and so does a change δ of a parameter θ of the switching
-function g. With the states x = (q, q'), without q' of first-order coordinates, and their rates f⁻ and f⁺
-before and after the event,
+function g. The states are x = (q, q'), where first-order coordinates have no q'. With the rates f⁻ and f⁺ of
+the states before and after the event,
 
     y⁺ = S y⁻ + s δ,   S = I + w ∇gᵀ,   s = w ∂g/∂θ,   w = (f⁺ - f⁻) / (∂g/∂φ + ∇gᵀ f⁻).
 
-For continuous forces S = I and s = 0. If a parameter moves a break, a phase b(θ) at which the matrices jump,
-S = I and s = (f⁻ - f⁺) db/dθ. Newton's iteration includes these jumps and converges quadratically."""
+For continuous forces, S = I and s = 0. If a parameter moves a break, that is, a phase b(θ) at which the
+matrices jump, S = I and s = (f⁻ - f⁺) db/dθ. Newton's iteration includes these jumps and therefore converges
+quadratically."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,14 +29,16 @@ from solve.period.points import Points
 from solve.system import PeriodicSystem, in_phase
 
 _JUMP = 1e-6
-"""Jump of q'' relative to its largest modulus below which forces are continuous: above the errors of the
-phases of events, far below an effect on multipliers. A choice."""
+"""Jump of q'', relative to its largest modulus, below which forces count as continuous. Chosen by judgement:
+above the errors due to the phases of events, and far below jumps that affect multipliers."""
 
 
 @dataclass(frozen=True)
 class EventJump:
-    """Jump of disturbances at an event of a motion. step: index of the step before the event; matrix: S (N,
-    N); state (N,): state of the motion; by_parameters: s (N, k)."""
+    """Jump of disturbances at an event of a motion.
+
+    step: index of the step before the event. matrix: S (N, N). state (N,): state of the motion at the event.
+    by_parameters: s (N, k)."""
 
     step: int
     matrix: Array
@@ -43,8 +46,8 @@ class EventJump:
     by_parameters: Array
 
     def after(self, maps: Array) -> Array:
-        """Map (N, N + 1 + k) of a step including the jump at its end, from the map without the jump. Columns:
-        state, load, k parameters."""
+        """Return the map (N, N + 1 + k) of a step that ends with this jump. `maps` is the map of the step
+        without the jump. The columns belong to the state, the load and the k parameters."""
         N = len(self.state)
         jumped = self.matrix @ maps
         jumped[:, N] += self.state - self.matrix @ self.state
@@ -55,8 +58,10 @@ class EventJump:
 def event_jumps(
     along: PeriodicSystem, curve: Curve, speed: float, grid: Grid, names: Sequence[str] = ()
 ) -> list[EventJump]:
-    """Jumps at the events of a motion; empty if no force jumps there. along: system linearised along the
-    motion; speed: in rad/s; grid: has the events as nodes; names: parameters, or "speed"."""
+    """Return the jumps at the events of a motion; empty if no force jumps there.
+
+    along: system linearised along the motion. curve: the motion. speed: in rad/s. grid: grid with the events
+    as nodes. names: parameters θ, which may include "speed"."""
     events = np.array(events_of(along).phases)
     if not len(events):
         return []
@@ -82,8 +87,10 @@ def break_jumps(
     breaks: Sequence[float],
     names: Sequence[str],
 ) -> list[EventJump]:
-    """Jumps due to parameters that move breaks. breaks: breaks of the model over the period, which are nodes
-    of the grid; other arguments as for `event_jumps`."""
+    """Return the jumps that are due to breaks whose phases depend on the parameters `names`.
+
+    breaks: breaks of the model over the period, which are nodes of the grid. The other arguments are those of
+    `event_jumps`."""
     slopes = derivatives_of(along).of_breaks(names)
     moved = np.flatnonzero(slopes.any(axis=1))
     if not len(moved):
@@ -101,8 +108,9 @@ def break_jumps(
 def _at_nodes(
     along: PeriodicSystem, curve: Curve, speed: float, grid: Grid, phases: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Indices (k,) of the steps that end at phases (k,), which are nodes; states (k, N) of the motion there,
-    and their rates (k, N) before and after the phases."""
+    """Return the indices (k,) of the steps that end at `phases` (k,), the states (k, N) of the motion at
+    these phases, and the rates (k, N) of the states before and after them. The phases must be nodes of the
+    grid."""
     nodes = np.abs(grid.nodes[1:, None] - phases).argmin(axis=0)
     ends, inertial = grid.stages(np.array([0.0, 1.0])), along.n - len(along.states)
     states = np.concatenate((curve(phases), curve(phases, 1)[:inertial])).T
@@ -114,8 +122,8 @@ def _at_nodes(
 def solutions_with_jumps(
     method: Collocated, points: Points, grid: Grid, engine: str, held: Free | None, jumps: Sequence[EventJump]
 ) -> Solutions:
-    """Solutions of a single point with jumps of disturbances at events. held: rigid-body modes of the point;
-    if given, only the monodromy matrix includes the jumps."""
+    """Return the solutions of a single point with jumps of disturbances at events. held: rigid-body modes of
+    the point; with such modes, only the monodromy matrix includes the jumps."""
     with np.errstate(all="ignore"):
         chain = method.discretise(points, grid)
         maps = np.concatenate((chain.steps.A[0], chain.steps.b[0, ..., None]), axis=-1)
@@ -130,7 +138,8 @@ def solutions_with_jumps(
 
 
 def _rates(along: PeriodicSystem, speed: float, phase: Array, states: Array) -> Array:
-    """Derivatives (k, N) of the states (k, N) of the motion with respect to the phase, at phases (k,)."""
+    """Return the derivatives (k, N) of `states` (k, N) of the motion with respect to the phase, at `phase`
+    (k,)."""
     M, C, K, d = in_phase(along, phase, speed)
     first_order = len(along.states)
     q, v = states[:, : along.n], states[:, along.n :]

@@ -1,5 +1,5 @@
-"""Sizes of basins of attraction, estimated as the share of scattered initial states whose motions settle on
-each orbit."""
+"""Sizes of basins of attraction: the share of scattered initial states from which the motion settles on each
+orbit."""
 
 from collections.abc import Sequence
 
@@ -22,15 +22,17 @@ from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 
 _TURNS = 400
-"""Number of periods after which a motion counts as not settled. A choice."""
+"""Number of periods after which a motion counts as not settled. Chosen by judgement."""
 
 _STATES, _RTOL = 128, 1e-7
-"""Number of states per period of the motions, and their tolerance. Choices."""
+"""Number of states per period of the integrated motions, and tolerance of the integration. Chosen by
+judgement."""
 
 _SETTLED, _SAME = 1e-4, 1e-2
 """Change of the state over the period of an orbit below which a motion has settled, and difference below
-which two states belong to the same orbit. Both are relative to the largest value of the motion or of the
-linear orbit. Choices."""
+which two states belong to the same orbit. The change is relative to the largest value of the motion or of the
+linear orbit; the difference is relative to the largest value of each coordinate and velocity on either orbit.
+Chosen by judgement."""
 
 
 @of_system
@@ -44,7 +46,8 @@ def scatter(
     rtol: float = 1e-6,
     engine: str = "auto",
 ) -> Scatter:
-    """Find the orbits on which motions from scattered initial states settle, and the share of each orbit.
+    """Find the orbits on which motions from scattered initial states settle, and the share of the initial
+    states that lead to each orbit.
 
     Parameters
     ----------
@@ -55,12 +58,12 @@ def scatter(
     count : int
         Number of initial states.
     seed : int
-        Seed of the initial states, uniform in a box about 0.
+        Seed of the random initial states, which are distributed uniformly in a box about 0.
     spread : float
-        Half width of the box, as a multiple of the largest values of the coordinates on the linear orbit, and
-        for velocities of these values times the speed.
+        Half the width of the box, as a multiple of the largest value of each coordinate on the linear orbit.
+        For velocities, this value is multiplied by the speed.
     periods : int
-        Largest number of model periods per period of an orbit.
+        Largest number of model periods in the period of an orbit.
     rtol : float
         Tolerance of the orbits.
     engine : str
@@ -69,7 +72,7 @@ def scatter(
     Returns
     -------
     Scatter
-        Orbits with the shares of the initial states that lead to them.
+        Orbits, with the share of the initial states that lead to each.
 
     Raises
     ------
@@ -100,7 +103,8 @@ def scatter(
 
 
 def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Scatter:
-    """Orbits on which the motions from all initial states settle."""
+    """Return the orbits on which the motions from all initial states `starts` settle. most: largest number of
+    model periods in the period of an orbit."""
     orbits, states, leads = list[NonlinearOrbit](), list[Array](), np.full(len(starts), -1)
     with progress.task("starts", len(starts)) as count:
         for number, start in enumerate(starts):
@@ -115,8 +119,9 @@ def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Sc
 
 
 def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
-    """Motions over the period of the orbit after the motion from a state has settled; empty if it does not
-    settle."""
+    """Integrate from the state `start` until the motion settles on an orbit. Return the motions over the last
+    period of the orbit, one per model period; an empty list if the motion does not settle. most: largest
+    number of model periods in the period of the orbit."""
     n, system = task.system.n, task.system
     march = nonlinear_of(system).marcher(sizes, _STATES, _RTOL)
     state, motions = start / np.repeat([1.0, task.speed], n), list[Array]()
@@ -141,8 +146,9 @@ def _orbit_index(
     orbits: list[NonlinearOrbit],
     states: list[Array],
 ) -> int:
-    """Index of the orbit on which a motion has settled; -1 if no orbit is found. New orbits are appended to
-    `orbits`. Orbits that differ only by a shift of some periods count as the same."""
+    """Return the index in `orbits` of the orbit on which a motion has settled; -1 if no such orbit is found.
+    A new orbit is appended to `orbits`, and its states at the starts of the model periods to `states`. Orbits
+    that differ only by a shift of some periods count as the same."""
     state = motions[0][:2, :, 0].ravel()
     for number, known in enumerate(states):
         limit = _SAME * np.maximum(np.tile(sizes, 2), np.abs(known).max(axis=0))
@@ -151,7 +157,8 @@ def _orbit_index(
     try:
         orbit = _orbit(task, motions)
         if orbit.periods > 1 and repeats_early(orbit.curve, orbit.periods):
-            # A disturbance with a negative multiplier may vanish at the end of every other period.
+            # With a multiplier near -1, the motion nearly repeats after two periods before it settles on an
+            # orbit of one period.
             orbit = _orbit(task, motions[-1:])
     except SolveError:
         return -1
@@ -163,7 +170,7 @@ def _orbit_index(
 
 
 def _orbit(task: Task, motions: Sequence[Array]) -> NonlinearOrbit:
-    """Orbit near the motions of successive periods. Raises SolveError."""
+    """Return the orbit near the motions of successive periods. Raises SolveError."""
     periods = len(motions)
     start = joined(motions, periods * task.system.period, task.rigid)
     return nonlinear(task.system, task.speed, start, periods, rtol=task.rtol, engine=task.engine)

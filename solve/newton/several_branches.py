@@ -1,4 +1,4 @@
-"""Branches through given orbits in both directions, including isolated branches."""
+"""Branches followed in both directions from given orbits, including isolated branches."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,11 +13,12 @@ from solve.results.branch import is_closed
 from solve.results.orbit import Orbit
 
 _SAME = 1e-2
-"""Difference, relative to the scales of the coordinates, up to which two orbits count as the same. A choice:
-above the errors of orbits and, except near folds, far below the distance between different orbits."""
+"""Largest difference, relative to the scales of the coordinates, at which two orbits count as the same.
+Chosen by judgement: above the errors of orbits and, except near folds, far below the distance between
+different orbits."""
 
 _PHASES = 64 * SAMPLES
-"""Number of phases per period of the model at which orbits are compared. A choice."""
+"""Number of phases per period of the model at which orbits are compared. Chosen by judgement."""
 
 
 def follow_orbits(
@@ -27,10 +28,11 @@ def follow_orbits(
     most: int,
     store: BranchStore,
 ) -> list[Followed]:
-    """Branches through orbits at a value of the parameter.
+    """Return the branches through several orbits at the parameter value `value`. Each branch has at most
+    `most` points in each direction.
 
-    starts: number of periods of each orbit, and a function that returns the orbit. An orbit on an earlier
-    branch is skipped. Each branch has at most `most` points in each direction."""
+    starts: one pair per orbit, which contains its number of periods and a function that returns it. An orbit
+    that lies on an earlier branch is skipped."""
     followed, crossings = list[Followed](), list[tuple[int, list[Point]]]()
     for periods, start in starts:
         by_periods = parameters.over_periods(periods)
@@ -55,9 +57,9 @@ def follow_orbits(
 def _both_ways(
     parameters: ContinuationParameters, start: Callable[[], Point], most: int, store: BranchStore
 ) -> Followed:
-    """Branch through a first point, towards the last value of the parameter and then in the other direction.
-    The second direction is omitted for a first point at the end of the range, and for a closed branch. Points
-    are in the order of the branch."""
+    """Return the branch through a first point, with its points in the order along the branch. It is followed
+    towards the last value of the parameter, and then in the other direction. The second direction is omitted
+    if the first point lies at an end of the range, or if the branch is closed."""
     points, ended = follow_branch(parameters, start, most, saved=store.next())
     backwards = store.next()
     closed = is_closed([point.value for point in points], [point.orbit.figures for point in points])
@@ -69,12 +71,12 @@ def _both_ways(
 
 
 def _reversed(point: Point) -> Point:
-    """Copy of a point with the opposite direction along the branch."""
+    """Return a copy of a point with the opposite direction along the branch."""
     return replace(point, tangents=tuple(tangent.times(-1.0) for tangent in point.tangents))
 
 
 def _is_one(point: Point, orbit: Orbit) -> bool:
-    """Whether a point of a branch and an orbit are the same, up to a shift by periods of the model."""
+    """Whether the orbit of a point is the same as `orbit`, except for a shift by periods of the model."""
     count = point.periods * _PHASES
     phase = np.arange(count) * (float(point.unknowns.curve.nodes[-1]) / count)
     one, other = point.unknowns.curve(phase), orbit.curve(phase)

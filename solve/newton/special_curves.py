@@ -1,9 +1,10 @@
 """Curves of folds and of period doublings in two parameters.
 
-The orbits over both parameters form a surface. A function g on this surface is zero at the special points.
-For folds, g is the determinant of the parameter components of two tangents: if it is zero, one direction
-changes neither parameter. For doublings, g = Π (1 + ρ)/(1 + |ρ|). The curve g = 0 is followed on the surface,
-where it is smooth even at cusps (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.3)."""
+The orbits at all values of both parameters form a surface. A function g on this surface is zero at the
+special points. For folds, g is the determinant of the parameter components of two tangents: if it is zero,
+both parameters are stationary in one direction on the surface. For doublings, g = Π (1 + ρ)/(1 + |ρ|). The
+curve g = 0 is followed on the surface, where it is smooth even at cusps (Y. A. Kuznetsov, Elements of Applied
+Bifurcation Theory, 10.3)."""
 
 import math
 from collections.abc import Callable
@@ -22,29 +23,32 @@ from solve.terminal import progress
 from solve.threads import one_thread
 
 _FIRST_STEP, _MAX_STEP, _MIN_STEP, _GROWTH = 0.03, 0.15, 1e-4, 1.5
-"""Step lengths, in scaled coordinates and fractions of the ranges: initial, largest, and smallest before the
-curve ends; and factor by which a step grows after a success. Choices."""
+"""Initial and largest step length, step length below which the curve ends, and factor by which the step
+length grows after a success. Lengths are in scaled coordinates and fractions of the parameter ranges. Chosen
+by judgement."""
 
 _FEW, _MAX_CORRECTIONS = 4, 12
-"""Number of evaluations of g in a step up to which the next step is longer, and largest number of
-evaluations. Choices."""
+"""Number of evaluations of g in a step up to which the next step is longer, and largest permitted number of
+evaluations in a step. Chosen by judgement."""
 
 _MIN_COSINE = 0.9
-"""Smallest cosine of the angle between a step and the preceding tangent. A choice."""
+"""Smallest permitted cosine of the angle between a step and the preceding tangent. Chosen by judgement."""
 
 _EDGE = 1e-9
-"""Distance beyond the end of a range, relative to its length, up to which a point counts as inside. A choice:
-above round-off."""
+"""Distance beyond the end of a range, relative to the length of the range, up to which a point counts as
+inside. Chosen by judgement: above round-off."""
 
 _DIFFERENCE = 1e-3
-"""Step of the central differences of g. A choice: their truncation error is about 1e-6, their round-off about
-1e-10."""
+"""Step of the central differences of g. Chosen by judgement: their truncation error is about 1e-6, and their
+round-off error about 1e-10."""
 
 
 @dataclass(frozen=True)
 class _OnCurve:
-    """Point of the curve of special points, with the tangent (2,) of the curve expressed in the two tangents
-    of the surface of orbits at this point, and the derivative of g normal to the curve."""
+    """Point of a curve of special points.
+
+    along (2,): components of the tangent of the curve in the directions of the two tangents of the surface.
+    slope: derivative of g normal to the curve."""
 
     point: Point
     along: Array
@@ -52,21 +56,21 @@ class _OnCurve:
 
     @property
     def rates(self) -> Array:
-        """Rates of both parameters along the tangent."""
+        """Rates (2,) of both parameters along the tangent of the curve."""
         return self.along @ np.array([each.values for each in self.point.tangents])
 
 
 def follow_curve(
     parameters: ContinuationParameters, start: Point, kind: str, most: int
 ) -> tuple[list[Point], str]:
-    """Follow a curve of folds or period doublings from one of its points. Returns its points, and the reason
-    if they end inside the ranges of the parameters."""
+    """Follow a curve of folds or period doublings from the point `start`. Return at most `most` points of the
+    curve, and the reason if they end inside the ranges of the parameters (otherwise an empty string)."""
     with one_thread(parameters.task.system.n), progress.task("points", most) as count:
         return _CurveFollower(parameters, kind).follow(start, most, count.add)
 
 
 class _CurveFollower:
-    """Continuation of a curve of special points of one kind."""
+    """Continuation of a curve of special points of the kind `kind`."""
 
     def __init__(self, parameters: ContinuationParameters, kind: str):
         self.manifold, self.kind = Manifold(parameters), kind
@@ -74,7 +78,7 @@ class _CurveFollower:
         self.spans = parameters.spans
 
     def follow(self, start: Point, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
-        """Points of the curve, and the reason if they end inside the ranges; see `follow_curve`."""
+        """Implementation of `follow_curve`; `count` is called after each step."""
         current, length = self._first(start), _FIRST_STEP
         points = [current.point]
         while len(points) < most:
@@ -94,14 +98,15 @@ class _CurveFollower:
         return points[:most], f"the curve continues beyond the {asked} requested; request more"
 
     def test(self, point: Point) -> float:
-        """Value of the test function g at a point. Its tangents must have the same orientation as those of
-        neighbouring points."""
+        """Return the value of the test function g at a point. The tangents of the point must have the same
+        orientation as those of the neighbouring points."""
         if self.kind == DOUBLING:
             return doubling_test(point)
         return float(np.linalg.det(np.array([each.values / self.spans for each in point.tangents])))
 
     def _first(self, start: Point) -> _OnCurve:
-        """First point of the curve, from a point of a branch over the first parameter."""
+        """Return the first point of the curve, from a point of a branch in which only the first parameter
+        varies."""
         second = self.manifold.parameters.ranges[1]
         unknowns = Unknowns(start.unknowns.curve, np.array([start.unknowns.value, second[0]]))
         point = replace(self.manifold.point(unknowns, (), start.grid), kind=self.kind)
@@ -110,7 +115,7 @@ class _CurveFollower:
         return replace(found, along=-found.along, slope=-found.slope) if back else found
 
     def _with_tangent(self, point: Point) -> _OnCurve:
-        """Point of the curve with its tangent from central differences of g."""
+        """Return the point of the curve with its tangent, from central differences of g."""
         gradient = np.zeros(2)
         for axis in range(2):
             for sign in (-1, 1):
@@ -123,7 +128,8 @@ class _CurveFollower:
         return _OnCurve(point, np.array([-gradient[1], gradient[0]]) / size, -size)
 
     def _step(self, before: _OnCurve, length: float) -> tuple[_OnCurve, float, int]:
-        """Return the next point, the step length to it, and the number of evaluations of g."""
+        """Return the next point, the step length to it, and the number of evaluations of g. The step length
+        is halved until the step succeeds."""
         while length > _MIN_STEP:
             try:
                 after, evaluations = self._corrected(before, length)
@@ -134,8 +140,9 @@ class _CurveFollower:
         raise NoOrbitError(f"the curve cannot be continued beyond {at}")
 
     def _corrected(self, before: _OnCurve, length: float) -> tuple[_OnCurve, int]:
-        """Point of the curve at a given length along the tangent at `before`, and the number of evaluations
-        of g. The secant method moves the point normal to this tangent. Raises SolveError subclasses."""
+        """Return the point of the curve at a given length along the tangent at `before`, and the number of
+        evaluations of g. The secant method determines the distance normal to this tangent. Raises SolveError
+        subclasses."""
         normal, slope = np.array([before.along[1], -before.along[0]]), before.slope
         point, aside = self._beside(before, length * before.along), 0.0
         value = self.test(point)
@@ -157,8 +164,8 @@ class _CurveFollower:
         return replace(point, kind=self.kind)
 
     def _on_curve(self, before: _OnCurve, point: Point, slope: float) -> _OnCurve:
-        """Point of the curve with a tangent: the tangent at `before`, reflected about the chord between the
-        points. Raises NoOrbitError if the curve bends too much."""
+        """Return the point of the curve with its tangent. The tangent is that at `before`, reflected about
+        the chord between the points. Raises NoOrbitError if the curve bends too much."""
         first = before.point
         along = np.array([self.manifold.component(first, point, each) for each in first.tangents])
         along /= np.linalg.norm(along)
@@ -169,7 +176,7 @@ class _CurveFollower:
         return _OnCurve(point, after / np.linalg.norm(after), slope)
 
     def _cusp(self, before: _OnCurve, length: float) -> Point:
-        """Point within a step at which both parameters are stationary along the curve."""
+        """Return the point, within a step, at which both parameters are stationary along the curve."""
         towards = before.rates / self.spans**2
 
         def at(part: float) -> tuple[float, Point]:
@@ -184,13 +191,13 @@ class _CurveFollower:
         return replace(point, kind=CUSP)
 
     def _inside(self, point: Point) -> bool:
-        """Whether the parameters of a point lie in their ranges."""
+        """Whether the parameters of a point are within their ranges."""
         within = _EDGE * self.spans
         values, (low, high) = point.orbit.values, self.ranges.T
         return bool(((values >= low - within) & (values <= high + within)).all())
 
     def _at_the_edge(self, before: _OnCurve, length: float, after: _OnCurve) -> Point:
-        """Point within a step at which the curve leaves the parameter ranges."""
+        """Return the point, within a step, at which the curve leaves the parameter ranges."""
         first, last = before.point.orbit.values, after.point.orbit.values
         edges = np.where(last > first, self.ranges[:, 1], self.ranges[:, 0])
         with np.errstate(divide="ignore", invalid="ignore"):

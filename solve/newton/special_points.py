@@ -1,5 +1,5 @@
-"""Folds, period doublings and Neimark–Sacker points between two points of a branch, located as zeros of test
-functions (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
+"""Location of folds, period doublings and Neimark–Sacker points between two points of a branch, as zeros of
+test functions (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -15,26 +15,28 @@ from solve.period.multipliers import EPS, UNIT_CIRCLE
 from solve.results.branch import DOUBLING, FOLD, TORUS
 
 _MAX_REFINEMENTS = 30
-"""Maximum number of interpolations towards a special point. A choice; five to eight are usual."""
+"""Maximum number of interpolations in the search for a special point. Chosen by judgement; five to eight are
+usual."""
 
 _RTOL_FRACTION, _ROUNDOFF = 1e-3, 64 * EPS
-"""Change of the parameter between two interpolations below which a special point is located, as a fraction of
-rtol; and smallest value of this limit. Choices: each interpolation costs as much as a point of the branch."""
+"""Change of a parameter between two interpolations below which a special point counts as located, as a
+fraction of rtol; and lower limit of this change. Chosen by judgement: each interpolation takes as long as a
+point of the branch."""
 
 _ZERO = 0.01
-"""Value of a function at a zero, as a fraction of its change between the ends, above which it jumps there, as
-at a grazing orbit. A choice."""
+"""Largest modulus of a function at its zero, as a fraction of its change between the ends of the interval. If
+the modulus is larger, the function jumps there, as at a grazing orbit. Chosen by judgement."""
 
 _REAL = 1e-12
-"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. A choice: for real
-matrices NumPy returns real eigenvalues without imaginary part."""
+"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. Chosen by judgement:
+NumPy returns the real eigenvalues of real matrices without imaginary part."""
 
 Test = Callable[[Point], float]
 
 
 def special_points(manifold: Manifold, before: Point, after: Point) -> list[Point]:
-    """Special points between two neighbouring points of a branch, in the order of the branch. Special points
-    to which the interpolation does not converge are omitted."""
+    """Return the special points between two neighbouring points of a branch, in the order along the branch.
+    Special points that cannot be located are omitted."""
     found = []
     for kind, test in _tests(before, after).items():
         with suppress(SolveError):
@@ -44,13 +46,14 @@ def special_points(manifold: Manifold, before: Point, after: Point) -> list[Poin
 
 
 def special_kinds(before: Point, after: Point) -> list[str]:
-    """Kinds of the special points between two neighbouring points of a branch, also of those that
-    `special_points` omits."""
+    """Return the kinds of the special points between two neighbouring points of a branch, including points
+    that `special_points` omits."""
     return list(_tests(before, after))
 
 
 def _tests(before: Point, after: Point) -> dict[str, Test]:
-    """Test functions with a zero between two points; keys are the kinds of special points."""
+    """Return the test functions that have a zero between two points. The keys are the kinds of the special
+    points."""
     tests: dict[str, Test] = {}
     if before.direction.value * after.direction.value < 0:
         tests[FOLD] = lambda point: point.direction.value
@@ -66,7 +69,7 @@ def _tests(before: Point, after: Point) -> dict[str, Test]:
 
 
 def _stays_on_circle(point: Point) -> bool:
-    """Whether complex multipliers remain on the unit circle within their errors, as in systems without
+    """Whether complex multipliers lie on the unit circle within their errors, as in systems without
     damping."""
     rho = point.orbit.multipliers
     moduli = np.abs(rho[np.abs(np.imag(rho)) > _REAL * np.abs(rho)])
@@ -87,13 +90,13 @@ def _above_one(values: Array) -> Array:
 
 
 def doubling_test(point: Point) -> float:
-    """Test function Π (1 + ρ)/(1 + |ρ|), which changes sign where a multiplier passes -1."""
+    """Test function Π (1 + ρ)/(1 + |ρ|), which changes sign where a multiplier passes through -1."""
     rho = point.orbit.multipliers
     return float(np.prod((1 + rho) / (1 + np.abs(rho))).real)
 
 
 def _torus_test(point: Point) -> float:
-    """Test function |ρ| - 1 of the complex pair that is nearest to the unit circle."""
+    """Test function |ρ| - 1 of the complex pair of multipliers that is nearest to the unit circle."""
     rho = point.orbit.multipliers
     pairs = np.abs(rho[np.imag(rho) > _REAL * np.abs(rho)])
     if not len(pairs):
@@ -102,7 +105,7 @@ def _torus_test(point: Point) -> float:
 
 
 def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tuple[float, Point]:
-    """Length along the tangent at the first point at which a test function is zero, and the point there.
+    """Return the length along the tangent at `before` at which a test function is zero, and the point there.
     Raises SolveError subclasses."""
     curvature = manifold.curvature(before, after)
 
@@ -115,7 +118,7 @@ def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tup
 
 
 def is_located(manifold: Manifold, one: Point, other: Point) -> bool:
-    """Whether two interpolations agree within a fraction of rtol in every parameter."""
+    """Whether two successive interpolations agree, in every parameter, within a fraction of rtol."""
     spans = manifold.parameters.spans
     limit = max(_RTOL_FRACTION * manifold.parameters.task.rtol, _ROUNDOFF)
     moved = np.abs(other.orbit.values - one.orbit.values)
@@ -129,11 +132,12 @@ def zero_between(
     agree: Callable[[Point, Point], bool],
     reached: Point,
 ) -> tuple[float, Point]:
-    """Argument of a zero of `function`, and the point there, by the Illinois algorithm (M. Dowell, P.
-    Jarratt, BIT 11 (1971) 168).
+    """Return an argument at which `function` is zero, and the point there, by the Illinois algorithm (M.
+    Dowell, P. Jarratt, BIT 11 (1971) 168).
 
-    function: returns a value and a point; ends, values: arguments and their values of different signs; agree:
-    whether two successive points agree; reached: initial point for this comparison. Raises NoOrbitError."""
+    function: function that returns, for an argument, its value and a point. ends, values: two arguments and
+    the values there, which have different signs. agree: function that returns whether two successive points
+    agree. reached: point with which the first one is compared. Raises NoOrbitError."""
     (low, high), (first, second), kept = ends, values, False
     most = _ZERO * abs(second - first)
     for _ in range(_MAX_REFINEMENTS):

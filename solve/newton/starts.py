@@ -1,5 +1,5 @@
-"""Initial guesses for Newton's iteration: orbits, transients, states, functions and files, converted to
-motions over a period."""
+"""Conversion of initial guesses for Newton's iteration to motions over a period. A guess is an orbit, a
+transient, a state, a function or a file."""
 
 import reprlib
 from collections.abc import Callable
@@ -24,12 +24,12 @@ Start = Orbit | Transient | Motion | tuple[Array, Array] | Callable[[Array], Arr
 FILES = ".nc", ".npz"
 
 _SAMPLES = 256
-"""Number of phases per model period at which a start function is evaluated; a cubic spline interpolates
-between them. A choice."""
+"""Number of phases per model period at which a start function is evaluated. A cubic spline interpolates
+between the values. Chosen by judgement."""
 
 _STATES, _RTOL = 128, 1e-6
-"""Number of states per period of the motion from a given state, and its tolerance. Choices: Newton's
-iteration removes the remaining error."""
+"""Number of states per period of the motion that is integrated from a given state, and tolerance of the
+integration. Chosen by judgement: Newton's iteration removes the remaining error."""
 
 
 class _NotRealError(TypeError):
@@ -38,8 +38,8 @@ class _NotRealError(TypeError):
 
 def motion_of(start: Start, task: Task) -> Motion:
     """Convert a `start` of `solve.nonlinear` to a motion. Raises ValueOutOfBoundsError for an invalid start,
-    FileError for a file without a suitable result, and TransientError for a state from which the motion
-    cannot be integrated."""
+    FileError for a file that contains neither an orbit nor a transient, and TransientError for a state from
+    which the motion cannot be integrated."""
     given = _opened(start, task) if isinstance(start, str | Path) else start
     if isinstance(given, Orbit | Transient):
         _require_coordinates(given.system.coordinates, task)
@@ -84,7 +84,7 @@ def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
 
 
 def _checked(motion: Any, task: Task) -> Motion:
-    """Return the motion after a check of its number of coordinates."""
+    """Return `motion` unchanged if it has the right number of coordinates. Raises ValueOutOfBoundsError."""
     count = len(motion(np.zeros(1)))
     if count != task.system.n:
         raise ValueOutOfBoundsError(
@@ -94,14 +94,14 @@ def _checked(motion: Any, task: Task) -> Motion:
 
 
 def _last_periods(transient: Transient, task: Task) -> Curve:
-    """Last part of a transient, over as many periods as the orbit has; the last period only, if the transient
-    is shorter."""
+    """Return the last part of a transient, over the number of periods of the orbit. If the transient is
+    shorter, return its last period only."""
     count = task.periods if transient.turns >= task.periods else 1
     return joined([*transient.motions[-count:]], count * task.system.period, task.rigid)
 
 
 def _spline_through(function: Callable[[Array], Array], task: Task) -> Curve:
-    """Periodic cubic spline through the values returned by a function of the phase."""
+    """Return the periodic cubic spline through the values of a function of the phase."""
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, task.period, _SAMPLES * task.periods + 1)
@@ -132,8 +132,8 @@ def _spline_through(function: Callable[[Array], Array], task: Task) -> Curve:
 
 
 def _real(values: Any) -> Array:
-    """Convert values to floats. Raises _NotRealError for complex numbers and for objects that are not arrays
-    of numbers, and ValueError for rows of different lengths."""
+    """Convert values to floats. Raises _NotRealError for complex numbers and for values that are not numbers,
+    and ValueError for rows of different lengths."""
     array = np.asarray(values)
     if not np.can_cast(array.dtype, float, casting="same_kind"):
         raise _NotRealError(reprlib.repr(values))
@@ -141,8 +141,8 @@ def _real(values: Any) -> Array:
 
 
 def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
-    """Convert a start to q and q̇ (n,). Raises ValueOutOfBoundsError for anything but two arrays of n finite
-    real numbers. allowed: text of the message that states the permitted starts."""
+    """Convert a start to q and q̇ (n,). Raises ValueOutOfBoundsError unless it consists of two arrays of n
+    finite real numbers. allowed: phrase of the message that states the permitted starts."""
     try:
         q, qd = map(_real, given)
     except (TypeError, ValueError):
@@ -159,7 +159,7 @@ def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
 
 
 def _from_state(given: Any, task: Task) -> Curve:
-    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, by time integration."""
+    """Integrate the motion over the period of the orbit from q and q̇ (n,) at phase 0, and return it."""
     n = task.system.n
     q, qd = state_of(given, n, _allowed(task))
     state = np.concatenate((q, qd / task.speed))

@@ -19,47 +19,47 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 
 _MAX_CORRECTIONS = 10
-"""Maximum number of corrections per continuation step. A choice: shortening the step costs less than further
-corrections."""
+"""Maximum number of corrections per continuation step. Chosen by judgement: a shorter step costs less than
+further corrections."""
 
 _FIRST_STEP, _MIN_STEP, _GROWTH = 0.1, 4e-3, 2.0
-"""First and smallest step, as fractions of the range of the continuation; factor by which steps grow after a
-success and shrink after a failure. Choices."""
+"""First step and smallest step, as fractions of the range of the continuation, and factor by which steps grow
+after a success and shrink after a failure. Chosen by judgement."""
 
 _SPEED_HALVINGS = 6
-"""Maximum number of halvings of the speed in the search for a speed at which the iteration converges from the
-linear orbit. A choice."""
+"""Maximum number of times that the speed is halved in the search for a speed at which the iteration from the
+linear orbit converges. Chosen by judgement."""
 
 _MAX_PERIODS = 80
-"""Number of periods of the system after which a transient ends. A choice."""
+"""Largest number of periods of the system over which a transient is integrated. Chosen by judgement."""
 
 _FIRST_TRIAL = 16
-"""Number of periods after which Newton's iteration is first tried on an unsettled transient; the number
-doubles after each trial. A choice."""
+"""Number of periods after which Newton's iteration is first tried from a transient that has not settled. The
+number doubles after each trial. Chosen by judgement."""
 
 _RTOL = 1e-6
-"""Relative tolerance of the transient. A choice: far below the change that counts as settled."""
+"""Relative tolerance of the transient. Chosen by judgement: far below the change that counts as settled."""
 
 _FULLY_SETTLED, _FINE_RTOL = 1e-5, 1e-8
-"""Change per period of a motion below which finer grids are tried if Newton's iteration did not converge, and
-relative tolerance of the motion for these grids. Choices."""
+"""Change per period below which the transient ends, even if Newton's iteration has not converged; and
+relative tolerance of the motion from which the iteration then starts on finer grids. Chosen by judgement."""
 
 _SETTLED = 1e-3
-"""Change per period, relative to the sizes of the coordinates, below which a transient has settled. A choice:
-Newton's iteration removes the remaining difference."""
+"""Change per period, relative to the sizes of the coordinates, below which a transient has settled. Chosen by
+judgement: Newton's iteration removes the remaining difference."""
 
 _REFINEMENTS = 4, 16, 64
-"""Factors on the number of steps for the grids that are tried after a transient has settled. Choices: the
-last grid resolves contacts that last a thousandth of the period."""
+"""Factors on the number of steps of the grids that are tried after a transient has settled. Chosen by
+judgement: the finest grid resolves contacts that last a thousandth of the period."""
 
 _PERTURBATION = 1e-3
-"""Initial displacement of a transient, relative to the sizes of the coordinates. From exactly zero, the
-transient would remain on an unstable equilibrium. A choice."""
+"""Initial displacement of a transient, relative to the sizes of the coordinates. From zero displacement, the
+transient would remain at an unstable equilibrium. Chosen by judgement."""
 
 
 class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):
-    """System with a fraction of the load, that is, of the residual at rest: r - (1 - fraction) r(φ, Ω, 0, 0,
-    0)."""
+    """System on which only a fraction of the load acts. If r(φ, Ω, q, q̇, q̈) is the residual of the full
+    system, the residual of this system is r - (1 - fraction) r(φ, Ω, 0, 0, 0)."""
 
     def __init__(self, system: PeriodicSystem, fraction: float, rest: Motion):
         super().__init__(system.at, system.coordinates, system.period, system.breaks)
@@ -83,8 +83,8 @@ class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):
 
 
 def by_speed(task: Task, grid: Grid) -> Converged:
-    """Orbit by continuation from a lower speed (half, a quarter, …) at which the iteration from the linear
-    orbit converges. Raises NoOrbitError, whose text states how far continuation came."""
+    """Return the orbit by continuation from a lower speed (a half, a quarter, …) at which the iteration from
+    the linear orbit converges. Raises NoOrbitError, whose message states how far the continuation came."""
     for slow in task.speed / 2.0 ** np.arange(1, _SPEED_HALVINGS + 1):
         try:
             start = iterate(replace(task, speed=float(slow)), task.rest(grid), grid)
@@ -98,8 +98,8 @@ def by_speed(task: Task, grid: Grid) -> Converged:
 
 
 def by_load(task: Task, grid: Grid) -> Converged:
-    """Orbit by continuation in the load, from rest without load. Raises NoOrbitError, whose text states how
-    far continuation came."""
+    """Return the orbit by continuation in the load, which begins at rest without load. Raises NoOrbitError,
+    whose message states how far the continuation came."""
     rest = task.rest(grid)
 
     def task_at(fraction: float) -> Task:
@@ -119,8 +119,8 @@ def _continue(
     grid: Grid,
     text: Callable[[float], str],
 ) -> Converged:
-    """Orbit at the last value of a parameter, by steps from its first value. Each step starts from the secant
-    through the previous two orbits."""
+    """Return the orbit at the value `last` of a parameter, by steps from the value `first`. In each step,
+    Newton's iteration starts from the extrapolation of the previous two orbits."""
     length, step, at = last - first, _FIRST_STEP, 0.0
     previous, current, corrections = None, start, start.iterations
     with progress.task("% of the way", 100) as count:
@@ -145,8 +145,8 @@ def _continue(
 
 
 def _secant(previous: tuple[float, Curve] | None, current: tuple[float, Curve], target: float) -> Curve:
-    """Curve extrapolated to the target value from two orbits; the current orbit if there is no previous
-    one."""
+    """Return the curve at the value `target` of the parameter, extrapolated from two pairs of value and
+    orbit. Without a previous orbit, return the current one."""
     (at, curve) = current
     if previous is None:
         return curve
@@ -154,11 +154,12 @@ def _secant(previous: tuple[float, Curve] | None, current: tuple[float, Curve], 
 
 
 def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
-    """Orbit from a transient that starts near rest, and whether the transient settles.
+    """Return the orbit from a transient that starts near rest, and whether the transient settles.
 
-    The transient has settled if successive periods differ little, or if Newton's iteration converges from one
-    of them to an orbit that is not unstable. If the transient does not settle, an unstable orbit to which the
-    iteration converged is returned. Raises NoOrbitError, which states the progress."""
+    The transient has settled if successive periods differ little, or if Newton's iteration from one of the
+    periods converges to an orbit that is not unstable. If the transient does not settle, an unstable orbit to
+    which the iteration has converged is returned. Raises NoOrbitError, whose message states the remaining
+    change per period."""
     change, next_trial, unstable, motion = np.inf, _FIRST_TRIAL, None, task.rest(grid)
     with progress.task("periods at most", _MAX_PERIODS) as count:
         for turns, motion, change in _march(task, grid):
@@ -187,9 +188,9 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
 
 
 def from_state(task: Task, state: Array, grid: Grid) -> Converged:
-    """Orbit on which a motion has settled, from its state (2n,) q and q' at phase 0. Finer grids are tried
-    until Newton's iteration converges: short contacts with stiff stops require small steps. Raises
-    NoOrbitError."""
+    """Return the orbit on which a motion has settled, from its state (2n,), q and q', at phase 0. Finer grids
+    are tried until Newton's iteration converges, because short contacts with stiff stops require small steps.
+    Raises NoOrbitError."""
     sizes = linear_sizes(task, grid)
     for refinement in _REFINEMENTS:
         finer = task.grid(refinement * grid.steps)
@@ -207,10 +208,10 @@ def from_state(task: Task, state: Array, grid: Grid) -> Converged:
 
 
 def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
-    """Integrate from near rest. Yields the number of integrated periods of the system, the motion over the
-    last period of the orbit, and the relative difference between start and end of this motion.
+    """Integrate the motion from near rest. Yield the number of periods of the system so far, the motion over
+    the last period of the orbit, and the relative difference between the two ends of this motion.
 
-    Rigid-body motion is excluded from the difference."""
+    The difference excludes rigid-body motion."""
     system, count = task.system, max(1, grid.steps // task.periods)
     sizes = linear_sizes(task, grid)
     march = nonlinear_of(system).marcher(sizes, count, _RTOL)
@@ -228,8 +229,9 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
 
 
 def motion_from(task: Task, state: Array, sizes: Array, states: int, rtol: float) -> Curve:
-    """Motion over the period of the orbit from a state (2n,) q and q' at phase 0, by integration with
-    `states` states per period of the system. sizes (n,): scales of the coordinates."""
+    """Integrate the motion over the period of the orbit from the state (2n,), q and q', at phase 0, and
+    return it. sizes (n,): scales of the coordinates. states: number of states per period of the system. rtol:
+    tolerance of the integration."""
     march, turns = nonlinear_of(task.system).marcher(sizes, states, rtol), []
     for turn in range(task.periods):
         turns.append(march(state, turn * task.system.period, task.speed))
@@ -238,7 +240,8 @@ def motion_from(task: Task, state: Array, sizes: Array, states: int, rtol: float
 
 
 def linear_sizes(task: Task, grid: Grid) -> Array:
-    """Sizes (n,) of the coordinates on the linear orbit; 1 if the linear orbit does not exist."""
+    """Return the largest modulus (n,) of each coordinate on the linear orbit; 1 if there is no linear
+    orbit."""
     try:
         orbit = corrected(task.system, task.rest(grid), task.speed, task.method, grid, task.engine)
     except SolveError:

@@ -1,5 +1,5 @@
-"""Branches of orbits with twice the period, from period doublings (Y. A. Kuznetsov, Elements of Applied
-Bifurcation Theory, 10.2)."""
+"""Branches of orbits with twice the period, which start at period doublings (Y. A. Kuznetsov, Elements of
+Applied Bifurcation Theory, 10.2)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,14 +19,16 @@ from solve.period.curve import Curve
 from solve.results.branch import DOUBLING
 
 _FIRST_LENGTHS = 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 5e-4, 2e-4
-"""Lengths of the first step onto a branch in scaled coordinates, in the order of the trials. Choices."""
+"""Lengths of the first step onto a branch, in scaled coordinates, in the order of the trials. Chosen by
+judgement."""
 
 _MOST_MOVED = 0.01
-"""Largest change of the parameter, as a fraction of its range, in the first step. A choice."""
+"""Largest permitted change of the parameter in the first step, as a fraction of the range. Chosen by
+judgement."""
 
 _MOST_DOUBLINGS = 3
-"""Maximum number of successive doublings that are followed: each doubles the computing time per orbit. A
-choice."""
+"""Maximum number of successive doublings that are followed. Chosen by judgement: each doubling doubles the
+computing time per orbit."""
 
 Followed = tuple[ContinuationParameters, list[Point], str]
 
@@ -34,8 +36,9 @@ Followed = tuple[ContinuationParameters, list[Point], str]
 def follow_doublings(
     parameters: ContinuationParameters, found: Sequence[Point], most: int, store: BranchStore
 ) -> list[Followed]:
-    """Branches that start at period doublings among the points of a branch, and at the doublings of these
-    branches. Each has at most `most` points and ends where it returns to orbits of the original period."""
+    """Return the branches that start at the period doublings of a branch with the points `found`, and at the
+    doublings of these new branches. Each new branch has at most `most` points, and ends where it returns to
+    orbits of half its period. Doublings whose branch cannot be started are skipped."""
     waiting, followed, last = [(parameters, point) for point in _doublings(found)], list[Followed](), []
     limit = parameters.task.periods * 2**_MOST_DOUBLINGS
     while waiting:
@@ -62,12 +65,14 @@ def _doublings(points: Sequence[Point]) -> list[Point]:
 
 
 def _is_same_branch(point: Point, end: Point, size: float) -> bool:
-    """Whether a branch from this point is the earlier branch that starts at `point` and ends at `end`."""
+    """Whether the branch that starts at `point` is an earlier branch, followed from its other end. The
+    earlier branch ends at `end`; the change of the parameter in its last step is `size`."""
     return 2 * point.periods == end.periods and abs(point.value - end.value) <= 2 * size
 
 
 def _first_point(before: ContinuationParameters, doubled: ContinuationParameters, point: Point) -> Point:
-    """First point of the branch that starts at a period doubling. Raises NoOrbitError."""
+    """Return the first point of the branch that starts at the period doubling `point`. Raises
+    NoOrbitError."""
     mode = mode_of(before, point.unknowns, point.grid, -1.0)
     grid = doubled.task.grid(2 * point.grid.steps)
     unknowns = Unknowns(on(grid, _over_two_periods(point.unknowns.curve, 1.0)), point.unknowns.values)
@@ -86,15 +91,16 @@ def _first_point(before: ContinuationParameters, doubled: ContinuationParameters
 
 
 def _over_two_periods(curve: Curve, factor: float) -> Curve:
-    """Curve over two periods; the motion over the second period is `factor` times that over the first."""
+    """Return a curve over two periods. The motion over the second period is `factor` times that over the
+    first."""
     period = curve.nodes[-1]
     coefficients = np.concatenate((curve.coefficients, factor * curve.coefficients), axis=-2)
     return Curve(np.append(curve.nodes[:-1], curve.nodes + period), coefficients, drift=curve.drift)
 
 
 class _ReturnTest:
-    """Test whether a doubled branch has returned to orbits of half its period. At the return, the difference
-    between both halves of the orbit changes sign."""
+    """Test for the return of a doubled branch to orbits of half its period. At the return, the difference
+    between the two halves of the orbit changes sign."""
 
     def __init__(self) -> None:
         self.returned, self._before = False, np.zeros(1)
@@ -107,7 +113,8 @@ class _ReturnTest:
 
 
 def _difference(point: Point) -> Array:
-    """Difference between both halves of an orbit at fixed phases, scaled per coordinate."""
+    """Return the difference (n, k) between the two halves of an orbit at k fixed phases, relative to the
+    scales of the coordinates."""
     period = float(point.unknowns.curve.nodes[-1])
     phase = np.arange(64 * SAMPLES) * (period / 2 / (64 * SAMPLES))
     curve = point.unknowns.curve

@@ -1,5 +1,5 @@
-"""Time integration from an initial state, at constant speed or during a run-up, and the decay of the motion
-to the periodic orbit."""
+"""Time integration from an initial state, at constant speed or during a run-up. At constant speed, the motion
+is compared with the periodic orbit."""
 
 import json
 import math
@@ -37,28 +37,29 @@ REST, ORBIT = "rest", "orbit"
 TURNS = "turns"
 
 _COUNT, _MOST_STATES = 256, 2**14
-"""First and maximum number of states per period. Choices."""
+"""Initial and maximum number of states per period. Chosen by judgement."""
 
 _MAX_ENTRIES = 2**23
-"""Number of matrix entries, over all states of a motion, up to which the number of states per period is
-increased: 64 MB. A choice."""
+"""Limit on the number of matrix entries for all states of a motion (64 MB). The number of states per period
+is increased up to this limit only. Chosen by judgement."""
 
 _MARCH_RTOL, _MIN_MARCH_RTOL = 1e-4, 1e-12
-"""Tolerance of the motion as a fraction of rtol, and its smallest value. Choices."""
+"""Tolerance of the integration as a fraction of rtol, and lower limit of this tolerance. Chosen by
+judgement."""
 
 _OFF_RESONANCE = 0.9
-"""Factor by which a resonant speed is multiplied, if the linear orbit is only required for the sizes of the
-coordinates. A choice."""
+"""Factor by which a resonant speed is multiplied if the linear orbit is required only for the sizes of the
+coordinates. Chosen by judgement."""
 
 _FIRST_STEPS, _MAX_STEPS = 64, 2**14
-"""First and maximum number of steps per period. Choices."""
+"""Initial and maximum number of steps per period. Chosen by judgement."""
 
 _PHASES = 32
-"""Number of phases per period at which the frequency of the fastest mode is computed. A choice."""
+"""Number of phases per period at which the frequency of the fastest mode is computed. Chosen by judgement."""
 
 _MAX_CACHED = 2**21
-"""Largest number of matrix entries in the one-step maps of a period that are reused for the next period: 16
-MB."""
+"""Largest value of (number of steps) × (number of coordinates)² for which the one-step maps of a period are
+stored for the next period. The maps then occupy at most 64 MB."""
 
 _METHOD = Radau()
 
@@ -76,7 +77,8 @@ def transient(
     engine: str = "auto",
     speeds: str | tuple[float | str, float | str] | None = None,
 ) -> Transient:
-    """Integrate the motion over a number of periods, at a speed or while the speed changes linearly in time.
+    """Integrate the motion over a number of periods, at constant speed or at a speed that changes linearly in
+    time.
 
     Parameters
     ----------
@@ -87,8 +89,9 @@ def transient(
     turns : int
         Number of periods, from phase 0.
     start : 'rest', 'orbit', (q, q̇) or path
-        "rest"; "orbit", the linear orbit; q and q̇ (n,), with derivatives with respect to time; or an .npz
-        file of an orbit or of a transient, which is continued from its end.
+        Initial state: "rest", which is the default; "orbit" for the state of the linear orbit at phase 0; q
+        and q̇ (n,), where q̇ is the derivative with respect to time; or the path of an .npz file of an orbit
+        or a transient, whose last state is used.
     nonlinear : bool
         Whether to integrate the nonlinear equations.
     rtol : float
@@ -97,21 +100,21 @@ def transient(
     engine : str
         "auto", "compiled" or "numpy".
     speeds : str or (float or str, float or str), optional
-        First and last speed of a run-up, such as "0:600 rpm", instead of `speed`.
+        First and last speed of a run-up, such as "0:600 rpm"; replaces `speed`.
 
     Returns
     -------
     Transient
-        Motion over the periods, and the orbit for comparison.
+        Motion over all periods, and at constant speed the orbit for comparison.
 
     Raises
     ------
     TransientError
         If the motion cannot be integrated.
     LinearModelError
-        For nonlinear motions of linear systems.
+        If `nonlinear` is True and the system is linear.
     FileError
-        For a file that is not a state of this system.
+        For a file that does not contain a state of this system.
     SolveError
         Other subclasses for bad input.
 
@@ -154,8 +157,8 @@ def transient(
 
 
 def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
-    """Linear orbit. If only the sizes of the coordinates are required, a resonance is avoided by a lower
-    speed."""
+    """Return the linear orbit. for_sizes: whether only the sizes of the coordinates are required; a lower
+    speed is then used at a resonance."""
     try:
         return periodic(system, speed, rtol=rtol, engine=engine)
     except ResonanceError:
@@ -173,8 +176,8 @@ def _run_up(
     rtol: float,
     engine: str,
 ) -> Transient:
-    """Motion while the square of the speed changes linearly with the phase, that is, at constant
-    acceleration."""
+    """Integrate the motion at constant acceleration. The square of the speed then changes linearly with the
+    phase."""
     require_motion(system)
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
     require_desired_motion(system, ends)
@@ -190,8 +193,10 @@ def _run_up(
 
 @dataclass(frozen=True)
 class _Integration:
-    """Integration of a linear or nonlinear system to an accuracy that permits a comparison at rtol. orbit:
-    linear orbit, whose amplitudes scale the coordinates."""
+    """Integration of a linear or nonlinear system, accurate enough for a comparison with the orbit to `rtol`.
+
+    orbit: linear orbit, whose amplitudes scale the coordinates. nonlinear: whether to integrate the nonlinear
+    equations."""
 
     system: PeriodicSystem
     orbit: Orbit | None
@@ -199,12 +204,14 @@ class _Integration:
     rtol: float
 
     def run(self, state: Array, ends: Array) -> tuple[Array, Array, float, list[str]]:
-        """Nodes (k,), motions as from `_march`, their error including interpolation, and warnings. The number
-        of states per period is increased until the interpolation is accurate or the memory limit is
+        """Integrate from the initial state `state` with speeds `ends` at the ends of the periods. Return
+        nodes (k,), motions as from `_march`, their error including the interpolation error, and warnings. The
+        number of states per period is increased until the interpolation is accurate or the memory limit is
         reached.
 
-        Linear motion with vibrations too fast for the steps or states is not rejected; its error is reported.
-        Raises TransientError for nonlinear motion that CVODES cannot integrate with few states."""
+        Linear motion with vibrations that are too fast for the steps or states is not rejected, but its error
+        is reported. Raises TransientError for nonlinear motion that CVODES cannot integrate even with few
+        states."""
         count, work = _COUNT, 3 * self.system.n**2 * (len(ends) - 1)
         result, march_error, tolerance = None, 0.0, interpolation_tolerance(self.rtol)
         while True:
@@ -217,8 +224,8 @@ class _Integration:
                 return result
             previous, march_error = march_error, march.error if isinstance(march, StepMarcher) else 0.0
             if result is not None and march_error > tolerance >= previous:
-                # More states would show vibrations that no steps resolve. The previous result includes these
-                # in its error.
+                # More states would show vibrations that no steps resolve. The error of the previous result
+                # includes them.
                 return result
             between = float(interpolation_error(march.nodes, motion, bool(self.system.breaks)).max())
             error = max(between, march_error)
@@ -242,7 +249,7 @@ class _Integration:
 
 
 def _damping_note(march: Integrator) -> list[str]:
-    """Warning if the steps do not resolve the fastest modes."""
+    """Return a warning, in a list, if the steps do not resolve the fastest modes."""
     if not isinstance(march, StepMarcher) or march.angle <= _METHOD.follows:
         return []
     return [
@@ -252,8 +259,10 @@ def _damping_note(march: Integrator) -> list[str]:
 
 
 def _march(march: Integrator, state: Array, ends: Array, period: float) -> Array:
-    """Motions (turns, 3, n, k) from an initial state (2n,) with derivatives with respect to time, and the
-    speeds (turns + 1,) at the ends of the periods; derivatives as in `Integrator`."""
+    """Return the motions (turns, 3, n, k) of successive periods. The derivatives are those of `Integrator`.
+
+    state (2n,): initial q and q̇, with the derivative with respect to time. ends (turns + 1,): speeds at the
+    ends of the periods."""
     motions, n = [], len(state) // 2
     with progress.task(TURNS, len(ends) - 1) as count:
         for turn, (first, last) in enumerate(pairwise(ends.tolist())):
@@ -265,7 +274,7 @@ def _march(march: Integrator, state: Array, ends: Array, period: float) -> Array
 
 
 def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
-    """Initial q and q̇ (2n,) from `start`, or from the orbit."""
+    """Return the initial q and q̇ (2n,) from `start`, or from the orbit."""
     n = system.n
     if isinstance(start, str | Path):
         return np.zeros(2 * n) if orbit is None or start == REST else np.append(orbit.q[:, 0], orbit.qd[:, 0])
@@ -302,7 +311,7 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
 
 
 def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -> Orbit | None:
-    """Nonlinear orbit near the last period (3, n, k) of the motion; None if there is none."""
+    """Return the nonlinear orbit near the last period (3, n, k) of the motion; None if there is none."""
     last = joined([motion], system.period, rigid_at_rest(system, speed))
     try:
         return nonlinear_orbit(system, speed, last, rtol=1e-6, engine=engine)
@@ -311,12 +320,14 @@ def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -
 
 
 class StepMarcher:
-    """Linear motion, one period at a time, by steps of Radau's method, with `count` states per period.
+    """Integrator of linear motion by steps of Radau's method, one period at a time, with `count` states per
+    period.
 
-    The number of steps is doubled until two results agree to rtol, or until it reaches 16384. The difference
-    is relative to the largest value of each coordinate so far, initially `sizes` (n,). error: largest
-    relative difference so far; angle: largest ω_max h of the fastest mode. The steps damp out modes that they
-    do not resolve.
+    The number of steps is doubled until two results agree to `rtol`, or until it reaches 16384. The
+    difference of the results is relative to the largest value of each coordinate so far, which is initially
+    `sizes` (n,). The steps damp out modes that they do not resolve.
+
+    error: largest relative difference so far. angle: largest ω_max h of the fastest mode so far.
     """
 
     def __init__(self, system: PeriodicSystem, sizes: Array, count: int, rtol: float):
@@ -326,7 +337,7 @@ class StepMarcher:
         self.angle, self.error = 0.0, 0.0
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """States of a period, see `Integrator`."""
+        """Return the states of a period; see `Integrator`."""
         ends = speed, speed if last is None else last
         if self._period.ends != ends:
             self._period = _PeriodSteps(self._system, *ends)
@@ -349,15 +360,15 @@ class StepMarcher:
 
 
 class _PeriodSteps:
-    """Steps over a period in which the speed changes linearly in time from the first to the last value
-    (rad/s). The independent variable s is the time multiplied by the mean speed."""
+    """Steps over a period in which the speed changes linearly in time from `first` to `last` (rad/s). The
+    independent variable s is the time multiplied by the mean speed."""
 
     def __init__(self, system: PeriodicSystem, first: float, last: float):
         self._system, self.ends = system, (first, last)
         self._mean_speed, self._cache = (first + last) / 2, dict[int, Discretisation]()
 
     def motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array]:
-        """Motion q, v, a (3, n, k) at nodes (k,) from the state (2n,), and max|q| (n,) at the ends of the
+        """Return the motion q, v, a (3, n, k) at `nodes` (k,) from the state (2n,), and max|q| (n,) at the
         steps."""
         discretisation = self._cache.get(steps) or self._discretised(steps)
         if steps * self._system.n**2 <= _MAX_CACHED:
@@ -369,7 +380,7 @@ class _PeriodSteps:
         for k, (A, b) in enumerate(zip(discretisation.steps.A[0], discretisation.steps.b[0], strict=True)):
             x[k + 1] = A @ x[k] + b
         curve = discretisation.curve(x[None])[0]
-        # The curve is periodic: at the end of the period it returns the values at its start.
+        # The curve is periodic: at the end of the period, it would return the values at the start.
         inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
         largest = np.abs(x[:, :n]).max(axis=0)
         return np.stack([curve(inside, order) for order in range(3)]), largest
@@ -389,7 +400,7 @@ class _PeriodSteps:
 
     @cached_property
     def phase_advance(self) -> float:
-        """Phase advance of the fastest mode per period, ω_max T."""
+        """Phase advance ω_max T of the fastest mode per period."""
         return float(frozen(self._point, _PHASES).phase_advance[0]) if self._mean_speed else 0.0
 
     def _matrices(self, s: Array, _: float) -> Matrices:
@@ -398,8 +409,8 @@ class _PeriodSteps:
 
     @cached_property
     def _breaks(self) -> tuple[float, ...]:
-        """Values of s at jumps of the matrices, from φ · mean = first · s + slope · s²/2. They include s = 0,
-        because the state at the end of a period differs from that at its start."""
+        """Values of s at which the matrices jump, from φ · mean = first · s + slope · s²/2. They include s =
+        0, because the state at the end of a period differs from that at the start."""
         first, last = self.ends
         if first == last:
             return 0.0, *self._system.breaks

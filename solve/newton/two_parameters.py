@@ -1,4 +1,5 @@
-"""Curves of folds and of period doublings in two parameters, from the special points of a branch."""
+"""Curves of folds and of period doublings in two parameters, which start at the special points of a
+branch."""
 
 from collections.abc import Sequence
 
@@ -25,8 +26,8 @@ from solve.system import PeriodicSystem, of_system, shown_in
 _MAX_ABS = FIGURES.index("max_abs")
 
 _SAME = 1e-4
-"""Distance, relative to the ranges, within which the end of a curve coincides with the start of another. A
-choice."""
+"""Distance, relative to the parameter ranges, within which the end of a curve counts as the start of another.
+Chosen by judgement."""
 
 
 @of_system
@@ -43,7 +44,8 @@ def special_curves(
 ) -> SpecialCurves:
     """Follow folds or period doublings of nonlinear orbits in two parameters.
 
-    The branch over the first parameter, at the first value of the second one, provides the starts.
+    The curves start at the folds or doublings of a branch. On this branch, the first parameter varies, and
+    the second one has the first value of its range.
 
     Parameters
     ----------
@@ -54,23 +56,23 @@ def special_curves(
     over : sequence of str
         Two parameters with their ranges, such as ["speed=1:2 rad/s", "f=0.3:0.1"].
     speed : float or str, optional
-        Constant speed in rad/s, or a text with unit, if the speed is not a parameter; by default the speed of
-        the case.
+        Constant speed in rad/s, or a text with unit, if the speed is not one of the two parameters. By
+        default, the speed of the case.
     periods : int
         Number of model periods per period of the orbits.
     start : Orbit, Transient, (q, q̇), callable or path, optional
-        Start of `solve.nonlinear` at the first values.
+        `start` of `solve.nonlinear` for the orbit at the first values of both parameters.
     points : int
-        Maximum number of points of the branch and of each curve.
+        Maximum number of points of the branch, and of each curve.
     rtol : float
-        Largest error of the orbits, relative to the scale of each coordinate.
+        Largest permitted error of the orbits, relative to the scale of each coordinate.
     engine : str
         "auto", "compiled" or "numpy".
 
     Returns
     -------
     SpecialCurves
-        Points of all curves, cusps included.
+        Points of all curves, including cusps.
 
     Raises
     ------
@@ -79,7 +81,7 @@ def special_curves(
     LinearModelError
         For linear systems.
     NoOrbitError
-        If there is no orbit at the first values.
+        If there is no orbit at the first values of both parameters.
 
     Notes
     -----
@@ -115,7 +117,7 @@ def _continuation(
     rtol: float,
     engine: str,
 ) -> tuple[ContinuationParameters, Sequence[str]]:
-    """Validate the input; return both parameters of the continuation, and notes on the engine. Raises
+    """Validate the input. Return the two parameters of the continuation, and notes on the engine. Raises
     SolveError subclasses for invalid input."""
     if isinstance(over, str) or len(over) != 2:
         raise ValueOutOfBoundsError(
@@ -135,7 +137,8 @@ def _continuation(
 
 
 def _starts(parameters: ContinuationParameters, point: Point, end: Point) -> bool:
-    """Whether an earlier curve ended at this special point of the branch over the first parameter."""
+    """Whether the end `end` of an earlier curve is the special point `point` of the branch over the first
+    parameter."""
     values = np.array([point.value, parameters.ranges[1, 0]])
     return bool((np.abs(end.orbit.values - values) <= _SAME * parameters.spans).all())
 

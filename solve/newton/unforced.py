@@ -1,10 +1,11 @@
-"""Undamped nonlinear modes: periodic orbits of the equations without load and damping, over their frequency.
+"""Undamped nonlinear modes: periodic orbits of the equations without load or damping, as functions of their
+frequency.
 
-Such orbits are not isolated solutions at a frequency: each shift of the phase gives another orbit, and energy
-is conserved. A term ε Ω M q̇ is therefore added, with ε as a second parameter, which is zero on every orbit.
-Orbits are then regular solutions with equal numbers of equations and unknowns (F. J. Muñoz-Almaraz, E.
-Freire, J. Galán, E. Doedel, A. Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has
-one tangent along the branch and one that shifts the phase."""
+At a given frequency, such orbits are not isolated solutions, because each shift of the phase gives another
+orbit, and because energy is conserved. A term ε Ω M q̇ is therefore added. Its factor ε is a second
+parameter, which is zero on every orbit. With this term, the orbits are regular solutions of as many equations
+as unknowns (F. J. Muñoz-Almaraz, E. Freire, J. Galán, E. Doedel, A. Vanderbauwhede, Physica D 181 (2003) 1).
+The surface over both parameters has one tangent along the branch, and one that shifts the phase."""
 
 from dataclasses import replace
 from functools import partial
@@ -26,31 +27,32 @@ from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 _STEPS = 64
-"""Number of steps per period of the first orbit. A choice: grids are refined later."""
+"""Number of steps per period of the first orbit. Chosen by judgement: the grid is refined later."""
 
 _LEAST, _MOST, _GROWTH = 1e-9, 1e6, 2.0
-"""Smallest and largest amplitude, in units of the coordinates, at which the first orbit is sought, and ratio
-of successive trial amplitudes. Choices."""
+"""Smallest and largest amplitude, in the units of the coordinates, at which the first orbit is sought, and
+ratio of successive trial amplitudes. Chosen by judgement."""
 
 _DETUNED, _FAR = 1e-3, 0.05
-"""Smallest and largest difference between the frequencies of the first orbit and of small vibrations,
-relative to the range. Choices."""
+"""Smallest and largest difference between the frequency of the first orbit and that of small vibrations,
+relative to the length of the range. Chosen by judgement."""
 
 _IS_ZERO = 1e-9
-"""Size of loads, damping and their variation, relative to the other terms, that counts as zero. A choice:
-above round-off, and too small to affect the modes."""
+"""Size of damping terms, and of variations of the coefficients, that counts as zero, relative to the
+stiffness. Chosen by judgement: above round-off, and too small to affect the modes."""
 
 _PHASES = 64
-"""Number of phases at which the equations at rest are compared. A choice."""
+"""Number of phases at which the equations at rest are evaluated. Chosen by judgement."""
 
 _PANELS = 512
-"""Number of panels in the quadrature of the elastic force along a line. A choice: with kinks in the force,
-the error is about 1e-6 of the energy."""
+"""Number of panels in the quadrature of the elastic force along a straight line. Chosen by judgement: if the
+force has kinks, the error is about 1e-6 of the energy."""
 
 
 def follow_modes_of(task: Task, ends: Array, most: int, store: BranchStore) -> list[Followed]:
-    """Branches of the undamped modes that have a frequency of small vibrations between two speeds (2,).
-    Raises ValueOutOfBoundsError for equations with load or damping, and without such a mode."""
+    """Return the branches of the undamped modes whose frequency of small vibrations lies between the two
+    speeds `ends` (2,). Raises ValueOutOfBoundsError if the equations have load or damping, or if there is no
+    such mode."""
     frequencies, shapes = _small_vibrations(task)
     low, high = sorted(ends.tolist())
     inside = np.flatnonzero((frequencies >= low) & (frequencies <= high)).tolist()
@@ -70,8 +72,9 @@ def follow_modes_of(task: Task, ends: Array, most: int, store: BranchStore) -> l
 
 
 def energy(system: PeriodicSystem, curve: Curve, speed: float) -> float:
-    """Energy of an orbit of conservative equations, relative to rest: kinetic energy, plus the work against
-    the elastic forces along a straight line from rest to the coordinates at phase 0."""
+    """Return the energy of an orbit of conservative equations, relative to rest: the kinetic energy at phase
+    0, plus the work against the elastic forces along a straight line from rest to the coordinates at phase 0.
+    """
     zero = np.zeros(1)
     q, v = curve(zero)[:, 0], speed * curve(zero, 1)[:, 0]
     equations = nonlinear_of(system)
@@ -85,7 +88,8 @@ def energy(system: PeriodicSystem, curve: Curve, speed: float) -> float:
 
 
 class _Line:
-    """Coordinates that grow from zero to q over a period, without velocity and acceleration."""
+    """Motion in which the coordinates grow linearly from zero to q over a period, while velocity and
+    acceleration are set to zero."""
 
     def __init__(self, q: Array, period: float):
         self._q, self.nodes = q, np.array([0.0, period])
@@ -96,7 +100,8 @@ class _Line:
 
 
 def _small_vibrations(task: Task) -> tuple[Array, Array]:
-    """Frequencies (n,) in rad/s and shapes (n, n) of vibrations about rest. Raises ValueOutOfBoundsError."""
+    """Return the frequencies (n,), in rad/s, and the mode shapes (n, n) of small vibrations about rest.
+    Raises ValueOutOfBoundsError for equations with load, damping or varying coefficients."""
     system = task.system
     along = nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period)))
     phase = np.arange(_PHASES) * (system.period / _PHASES)
@@ -123,8 +128,8 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
 
 
 def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -> Point:
-    """First orbit of a mode, at the smallest trial amplitude at which its frequency differs from that of
-    small vibrations."""
+    """Return the first orbit of a mode. Its amplitude is the smallest trial amplitude at which its frequency
+    clearly differs from that of small vibrations."""
     grid, manifold = parameters.task.grid(_STEPS), Manifold(parameters)
     growing, shifting = (_harmonic(parameters.task, grid, shape, way) for way in (np.cos, np.sin))
     ways, span, below, amplitude = [growing, shifting], parameters.spans[0], 0.0, _LEAST
@@ -149,8 +154,8 @@ def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -
 
 
 def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unknowns:
-    """Return the unknowns of a harmonic vibration with the mode shape `shape` (n,), as the direction of a
-    branch."""
+    """Return a harmonic vibration with the mode shape `shape` (n,) as unknowns, to be used as the direction
+    of a branch. function: np.cos or np.sin of the phase."""
     rates = {np.cos: (np.cos, lambda x: -np.sin(x)), np.sin: (np.sin, np.cos)}[function]
     values = [shape[:, None] * rate(grid.nodes) for rate in rates]
     q, v, a = values[0].T, values[1].T, -values[0].T
@@ -158,8 +163,8 @@ def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unkno
 
 
 def _without_trivial(point: Point) -> Point:
-    """Copy of a point in which the two multipliers nearest to +1, due to phase and energy, are exactly +1;
-    the spectral radius is that of the others."""
+    """Return a copy of a point in which the two multipliers nearest to +1, which are due to phase shift and
+    energy, are exactly +1. The spectral radius is that of the other multipliers, but at least 1."""
     rho = point.orbit.multipliers.copy()
     order = np.argsort(np.abs(rho - 1))
     rho[order[:2]] = 1.0
