@@ -79,7 +79,8 @@ def names() -> list[str]:
 
 
 def find(model: str, out: Path | None = None) -> Source:
-    """Source from a name, or from a path that ends in .py. Raises UnknownMechanismError."""
+    """Return the source of a mechanism, given its name or a path that ends in .py. Raises
+    UnknownMechanismError."""
     path = Path(model)
     if model.endswith(".py"):
         if not _is_file(path):

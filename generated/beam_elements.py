@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "a89235df4dfd0c02dd80195075bac6372c6e6b47aedf8e14149b0db04429febd"
+MECHANISM_SHA256 = "0d481c577bc9e3cf9e00e73e719c4e19da3b47993ba059fc9693d9b0cd452990"
 DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2c5208854c1a5a7e0c5292a99bc1208827ee8a02278987f44bf529a39a7617f1"
+FILE_SHA256 = "e80348a27736f2367ffff1fc51c0fd3e773ff1872bf758cad7b3d2037eee7ace"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

@@ -123,7 +123,7 @@ class WorkersError(SolveError):
 
 
 class WindowError(SolveError):
-    """Live window whose server does not start."""
+    """The server of the live window does not start."""
 
 
 class MissingLibraryError(SolveError):

@@ -233,7 +233,7 @@ class PeriodicSystem:
         for symbol, change in changes(ends, speed):
             raise MatricesError(
                 f"{symbols['MCKd'.index(symbol)]} is not periodic: between phase 0 and {self.period:.6g} it "
-                f"changes by {change:.3g}; give the correct period, or the jump at 0 as a break"
+                f"changes by {change:.3g}; give the correct period, or state the jump at 0 as a break"
             )
 
 

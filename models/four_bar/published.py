@@ -29,7 +29,7 @@ class Misprint(Enum):
     ARGUMENTS = "(B.1)–(B.6), (B.9): functions of λ; true: of λL"
     AXIAL_SIGNS = "(5.15), (B.7), (B.8): −β cot βL and +β/sin βL; true: the opposite signs"
     PRODUCTS = "(B.10)–(B.15): products of two F, and F3 in G1, without L; true: times L"
-    RUN_TOGETHER = "(B.11): (F1 F4 + 2 F3)/4λ⁴ for G2, run together with G3; true: (F1² L − F2)/4λ⁴"
+    RUN_TOGETHER = "(B.11): (F1 F4 + 2 F3)/4λ⁴ for G2, joined to G3 in print; true: (F1² L − F2)/4λ⁴"
     SHEAR_MASS = "(B.14): F5 F4 in G5; true: F3 F4"
     AXIAL_MASS = (
         "(B.16), (B.17): β/(2 sin² βL) − cot βL/2 and 1/(2 sin βL) − β² cos βL/(2 sin² βL); "

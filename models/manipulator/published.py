@@ -1,5 +1,5 @@
-"""Hand-coded equations of the manipulator, from section 4.3 of the chapter, where Eq. (77) is printed
-correctly.
+"""Hand-coded equations of the manipulator, from section 4.3 of the chapter (see docs/literature.md). Eq. (77)
+has no misprint.
 
 Parameters are given as a mapping from names to floats in SI units; a1 …, b1 … are the coefficients of U′.
 `phase` is an array (m,) in rad, and `speed` is a float in rad/s.

@@ -140,7 +140,8 @@ class Separation:
 
 
 class Separated:
-    """Points with separated entries, represented by their coefficients (P, R)."""
+    """Points whose matrix entries are sums of R products of a coefficient and a function of the phase. A
+    point is represented by its coefficients, one row of (P, R)."""
 
     bytes_a_phase, alone = 0, False
 

@@ -183,10 +183,10 @@ class Comparison(PointSolver):
 def _signs(n: int) -> Array:
     """Return test changes (1, 3n² + n) of the entries of M, C, K and d, in units of round-off.
 
-    The changes of the diagonal of a symmetric stiffness matrix have the same sign, so that their effects do
-    not cancel. Their effect Σ x_i² K_ii on a mode x is at least 1/n of Σ |x_i K_ij x_j|, which bounds the
-    effect of any changes. M, C and K change by different factors, so that the changes of two terms that
-    balance in a mode do not cancel."""
+    The changes of the diagonal entries of a symmetric stiffness matrix have the same sign, so that their
+    effects on a mode x do not cancel. Their sum, Σ x_i² K_ii, is at least 1/n of Σ |x_i K_ij x_j|. This
+    second sum bounds the effect of equal relative changes of all entries of K. M, C and K change by different
+    factors, so that the changes of two terms that balance in a mode do not cancel."""
     diagonal = np.eye(n).ravel()
     return np.concatenate((-diagonal, 2 * diagonal, diagonal, (-1.0) ** np.arange(n)))[None]
 

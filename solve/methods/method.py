@@ -314,7 +314,8 @@ class OneStep(Method):
         units: Array | None = None,
         engine: str = NUMPY,
     ) -> Solutions:
-        """Assemble solutions. Points without a finite, unique solution have the reason of their failure."""
+        """Assemble solutions. For points without a finite, unique solution, the reason for the failure is
+        stored."""
         is_unique = succeeds = is_finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
         if curve is not None and condition is not None:
             is_unique = is_finite & (condition < 1 / SINGULAR)

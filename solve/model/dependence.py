@@ -26,8 +26,8 @@ the processor's cache."""
 
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """Derivatives of a generated function that are structurally nonzero, row by row, with their rows and
-    columns.
+    """Structurally nonzero derivatives of a generated function in row-major order, with their row and column
+    indices.
 
     function: CasADi function of the inputs and the parameters (p,). It returns the derivatives as one column.
     """

@@ -287,8 +287,8 @@ def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) 
     """Join the motions q, v, a (3, n, k) of successive periods of the system into a curve over the whole
     `period`.
 
-    The mean displacement and the steady velocity along rigid-body modes are removed. A velocity that is
-    determined by drag becomes the drift of the curve."""
+    The mean displacement and the steady velocity along rigid-body modes are arbitrary and are removed. If
+    drag determines the steady velocity, it becomes the drift of the curve."""
     q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
     nodes, drift = np.linspace(0.0, period, q.shape[-1]), None
     if rigid is not None:

@@ -169,8 +169,8 @@ class Curve:
         return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
-        """Return the fractions (s,) of a step at which the phases lie if they are the same for all steps, as
-        for the stages of a method; otherwise None."""
+        """Return the positions (s,) of the phases within a step, as fractions of the step. Return None if the
+        fractions differ between steps. They are the same, for example, for the stages of a method."""
         m = len(h)
         if phase.ndim != 1 or not phase.size or phase.size % m:
             return None

@@ -34,9 +34,9 @@ class Grid:
     def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
         """Grid of about `steps` steps, with equal step lengths between neighbouring breaks.
 
-        If `steps` is doubled, every piece between breaks has more steps. The same is true of an increase by a
-        third, if every piece has at least 6 steps. Two grids with equal steps in a piece would agree even if
-        neither resolves it. Raises ValueOutOfBoundsError above the memory limit."""
+        If `steps` is doubled, or increased by a third where every piece between breaks has at least 6 steps,
+        every piece has more steps. Two grids with the same number of steps in a piece would agree there even
+        if neither resolved the motion. Raises ValueOutOfBoundsError above the memory limit."""
         require_size("steps", steps)
         return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
 

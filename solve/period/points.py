@@ -121,13 +121,13 @@ class Tables:
 
 
 class Points(Protocol):
-    """Protocol of batches of P points with n coordinates, a period in phase, and breaks, the phases of jumps
-    of the matrices.
+    """Protocol of batches of P points with n coordinates. A batch has a period in phase, and breaks: the
+    phases at which the matrices jump.
 
-    first_order: number of coordinates without second derivatives, which are the last ones. The state x = (q,
-    q′) contains all n coordinates, and the rates of those with second derivatives. bytes_a_phase: bytes per
-    point and phase of tables that are not shared. alone: whether this is a single point that is not part of a
-    batch."""
+    first_order: number of coordinates without second derivatives. These coordinates are the last ones. The
+    state x = (q, q′) contains all n coordinates, and the rates of those with second derivatives.
+    bytes_a_phase: bytes per point and phase of tables that are not shared. alone: whether this is a single
+    point that is not part of a batch."""
 
     @property
     def n(self) -> int: ...

@@ -92,7 +92,7 @@ def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Ma
     if advance > _MOST_ADVANCE:
         raise StepsError(
             f"the phase of the fastest mode advances by {advance:.2g} rad in a period; allowed for a proof: "
-            f"up to {_MOST_ADVANCE:g} rad; use softer parameters, or replace stiff elements by constraints"
+            f"up to {_MOST_ADVANCE:g} rad; use lower stiffnesses, or replace stiff elements by constraints"
         )
     executor, alone = marching.executor, replace(marching, executor=None)
     parts = list(_parts(equation, period, breaks, 1 if executor is None else _PARTS))

@@ -273,8 +273,8 @@ def _contradictions(search: Search, best: State, value: float, points: Sequence[
         name, unit = (minimised.text, minimised.unit) if is_named else ("the function", "1")
         doubts.append(
             f"the linear model is inaccurate at the optimum: {name} of the nonlinear orbits is "
-            f"{measured(value, unit)} instead of {measured(linear, unit)}; compare nonlinear orbits before "
-            "and at the optimum"
+            f"{measured(value, unit)} instead of {measured(linear, unit)}; compare the nonlinear "
+            "orbits at the initial values and at the optimum"
         )
     each_bound = search.bounds, search.bounded(search.design.points(best.x))[1:], search.bounded(points)[1:]
     for bound, (_, linear), (requirement, violation) in zip(*each_bound, strict=True):

@@ -51,8 +51,8 @@ def find_narrow_tongues(
 def _descend(
     evaluate: Evaluate, start: Array, span: Array, kind: Array, t: Array, h: Array
 ) -> StabilitySamples:
-    """Narrow brackets of minima until unstable points are found, and return these. The brackets have the
-    values `h` (k, 3) at the fractions `t` (k, 3) of the spans (k, v)."""
+    """Narrow brackets of minima until unstable points are found, and return these points. A bracket consists
+    of three fractions `t` (k, 3) of its span (k, v), with the function values `h` (k, 3)."""
     unstable_samples = []
     for _ in range(_MAX_PARABOLAS):
         if len(t) == 0:

@@ -18,7 +18,7 @@ from solve.views.tables import MOST_LISTED, RenderableType, Table, table_of, tex
 
 _CAPTIONS = {
     "–": "mode –: no division of a frequency and no combination up to order {0} explains the row",
-    "?": "mode ?: several combinations explain the row equally well",
+    "?": "mode ?: several combinations of modes match the speed of the row equally well",
     "+": "mode i+j: (ω̄i + ω̄j)/k",
     "−": "mode i−j: (ω̄i − ω̄j)/k",
     "|ρ|": "a row with |ρ| alone shows the multiplier at the maximum of |ρ|",

@@ -43,7 +43,7 @@ T = TypeVar("T")
 
 
 class ByClass(Generic[T]):
-    """Function of a result that is selected by the class of the result, as by `functools.singledispatch`.
+    """Function of a result, with one implementation per class of results, as with `functools.singledispatch`.
 
     The modules that register functions for classes of `solve.results` are imported at the first call.
     """

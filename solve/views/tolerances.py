@@ -57,7 +57,8 @@ def _shown(result: Tolerances) -> list[str]:
 
 
 def _is_influenced(result: Tolerances, name: str) -> bool:
-    """Return whether a quantity has Sobol indices; True if none were computed."""
+    """Return whether a quantity has Sobol indices. Return True if no Sobol indices were computed for any
+    quantity."""
     indices = result.sobol.get(name, {}).values()
     return not indices or any(np.isfinite(each.total) for each in indices)
 

@@ -142,8 +142,8 @@ class DesignResult(Outcome, Result):
         return columns
 
     def file_contents(self) -> FileContents:
-        """Columns of the table. The files .npz and .mat also contain the whole map and the slowest
-        simulation."""
+        """Columns of the table. Files .npz and .mat also contain the whole map and the simulation of the
+        slowest run-up."""
         contents, stresses = super().file_contents(), self.map
         arrays = {**contents.numbers, "L4": stresses.L4, "stress": stresses.stress}
         arrays["links"] = np.array(stresses.links)

@@ -41,7 +41,8 @@ def _linkage_heading(record: Mapping[str, Any]) -> Table:
     kind, space, speed = record["class"], record["solution_space"], record["speed"]
     lengths = ", ".join(f"{name} {record['parameters'][name]:g}" for name in ("L1", "L2", "L3", "L4"))
     least, greatest = map(_degrees, record["crank_range"])
-    turns = "turns fully" if record["turns_fully"] else f"cannot turn fully: {least} <= |t1| <= {greatest}"
+    reach = f"{least} <= |t1| <= {greatest}"
+    turns = "turns fully" if record["turns_fully"] else f"cannot turn fully; reachable: {reach}"
     lambdas = ", ".join(f"{space[name]:.5g}" for name in ("lambda2", "lambda3", "lambda4"))
     no_speed = 'none, so no forces; add --speed "300 rpm"'
     grid = Table.grid(padding=(0, 2))

@@ -359,7 +359,8 @@ def _pair(
     inputs = {key: value for key, value in given.items() if key in system.inputs}
     others = {key: value for key, value in given.items() if key not in system.inputs}
     if not inputs or not others:
-        missing = f"no input ({', '.join(system.inputs) or 'there is none'})" if not inputs else "no state"
+        known = ", ".join(system.inputs) or "none"
+        missing = "no state" if inputs else f"no input (inputs of the system: {known})"
         raise MissingValueError(f"{name} names {missing}; give numbers for inputs and for states or outputs")
     return (inputs, others) if inputs_first else (others, inputs)
 

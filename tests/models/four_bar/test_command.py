@@ -165,7 +165,8 @@ def test_a_drag_link_has_no_dead_points_and_a_warning(answer):
 def test_a_crank_that_cannot_turn_fully_is_reported_at_one_position(answer):
     out, err = answer(*ROCKER, "--position", "70 deg")
     ends = (math.acos((0.4**2 + 0.547**2 - d**2) / (2 * 0.4 * 0.547)) for d in (0.525 - 0.328, 0.525 + 0.328))
-    assert "cannot turn fully: {}° <= |t1| <= {}°".format(*(degrees(end, 2) for end in ends)) in out
+    reach = "cannot turn fully; reachable: {}° <= |t1| <= {}°"
+    assert reach.format(*(degrees(end, 2) for end in ends)) in out
     assert "Over one turn" not in out
     assert "At t1 = 70°" in out
     assert "cannot turn fully" in err
