@@ -129,7 +129,7 @@ def test_equally_good_combinations_are_all_reported():
     (row,) = [row for row in critical.rows if row.radius]
     assert row.combination is None
     assert {(one.modes, one.order) for one in row.candidates} == {((1, 1), 1), ((2, 1), 1), ((2, 2), 1)}
-    assert "several combinations explain the row equally well" in repr(critical)
+    assert "several combinations of modes match the speed of the row equally well" in repr(critical)
 
 
 def test_combination_resonance_narrower_than_the_speed_spacing_is_found():
