@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.methods.collocation import Collocation, lagrange
 from solve.period.grid import Grid
-from solve.period.multipliers import EPS
 from solve.period.points import DerivedPoints, Points, Tables
 
 PHASES = 1001

@@ -7,7 +7,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.certify.certified import SolveRequest
 from solve.certify.coefficients import ResampledPoints, harmonics
 from solve.certify.point_solver import PointSolver
@@ -16,7 +16,7 @@ from solve.kernel.engines import COMPILED, NUMPY
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions
 from solve.period.curve import Curve, PeriodicCurve
-from solve.period.eigenvalues import EPS, roundoff_growth
+from solve.period.eigenvalues import roundoff_growth
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.period_map import rest_threshold

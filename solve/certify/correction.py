@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.certify.comparison import PHASES_PER_STEP, largest_moduli
 from solve.contracts import Motion
 from solve.equations import nonlinear_of, roundoff_of
@@ -21,7 +21,6 @@ from solve.methods.method import Method, Solutions
 from solve.period.curve import Curve
 from solve.period.frozen import PHASES
 from solve.period.grid import Grid
-from solve.period.multipliers import EPS
 from solve.period.points import SinglePoint
 from solve.system import PeriodicSystem, in_phase
 

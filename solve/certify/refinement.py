@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from solve.arrays import Array, across, covers_all, others, unique_integers
+from solve.arrays import EPS, Array, across, covers_all, others, unique_integers
 from solve.certify.certified import Certified, Failed, SolveRequest, verdicts_of
 from solve.certify.comparison import (
     SAFETY,
@@ -24,7 +24,7 @@ from solve.certify.resolution import (
 from solve.errors import SolveError, StepsError
 from solve.methods.method import Method, Solutions, no_orbit
 from solve.period.frozen import FrozenModes
-from solve.period.multipliers import EPS, KNOWN_ON_CIRCLE, NEGLIGIBLE, UNDERFLOW, UNDETERMINED
+from solve.period.multipliers import KNOWN_ON_CIRCLE, NEGLIGIBLE, UNDERFLOW, UNDETERMINED
 from solve.period.points import Points
 from solve.terminal import progress
 

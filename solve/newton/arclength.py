@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from solve.arrays import EPS
 from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError, counted
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
@@ -19,7 +20,6 @@ from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_kinds, special_points
 from solve.period.grid import Grid
-from solve.period.multipliers import EPS
 from solve.results.branch import FOLD, GRAZING
 from solve.results.orbit import Orbit
 from solve.terminal import progress

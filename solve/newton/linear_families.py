@@ -22,7 +22,7 @@ from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
 from solve.methods.method import Solutions
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Unknowns
-from solve.newton.iteration import Task, linearised_along
+from solve.newton.iteration import Task, curve_of, linearised_along
 from solve.newton.saltation import EventJump, break_jumps, event_jumps
 from solve.period.curve import Curve
 from solve.period.grid import Grid
@@ -132,13 +132,14 @@ class LinearFamily:
         if self._is_coupled:
             return None
         try:
-            curve = self._solutions(load).checked().curve
+            curve = curve_of(self._solutions(load).checked())
             self._is_coupled = not self._equations.free and not self._distance > _REGULAR
         except (SolveError, np.linalg.LinAlgError):
             if self._equations.free:
                 raise
             self._is_coupled = True
-        return None if self._is_coupled else curve[0]  # pyright: ignore
+            return None
+        return None if self._is_coupled else curve
 
     def _solutions(self, load: int | None) -> Solutions:
         if load not in self._periodic:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.certify.correction import CoordinateScale
 from solve.equations import nonlinear_of
 from solve.errors import NoOrbitError
@@ -21,7 +21,6 @@ from solve.newton.branch_points import (
 )
 from solve.newton.linear_families import LinearFamily
 from solve.period.grid import Grid
-from solve.period.multipliers import EPS
 from solve.period.quantities import orbit_figures, output_changes, repeats_early
 
 _MAX_CORRECTIONS = 8

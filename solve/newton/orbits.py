@@ -21,7 +21,7 @@ from solve.errors import (
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocated import Collocated
-from solve.newton.iteration import QUADRATIC, Converged, Task, iterate, zero_motion
+from solve.newton.iteration import QUADRATIC, Converged, Task, curve_of, iterate, zero_motion
 from solve.newton.method import Newton
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
@@ -241,9 +241,8 @@ class _Search:
         (result,) = certified(newton.point(), newton, solve_request)
         if isinstance(result, Failed):
             raise result.reason
-        assert result.solutions.curve is not None
         spectrum = refined_multipliers(newton.point(), result) if self.all_multipliers else None
-        linearised = task.along(result.solutions.curve[0])
+        linearised = task.along(curve_of(result.solutions))
         result = replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import Point
 from solve.newton.manifold import Manifold
-from solve.period.multipliers import EPS, UNIT_CIRCLE
+from solve.period.multipliers import UNIT_CIRCLE
 from solve.results.branch import DOUBLING, FOLD, TORUS
 
 _MAX_REFINEMENTS = 30

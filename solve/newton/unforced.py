@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.equations import nonlinear_of, roundoff_of
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.newton.arclength import follow_branch
@@ -23,7 +23,6 @@ from solve.newton.manifold import Manifold
 from solve.newton.switching import Followed
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.multipliers import EPS
 from solve.system import PeriodicSystem
 
 _STEPS = 64
