@@ -137,9 +137,7 @@ def compare(
     ] = None,
     steps: Annotated[
         list[int] | None,
-        Flag(
-            "Number of steps per period, the same for all methods. The flag may be given more than once.", "N"
-        ),
+        Flag("Number of steps per period, the same for all methods; repeatable.", "N"),
     ] = None,
     rtol: Annotated[
         list[float] | None,
