@@ -1,6 +1,6 @@
 """Tables of `docs/commands.md`: the flags of every command, and the JSON keys of `json_keys.toml`.
 
-`python docs/extensions/commands_page.py` renews the page between its markers.
+`python docs/extensions/commands_page.py` updates the tables between the markers of the page.
 """
 
 import re
@@ -15,16 +15,16 @@ import typer
 _DOCS = Path(__file__).parents[1]
 PAGE = _DOCS / "commands.md"
 COMMAND = "python docs/extensions/commands_page.py"
-"""Command that renews the page."""
+"""Command that updates the page."""
 
 _SHARED = 3
-"""Number of commands from which a flag is in the table of shared flags: a choice for a short page."""
+"""Smallest number of commands with a flag in the table of shared flags. Chosen by judgement."""
 
 _MARKED = re.compile(r"(<!-- begin (\w+), by [^>]*-->\n).*?(<!-- end \2 -->)", re.DOTALL)
 
 
 def programs() -> Iterator[tuple[str, Any]]:
-    """Name and Typer command of every command of the package."""
+    """Yield the name and the Typer command of every command of the package."""
     for name, module in (
         ("solve", "solve.commands.app"),
         ("models.four_bar", "models.four_bar.__main__"),
@@ -40,10 +40,10 @@ def programs() -> Iterator[tuple[str, Any]]:
 
 
 class Flag:
-    """Row of a table of flags."""
+    """One row of a table of flags."""
 
     def __init__(self, parameter: Any) -> None:
-        """Flag of a parameter of Typer."""
+        """Create the row of a Typer parameter."""
         names = ", ".join([*parameter.opts, *parameter.secondary_opts])
         form = "" if parameter.is_flag or parameter.metavar is None else f" {parameter.metavar}"
         self.text = f"`{names}{form}`"
@@ -54,7 +54,7 @@ class Flag:
 
     @property
     def row(self) -> str:
-        """Row without the column of commands."""
+        """Row of the table, without the column of commands."""
         return f"| {_cell(self.text)} | {_cell(self.help)} |"
 
 
@@ -63,7 +63,7 @@ def _cell(text: str) -> str:
 
 
 def flags() -> dict[str, list[Flag]]:
-    """Flags of every command, without `--help`."""
+    """Return the flags of every command, except `--help`."""
     return {
         name: [
             Flag(parameter)
@@ -75,7 +75,7 @@ def flags() -> dict[str, list[Flag]]:
 
 
 def flags_text() -> str:
-    """Tables of flags: those of several commands, then those of each command."""
+    """Return the tables of flags: shared flags first, then the other flags of each command."""
     commands = flags()
     users: dict[str, list[str]] = {}
     for name, listed in commands.items():
@@ -92,7 +92,7 @@ def flags_text() -> str:
 
 
 def _names(users: list[str], commands: Mapping[str, object]) -> str:
-    """Text on the commands that have a flag."""
+    """Return the text that lists the commands `users` of a flag."""
     missing = [name for name in commands if name not in users]
     if not missing:
         return "all"
@@ -102,12 +102,12 @@ def _names(users: list[str], commands: Mapping[str, object]) -> str:
 
 
 def keys() -> dict[str, dict[str, Any]]:
-    """Groups of JSON keys by title."""
+    """Return the groups of JSON keys, a mapping from titles to groups."""
     return tomllib.loads((_DOCS / "json_keys.toml").read_text(encoding="utf-8"))
 
 
 def keys_text() -> str:
-    """Tables of JSON keys, a table per group."""
+    """Return the tables of JSON keys, one table per group."""
     lines: list[str] = []
     for title, group in keys().items():
         text = [group["_text"], ""] if "_text" in group else []
@@ -117,17 +117,18 @@ def keys_text() -> str:
 
 
 def flat(group: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Keys of a group and their descriptions."""
+    """Return pairs of a key of the group and its description."""
     return [(key, value) for key, value in group.items() if not key.startswith("_")]
 
 
 def patterns(group: Mapping[str, Any]) -> list[str]:
-    """Keys of a group, with the keys that `*` stands for: those of the inner object in the rows above."""
+    """Return the keys of a group. A key that ends in `*` is replaced by the keys of the inner object in the
+    preceding rows."""
     expanded, inner, last = list[str](), list[str](), ""
     for key, _ in flat(group):
         outer, _, name = key.rpartition(".")
         if name == "*":
-            expanded += [f"{outer}.{each}" for each in inner]
+            expanded += [f"{outer}.{key}" for key in inner]
             continue
         inner, last = [*(inner if outer == last else []), name], outer
         expanded.append(key)
@@ -135,7 +136,7 @@ def patterns(group: Mapping[str, Any]) -> list[str]:
 
 
 def renewed(page: str) -> str:
-    """The page with its generated tables."""
+    """Return the page with new tables between its markers."""
     texts = {"flags": flags_text, "keys": keys_text}
     return _MARKED.sub(lambda block: f"{block[1]}\n{texts[block[2]]()}\n\n{block[3]}", page)
 

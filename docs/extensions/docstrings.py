@@ -1,6 +1,6 @@
-"""Docstrings are plain text: words in backquotes are code, nothing else is markup.
+"""Treat docstrings as plain text, in which only words in backquotes are markup: they are code.
 
-Types that `solve` or `derive` offer lead to their entries, whatever file they stand in.
+References to public types of `solve` or `derive` are linked to the entries of these types.
 """
 
 import builtins
@@ -17,8 +17,8 @@ import solve.errors
 
 
 def _plain(app: Sphinx, kind: str, name: str, about: Any, options: Any, lines: list[str]) -> None:
-    """Letters that reStructuredText takes for markup, as |ρ|, are themselves outside of backquotes and
-    examples; errors lead to their entries."""
+    """Escape characters that are markup in reStructuredText, as in |ρ|, and link the names of exceptions.
+    Code in backquotes and examples remain unchanged."""
     module = derive.errors if name.startswith("derive.") else solve.errors
     for number, line in enumerate(lines):
         if line.lstrip().startswith((">>> ", "... ")):
@@ -37,15 +37,15 @@ def _escaped(text: str, errors: Any) -> str:
 
 
 def _short(app: Sphinx, kind: str, name: str, about: Any, options: Any, shown: str, returned: str) -> Any:
-    """Types by their last name alone, and NumPy's arrays without what they may hold."""
+    """Shorten types in signatures to their last names, and NumPy arrays to `ndarray`."""
     array = r"ndarray\[tuple\[[^]]*\], dtype\[[^]]*\]\]"
     return tuple(
-        each and re.sub(array, "ndarray", re.sub(r"~[\w.]+\.", "", each)) for each in (shown, returned)
+        text and re.sub(array, "ndarray", re.sub(r"~[\w.]+\.", "", text)) for text in (shown, returned)
     )
 
 
 def _skipped(app: Sphinx, kind: str, name: str, about: Any, skip: bool, options: Any) -> bool | None:
-    """Fields of tuples, of which Python says only where they stand."""
+    """Skip fields of named tuples without a docstring of their own."""
     return True if str(about.__doc__).startswith("Alias for field number") else None
 
 

@@ -1,7 +1,8 @@
-"""Pages whose commands are run when the site is built: what they print stands below them.
+"""Run the commands of the pages when the site is built, and insert their output.
 
-A block of `console` holds commands after `$ ` and what they print; a block whose first line is the comment
-`# NAME` with a file's ending is that file. `python docs/extensions/executed.py PAGE …` writes the pages anew.
+A block of type `console` contains commands after `$ `, with their output. A block whose first line is a
+comment with a file name, such as `# saw.py`, is written to this file. `python docs/extensions/executed.py
+PAGE …` updates the output in the pages.
 """
 
 import os
@@ -15,11 +16,12 @@ from typing import Any
 _BLOCK = re.compile(r"```(\w+)\n(?:# (\w+\.\w+)\n)?(.*?)```", re.DOTALL)
 
 _PASSING = re.compile(r"compiling |(?:solve|derive): \d.* so far")
-"""Lines that depend on the machine."""
+"""Lines that depend on the machine and are omitted."""
 
 
 def printed(command: str, folder: Path) -> str:
-    """Output of a command in the folder, with errors and warnings, without notes on compilation and progress.
+    """Run a command in the folder and return its output, including errors and warnings, but without notes on
+    compilation and progress.
 
     Raises RuntimeError if its exit status is neither 0 nor 2.
     """
@@ -34,7 +36,7 @@ def printed(command: str, folder: Path) -> str:
 
 
 def executed(page: str) -> str:
-    """The page with what its commands print now, run one after another in a folder of their own."""
+    """Return the page with the present output of its commands, which are run in sequence in a new folder."""
     with tempfile.TemporaryDirectory() as name:
 
         def renewed(block: re.Match[str]) -> str:
@@ -61,5 +63,5 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 if __name__ == "__main__":
-    for each in map(Path, sys.argv[1:]):
-        each.write_text(executed(each.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in map(Path, sys.argv[1:]):
+        page.write_text(executed(page.read_text(encoding="utf-8")), encoding="utf-8")

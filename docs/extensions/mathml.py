@@ -1,4 +1,4 @@
-"""Equations of the pages as MathML, which browsers draw without a script or a network."""
+"""Convert the equations of the pages to MathML, which browsers display without scripts or a network."""
 
 import re
 from typing import Any
@@ -11,7 +11,7 @@ _PRIMED = re.compile(r"<msup>(<mi>[^<]*</mi>)<mi>(&#x0203\d;)</mi></msup>")
 
 
 def mathml(latex: str, display: str) -> str:
-    """The formula, with primes at the height that fonts give them."""
+    """Return a LaTeX formula as MathML, with primes as operators: as superscripts they would be too high."""
     return _PRIMED.sub(r'\1<mo lspace="0" rspace="0">\2</mo>', convert(latex, display=display))
 
 

@@ -1,4 +1,4 @@
-"""How is an absorber tuned? The least resonance, and on a stiffening spring an absorber that stiffens too."""
+"""How is an absorber tuned for the smallest resonance? On a stiffening spring it should stiffen too."""
 
 import numpy as np
 

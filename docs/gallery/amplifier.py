@@ -1,4 +1,4 @@
-"""How much does pumping the spring amplify a vibration? It depends on the phase of the load."""
+"""How much does pumping of the spring amplify a vibration? The gain depends on the phase of the load."""
 
 import numpy as np
 

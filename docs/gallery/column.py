@@ -1,4 +1,4 @@
-"""Which pulsating loads shake a column? Bolotin's regions of its first two modes."""
+"""Which pulsating loads make a column unstable? Bolotin's regions of its first two modes."""
 
 import itertools
 
@@ -11,7 +11,7 @@ from solve.views.style import VERMILION, styled
 
 
 def pinned_column():
-    column = Mechanism("column", "Pinned column under a load that pulsates twice a turn")
+    column = Mechanism("column", "Pinned column under a load that pulsates twice per revolution")
     L, mu, EI = column.parameters(
         L=("m", "length", "> 0"), mu=("kg/m", "mass per length", "> 0"), EI=("N m^2", "bending", "> 0")
     )

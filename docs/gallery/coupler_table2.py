@@ -1,4 +1,4 @@
-"""How far does a flexible coupler bend as it runs faster? The largest amplitudes of its first three modes."""
+"""How does the deflection of a flexible coupler grow with speed? Amplitudes of its first three modes."""
 
 import numpy as np
 

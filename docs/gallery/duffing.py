@@ -1,4 +1,4 @@
-"""Where does a stiffening spring jump? Duffing's two amplitudes, followed over the speed both ways."""
+"""Where does a stiffening spring jump? Duffing's two amplitudes, at rising and at falling speeds."""
 
 from contextlib import suppress
 
@@ -37,7 +37,7 @@ root = np.sqrt(c**4 / 4 - c**2 * (1 + 0.75 * k3 * A**2) + F**2 / A**2)
 square = 1 + 0.75 * k3 * A**2 - c**2 / 2 + root * [-1, 1]  # Ω² of both sides of the peak
 with page(3.4, "q″ + 0.06 q′ + q + 0.2 q³ = 0.2 cos Ωt") as figure:
     axes = figure.subplots()
-    axes.plot(np.sqrt(square.clip(0)), A, color=GREY, label=["one harmonic, by hand", None])
+    axes.plot(np.sqrt(square.clip(0)), A, color=GREY, label=["single-harmonic approximation", None])
     for (way, points), mark, colour in zip(branches.items(), "^v", (BLUE, VERMILION), strict=True):
         axes.plot(*points, mark, color=colour, label=f"speed {way}")
     axes.set(xlabel="speed Ω (rad/s)", ylabel="first harmonic (m)", xlim=(0.6, 1.6))

@@ -1,4 +1,4 @@
-"""What matters most for the cam's output? And do the sensitivities obey a law that nobody gave them?"""
+"""Which parameters affect the cam's output most? Do the elasticities sum to zero, as scaling requires?"""
 
 import solve
 from solve.labels import unit_of
@@ -13,9 +13,9 @@ scaled = [name for name in found if name in cam.parameters and unit_of(cam, name
 total = sum(found[name] for name in scaled)
 
 ranked = sorted((name for name in found if abs(found[name]) > 0.05), key=lambda name: abs(found[name]))
-with page(3.6, "Cam at 100 rpm: max|q3| changes by … % where a quantity grows by 1 %") as figure:
+with page(3.6, "Cam at 100 rpm: change of max|q3| in % if a parameter increases by 1 %") as figure:
     axes = figure.subplots()
     colours = [BLUE if found[name] > 0 else VERMILION for name in ranked]
     axes.barh(ranked, [found[name] for name in ranked], color=colours)
-    axes.set_xlabel(f"elasticity; of masses, springs, dampers and load together {abs(total):.0e}")
+    axes.set_xlabel(f"elasticity; sum over masses, springs, dampers and loads: {abs(total):.0e}")
     figure.savefig("elasticities.png", dpi=150)

@@ -1,4 +1,4 @@
-"""What does flying forwards do to a flapping blade? Its exponents as the advance ratio μ rises."""
+"""How does forward flight affect a flapping blade? Its exponents as the advance ratio μ rises."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ exponents = np.array([solve.floquet(blade(mu), 1.0).exponents for mu in ratios])
 frequency = np.sqrt(nu**2 - (gamma / 16) ** 2)  # in hover, over the speed; a turn shows it modulo 1
 hover = -gamma / 16 + 1j * (frequency - round(frequency))
 
-with page(3.3, "Flapping blade, γ = 12, ν = 1: exponents over the advance ratio") as figure:
+with page(3.3, "Flapping blade, γ = 12, ν = 1: exponents versus advance ratio") as figure:
     left, right = figure.subplots(1, 2)
     for branch in exponents.T:
         dots = left.scatter(branch.real, branch.imag, c=ratios, s=8, cmap="viridis", zorder=3)

@@ -1,4 +1,4 @@
-"""At which speeds does a shaft with a flat whirl up? Jeffcott's rotor from matrices written by hand."""
+"""At which speeds is the whirl of a shaft with a flat unstable? Jeffcott's rotor written by hand."""
 
 import numpy as np
 
@@ -30,11 +30,11 @@ exact = np.sqrt(np.maximum(0, -b / 2 + np.sqrt(b**2 / 4 - c)))
 with page(4.2, "Disc on a shaft of two stiffnesses") as figure:
     upper, lower = figure.subplots(2, sharex=True)
     upper.plot(speeds, growth, color=BLUE, label="from the multipliers")
-    upper.plot(speeds[::4], exact[::4], "o", color=VERMILION, label="constant coefficients, turning axes")
+    upper.plot(speeds[::4], exact[::4], "o", color=VERMILION, label="constant coefficients, rotating axes")
     lower.semilogy(speeds, 1e3 * sweep.figures("y"), color=BLUE)
     gravity = w1 * w2 / np.sqrt(2 * (w1**2 + w2**2))
     lower.axvline(gravity, color=VERMILION, linestyle=":", label="ω1 ω2/√(2 (ω1² + ω2²))")
     upper.set_ylabel("growth (1/s)")
-    lower.set(xlabel="speed (rad/s)", ylabel="max|y| under its weight (mm)")
+    lower.set(xlabel="speed (rad/s)", ylabel="max|y| due to gravity (mm)")
     upper.legend(), lower.legend()
     figure.savefig("flat_shaft.png", dpi=150)

@@ -1,4 +1,4 @@
-"""What does a longer ground link do to the follower of a rigid four-bar? (thesis Fig. 7.12)"""
+"""How does a longer ground link affect the follower of a rigid four-bar? (thesis Fig. 7.12)"""
 
 import numpy as np
 
@@ -17,6 +17,6 @@ with page(3.2, "Acceleration of the follower at 30 rad/s") as figure:
         gamma = np.degrees(linkage.transmission_angle([0, np.pi]))
         label = f"$L_4$ = {L4} m, γ {gamma[0]:.0f}° to {gamma[1]:.0f}°"
         axes.plot(np.degrees(t1), linkage.motion(t1, SPEED).alpha[2], color=colour, label=label)
-    axes.set(xlabel="angle of the crank (°)", ylabel="$α_3$ (rad/s²)", xticks=range(0, 361, 60))
+    axes.set(xlabel="crank angle (°)", ylabel="$α_3$ (rad/s²)", xticks=range(0, 361, 60))
     axes.legend()
     figure.savefig("follower_acceleration.png", dpi=150)

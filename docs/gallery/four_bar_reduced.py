@@ -1,9 +1,9 @@
 """The four-bar with one to three modes per link: estimated and true errors of the reduction."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import solve
+from solve.views.style import BLUE, GREEN, VERMILION, page
 
 elements, phase = {"elements": 3}, np.linspace(0, 2 * np.pi, 720, endpoint=False)
 full = solve.load("four_bar", options=elements)
@@ -25,18 +25,19 @@ def differences(reduced, own, orbit, rho):
 
 
 truth = solved(full)
-figure, axes = plt.subplots(1, 2, figsize=(10, 4.5), sharex=True, layout="constrained")
-for modes in (1, 2, 3):
-    model = solve.load("four_bar", options=elements, reduce=modes)
-    reduced = solved(model)
-    true = np.array([differences(*ours, *exact) for ours, exact in zip(reduced, truth, strict=True)])
-    estimated = np.array([[getattr(each.reduction_error, name) for name in names] for each, _ in reduced])
-    ratios[modes] = true / estimated
-    for axis, line, dots in zip(axes, estimated.T, true.T, strict=True):
-        (drawn,) = axis.semilogy(speeds, line, label=f"reduce={modes}: {model.n} of {full.n} coordinates")
-        axis.semilogy(speeds, dots, "o", color=drawn.get_color(), markersize=4)
-for axis, name in zip(axes, names, strict=True):
-    axis.set(title=f"{name}: estimated (lines), true (dots)", xlabel="speed (rad/s)", ylabel="relative error")
-    axis.grid(alpha=0.3)
-axes[0].legend(fontsize="small")
-figure.savefig("four_bar_reduced.png", dpi=130)
+with page(3.6, "Reduced four-bar: estimated errors (lines), true errors (dots)") as figure:
+    axes = figure.subplots(1, 2, sharex=True)
+    for modes, colour in zip((1, 2, 3), (BLUE, VERMILION, GREEN), strict=True):
+        model = solve.load("four_bar", options=elements, reduce=modes)
+        reduced = solved(model)
+        true = np.array([differences(*ours, *exact) for ours, exact in zip(reduced, truth, strict=True)])
+        errors = [orbit.reduction_error for orbit, _ in reduced]
+        estimated = np.array([[getattr(error, name) for name in names] for error in errors])
+        ratios[modes] = true / estimated
+        for axis, line, dots in zip(axes, estimated.T, true.T, strict=True):
+            axis.semilogy(speeds, line, color=colour, label=f"{modes} per link: {model.n} coordinates")
+            axis.semilogy(speeds, dots, "o", color=colour, markersize=4)
+    for axis, name in zip(axes, names, strict=True):
+        axis.set(title=name, xlabel="speed (rad/s)", ylabel="relative error")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.savefig("four_bar_reduced.png", dpi=150)

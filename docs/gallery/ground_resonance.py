@@ -1,4 +1,4 @@
-"""Which speeds must a helicopter pass quickly while it stands on its wheels? Coleman's ground resonance."""
+"""Which rotor speeds must a helicopter on its landing gear pass quickly? Coleman's ground resonance."""
 
 import numpy as np
 
@@ -36,7 +36,7 @@ for w in speeds:  # z = x + iy and Z = Σ ζk exp(iψk) see constant coefficient
 with page(3.0, "Ground resonance, without dampers") as figure:
     axes, rpm = figure.subplots(), speeds * 30 / np.pi
     axes.plot(rpm, growth, color=BLUE, label="five coordinates, periodic coefficients")
-    axes.plot(rpm[::4], exact[::4], "o", color=VERMILION, label="Coleman: whirls in turning axes")
+    axes.plot(rpm[::4], exact[::4], "o", color=VERMILION, label="Coleman's polynomial, rotating axes")
     axes.set(xlabel="speed (rpm)", ylabel="growth (1/s)")
     axes.legend(loc="upper right")
     figure.savefig("ground_resonance.png", dpi=150)

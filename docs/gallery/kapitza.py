@@ -1,4 +1,4 @@
-"""How fast must a pivot be shaken to hold a pendulum upright? Kapitza's pendulum, stated in memory."""
+"""How fast must a pivot oscillate to hold a pendulum upright? Kapitza's pendulum, derived in memory."""
 
 import numpy as np
 from scipy.special import mathieu_a, mathieu_b
@@ -9,7 +9,7 @@ from solve.views.style import BLACK, VERMILION, styled
 
 
 def pendulum():
-    swing = Mechanism("pendulum", "Pendulum upside down, its pivot shaken up and down")
+    swing = Mechanism("pendulum", "Inverted pendulum with a vertically oscillating pivot")
     q = swing.coordinate("q", "rad", "angle from the upright position")
     m, L = swing.parameters(m=("kg", "bob", "> 0"), L=("m", "length", "> 0"))
     g, A = swing.parameters(g=("m/s^2", "gravity"), A=("m", "amplitude of the pivot"))

@@ -1,4 +1,4 @@
-"""Where is q″ + (δ + ε cos 2t) q = 0 unstable? Mathieu's tongues, and their edges as SciPy knows them."""
+"""Where is q″ + (δ + ε cos 2t) q = 0 unstable? Mathieu's tongues, with their edges computed by SciPy."""
 
 import numpy as np
 from scipy.special import mathieu_a, mathieu_b

@@ -1,4 +1,4 @@
-"""Where is an oscillator unstable whose stiffness jumps twice a turn? Meissner's chart and his formula."""
+"""Where is an oscillator unstable if its stiffness jumps twice per period? Meissner's chart and formula."""
 
 import numpy as np
 

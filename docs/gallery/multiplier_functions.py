@@ -1,4 +1,4 @@
-"""Can a few frequencies of a four-bar foretell its critical speeds? (thesis Fig. 7.3)"""
+"""Can a few frequencies of a four-bar predict its critical speeds? (thesis Fig. 7.3)"""
 
 from itertools import combinations
 

@@ -1,4 +1,4 @@
-"""How is stability lost? Multipliers of a damped Mathieu equation, on their way as the speed rises."""
+"""How is stability lost? Paths of the multipliers of a damped Mathieu equation as the speed rises."""
 
 import numpy as np
 

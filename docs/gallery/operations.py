@@ -1,4 +1,4 @@
-"""How many operations does a periodic solution take, and how many does marching? (thesis Fig. 6.6)"""
+"""How many operations do a periodic solution and a time integration take? (thesis Fig. 6.6)"""
 
 import math
 
@@ -23,10 +23,10 @@ with page(3.2, "Operations to the steady state of a four-bar") as figure:
     for zeta, colour in ((0.02, VERMILION), (0.05, ORANGE)):
         count = cycles(zeta)
         operations = time_marching(INTERVALS, four_bar.n, count, stored=False)
-        axes.plot(INTERVALS, operations / 1e6, color=colour, label=f"marching {count} cycles, ζ {zeta:.0%}")
+        axes.plot(INTERVALS, operations / 1e6, color=colour, label=f"integrated {count} cycles, ζ {zeta:.0%}")
     for name, algorithm, colour in (("2", algorithm_2, GREEN), ("1", algorithm_1, BLUE)):
         operations = algorithm(INTERVALS, four_bar.n, stored=False)
         axes.plot(INTERVALS, operations / 1e6, color=colour, label=f"algorithm {name}")
-    axes.set(xlabel="intervals a turn", ylabel="operations (millions)", xlim=(90, 720), ylim=(0, None))
+    axes.set(xlabel="intervals per revolution", ylabel="million operations", xlim=(90, 720), ylim=(0, None))
     axes.legend()
     figure.savefig("operations.png", dpi=150)

@@ -21,13 +21,13 @@ for name, (method, _, powers) in methods.items():
     errors[name] = np.array([abs(each.sum() - 2) for each in found])
 slopes = {name: -np.polyfit(methods[name][2][-3:], np.log2(each[-3:]), 1)[0] for name, each in errors.items()}
 
-with page(3.4, "Error of ρ1 + ρ2 where it is 2 by theory") as figure:
+with page(3.4, "Error of ρ1 + ρ2, which is exactly 2") as figure:
     axes = figure.subplots()
     for colour, (name, (_, order, powers)) in zip(MANY, methods.items(), strict=False):
         axes.loglog(2.0**powers, errors[name], "o-", color=colour, label=f"{name}: slope {slopes[name]:.2f}")
         line = errors[name][-1] * 2.0 ** (order * (powers[-1] - powers))
         axes.loglog(2.0**powers, line, ":", color=GREY)
     axes.plot([], [], ":", color=GREY, label="slope of the order")
-    axes.set(xlabel="steps a period", ylabel="|ρ1 + ρ2 − 2|")
+    axes.set(xlabel="steps per period", ylabel="|ρ1 + ρ2 − 2|")
     figure.legend(loc="outside right center")
     figure.savefig("orders.png", dpi=150)

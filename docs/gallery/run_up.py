@@ -1,4 +1,4 @@
-"""How high does an oscillator swing that is run through its resonance? Lewis' run-up and its closed form."""
+"""How large is the response of an oscillator to a run-up through resonance? Lewis' problem in closed form."""
 
 import numpy as np
 from scipy.special import fresnel
@@ -9,7 +9,7 @@ from solve.views.style import BLUE, GREY, VERMILION, page
 
 
 def oscillator():
-    machine = Mechanism("oscillator", "Mass on a spring under a load that turns with the drive")
+    machine = Mechanism("oscillator", "Mass on a spring under a load that rotates with the drive")
     q = machine.coordinate("q", "m", "deflection")
     m, k, F = machine.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"), F=("N", "load"))
     machine.kinetic = m * rate(q) ** 2 / 2
@@ -34,7 +34,7 @@ falling = np.exp(0.5j / a) * np.conj(integral(t + 1 / a) - integral(1 / a))
 exact = (np.exp(1j * t) * (rising + falling)).imag / 2  # ∫ sin(t - s) cos(a s²/2) ds
 error = abs(q - exact).max() / abs(exact).max()
 
-with page(3.2, "Run-up through resonance in 36 turns, without damping") as figure:
+with page(3.2, "Run-up through resonance in 36 revolutions, without damping") as figure:
     axes = figure.subplots()
     speed, steady = a * t, 1 / abs(1 - (a * t) ** 2)
     axes.plot(speed, q, color=BLUE, label="transient")

@@ -1,4 +1,4 @@
-"""How stiff and how damped is the cam's shaft, by a noisy record of its torque over one turn?"""
+"""What stiffness and damping of the cam's shaft follow from a noisy record of its torque?"""
 
 import numpy as np
 
@@ -29,6 +29,6 @@ with page(3.0, "Cam at 400 rpm: shaft fitted to its torque") as figure:
         right.plot(cam.parameters[name] / true[name], row, "s", color=BLUE)
     right.axvline(1, color=GREY, linestyle="--")
     left.set(xlabel="phase (°)", ylabel="torque of the shaft (kN m)", xticks=range(0, 361, 90))
-    right.set(xlabel="value / truth, 95 % interval", yticks=(0, 1), yticklabels=("c1", "k1"), ylim=(-1, 2))
+    right.set(xlabel="fitted / true, 95 % interval", yticks=(0, 1), yticklabels=("c1", "k1"), ylim=(-1, 2))
     figure.legend(loc="outside lower center", ncols=3)
     figure.savefig("shaft_fit.png", dpi=150)

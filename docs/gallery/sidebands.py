@@ -1,4 +1,4 @@
-"""Which lines stand beside a gear pair's mesh frequency? The turns of the shaft modulate it."""
+"""Which sidebands surround a gear pair's mesh frequency? The rotation of the shafts modulates it."""
 
 import numpy as np
 
