@@ -36,9 +36,7 @@ def control(
     ] = None,
     samples: Annotated[
         int | None,
-        Flag(
-            "Digital controller with N samples per period, which holds the input and is one sample late.", "N"
-        ),
+        Flag("Test a loop that samples N times per period and holds each input, one sample late.", "N"),
     ] = None,
     out: Annotated[
         str | None, Flag("Write the controller to a file: .c (with .h), .mat or .fmu.", "FILE")

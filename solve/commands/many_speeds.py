@@ -87,7 +87,7 @@ def sweep(
         Flag("Coordinate or output to show; repeatable; all coordinates by default.", "NAME"),
     ] = None,
     waterfall: Annotated[
-        str | None, Flag("Draw the spectra of this coordinate or output instead.", "NAME")
+        str | None, Flag("Draw only the spectra of this coordinate or output.", "NAME")
     ] = None,
     harmonics: Annotated[int | None, Flag("Number of harmonics of the spectra.", "N", "60")] = None,
     over: Annotated[
@@ -95,12 +95,10 @@ def sweep(
     ] = None,
     turn: Annotated[
         str | None,
-        Flag(
-            "Draw this coordinate or output over one period instead, one curve per point, up to 12.", "NAME"
-        ),
+        Flag("Draw only this coordinate or output over one period, one curve per point, up to 12.", "NAME"),
     ] = None,
     nonlinear: Annotated[
-        bool, Flag("Solve for orbits of the nonlinear equations, each from its neighbour as a start.")
+        bool, Flag("Solve for orbits of the nonlinear equations, each starting from a neighbour.")
     ] = False,
 ) -> None:
     """Periodic vibration and stability at many speeds and parameter values."""

@@ -47,7 +47,9 @@ def periodic(
     ] = None,
     fits: Annotated[
         bool,
-        Flag("With --plot: draw the case's tabulated functions, and the series fitted to them, instead."),
+        Flag(
+            "With --plot: draw the case's tabulated functions, with the series fitted to them, not the orbit."
+        ),
     ] = False,
     scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
 ) -> None:

@@ -111,7 +111,7 @@ def optimise(
         list[str] | None, Flag("Constraint on a quantity; repeatable.", '"QUANTITY < NUMBER"')
     ] = None,
     starts: Annotated[
-        int, Flag("Number of starting points; the first is that of the given parameters.", "N")
+        int, Flag("Number of starting points; the first has the given parameter values.", "N")
     ] = 1,
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
     robust: Annotated[

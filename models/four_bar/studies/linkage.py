@@ -316,7 +316,7 @@ def linkage(
         ),
     ] = None,
     base_planes: Annotated[
-        str | None, Flag("Draw Barker's base planes, which show the linkage, to this file.", "FILE")
+        str | None, Flag("File for a plot of Barker's base planes with the linkage.", "FILE")
     ] = None,
 ) -> None:
     """Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces."""
