@@ -15,7 +15,7 @@ from solve.derivatives.orbit_sums import GridOrbit, WeightedSums
 from solve.errors import NoDerivativeError
 from solve.period.curve import without_drift
 from solve.period.named import HARMONIC, PHASE, Named
-from solve.period.quantities import enough_samples
+from solve.period.signals import enough_samples
 
 EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
 """Relative difference up to which two extrema count as equally large; and difference of their derivatives up

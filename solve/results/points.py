@@ -8,8 +8,8 @@ from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import SPLIT, Array
 from solve.errors import NoResultError, counted
 from solve.period.multipliers import UNIT_CIRCLE
-from solve.period.quantities import FIGURES
 from solve.period.rigid_body import before_rigid
+from solve.period.signals import FIGURES
 from solve.results.serialization import serializable
 
 KINDS = ("+1", "-1", "complex")

@@ -18,7 +18,7 @@ from solve.arrays import Array
 from solve.derivatives.figures import DIFFERENCE_STEP, EQUAL, FIRST_DIFFERENCE, SECOND_DIFFERENCE
 from solve.errors import ValueOutOfBoundsError
 from solve.period.named import Named
-from solve.period.quantities import LEAST_SAMPLES
+from solve.period.signals import LEAST_SAMPLES
 from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
 

@@ -141,7 +141,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
 
         def equations(phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
             state = q[:, : system.n], qd[:, : system.n]
-            matrices = system.varying_about(phase, speed, acceleration, *state)
+            matrices = system.tangent.varying(phase, speed, acceleration, *state)
             return self._varying_by(phase, speed, acceleration, matrices)
 
         return FeedbackIntegrator(equations, len(self.states), self.period, sizes, count, rtol)
