@@ -24,7 +24,8 @@ from solve.views.tables import RenderableType, Table, table
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
 """Mapping from the number of rows to the height of a row in inches, so that all rows fit on a page."""
 
-_DB_FLOOR = -120.0
+FLOOR = 1e-6
+"""Smallest amplitude that logarithmic scales show, relative to the largest: -120 dB. Chosen by judgement."""
 
 VISIBLE = 4e-3
 """Fraction of the largest amplitude below which a harmonic is invisible on a linear scale, because it is
@@ -115,7 +116,7 @@ def _draw_curve(
 
 def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
     """Return the harmonics to draw: all up to the highest that is visible in any spectrum."""
-    least = 10 ** (_DB_FLOOR / 20) if scale == "dB" else VISIBLE
+    least = FLOOR if scale == "dB" else VISIBLE
     spectra = [motion.amplitudes[1:] for motion in motions.values()]
     visible = (np.flatnonzero(spectrum > least * spectrum.max()) for spectrum in spectra)
     last = max((int(order) for orders in visible for order in orders), default=0)
@@ -131,8 +132,9 @@ def _draw_spectrum(
     order = k * (2 * math.pi / system.period)
     if scale == "dB":
         with np.errstate(divide="ignore"):
-            heights, foot = 20 * np.log10(amplitudes / largest if largest else amplitudes), _DB_FLOOR
-        axes.set_ylim(_DB_FLOOR, 8.0)
+            heights = 20 * np.log10(amplitudes / largest if largest else amplitudes)
+        foot = 20 * np.log10(FLOOR)
+        axes.set_ylim(foot, 8.0)
         axes.set_ylabel(f"dB re {largest * factor:.3g} {unit}")
         axes.yaxis.set_major_locator(MultipleLocator(40))
     else:

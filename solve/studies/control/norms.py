@@ -15,11 +15,10 @@ from solve.studies.control.maps import FIRST_RTOL, Maps, bounded
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Riccati, solve_riccati
 from solve.system import PeriodicSystem, of_system, shown_in
-from solve.units import speed_in_si
+from solve.units import LARGEST, speed_in_si
 
-_GROWTH, _MOST = 4.0, 200
-"""Ratio of successive gains that are tried until two of them enclose the norm, and maximum number of trials.
-Chosen by judgement."""
+_GROWTH = 4.0
+"""Ratio of successive gains that are tried until two of them enclose the norm. Chosen by judgement."""
 
 
 class Norm(NamedTuple):
@@ -238,7 +237,7 @@ class _Transfer(NamedTuple):
         """Gains below and above the norm; 0 and 0 if no input reaches an output. Raises ControlError."""
         gain = 1.0
         above = self.below(gain)
-        for _ in range(_MOST):
+        while 1 / LARGEST < gain < LARGEST:
             gain = gain / _GROWTH if above else gain * _GROWTH
             if self.below(gain) != above:
                 return (gain, gain * _GROWTH) if above else (gain / _GROWTH, gain)
