@@ -21,7 +21,7 @@ from .newton.orbits import nonlinear as nonlinear
 from .newton.scatter import scatter as scatter
 from .newton.transients import transient as transient
 from .newton.two_parameters import special_curves as special_curves
-from .period.quantities import signal_statistics as signal_statistics
+from .period.signals import signal_statistics as signal_statistics
 from .proof.prove import prove as prove
 from .proof.result import Proof as Proof
 from .readers.fmu import read_fmu as read_fmu

@@ -18,6 +18,18 @@ Plane = NDArray[np.complex128]
 EPS = float(np.finfo(float).eps)
 """Distance from 1 to the next larger float64, 2.2e-16."""
 
+ROUND_OFF = 1e-12
+"""Relative error that counts as round-off of a computed value: that of about a thousand terms, times a
+condition number of up to 10."""
+
+CACHE_SIZE = 8
+"""Number of entries of caches: a solution requires the same matrices on several grids. Chosen by
+judgement."""
+
+SPLIT = 1e-6
+"""Relative distance between computed eigenvalues up to which the exact ones may be equal: round-off splits a
+double eigenvalue by the square root of `EPS`, 1.5e-8, times a condition number. Chosen by judgement."""
+
 
 def covers_all(selection: Array, count: int) -> bool:
     """Whether `selection`, indices (k,) or a mask, selects all of `count` points in order. No copy is then

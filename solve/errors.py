@@ -4,6 +4,9 @@ import difflib
 from collections.abc import Collection, Iterable
 from typing import Self
 
+MOST_NAMED = 4
+"""Maximum number of items that a sentence lists."""
+
 _MOST_NAMES = 12
 """Largest number of known names that a message lists. Chosen by judgement."""
 

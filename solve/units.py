@@ -8,7 +8,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from solve.arguments import NUMBERS_A_POINT, described, require_size
-from solve.errors import UnitError, ValueOutOfBoundsError
+from solve.errors import MOST_NAMED, UnitError, ValueOutOfBoundsError
 
 if TYPE_CHECKING:
     import pint
@@ -33,9 +33,6 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _LONGEST_UNIT = 80
 """Largest number of characters of a unit. Chosen by judgement."""
-
-_MOST_RANGES = 4
-"""Largest number of ranges of speeds that a sentence lists. Chosen by judgement."""
 
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
@@ -87,9 +84,9 @@ class ShownUnit(NamedTuple):
         intervals = list(ranges)
         texts = [
             f"from {self.span(low, high, form='.5g')}" if high > low else f"at {self.text(low, '.5g')}"
-            for low, high in intervals[:_MOST_RANGES]
+            for low, high in intervals[:MOST_NAMED]
         ]
-        more = len(intervals) - _MOST_RANGES
+        more = len(intervals) - MOST_NAMED
         return ", ".join(texts) + (f" and {more} more" if more > 0 else "")
 
 

@@ -12,10 +12,11 @@ from solve import Model
 from solve.arrays import Array, Plane
 from solve.equations import sketched
 from solve.errors import ValueOutOfBoundsError
+from solve.results.contents import HALF_DEGREES
 from solve.results.formatting import fixed, prefixed
 from solve.results.formatting import round_magnification as rounded
 from solve.results.orbit import Orbit
-from solve.views.panels import SAMPLES, frame_of, titled
+from solve.views.panels import frame_of, titled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
@@ -79,7 +80,7 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
 def round_magnification(model: Model, orbit: Orbit) -> float:
     """Return the largest of the numbers 1, 2, 5, 10, 20, … with which the deflection in the figure is at most
     a fifth of the coupler's length; at least 1."""
-    turn = np.linspace(0.0, orbit.system.period, SAMPLES)
+    turn = np.linspace(0.0, orbit.system.period, HALF_DEGREES)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
     return rounded(_DRAWN * model.parameters["l3"] / largest if largest else 1.0)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import FileError, MissingLibraryError
-from solve.period.quantities import FIGURES
+from solve.period.signals import FIGURES
 from solve.results.folder import is_empty, locked, require_same, store_errors
 from solve.results.points import Kept, PointResults
 

@@ -9,7 +9,7 @@ further phases."""
 
 import numpy as np
 
-from solve.arrays import EPS, Array, across, covers_all
+from solve.arrays import EPS, ROUND_OFF, Array, across, covers_all
 from solve.batch.family import Family
 from solve.kernel.engines import NUMPY
 from solve.period.grid import pieces
@@ -24,9 +24,6 @@ _TRAINING_POINTS, _TRAINING_PHASES = 16, 64
 
 _NEGLIGIBLE = 4e-15
 """Pivot, relative to the largest value of the entry, below which terms are omitted as round-off."""
-
-_REPRESENTED = 1e-12
-"""Relative error at the check phases up to which the terms represent a point. Chosen by judgement."""
 
 _CACHE_BYTES = 2**26
 """Memory limit of cached tables in bytes. Chosen by judgement."""
@@ -133,7 +130,7 @@ class Separation:
         predicted = self.tables(checks, coefficients).entries()
         error = across(np.maximum, np.abs(samples[:, -len(checks) :] - predicted), 1)
         largest = across(np.maximum, np.abs(samples), 1)
-        allowed = _REPRESENTED * largest
+        allowed = ROUND_OFF * largest
         if (error > allowed).any():
             allowed += EPS * _scales(largest, self.n)
         return coefficients, across(np.logical_and, (error <= allowed) & np.isfinite(largest))

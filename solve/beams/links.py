@@ -11,6 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.beams import dynamic_stiffness as exact
 from solve.beams.element import AXIAL, BENDING, EXACT, Element, Function, element
+from solve.contracts import DrawnLink
 
 HELD = -1
 """Index that represents a degree of freedom fixed at zero."""
@@ -298,3 +299,18 @@ def freedoms(
     """Degrees of freedom of the links and joints of a generated module."""
     rows = (tuple(Link(*link) for link in links), tuple(joints), tuple(kinds), tuple(counts))
     return Freedoms(*rows, tuple(springs), tuple(dashpots))
+
+
+def drawn_links(freedoms: Freedoms) -> tuple[DrawnLink, ...]:
+    """Links as drawn in figures of mode shapes, with the supports of their ends."""
+    is_held, ends = dict(freedoms.joints), [joint for link in freedoms.links for joint in link[1:3]]
+
+    def support(joint: str, rotation: str) -> str:
+        if is_held[joint]:
+            return "pinned" if rotation else "clamped"
+        return "joined" if ends.count(joint) > 1 and freedoms.is_unshared(rotation) else ""
+
+    return tuple(
+        DrawnLink(link.name, (support(link.start, link.start_rotation), support(link.end, link.end_rotation)))
+        for link in freedoms.links
+    )

@@ -13,11 +13,11 @@ from solve.arrays import Array, LazyMapping, Plane, Recent
 from solve.beams.assembly import POSITIONS, Beams, Kinematics, Positions
 from solve.beams.element import EXACT
 from solve.beams.frequencies import lowest, shapes
-from solve.beams.links import Freedoms, Member, freedoms
+from solve.beams.links import Freedoms, Member, drawn_links, freedoms
 from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
 from solve.capabilities import Capabilities, Outputs
-from solve.contracts import DrawnLink, Matrices, ModeShape
+from solve.contracts import Matrices, ModeShape
 from solve.equations import entries_one_by_one
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.labels import Labels, require_motion
@@ -81,7 +81,7 @@ class StructureModel(Model, Outputs):
                 self.labels,
                 outputs_apart=True,
                 moves=setup.module.MOVES,
-                links=_drawn_links(chosen),
+                links=drawn_links(chosen),
                 no_motion=_reason_without_motion(setup, chosen),
             )
         )
@@ -398,17 +398,3 @@ def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
 def _of_each_link(setup: Setup, option: str) -> list[str]:
     values = str(setup.options[option]).split(",")
     return values if len(values) > 1 else values * len(setup.module.LINKS)
-
-
-def _drawn_links(freedoms: Freedoms) -> tuple[DrawnLink, ...]:
-    is_held, ends = dict(freedoms.joints), [joint for link in freedoms.links for joint in link[1:3]]
-
-    def support(joint: str, rotation: str) -> str:
-        if is_held[joint]:
-            return "pinned" if rotation else "clamped"
-        return "joined" if ends.count(joint) > 1 and freedoms.is_unshared(rotation) else ""
-
-    return tuple(
-        DrawnLink(link.name, (support(link.start, link.start_rotation), support(link.end, link.end_rotation)))
-        for link in freedoms.links
-    )

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 import solve
 from solve.arguments import require_integer
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Problem, Results, Speed, Store, stored_in
-from solve.commands.parse import require_with
+from solve.commands.groups import Problem, Results, Speed, Store, stored_in
+from solve.commands.parse import Flag, require_with
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.labels import in_own_unit
 from solve.model.model import Model

@@ -4,8 +4,8 @@ from typing import Annotated
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Problem, Results, Speed
-from solve.commands.parse import listed, require_with
+from solve.commands.groups import Problem, Results, Speed
+from solve.commands.parse import Flag, listed, require_with
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 
 

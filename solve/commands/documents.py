@@ -4,8 +4,8 @@ from typing import Annotated
 
 import solve
 from solve.commands.deliver import deliver_animation, deliver_page, print_warnings
-from solve.commands.groups import Accuracy, Flag, Loop, Speed, Speeds
-from solve.commands.parse import out_file, require_with
+from solve.commands.groups import Accuracy, Loop, Speed, Speeds
+from solve.commands.parse import Flag, out_file, require_with
 from solve.exports import export as exports
 from solve.exports.state_space import SAMPLES
 from solve.results.files import PICTURES

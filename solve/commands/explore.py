@@ -2,7 +2,8 @@
 
 from typing import Annotated
 
-from solve.commands.groups import Flag, Problem, Speed
+from solve.commands.groups import Problem, Speed
+from solve.commands.parse import Flag
 from solve.views.live.texts import Origin
 from solve.views.live.window import run, server
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Annotated, Any, get_args, get_type_hints
 
 from solve.arguments import MOST, limited
-from solve.commands.groups import Flag, Problem
+from solve.commands.groups import Problem
+from solve.commands.parse import Flag
 from solve.errors import DesiredMotionError, MatricesError
 
 

@@ -10,11 +10,11 @@ from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from solve.commands.parse import assignments, integer, number, quantities, require_with, spread
+from solve.commands.parse import Flag, assignments, quantities, require_with, spread
 from solve.errors import DesiredMotionError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED, require_motion, speed_or_usual
 from solve.loading import case_numbers, load, missing_parameters, model_of, parameter_units, setup_of
@@ -32,33 +32,6 @@ from solve.units import speeds_in_si
 if TYPE_CHECKING:
     from solve.proof.result import Proof
     from solve.results.stability import Stability
-
-
-class Flag(NamedTuple):
-    """Description of a flag for `--help`.
-
-    `form` is the placeholder of the value; None for a Boolean flag. `default` describes a default that is
-    chosen later. `read` converts the text of a value that is neither a number nor a text.
-    """
-
-    help: str
-    form: str | None = None
-    default: str | None = None
-    read: Callable[[str], Any] | None = None
-
-    def option(self, name: str, kind: Any) -> Any:
-        """Return the Typer option for a parameter with this name and type."""
-        names = [f"--{name.strip('_').replace('_', '-')}"] if kind is bool else []
-        readers = (int, integer), (float, number)
-        parser = next((read for number_type, read in readers if _contains(kind, number_type)), None)
-        parser = self.read or parser
-        shown = self.default or True
-        return typer.Option(*names, help=self.help, metavar=self.form, parser=parser, show_default=shown)
-
-
-def _contains(kind: Any, wanted: type) -> bool:
-    """Return whether a type equals `wanted`, or contains it among its arguments."""
-    return kind is wanted or any(_contains(argument, wanted) for argument in get_args(kind))
 
 
 Varied = Mapping[str, Sequence[float | str]]

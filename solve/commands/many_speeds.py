@@ -12,7 +12,6 @@ from solve.commands.deliver import ContradictionError, deliver_result
 from solve.commands.groups import (
     Accuracy,
     Execution,
-    Flag,
     Loop,
     Results,
     Speed,
@@ -21,6 +20,7 @@ from solve.commands.groups import (
     Steps,
 )
 from solve.commands.parse import (
+    Flag,
     assignments,
     fraction,
     harmonic_count,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, Loop, PointAccuracy, Proving, Results, Settings, Speed
-from solve.commands.parse import harmonic_count, require_with
+from solve.commands.groups import Loop, PointAccuracy, Proving, Results, Settings, Speed
+from solve.commands.parse import Flag, harmonic_count, require_with
 from solve.errors import NoResultError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import METHODS, Rule, chosen, settings_of
 from solve.model.model import Model

@@ -7,8 +7,8 @@ import numpy as np
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Execution, Flag, Problem, Results, Speed, SpeedOrSpeeds, Steps
-from solve.commands.parse import assignments, listed, points, require_with
+from solve.commands.groups import Accuracy, Execution, Problem, Results, Speed, SpeedOrSpeeds, Steps
+from solve.commands.parse import Flag, assignments, listed, points, require_with
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.results.files import checked
 from solve.results.frequencies import Findings

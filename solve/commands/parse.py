@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, get_args
 
 import typer
 
@@ -158,3 +158,30 @@ def harmonic_count(count: int | None) -> int:
     if not 1 <= count <= 10_000:
         raise ValueOutOfBoundsError(f"--harmonics is {count}; allowed: 1 … 10000, such as 60")
     return count
+
+
+class Flag(NamedTuple):
+    """Description of a flag for `--help`.
+
+    `form` is the placeholder of the value; None for a Boolean flag. `default` describes a default that is
+    chosen later. `read` converts the text of a value that is neither a number nor a text.
+    """
+
+    help: str
+    form: str | None = None
+    default: str | None = None
+    read: Callable[[str], Any] | None = None
+
+    def option(self, name: str, kind: Any) -> Any:
+        """Return the Typer option for a parameter with this name and type."""
+        names = [f"--{name.strip('_').replace('_', '-')}"] if kind is bool else []
+        readers = (int, integer), (float, number)
+        parser = next((read for number_type, read in readers if _contains(kind, number_type)), None)
+        parser = self.read or parser
+        shown = self.default or True
+        return typer.Option(*names, help=self.help, metavar=self.form, parser=parser, show_default=shown)
+
+
+def _contains(kind: Any, wanted: type) -> bool:
+    """Return whether a type equals `wanted`, or contains it among its arguments."""
+    return kind is wanted or any(_contains(argument, wanted) for argument in get_args(kind))

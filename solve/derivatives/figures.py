@@ -15,7 +15,7 @@ from solve.derivatives.orbit_sums import GridOrbit, WeightedSums
 from solve.errors import NoDerivativeError
 from solve.period.curve import without_drift
 from solve.period.named import HARMONIC, PHASE, Named
-from solve.period.quantities import enough_samples
+from solve.period.signals import enough_samples
 
 EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
 """Relative difference up to which two extrema count as equally large; and difference of their derivatives up
@@ -37,6 +37,10 @@ Chosen by judgement."""
 _SPACING = 0.03
 """Spacing of the phases near an extremum at which values are computed, relative to the spacing of the
 samples. Chosen by judgement: both truncation and round-off of the second difference are small."""
+
+DIFFERENCE_STEP = 1e-4
+"""Relative step of finite differences of results. It is near the fourth root of `EPS`, which balances the
+errors of second differences. The truncation error of a central first difference is of the order of 1e-8."""
 
 FIRST_DIFFERENCE, SECOND_DIFFERENCE = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 """Weights of five values in the fourth-order differences for the first and the second derivative."""

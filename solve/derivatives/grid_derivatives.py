@@ -24,7 +24,7 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named
 from solve.period.points import SinglePoint
-from solve.period.quantities import samples_a_step
+from solve.period.signals import samples_a_step
 from solve.results.stability import Stability
 
 _JUMP = 1e-9

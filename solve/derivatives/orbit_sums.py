@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Dependence
 from solve.derivatives.periodic_problem import Motions, PeriodicProblem
-from solve.period.quantities import Signal
+from solve.period.signals import Signal
 from solve.results.periodic_motion import PeriodicMotion
 from solve.system import PeriodicSystem
 

@@ -1,7 +1,7 @@
 /* Statistics over one period of curves, and of formulas along the curves, for many points. LANES phases of one point are
    evaluated at a time.
 
-   The mathematics is that of period/quantities.py. FORMULAS: file with `void formulas(const lane *const *in,
+   The mathematics is that of period/signals.py. FORMULAS: file with `void formulas(const lane *const *in,
    lane *out)`, whose inputs are phase, speed, q, q', q'' (time derivatives) and parameters; none for curves only. N:
    number of coordinates. D: number of powers of theta per step. OUTPUTS: number of formulas. PARAMETERS: number of
    their parameters. */

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import CACHE_SIZE, ROUND_OFF, Array
 from solve.errors import DesiredMotionError
 from solve.model.sampling import Sampler
 from solve.threads import symbolic
@@ -23,10 +23,6 @@ _SHIFT = 0.31
 """Shift of the sampled phases, as a fraction of their spacing. It avoids fractions of the revolution with
 small denominators, where symmetric motions have extrema."""
 
-_ROUNDING = 1e-12
-"""Round-off of a margin, relative to its largest value over the period. Sums of a few terms have relative
-errors of about 1e-16. The error of a minimum is proportional to the square of the error of its phase."""
-
 BISECTIONS = 40
 """Number of bisections of the interval between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. For the same
 reduction, golden-section search needs 1.44 times as many steps."""
@@ -37,9 +33,6 @@ a jump, not a zero. Chosen by judgement."""
 
 _BATCH_PHASES = 2**16
 """Number of phases, over all points, that are evaluated in one call. Chosen by judgement."""
-
-_CACHE_SIZE = 8
-"""Number of cached results. A solution requires the matrices of the same points on several grids."""
 
 _GOLDEN = (5**0.5 - 1) / 2
 
@@ -84,7 +77,7 @@ class Domain:
         """Whether (P,) all conditions hold at each point, for speeds (P,) and free parameters (P, v)."""
         key = len(values), speeds.tobytes() if self.by_speed else b"", values.tobytes()
         if key not in self._cache:
-            while len(self._cache) >= _CACHE_SIZE:
+            while len(self._cache) >= CACHE_SIZE:
                 del self._cache[next(iter(self._cache))]
             self._cache[key] = self._evaluate(speeds, values)
         return self._cache[key]
@@ -147,7 +140,7 @@ class Domain:
         grid = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)
         margins = self._margins(*grid).reshape(P, k, -1)
         finite = np.where(np.isfinite(margins), np.abs(margins), 0.0)
-        allowed = _ROUNDING * finite.max(axis=1, keepdims=True)
+        allowed = ROUND_OFF * finite.max(axis=1, keepdims=True)
         point, at, row = np.nonzero(self._fails(margins, allowed))
         violations = [_Violations(point, row, phase[at], margins[point, at, row])]
         if k > 1:
@@ -181,7 +174,7 @@ class Domain:
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         ends = [self._at(phase, point, row, speeds, values) for phase in (low, high)]
         least = np.minimum(*map(np.abs, ends)) if len(point) else np.zeros(0)
-        zero = least <= _JUMP_SIZE / _ROUNDING * allowed[point, 0, row]
+        zero = least <= _JUMP_SIZE / ROUND_OFF * allowed[point, 0, row]
         return _Violations(point[zero], row[zero], low[zero] % self._period, np.zeros(zero.sum()))
 
     def _minima(

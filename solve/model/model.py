@@ -12,11 +12,11 @@ import numpy as np
 from solve.arguments import first_is, matches_annotations
 from solve.arrays import Array, Plane
 from solve.capabilities import Capabilities, Evaluation, Nonlinear, Validity, Variation
-from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
+from solve.contracts import Columns, Events, Integrator, Limit, Matrices, Motion
 from solve.equations import require_desired_motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError, require_name
 from solve.labels import SPEED, Labels, require_vibration
-from solve.matrices import by_the_phase, split_entries
+from solve.matrices import by_the_phase
 from solve.model.bounds import checked_parameters, stated_limits
 from solve.model.cases import Case
 from solve.model.checks import require_no_jump, require_valid, valid_at_all_speeds
@@ -25,8 +25,9 @@ from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
 from solve.model.outputs import ModelOutputs
-from solve.model.sampling import MatrixSampler, Sampler, folded, nonzero_rows, tangent
+from solve.model.sampling import MatrixSampler, Sampler, folded
 from solve.model.setup import Setup, labels_of, left_out, stated_lines
+from solve.model.tangent import Tangent
 from solve.system import PeriodicSystem, shown_in
 
 
@@ -264,52 +265,16 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return self.setup.ratios is not None
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
-        from solve.model.integration import ModelIntegrator, damped_residual
+        return self.tangent.integrator(sizes, count, rtol)
 
-        residual = self.setup.function("residual_varying")
-        if isinstance(self.sampler, DampedSampler):
-            residual = damped_residual(residual, self.sampler.damping, self.period)
-        return ModelIntegrator(residual, self.setup.p, self.module.PERIOD, sizes, count, rtol)
+    @cached_property
+    def tangent(self) -> Tangent:
+        """Linearisation of the nonlinear equations about given states."""
+        damping = self.sampler.damping if isinstance(self.sampler, DampedSampler) else None
+        return Tangent(self.setup, self.n, damping)
 
     def _varying_at(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
-        return self.varying_about(phase, speed, acceleration, *np.zeros((2, len(phase), self.n)))
-
-    def varying_about(self, phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
-        """Matrices of `varying`, linearised about states q and q̇ (m, n) with zero accelerations. At these
-        states, the linearised and the nonlinear equations are equal."""
-        entries = self._varying(phase, speed, np.full(len(phase), acceleration), q, qd, np.zeros_like(q))
-        return self.with_damping(phase, entries)
-
-    def with_damping(self, phase: Array, entries: Array) -> Matrices:
-        """Matrices M, C, K and d from entries (k, 3n² + n) in row order at phases (k,), with modal damping
-        added to C.
-
-        In a linearisation about a motion, modal damping does not change d, because C q̇ then also appears in
-        the residual."""
-        M, C, K, d = split_entries(entries, self.n)
-        if isinstance(self.sampler, DampedSampler):
-            C = C + self.sampler.damping(phase)
-        return M, C, K, d
-
-    @cached_property
-    def _varying(self) -> Sampler:
-        return Sampler(tangent(self.setup.function("residual_varying"), self.setup.p))
-
-    @cached_property
-    def tangent(self) -> Sampler:
-        """Sampler of M, C and K in row order, and of d, of the system linearised by `along`. Inputs are
-        phases (k,), speeds (k,) and states q, qd, qdd (k, n)."""
-        return Sampler(tangent(self.setup.function("residual"), self.setup.p))
-
-    @cached_property
-    def tangent_entries(self) -> Array:
-        """Indices, in ascending order, of the entries of `tangent` that are not identically zero."""
-        return nonzero_rows(tangent(self.setup.function("residual"), self.setup.p))
-
-    @cached_property
-    def tangent_formulas(self) -> Formulas | None:
-        """C code of the function of `tangent`; None if C code is not available."""
-        return self.setup.formulas("residual", (), tangent)
+        return self.tangent.varying(phase, speed, acceleration, *np.zeros((2, len(phase), self.n)))
 
     def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
         entries = self._input_entries(phase, np.full(len(phase), speed), np.zeros(0))
@@ -370,19 +335,14 @@ class LinearisedModel(Model):
         return self.model.along_events(motion, speed, compiled)
 
     def _along(self, phase: Array, speed: float) -> Matrices:
-        return self.model.with_damping(phase, self._tangent(phase, speed).T)
+        return self.model.tangent.with_damping(phase, self._tangent(phase, speed).T)
 
     def _tangent(self, phase: Array, speed: float) -> Array:
         """Entries (3n² + n, k) of M, C and K in row order, and of d, at phases (k,), without modal
         damping."""
         require_desired_motion(self.model, np.array([speed]))
         speeds, states = np.full(len(phase), speed), self._motion_states(phase, speed)
-        formulas, entries = self.model.tangent_formulas if self._compiled else None, None
-        if self._compiled and formulas:
-            entries = self._compiled(formulas, (phase[None], speeds[None], *states))
-        if entries is None:
-            entries = self.model.tangent(phase, speeds, *(state.T for state in states)).T
-        return entries
+        return self.model.tangent.entries(phase, speeds, states, self._compiled)
 
     def _motion_states(self, phase: Array, speed: float) -> list[Array]:
         """States q, q̇ and q̈ of the motion, each (n, k)."""
@@ -407,7 +367,7 @@ class LinearisedModel(Model):
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array] | None:
         if self.model.assembled:
             return None
-        used, squared = self.model.tangent_entries, self.n**2
+        used, squared = self.model.tangent.used_entries, self.n**2
         entries = self._tangent(phase, speed)[used]
         entries *= np.array([speed**2, speed, 1.0, 1.0])[used // squared][:, None]
         # The evaluation of all entries raises the error.

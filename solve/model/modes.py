@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import ROUND_OFF, Array
 from solve.errors import MatricesError
 from solve.matrices import split_entries
 from solve.model.sampling import MatrixSampler
@@ -14,10 +14,6 @@ if TYPE_CHECKING:
 
 _SHIFT = 1e-6
 """Shift of ω² for singular K, relative to the mean ω². Chosen by judgement."""
-
-_PIVOT = 1e-11
-"""Pivot in the factorisation of K, relative to the diagonal entry, below which it counts as round-off. Chosen
-by judgement."""
 
 _RIGID = 1e-13
 """Value of ω², relative to the largest K_ii/M_ii, below which it counts as the round-off of a rigid-body
@@ -100,7 +96,7 @@ def _shifts(M: Array, K: Array) -> Array:
     positive for all."""
     try:
         pivots = np.einsum("mii->mi", np.linalg.cholesky(K)) ** 2
-        singular = (pivots < _PIVOT * np.einsum("mii->mi", K)).any()
+        singular = (pivots < ROUND_OFF * np.einsum("mii->mi", K)).any()
     except np.linalg.LinAlgError:
         singular = True
     mean = np.trace(K, axis1=1, axis2=2) / np.trace(M, axis1=1, axis2=2)

@@ -20,7 +20,7 @@ from solve.units import conversion
 _NUMBERS_A_BYTE = 8
 """Upper estimate of the memory for reading a table, in numbers per byte of the file. It is compared with the
 memory limit."""
-_REVOLUTION = 2 * math.pi
+
 _SAME_ANGLE = 1e-9
 """Distance in revolutions below which two angles count as equal. Chosen by judgement."""
 
@@ -142,15 +142,15 @@ def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) ->
         )
     ordered = np.sort(angles)
     gaps, span = np.diff(ordered), float(ordered[-1] - ordered[0])
-    if gaps.min() < _SAME_ANGLE * _REVOLUTION:
+    if gaps.min() < _SAME_ANGLE * math.tau:
         twice = math.degrees(ordered[np.argmin(gaps)])
         raise CaseFileError(f"{name}: {path.name} has the angle {twice:.6g} deg twice; give each angle once")
-    if span > _REVOLUTION * (1 + _SAME_ANGLE):
+    if span > math.tau * (1 + _SAME_ANGLE):
         raise CaseFileError(
             f"{name}: {path.name} covers {math.degrees(span):.6g} deg; give one revolution, 360 deg"
         )
-    gaps = np.append(gaps, _REVOLUTION - span)
-    widest, wave = float(gaps.max()), _REVOLUTION / harmonics
+    gaps = np.append(gaps, math.tau - span)
+    widest, wave = float(gaps.max()), math.tau / harmonics
     if widest >= wave / 2 * (1 - _SAME_ANGLE):
         start = math.degrees(ordered[np.argmax(gaps)])
         raise CaseFileError(

@@ -18,7 +18,7 @@ from solve.newton.iteration import Task
 from solve.newton.orbits import nonlinear
 from solve.newton.special_curves import follow_curve
 from solve.newton.starts import Start
-from solve.period.quantities import FIGURES
+from solve.period.signals import FIGURES
 from solve.results.branch import DOUBLING, FOLD
 from solve.results.special_curves import CUSP, SpecialCurves
 from solve.system import PeriodicSystem, of_system, shown_in

@@ -13,7 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Statistics
 from solve.errors import UnknownNameError, ValueOutOfBoundsError, require_name
-from solve.period.quantities import FIGURES
+from solve.period.signals import FIGURES
 from solve.system import PeriodicSystem, multiplier_count
 
 HARMONIC, PHASE = "harmonic", "phase"

@@ -23,13 +23,10 @@ from solve.units import speed_in_si
 _FEWEST_AZIMUTHS, _MOST_AZIMUTHS = 64, 4096
 """Smallest and largest number of azimuths. Chosen by judgement."""
 
-_TAIL = 1e-9
-"""Amplitude of the upper quarter of the harmonics, relative to the largest entry of the matrix, above which
-the number of azimuths is doubled. Chosen by judgement: it is several times the error of the motion."""
-
-_COUPLED = 1e-9
-"""Derivative of the rate of an excluded state with respect to a remaining state, relative to the largest
-derivative of the FMU, up to which it counts as round-off. Chosen by judgement."""
+_NEGLIGIBLE = 1e-9
+"""Size of derivatives, relative to the largest derivative, up to which they count as the error of the motion:
+for the upper quarter of the harmonics, and for the coupling of an excluded state with a remaining one. Chosen
+by judgement: it is several times the error of the motion."""
 
 
 @matches_annotations
@@ -165,7 +162,7 @@ def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[
             count // 2 + 1, -1
         )
         tail = amplitudes[3 * count // 8 :].max(axis=0)
-        is_resolved = bool((tail <= _TAIL * amplitudes[0].max()).all())
+        is_resolved = bool((tail <= _NEGLIGIBLE * amplitudes[0].max()).all())
         if is_resolved or 2 * count > _MOST_AZIMUTHS:
             return states, jacobians, is_resolved
         count *= 2
@@ -210,7 +207,7 @@ def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
     """Raise ValueOutOfBoundsError if the rate of an excluded state depends on a remaining state."""
     others = np.setdiff1d(np.arange(len(unit.states)), kept)
     influence = np.abs(jacobians[:, others][:, :, kept]).max(axis=0)
-    acting = np.argwhere(influence > _COUPLED * np.abs(jacobians).max())
+    acting = np.argwhere(influence > _NEGLIGIBLE * np.abs(jacobians).max())
     if len(acting):
         first, second = unit.states[others[acting[0, 0]]], unit.states[kept[acting[0, 1]]]
         raise ValueOutOfBoundsError(

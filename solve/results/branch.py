@@ -13,7 +13,7 @@ from solve.equations import limits_of, warnings_of
 from solve.labels import SPEED, unit_of
 from solve.period.curve import FourierCurve
 from solve.period.multipliers import radius_verdicts
-from solve.period.quantities import FIGURES
+from solve.period.signals import FIGURES
 from solve.results.branch_jumps import (
     DOUBLING,
     FOLD,

@@ -27,6 +27,16 @@ is_state_name = re.compile(r"seal|state\d*").fullmatch
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
 """Packages of which files state the versions."""
 
+DEGREES = 361
+"""Number of phases of a curve over a period in tables: one per degree of a revolution, and more than the
+pixels of a narrow panel."""
+
+HALF_DEGREES = 2 * DEGREES - 1
+"""Number of phases of a curve over a period in figures, one for every half degree of a revolution."""
+
+LEAST_SHARE = 0.1
+"""Smallest contribution, relative to the largest, that results name. Chosen by judgement."""
+
 MOST_SHOWN = 6
 """Maximum number of quantities in a picture, and of coordinates in a table or a sentence: as many as fit."""
 

@@ -11,15 +11,12 @@ from solve.arguments import matches_annotations
 from solve.arrays import Array, symmetric_of
 from solve.first_order import FirstOrderSystem
 from solve.period.curve import Curve
-from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
+from solve.results.contents import DEGREES, Column, Columns, FileContents, HeaderRows, to_json
 from solve.results.periodic_motion import require_finite
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem
-
-_PHASES = 361
-"""Number of phases in columns and figures, one per degree of a revolution. Chosen by judgement."""
 
 _HARMONICS = 12
 """Number of harmonics of the gain in the record. Chosen by judgement."""
@@ -237,7 +234,7 @@ class Controller(Result):
 
     def _harmonics_of(self, function: Callable[[Array], Array]) -> Array:
         """Complex harmonics (13, …) of a function of the phase."""
-        count = 16 * _PHASES
+        count = 16 * DEGREES
         values = function(np.arange(count) * (self.system.period / count))
         transform = np.fft.rfft(values, axis=0)[: _HARMONICS + 1] * (2 / count)
         transform[0] /= 2
@@ -330,8 +327,8 @@ class Controller(Result):
     @property
     def columns(self) -> Columns:
         """Columns of the table: entries of the gain, with one row per phase."""
-        phase = np.linspace(0.0, self.system.period, _PHASES)
-        gains = self.gain(phase).reshape(_PHASES, -1).T
+        phase = np.linspace(0.0, self.system.period, DEGREES)
+        gains = self.gain(phase).reshape(DEGREES, -1).T
         columns = {"phase": Column(phase, "rad", "phase of the drive", axes=("phase",))}
         for name, values in zip(self.gain_names, gains, strict=True):
             first, _, second = name.partition("_by_")
@@ -340,7 +337,7 @@ class Controller(Result):
 
     def file_contents(self) -> FileContents:
         """Columns of the table. Files .npz and .mat also contain the gain and the solution as matrices."""
-        phase = np.linspace(0.0, self.system.period, _PHASES)
+        phase = np.linspace(0.0, self.system.period, DEGREES)
         arrays = {"phase": phase, "gain": self.gain(phase), "riccati": self.riccati(phase)}
         return FileContents(self.columns, {}, self.metadata, {**arrays, "multipliers": self.multipliers})
 

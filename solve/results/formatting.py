@@ -4,6 +4,9 @@ import math
 import re
 from collections.abc import Sequence
 
+from solve.arrays import ROUND_OFF
+from solve.errors import MOST_NAMED
+
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
 """Symbols of units that take a prefix, with the largest power of ten that is usual for each."""
@@ -12,10 +15,6 @@ _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
 _SPELT = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
 _LETTERS: dict[str, str] = dict(zip(_SPELT.split(), "αβγδεζηθκλμνξρστφχψω", strict=True))
 _GREEK = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
-
-
-MOST_NAMED = 4
-"""Maximum number of items that a sentence lists."""
 
 
 def listed(texts: Sequence[str]) -> str:
@@ -29,16 +28,13 @@ def listed(texts: Sequence[str]) -> str:
     return ", ".join(texts[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-ROUND_OFF = 1e-12
-"""Linearisation error up to which it counts as round-off. Models without nonlinear terms reach 2e-15."""
-
-
 def linearisation(error: float) -> str:
     """Return a text that states a relative linearisation error in percent.
 
     >>> linearisation(0.0123), linearisation(3e-15), linearisation(math.nan)
     ('1.2 %', 'none above round-off', 'unknown')
     """
+    # Models without nonlinear terms reach 2e-15.
     if error <= ROUND_OFF:
         return "none above round-off"
     return "unknown" if math.isnan(error) else f"{float(f'{100 * error:.2g}'):g} %"

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arguments import matches_annotations
-from solve.arrays import Array
+from solve.arrays import ROUND_OFF, Array
 from solve.certify.correction import equation_residual, linearisation_error
 from solve.equations import exceeded_limits, is_nonlinear, judged_quantities, output_values
 from solve.results.contents import (
@@ -20,7 +20,7 @@ from solve.results.contents import (
     curves_of,
     to_json,
 )
-from solve.results.formatting import ROUND_OFF, greek, linearisation, measured
+from solve.results.formatting import greek, linearisation, measured
 from solve.results.periodic_motion import SolvedMotion, require_finite
 from solve.results.result import Figure
 from solve.results.serialization import stored_property

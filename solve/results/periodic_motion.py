@@ -14,11 +14,10 @@ from solve.contracts import Statistics
 from solve.equations import output_values
 from solve.errors import MatricesError, ValueOutOfBoundsError, require_name
 from solve.period.curve import PeriodicCurve
-from solve.period.quantities import (
+from solve.period.quantities import compiled_output_figures, coordinate_figures
+from solve.period.signals import (
     LEAST_SAMPLES,
     Signal,
-    compiled_output_figures,
-    coordinate_figures,
     enough_samples,
     figures,
     harmonics,

@@ -5,20 +5,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solve.arguments import NUMBERS_A_POINT, require_size
-from solve.arrays import Array
+from solve.arrays import SPLIT, Array
 from solve.errors import NoResultError, counted
 from solve.period.multipliers import UNIT_CIRCLE
-from solve.period.quantities import FIGURES
 from solve.period.rigid_body import before_rigid
+from solve.period.signals import FIGURES
 from solve.results.serialization import serializable
 
 KINDS = ("+1", "-1", "complex")
 """Ways in which a multiplier leaves the unit circle: at +1 (period T), at -1 (period 2T), or as a complex
 pair."""
-
-_REAL = 1e-6
-"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. Chosen by judgement,
-above round-off."""
 
 LEFT_OUT = "spectral radius and verdict exclude their multipliers +1"
 """Text about points whose verdict excludes rigid-body modes."""
@@ -204,5 +200,5 @@ def kinds_of(multipliers: Array) -> Array:
     if not multipliers.shape[1]:
         return np.zeros(len(multipliers), dtype=int)
     leader = multipliers[:, 0]
-    pair = np.abs(np.imag(leader)) > _REAL * np.abs(leader)
+    pair = np.abs(np.imag(leader)) > SPLIT * np.abs(leader)
     return np.where(pair, 2, np.where(np.real(leader) > 0, 0, 1))

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import ROUND_OFF, Array
 from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified, InterpolationError, ReductionError
 from solve.certify.correction import liouville_defect
@@ -21,11 +21,6 @@ from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
 from solve.results.serialization import NOT_STORED, serializable, stored_property
 from solve.system import PeriodicSystem
-
-_NO_DRIFT = 1e-12
-"""Displacement per period due to a steady velocity, relative to the vibration, up to which it counts as zero.
-This is a bound on the effect of round-off in the mean load: about a thousand terms with relative errors of
-1e-16, times a condition number of up to 10."""
 
 _CONSEQUENCES = (
     "disturbances decay by a factor {radius:.3g} per period",
@@ -283,7 +278,7 @@ class Stability(Solution):
         if not mode.damped:
             return f"{text}; the vibration has zero mean along this mode, weighted by the inertia"
         drift, size = mode.drift or 0.0, np.abs(self.certified.solutions.curve[0].sampled(1)).max()
-        if abs(drift) * self.period <= max(self.error_estimate.orbit, _NO_DRIFT) * size:
+        if abs(drift) * self.period <= max(self.error_estimate.orbit, ROUND_OFF) * size:
             return f"{text}; the motion has no steady velocity along this mode"
         largest = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
         unit = units.get(names[largest], "")

@@ -11,10 +11,10 @@ import numpy as np
 
 from solve.arguments import matches_annotations
 from solve.arrays import Array
+from solve.contracts import Statistics
 from solve.errors import require_name
 from solve.labels import SPEED
 from solve.period.multipliers import VERDICTS
-from solve.period.quantities import Statistics
 from solve.results.contents import Column, Columns, columns_by_name, speeds_of, to_json
 from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.result import Figure, Result, views

@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arguments import matches_annotations
-from solve.arrays import Array
+from solve.arrays import ROUND_OFF, Array
 from solve.errors import NoResultError, counted
 from solve.labels import parts_of
 from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, digits, speeds_of, to_json
-from solve.results.formatting import ROUND_OFF
 from solve.results.result import Figure, Result
 from solve.results.serialization import stored_property
 from solve.results.sweep import Sweep

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solve.arguments import checked_tolerance
-from solve.arrays import Array
+from solve.arrays import SPLIT, Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.family import over_speed
 from solve.batch.gathering import gathered
@@ -28,9 +28,11 @@ from solve.period.pencils import residual_amplitude
 from solve.period.points import SinglePoint
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, LEFT_OUT, Kept
-from solve.studies.boundaries import BoundarySearch, Brackets
+from solve.studies.boundaries import MAX_TRIALS, BoundarySearch, Brackets
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.speed_grids import (
+    DAMPED_OUT,
+    INTERVALS,
     LIGHTLY_DAMPED,
     Rotation,
     by_speed,
@@ -40,15 +42,15 @@ from solve.studies.speed_grids import (
     separate_crossings,
     without_result,
 )
-from solve.studies.stability_samples import NOISE, Evaluate, StabilitySamples, evaluator
+from solve.studies.stability_samples import Evaluate, StabilitySamples, evaluator
 from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import ShownUnit, speeds_between
 
-_MIN_INTERVALS, _MAX_INTERVALS = 40, 2000
-"""Minimum and maximum number of intervals into which the range of speeds is divided before the search for
-narrow bands. Chosen by judgement."""
+_MAX_INTERVALS = 2000
+"""Maximum number of intervals into which the range of speeds is divided before the search for narrow bands.
+Chosen by judgement."""
 
 _FINER = 5
 """Number of parts into which each interval is divided if the matrices are constant: eigenvalues cost less
@@ -67,10 +69,6 @@ _HALVINGS = 3
 """Maximum number of times that an interval in which multipliers may coalesce is halved. Chosen by
 judgement."""
 
-_POINTS_INSIDE = 15
-"""Number of additional speeds evaluated inside every band to find the largest multiplier and any stable
-speeds. Chosen by judgement."""
-
 _MAX_SPLITS = 8
 """Maximum number of times that bands are split at stable speeds inside them. Chosen by judgement."""
 
@@ -84,10 +82,6 @@ step of the finer grid."""
 _STEPS, _AGREEMENT = (192, 256), 1e-4
 """Numbers of steps of the two grids on which slow modes are solved, and largest difference between the two
 values of a multiplier that counts as resolved. Chosen by judgement."""
-
-_RESIDUAL = 1e-2
-"""Amplitude of a fast mode after a period, relative to its initial amplitude, above which the mode counts as
-not damped out."""
 
 
 @of_system
@@ -152,7 +146,7 @@ def bands(
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
     if free(SinglePoint(system, ends[0])) is not None:
         notes = [*notes, f"rigid-body modes: {LEFT_OUT}"]
-    coarse = _subdivide(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _MIN_INTERVALS)
+    coarse = _subdivide(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * INTERVALS)
     constant = constant_coefficients(task.batch(coarse[:, None]))
     fast = 0 if constant else _count_fast_modes(system, ends[0], task.method)
     if fast:
@@ -282,22 +276,22 @@ class _UnstableRuns:
         for at, run in enumerate(runs):
             first, last = starts[run], ends[run]
             radius = max(self._within[within[at]], np.abs(known.multipliers[first : last + 1, 0]).max())
-            growing[at] = radius > 1 + NOISE
+            growing[at] = radius > 1 + SPLIT
             if growing[at]:
                 open_ends = bool(unknown[run]), bool(unknown[run + 1])
                 uniform.append(Band(*within[at], KINDS[state[first]], float(radius), *open_ends))
-        return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
+        return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], MAX_TRIALS))]
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
         """Evaluate additional samples inside runs between the speeds `low` and `high` (k,). Return the
         samples and a mask (k,) of the runs in which a sample differs from the state of its run in `states`
         (k,)."""
-        parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
+        parts = (np.arange(MAX_TRIALS) + 1) / (MAX_TRIALS + 1)
         looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
         self.inside.append(looked)
-        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _POINTS_INSIDE).max(axis=1, initial=0.0)
+        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, MAX_TRIALS).max(axis=1, initial=0.0)
         self._within.update(zip(zip(low.tolist(), high.tolist(), strict=True), radii.tolist(), strict=True))
-        return looked, (_state(looked).reshape(-1, _POINTS_INSIDE) != states[:, None]).any(axis=1)
+        return looked, (_state(looked).reshape(-1, MAX_TRIALS) != states[:, None]).any(axis=1)
 
     def _cached_borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
         """Result of `_borders`, from the cache where available."""
@@ -348,7 +342,7 @@ def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int
     values = frozen(SinglePoint(system, speed)).eigenvalues()[0]
     reach = np.abs(values).max(axis=0) * system.period
     fast = int((np.sort(reach)[::2] > _MAX_PHASE_ADVANCE).sum())
-    survives = float(residual_amplitude(values, system.period, RESOLVABLE)) > _RESIDUAL
+    survives = float(residual_amplitude(values, system.period, RESOLVABLE)) > DAMPED_OUT
     needed = method is auto and reach.max() > RESOLVABLE and survives
     return fast if needed and fast < system.n else 0
 

@@ -15,19 +15,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import SPLIT, Array
 from solve.batch.batch import POINTS
 from solve.results.points import KINDS
 from solve.studies.contours import Crossings
-from solve.studies.stability_samples import NOISE, Evaluate, StabilitySamples
+from solve.studies.stability_samples import Evaluate, StabilitySamples
 from solve.terminal import progress
 
 _BATCH = 64
 """Smallest number of points per evaluation. Chosen by judgement: a batch of this size costs little more than
 a single point."""
 
-_MAX_TRIALS = 15
-"""Maximum number of evenly spaced trials per bracket; these reduce its width sixteenfold. Chosen by
+MAX_TRIALS = 15
+"""Maximum number of evenly spaced trials in an interval; these divide it into 16 parts. Chosen by
 judgement."""
 
 _KIND_TOLERANCE = 1e-5
@@ -212,7 +212,7 @@ class BoundarySearch:
     ) -> Brackets:
         """Narrow brackets around the zeros of parabolas through values of the crossing function."""
         kinds = brackets.kinds
-        on_circle = (kinds == _COMPLEX) & (brackets.low.crossing_values[:, _COMPLEX] < NOISE)
+        on_circle = (kinds == _COMPLEX) & (brackets.low.crossing_values[:, _COMPLEX] < SPLIT)
         predict = _parabolic_prediction(np.where(on_circle, _COMPLEX + 1, kinds))
         return self.narrow(brackets, differs, tolerance, predict)
 
@@ -365,4 +365,4 @@ def _parabolic_prediction(columns: Array) -> Prediction:
 
 def _trial_count(lines: int) -> int:
     """Return the number of trials per bracket in a batch of `lines` brackets."""
-    return max(1, min(_MAX_TRIALS, _BATCH // max(lines, 1)))
+    return max(1, min(MAX_TRIALS, _BATCH // max(lines, 1)))

@@ -30,7 +30,6 @@ TARGETS = (1e-3, 1e-6)
 """Relative errors at which methods are compared by default."""
 
 _REFERENCE_RTOL = 1e-12
-_FIRST_STEPS = 2
 
 _BISECTION_RATIO = 1.02
 """The bisection for the smallest sufficient number of steps ends when the ratio of its two bounds is below
@@ -173,7 +172,7 @@ class _AgainstReference:
     def refined(self, goal: float) -> list[Row]:
         """Return rows with doubled steps, until the error is at most `goal`, the errors stop decreasing, or a
         memory or time limit is reached."""
-        steps = max(_FIRST_STEPS, self.least)
+        steps = max(2, self.least)
         trace: list[Row] = []
         while steps <= self.solver.max_steps:
             row = self.measured(steps, "doubled steps")

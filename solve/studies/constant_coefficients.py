@@ -15,6 +15,7 @@ from solve.batch.family import Family
 from solve.batch.gathering import gathered
 from solve.matrices import inertia_units, split_entries
 from solve.methods.method import Method
+from solve.period.frozen import PHASES
 from solve.period.multipliers import (
     ASYMPTOTICALLY_STABLE,
     EPS,
@@ -27,10 +28,6 @@ from solve.period.natural import PERTURBATION
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
 from solve.results.points import Kept, PointResults
 from solve.studies.stability_samples import StabilitySamples, evaluator
-
-_PHASES = 128
-"""Number of phases at which the matrices of a few representative points are tested for being constant; the
-same as in `solve.period.frozen`."""
 
 _TEST_FRACTIONS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
 """Fractions of the period at which the matrices of all other points are tested."""
@@ -148,7 +145,7 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     n, period = family.example.n, family.example.period
     if isinstance(batch.method, Method) and not batch.method.converges:
         return None
-    phases = (np.arange(_PHASES) + 0.5) * (period / _PHASES)
+    phases = (np.arange(PHASES) + 0.5) * (period / PHASES)
     entries = family.entries(phases, batch.region)
     entries = entries[np.isfinite(entries).all(axis=(1, 2))]
     if not len(entries) or not _are_constant(entries, n).all():

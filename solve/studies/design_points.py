@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import ROUND_OFF, Array
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
 from solve.errors import NoDerivativeError
 from solve.methods.choice import Rule
@@ -17,10 +17,6 @@ from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
 from solve.system import PeriodicSystem
-
-_AT_BOUND = 1e-12
-"""Distance of a parameter from its bound, relative to the range of the parameter, that counts as round-off.
-Chosen by judgement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +90,7 @@ class Design:
         """Mapping from the names of the free parameters to their values, in the model's units."""
         values = self.low + x * (self.high - self.low)
         # Round-off must lead neither beyond a bound nor to a tiny number instead of the bound 0.
-        values = np.where(x < _AT_BOUND, self.low, np.where(x > 1 - _AT_BOUND, self.high, values))
+        values = np.where(x < ROUND_OFF, self.low, np.where(x > 1 - ROUND_OFF, self.high, values))
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def varied(self, x: Array) -> PeriodicSystem:

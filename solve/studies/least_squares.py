@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import ROUND_OFF, Array
 from solve.errors import (
     MatricesError,
     NoOrbitError,
@@ -41,11 +41,6 @@ finite differences. Chosen by judgement."""
 
 _MOVED = 1e-8
 """Relative change below which a parameter counts as unchanged: SciPy's xtol."""
-
-_ROUND_OFF = 1e-12
-"""Singular value of the Jacobian, relative to the largest one, up to which it may be round-off. The round-off
-of a derivative is 1e-13 of its terms. Singular values in directions that the data cannot identify were
-measured as 4e-14 to 6e-14."""
 
 _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
 """Exceptions caused by values of the parameters that their messages do not state."""
@@ -169,7 +164,8 @@ def _offset(found: Any) -> float:
     normal component, each divided by the square root of its number of degrees of freedom."""
     free = found.active_mask == 0
     axes, sizes, _ = np.linalg.svd(found.jac[:, free], full_matrices=False)
-    is_significant = sizes > _ROUND_OFF * max(sizes, default=0.0)
+    # Singular values of directions that the data cannot identify were measured as 4e-14 to 6e-14.
+    is_significant = sizes > ROUND_OFF * max(sizes, default=0.0)
     inside = axes[:, is_significant].T @ found.fun
     rank, across = len(inside), found.fun - axes[:, is_significant] @ inside
     if not rank:

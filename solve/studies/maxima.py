@@ -29,10 +29,6 @@ _EVALUATIONS = 14
 _SAME_GRID = ("radau", "gauss")
 """Methods whose error estimate is a solution on the same grid with one more stage."""
 
-_MAX_ITERATIONS = 100
-"""Maximum number of iterations. Golden sections alone reduce a bracket to 1e-16 of its width in 77
-iterations."""
-
 _FLAT_TOP, _HEIGHT_TOLERANCE = 1e-5, 1e-6
 """The height of a maximum is refined if it exceeds the ends of its bracket by more than the first number,
 relative to the height. The second number is the relative tolerance of the refined height. Chosen by
@@ -177,9 +173,7 @@ def _find_minimum(
     all_tolerances = {"xatol": 0.0, "fatol": 0.0, **tolerances}
     # For three equal heights SciPy computes 0/0 and continues with a golden section.
     with np.errstate(invalid="ignore", divide="ignore"):
-        result = find_minimum(
-            values, tuple(x.T), args=lanes, tolerances=all_tolerances, maxiter=_MAX_ITERATIONS
-        )
+        result = find_minimum(values, tuple(x.T), args=lanes, tolerances=all_tolerances)
     return Brackets(np.stack(result.bracket, axis=1), -np.stack(result.f_bracket, axis=1))
 
 

@@ -4,24 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, ROUND_OFF, SPLIT, Array
 from solve.period.multipliers import matched
 from solve.period.points import rate_of
 from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
-_PHASES, _FEW_PHASES = 64, 16
-"""Number of phases for the means, and for the comparison of the means with and without C. Chosen by
-judgement: both converge exponentially."""
-
-_ROUNDOFF, _COMPLEX = 1e-12, 1e-6
-"""Negative squares of frequencies, and imaginary parts of these squares, count as round-off up to these
-fractions of the largest square. The second fraction is larger because double eigenvalues lose half of their
-digits."""
-
-_MIN_OVERLAP = 1e-30
-"""Lower limit of the overlap of two mode shapes before its logarithm is taken. Any very small positive number
-is suitable."""
+_PHASES, FEW_PHASES = 64, 16
+"""Number of phases for the means; and number for the comparison of the means with and without C, and for
+rotation rates. Chosen by judgement: means converge exponentially."""
 
 _NEAR = 0.5
 """Two frequencies count as close at a phase if their difference is below this fraction of its maximum over
@@ -63,7 +54,7 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     squares = np.take_along_axis(squares, order, axis=1)
     shapes = np.take_along_axis(shapes, order[:, None], axis=2)
     real, size = np.real(squares), np.abs(squares).max()
-    imaginary = real.min() < -_ROUNDOFF * size or np.abs(np.imag(squares)).max() > _COMPLEX * size
+    imaginary = real.min() < -ROUND_OFF * size or np.abs(np.imag(squares)).max() > SPLIT * size
     # Linearly dependent mode shapes have no inverse.
     inverse = np.linalg.pinv(shapes)
     rates = np.real(np.einsum("kij,kji->ki", inverse @ np.linalg.solve(M, C), shapes)) / 2
@@ -90,7 +81,7 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     if len(system.states):
         return 0.0
     halves = np.s_[: system.n], np.s_[system.n : 2 * system.n]
-    phases = (np.arange(_FEW_PHASES) + 0.5) * system.period / _FEW_PHASES
+    phases = (np.arange(FEW_PHASES) + 0.5) * system.period / FEW_PHASES
     rate = rate_of(*system.at(phases, speed))[..., :-1]
     squares, values = np.linalg.eigvals(-rate[:, system.n :, : system.n]), np.linalg.eigvals(rate)
     rigid = int(rigid_body_modes(*(-rate[None, :, system.n :, half] for half in halves)).present.sum())
@@ -106,7 +97,7 @@ def _of_states(rates: Array, n: int) -> MeanModes:
     """Return the means, for n modes of x′ = A x, of the moduli of complex eigenvalues and of their decay
     rates, from A (k, N, N) at k phases. If fewer than n modes oscillate, the first ones have frequency 0."""
     values = np.linalg.eigvals(rates)
-    values = np.where(np.imag(values) > _ROUNDOFF * np.abs(values).max(), values, 0.0)
+    values = np.where(np.imag(values) > ROUND_OFF * np.abs(values).max(), values, 0.0)
     order = np.argsort(np.abs(values), axis=1, kind="stable")[:, -n:]
     values = np.take_along_axis(values, order, axis=1)
     frequencies, decay = np.abs(values).mean(axis=0), -np.real(values).mean(axis=0)
@@ -162,7 +153,7 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
         then = matched(-overlap)[1]
         renewed = adapts(at, now, then)
         passed = renewed & (then != reference_rank)
-        unchanged = np.maximum(overlap[passed, reference_rank[passed]], _MIN_OVERLAP)
+        unchanged = np.maximum(overlap[passed, reference_rank[passed]], EPS)
         log_unchanged += float(np.log(unchanged).sum()) / 4
         reference = np.where(renewed, shapes[there][:, then], reference)
         reference_rank = np.where(renewed, then, reference_rank)

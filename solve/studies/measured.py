@@ -26,7 +26,7 @@ from solve.model.tables import cells_of, number_in, size_in_header
 from solve.results.fit import Channel
 from solve.results.orbit import Orbit
 from solve.system import PeriodicSystem
-from solve.units import GivenSpeed, speed_in_si
+from solve.units import LARGEST, GivenSpeed, speed_in_si
 
 _PHASE, _POSITION = "_phase", "position"
 
@@ -39,9 +39,8 @@ _ABSCISSAS = {"s": "time", "deg": "phase", "rad": "phase", "order": "order", "1"
 """Mapping from labels of units in universal files to names of the independent variable."""
 
 
-_MOST_ORDERS, _LARGEST = 10**5, 1e100
-"""Largest permitted order, and largest permitted value; sums of squares of such values do not overflow.
-Chosen by judgement."""
+_MOST_ORDERS = 10**5
+"""Largest permitted order. Chosen by judgement."""
 
 _ALIKE = 1e-3
 """Relative difference up to which the speeds of an orbit and of a measurement count as equal. Chosen by
@@ -276,9 +275,9 @@ def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Map
             f"data: {file} has the order {at.max():g}; allowed: up to {_MOST_ORDERS}, counted per period"
         )
     for name, values in channels.items():
-        if not (np.abs(values) < _LARGEST).all():
+        if not (np.abs(values) < LARGEST).all():
             raise ValueOutOfBoundsError(
-                f"data: {file} has {np.abs(values).max():g} for {name}; allowed: below {_LARGEST:g} in "
+                f"data: {file} has {np.abs(values).max():g} for {name}; allowed: below {LARGEST:g} in "
                 "SI units"
             )
         if axis == "order" and np.isrealobj(values) and (values[at > 0] < 0).any():

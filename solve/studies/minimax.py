@@ -12,10 +12,6 @@ import numpy as np
 from solve.arrays import Array
 from solve.studies.tracked import Tracked
 
-_MAX_ITERATIONS = 60
-"""Maximum number of iterations of one minimisation. Chosen by judgement: minimisations for the models `cam`
-and `manipulator` take 10 to 40."""
-
 _LINE_SEARCH, _MAX_STALLED = 5, 2
 """Number of evaluations above which a line search counts as stalled, and number of stalled line searches
 after which the minimisation ends: extrema have then merged or vanished, or the improvement is within the
@@ -118,7 +114,7 @@ def minimised(
             constraints=constraints,
             callback=iterates.accept,
             method="SLSQP",
-            options={"maxiter": _MAX_ITERATIONS, "ftol": rtol},
+            options={"ftol": rtol},
         )
     last = np.clip(units * iterates.last, lower, upper)
     return last[:-1], float(last[-1]) - largest

@@ -19,6 +19,7 @@ from solve.model.model import Model
 from solve.newton.orbits import nonlinear
 from solve.period.named import Named
 from solve.proof.prove import prove as proof_of
+from solve.results.contents import HALF_DEGREES
 from solve.results.formatting import measured
 from solve.results.optimum import Curves, FreeParameter, Optimum
 from solve.results.orbit import Orbit
@@ -35,9 +36,6 @@ from solve.units import speeds_given
 
 Objective = str | Callable[[Sequence[Orbit]], float]
 """Type of objectives: a quantity by name, or a function of the orbits at all speeds."""
-
-_CURVE_PHASES = 721
-"""Number of phases of the stored curves, one for every half degree of a revolution."""
 
 
 @of_system
@@ -198,7 +196,7 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
         text, unit = objective.text, objective.unit
         text += f", {search.statistic.text}" if search.statistic else ""
     if isinstance(objective, Named) and objective.of_orbit:
-        worst, phase = int(np.argmax(values)), np.linspace(0.0, design.model.period, _CURVE_PHASES)
+        worst, phase = int(np.argmax(values)), np.linspace(0.0, design.model.period, HALF_DEGREES)
         curves = Curves(phase, *(each[worst].signal(objective.subject, phase) for each in (before, points)))
     confirmed, unconfirmed = _confirmed(search, best, prove)
     if unmet := search.unmet(points):

@@ -6,7 +6,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.named import EXPONENT, HARMONIC, RADIUS, Named
-from solve.period.quantities import FIGURES
+from solve.period.signals import FIGURES
 from solve.results.points import Kept, PointResults
 
 

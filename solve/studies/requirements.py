@@ -16,7 +16,7 @@ from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.model.model import Model
 from solve.model.spread import Spread, spread_of
 from solve.period.named import RADIUS, Named
-from solve.period.quantities import FIGURES
+from solve.period.signals import FIGURES
 from solve.system import PeriodicSystem
 from solve.units import apart, in_unit, quantity
 

@@ -11,6 +11,7 @@ import numpy as np
 from solve.approximation import slope
 from solve.arguments import checked_rtol, first_is, require_steps
 from solve.arrays import Array
+from solve.derivatives.figures import DIFFERENCE_STEP
 from solve.derivatives.point import periods_of, quantities_by, require_stages, sensitivities
 from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
@@ -26,10 +27,6 @@ from solve.results.sensitivities import Sensitivities, SensitivitiesOver, Sensit
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speeds_given
-
-_CURVATURE_STEP = 1e-4
-"""Relative step of the speed in the finite difference for the curvature of a response. Chosen by
-judgement."""
 
 _MAX_SHIFT = 1e-2
 """Largest relative correction of a speed, and largest relative step of finite differences. Chosen by
@@ -296,7 +293,7 @@ def _of_maximum(quantity: str, speed: float, derivatives: Derivatives) -> Sensit
     def curvature(step: float) -> float:
         return float(np.real(gradient(start + step)[-1] - gradient(start - step)[-1])) / (2 * step)
 
-    for step in (_CURVATURE_STEP * speed, _CURVATURE_STEP * speed / _STEP_REDUCTION):
+    for step in (DIFFERENCE_STEP * speed, DIFFERENCE_STEP * speed / _STEP_REDUCTION):
         near, far = curvature(step), curvature(2 * step)
         if near < 0 and abs(far - near) < _SMOOTH * abs(near):
             break

@@ -9,6 +9,7 @@ from solve.arrays import Array, runs
 from solve.errors import SolveError, counted
 from solve.period.frozen import frozen
 from solve.period.points import SinglePoint
+from solve.studies.mean_modes import FEW_PHASES
 from solve.studies.stability_samples import Evaluate, StabilitySamples, crossing_function
 from solve.system import PeriodicSystem, check
 from solve.units import ShownUnit
@@ -18,15 +19,11 @@ LIGHTLY_DAMPED = 0.5
 Chosen by judgement: with stronger damping, only a parametric resonance that doubles the amplitude in a period
 causes instability."""
 
-_INTERVALS = 40
-"""Number of intervals of the speed range at whose ends the existence of matrices is tested. Chosen by
-judgement."""
+INTERVALS = 40
+"""Smallest number of intervals into which a range of speeds is divided: to search for narrow bands, and to
+test whether matrices exist. Chosen by judgement."""
 
-_PHASES = 16
-"""Number of phases at which the rotation rate of the multipliers is computed from frozen matrices. Chosen by
-judgement."""
-
-_DAMPED_OUT = 1e-2
+DAMPED_OUT = 1e-2
 """Modes of the frozen matrices whose multipliers have a modulus below this are ignored: they can become
 unstable only by a parametric resonance that increases the amplitude a hundredfold in a period. Chosen by
 judgement."""
@@ -59,12 +56,12 @@ def multiplier_rotation(
     Modes are ignored if they are damped out within a period, or if their phase advance per period exceeds
     `max_angle` at the lowest speed.
     """
-    values = [omega * frozen(SinglePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
+    values = [omega * frozen(SinglePoint(system, omega), FEW_PHASES).eigenvalues().ravel() for omega in ends]
     exponents = np.concatenate(values) * system.period
     exponents = exponents[np.abs(np.imag(exponents)) <= max_angle * ends[0]]
 
     def rotation(speeds: Array) -> Array:
-        relevant = np.real(exponents) > np.log(_DAMPED_OUT) * speeds[:, None]
+        relevant = np.real(exponents) > np.log(DAMPED_OUT) * speeds[:, None]
         return np.where(relevant, np.abs(np.imag(exponents)), 0.0).max(axis=1, initial=0.0)
 
     return rotation
@@ -107,7 +104,7 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
     """Return the lowest and the highest speed (rad/s) with valid matrices, among ascending speeds and speeds
     that divide their range evenly. If the matrices are valid at no speed, raises the exception for the
     highest speed."""
-    evenly = np.linspace(speeds[0], speeds[-1], _INTERVALS + 1)
+    evenly = np.linspace(speeds[0], speeds[-1], INTERVALS + 1)
     candidates = np.unique(np.concatenate((speeds, evenly))).tolist()
     errors: list[SolveError] = []
 

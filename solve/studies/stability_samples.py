@@ -7,7 +7,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import SPLIT, Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
@@ -19,10 +19,6 @@ _STABILITY = Kept(warnings=False, meetings=False)
 _UNREACHABLE = 1e6
 """Distance assigned to a kind of instability that cannot occur. Any value far above the distances of
 multipliers with a modulus near 1 is suitable."""
-
-NOISE = 1e-6
-"""Distance from the unit circle up to which it counts as round-off: multipliers that coincide lose half of
-their digits."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +101,8 @@ class StabilitySamples:
         negative if a multiplier is beyond -1; the distance of the largest multiplier from the unit circle;
         and the squared distance between two pairs that coincide on the circle.
         """
-        size = np.maximum(np.abs(self.multipliers[:, 0]), NOISE)
-        leaving = np.where(size > 1 + NOISE, -np.square(size - 1 / size), self.distances[:, 2])
+        size = np.maximum(np.abs(self.multipliers[:, 0]), SPLIT)
+        leaving = np.where(size > 1 + SPLIT, -np.square(size - 1 / size), self.distances[:, 2])
         plus, minus = (np.abs(1 - sign * self.multipliers).prod(axis=1) for sign in (1, -1))
         signed = np.copysign(np.column_stack((plus, minus)), self.distances[:, :2])
         return np.column_stack((signed, 1 - size, leaving))
@@ -125,7 +121,7 @@ def distances_to_instability(multipliers: Array) -> Array:
             distance = np.abs(rho[first, both] - rho[second, both]) ** 2
             pairs[both] = np.minimum(pairs[both], distance)
     inside = 1 - np.abs(np.where(upper, rho, 0.0)).max(axis=0)
-    inside = np.where(inside > NOISE, inside, _UNREACHABLE)
+    inside = np.where(inside > SPLIT, inside, _UNREACHABLE)
     plus, minus = (crossing_function(multipliers, sign)[:, 0] for sign in (1, -1))
     return np.clip(np.column_stack((plus, minus, pairs, inside)), -_UNREACHABLE, _UNREACHABLE)
 

@@ -20,23 +20,19 @@ from solve.arguments import (
     unique_names,
 )
 from solve.arrays import Array
-from solve.batch.family import SPEED, Family, SystemFamily
+from solve.batch.family import SPEED, SystemFamily
 from solve.batch.store import made_folder
 from solve.batch.task import task_of
-from solve.contracts import Statistics
-from solve.equations import exceeded_limits, is_nonlinear, output_values, require_bounds, warnings_of
+from solve.equations import is_nonlinear, require_bounds
 from solve.errors import LinearModelError, MissingValueError, SolveError, ValueOutOfBoundsError, require_name
 from solve.labels import in_own_unit, known_quantities, parts_of
 from solve.methods.choice import Rule, chosen
 from solve.model.model import Model, of_model
-from solve.period.quantities import LEAST_SAMPLES, figures
-from solve.period.quantities import harmonics as harmonics_of
-from solve.results.points import Kept, PointResults
-from solve.results.special_orbits import RigidOrbit
+from solve.results.points import Kept
 from solve.results.sweep import Sweep
 from solve.results.sweeps import ACCEPTABLE_ERROR, Sweeps, Validity
 from solve.single import periodic
-from solve.studies.nonlinear_sweep import nonlinear_points
+from solve.studies.orbit_sweep import nonlinear_points, rigid_points
 from solve.system import PeriodicSystem, of_any_system, of_system, shown_in
 from solve.terminal import progress
 from solve.units import evenly, speeds_given
@@ -136,7 +132,7 @@ def sweep(
     elif system.labels.vibrates:
         results = task.solved(task.batch(points), points, executor, store)
     elif store is None:
-        results = _rigid_points(family, points, selection)
+        results = rigid_points(family, points, selection)
     else:
         raise ValueOutOfBoundsError(
             f"{system.labels.name} has no coordinates, so that its sweep cannot use a store; omit the store"
@@ -194,53 +190,6 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
             "no speeds given, and the case states none; give speeds, such as '100:900:81 rpm'"
         )
     return system.labels.case_speed
-
-
-def _rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
-    """Compute the statistics and amplitudes of the outputs at points (P, v), for a mechanism without
-    coordinates."""
-    results = PointResults.blank(len(points), 0, kept)
-    with progress.task("points", len(points)) as count:
-        for at, point in enumerate(points):
-            try:
-                system, speed = family.system(point)
-                _keep_rigid(results, at, RigidOrbit.at_speed(system, speed))
-            except SolveError as error:
-                results.failures[at] = str(error)
-            count.add(1)
-    return results
-
-
-def _keep_rigid(results: PointResults, at: int, orbit: RigidOrbit) -> None:
-    """Store the statistics and amplitudes of the outputs at a point."""
-    system, names = orbit.system, results.kept.names
-    results.verdicts[at], results.errors[at] = 0, orbit.error_estimate
-    results.steps[at], results.methods[at] = orbit.steps, orbit.method
-    statistics = _output_figures(system, orbit.speed)
-    results.figures[at] = statistics[[system.outputs.index(name) for name in names]]
-    for row, name in enumerate(results.kept.spectra):
-        signal = orbit.signal(name)
-        results.amplitudes[at, row], _ = harmonics_of(signal, system.period, results.kept.harmonics)
-    limited = {name: Statistics(*statistics[system.outputs.index(name)].tolist()) for name in names}
-    texts = [*warnings_of(system, orbit.speed), *exceeded_limits(system, limited)]
-    if texts:
-        results.warnings[at] = texts
-
-
-def _output_figures(system: PeriodicSystem, speed: float) -> Array:
-    """Return the fields of `Statistics`, as an array (o, 7), for all outputs."""
-
-    def values(phase: Array) -> Array:
-        none = np.zeros((0, len(phase)))
-        outputs = output_values(system, phase, speed, none, none, none)
-        return np.array([outputs[name] for name in system.outputs])
-
-    def row_by_row(phase: Array) -> Array:
-        rows = np.arange(len(phase))
-        return values(phase.ravel()).reshape(len(phase), *phase.shape)[rows, rows]
-
-    even = np.arange(LEAST_SAMPLES) * (system.period / LEAST_SAMPLES)
-    return figures(values(even), row_by_row, system.period)
 
 
 @of_model

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.studies.speed_grids import LIGHTLY_DAMPED
 from solve.studies.stability_samples import Evaluate, StabilitySamples
 
@@ -13,15 +13,9 @@ _MAX_PARABOLAS, _DECREASE = 10, 0.5
 which the search continues. SciPy's `find_minimum` would continue to the minimum; here the search ends at the
 first unstable point, or as soon as the minimum is unlikely to reach zero. Chosen by judgement."""
 
-_MIN_WIDTH = 1e-10
-"""Width of a bracket, as a fraction of the initial interval, below which the search ends."""
-
 _TRIAL_SPACING, _MARGIN = 0.05, 1e-3
 """Distance of the outer trials from the predicted minimum, as a fraction of the bracket; and smallest
 distance of trials from the ends of the bracket, as a fraction of the first distance."""
-
-_MIN_STEP = 1e-14
-"""Smallest distance between two abscissas; for smaller distances, a slope would be round-off."""
 
 
 def find_narrow_tongues(
@@ -66,7 +60,7 @@ def _descend(
         unstable_samples.append(samples[np.flatnonzero(samples.unstable)])
         new = samples.distances[np.arange(len(samples)), np.repeat(kind, 3)].reshape(-1, 3)
         t, h = _around_lowest(np.concatenate((t, trials), axis=1), np.concatenate((h, new), axis=1))
-        active = ~(unstable | failed).any(axis=1) & (t[:, 2] - t[:, 0] > _MIN_WIDTH)
+        active = ~(unstable | failed).any(axis=1)
         active &= _vertex(t, h)[1] < _DECREASE * h[:, 1]
         start, span, kind, t, h = (column[active] for column in (start, span, kind, t, h))
     none = np.empty(0, dtype=bool)
@@ -78,7 +72,7 @@ def _descend(
 
 def _vertex(t: Array, h: Array) -> tuple[Array, Array]:
     """Return the abscissas (k,) and values (k,) of the vertices of parabolas through three points (k, 3)."""
-    left, right = np.maximum(np.diff(t, axis=1), _MIN_STEP).T
+    left, right = np.maximum(np.diff(t, axis=1), EPS).T
     fall, rise = (h[:, 1] - h[:, 0]) / left, (h[:, 2] - h[:, 1]) / right
     bend = (rise - fall) / (left + right)
     slope = (fall * right + rise * left) / (left + right)

@@ -15,15 +15,12 @@ import numpy as np
 
 from solve.arguments import described, number_or_nan
 from solve.arrays import Array
-from solve.derivatives.figures import EQUAL, FIRST_DIFFERENCE, SECOND_DIFFERENCE
+from solve.derivatives.figures import DIFFERENCE_STEP, EQUAL, FIRST_DIFFERENCE, SECOND_DIFFERENCE
 from solve.errors import ValueOutOfBoundsError
 from solve.period.named import Named
+from solve.period.signals import LEAST_SAMPLES
 from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
-
-_SAMPLES = 2048
-"""Number of samples per period among which the extrema are sought; the same as for the statistics of an
-orbit."""
 
 _LEADING = 0.5
 """Extrema that are lower than the largest by more than this fraction of the range of the values are not
@@ -38,17 +35,10 @@ _ZOOMS, _ZOOM = 2, 16
 Measured for an oscillator: derivatives of extrema are accurate to 2e-4 with one search, and to 1e-7 with
 two."""
 
-_WIDEST = 1 / 16
-"""Largest half-width of a window, in periods. Chosen by judgement."""
-
-_OF_CONSTANT = 16
+_WINDOWS = 16
 """Number of windows, spread over the whole period, in which the maxima of a quantity that is constant over
-the period are followed. Chosen by judgement."""
-
-_DIFFERENCE = 1e-4
-"""Step of finite differences for a function without derivatives; the variables x range from 0 to 1. The
-truncation error is of the order of the squared step. The error due to round-off, which is divided by the
-step, is smaller on equal grids."""
+the period are followed. The half-width of any window is at most the period divided by this number. Chosen by
+judgement."""
 
 
 class Tracked(Protocol):
@@ -179,10 +169,11 @@ class Function:
 
         for place, at in enumerate(x.tolist()):
             # At a bound, the difference is one-sided and is corrected by the second difference.
-            middle = min(max(at, _DIFFERENCE), 1 - _DIFFERENCE)
-            below, above = value(place, middle - _DIFFERENCE), value(place, middle + _DIFFERENCE)
+            middle = min(max(at, DIFFERENCE_STEP), 1 - DIFFERENCE_STEP)
+            below, above = value(place, middle - DIFFERENCE_STEP), value(place, middle + DIFFERENCE_STEP)
             bend = 0.0 if middle == at else below - 2 * value(place, middle) + above
-            slopes[0, place] = (above - below) / (2 * _DIFFERENCE) + (at - middle) * bend / _DIFFERENCE**2
+            slope = (above - below) / 2 + (at - middle) * bend / DIFFERENCE_STEP
+            slopes[0, place] = slope / DIFFERENCE_STEP
         return slopes
 
 
@@ -194,7 +185,8 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
     if sides is None:
         return Single(design, at, quantity, sign)
     period, phases, signs, widths = design.model.period, [], [], []
-    values = design.points(x)[at].signal(quantity.subject, np.arange(_SAMPLES) * (period / _SAMPLES))
+    samples = np.linspace(0.0, period, LEAST_SAMPLES, endpoint=False)
+    values = design.points(x)[at].signal(quantity.subject, samples)
     largest = max(float((side * values).max()) for side in sides)
     for side in sides:
         phases_of_side = _maxima(side * values, largest - _LEADING * float(np.ptp(values)), period)
@@ -229,7 +221,7 @@ def _maxima(values: Array, least: float, period: float) -> Array:
     indices = np.flatnonzero((values >= before) & (values > after) & (values >= least))
     if not len(indices):
         # A signal that is constant for this design may have maxima at any phase for the next design.
-        indices = np.arange(0, len(values), len(values) // _OF_CONSTANT)
+        indices = np.arange(0, len(values), len(values) // _WINDOWS)
     neighbours = np.stack((before, values, after), axis=1)[indices]
     phases = (indices[:, None] + np.array([-1, 0, 1])) * (period / len(values))
     return _refined(neighbours, np.ones(len(indices), dtype=int), phases)
@@ -239,9 +231,9 @@ def _half_widths(phases: Array, period: float) -> Array:
     """Return the half-widths (k,) of windows about ascending phases (k,), chosen so that the windows do not
     overlap."""
     if len(phases) < 2:
-        return np.full(len(phases), _WIDEST * period)
+        return np.full(len(phases), period / _WINDOWS)
     gaps = np.diff(np.append(phases, phases[0] + period))
-    return np.minimum(np.minimum(gaps, np.roll(gaps, 1)) / 2, _WIDEST * period)
+    return np.minimum(np.minimum(gaps, np.roll(gaps, 1)) / 2, period / _WINDOWS)
 
 
 def _refined(values: Array, indices: Array, phases: Array) -> Array:

@@ -18,13 +18,14 @@ from solve.labels import known_quantities, require_motion, speed_or_usual
 from solve.methods.choice import Rule
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.transients import transient
+from solve.results.contents import HALF_DEGREES
 from solve.results.files import PICTURES, checked, write_atomic
 from solve.results.formatting import round_magnification
 from solve.results.orbit import Orbit
 from solve.single import periodic
 from solve.system import PeriodicSystem, check, shown_in
 from solve.views.moving_picture import Drawn, Panel, gif, page_text, still
-from solve.views.panels import SAMPLES, shown, titled
+from solve.views.panels import shown, titled
 from solve.views.style import Figure, drawn
 
 ENDINGS = (".gif", ".html", *PICTURES)
@@ -107,7 +108,7 @@ class Animation:
         count = frame_count(self.frames, self._free, still)
         phase = np.arange(count) * (self.span / count)
         caption = f"grey: rigid motion; blue: with the {self._shown}" if self.system.labels.vibrates else ""
-        fine = np.linspace(0.0, self.span, SAMPLES)
+        fine = np.linspace(0.0, self.span, HALF_DEGREES)
         panels = [Panel(name, signal(fine), signal(phase)) for name, signal in self.signals.items()]
         rigid, moved = self.lines(phase, 0.0), self.lines(phase, self.scale)
         return Drawn(self.system, self.title, caption, self.doubt, phase, fine, rigid, moved, panels)
@@ -300,7 +301,7 @@ def _scaled(animation: Animation, scale: float | None) -> Animation:
     """Return the animation with the magnification `scale`; by default, it is the largest of 1, 2, 5, 10, …
     that displaces no point by more than 12 % of the mechanism's size."""
     if scale is None:
-        phase = np.linspace(0.0, animation.span, SAMPLES // 4)
+        phase = np.linspace(0.0, animation.span, HALF_DEGREES // 4)
         rigid, moved = animation.lines(phase, 0.0), animation.lines(phase, 1.0)
         points = np.concatenate([line.ravel() for line in rigid.values()])
         size = max(np.ptp(points.real), np.ptp(points.imag))

@@ -5,29 +5,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from solve.results.contents import HALF_DEGREES, MOST_SHOWN
 from solve.results.controller import Controller, StabilityMargin
 from solve.results.formatting import prefixed
-from solve.views.panels import MOST_DRAWN, SAMPLES, label_phases, titled
+from solve.views.panels import MOST_DRAWN, label_phases, titled
 from solve.views.show import brief, figure, heading_of, tables
 from solve.views.stability import CIRCLE_ROW, draw_stability, stability_tables
 from solve.views.style import GREY, Axes, Figure, page
-from solve.views.tables import RenderableType, stacked, table, text
+from solve.views.tables import MOST_LISTED, RenderableType, stacked, table, text
 
-_MOST_ROWS = 3
-"""Maximum number of panels: as many as are legible."""
-
-_MOST_GAINS, _SHOWN = 16, 4
-"""Maximum number of rows of the table of gains, and number of harmonics in it. Chosen by judgement."""
+_SHOWN = 4
+"""Number of harmonics in the table of gains. Chosen by judgement."""
 
 
 @figure.register(Controller)
 def controller_figure(result: Controller) -> Figure:
     """Figure of the gains versus phase, with one panel per signal, and of the multipliers. Each gain is
     divided by its largest modulus."""
-    phase = np.linspace(0.0, result.system.period, SAMPLES)
+    phase = np.linspace(0.0, result.system.period, HALF_DEGREES)
     gains = np.moveaxis(result.gain(phase), 0, -1)
     gains = gains.swapaxes(0, 1) if result.kind == "kalman" else gains
-    rows = min(len(gains), _MOST_ROWS)
+    rows = min(len(gains), MOST_SHOWN)
     heights = [0.7 + 1.6 * rows, CIRCLE_ROW]
     with page(sum(heights), titled(result.system, result.speed)) as sheet:
         grid = sheet.add_gridspec(2, 1, height_ratios=heights)
@@ -108,9 +106,9 @@ def _gain_table(result: Controller) -> RenderableType:
     entries = list(zip(result.gain_names, harmonics.reshape(-1, harmonics.shape[-1]), strict=True))
     rows = [
         (name.replace("_by_", " by "), f"{row[0].real:.5g}", *(f"{abs(a):.4g}" for a in row[1 : _SHOWN + 1]))
-        for name, row in entries[:_MOST_GAINS]
+        for name, row in entries[:MOST_LISTED]
     ]
-    more = len(entries) - _MOST_GAINS
+    more = len(entries) - MOST_LISTED
     headings = ("gain", "mean", *(f"harmonic {k}" for k in range(1, _SHOWN + 1)))
     return table(
         "Gains, SI units", *headings, left=1, rows=rows, caption=f"and {more} more" if more > 0 else None

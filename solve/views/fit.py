@@ -11,12 +11,13 @@ from solve import labels
 from solve.arrays import Array
 from solve.errors import counted
 from solve.labels import SPEED, unit_of
-from solve.period.quantities import spectrum
+from solve.period.signals import spectrum
 from solve.results.fit import Channel, Fitted
 from solve.results.formatting import prefixed
 from solve.results.sensitivities import MOST_ROWS, Sensitivities, SensitivitiesOver, number
 from solve.system import PeriodicSystem
 from solve.units import ShownUnit
+from solve.views.orbit import FLOOR
 from solve.views.panels import MOST_DRAWN, labelled, legend_above, panels_over, shades, title_of, titled
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, VERMILION, Axes, Figure, page
@@ -28,9 +29,6 @@ by judgement, below the precision of measured data."""
 
 _CLOSE = 0.9
 """Correlation above which a pair of parameters is listed. Chosen by judgement."""
-
-_LEAST = 1e-6
-"""Smallest amplitude in figures, relative to the largest measured amplitude. Chosen by judgement."""
 
 
 @figure.register(Fitted)
@@ -97,7 +95,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
                 spectra.plot(np.arange(1, most + 1), amplitudes, mark, markersize=3, color=color)
             spectra.set_yscale("log")
             # Computed harmonics decay to round-off, far below measured amplitudes.
-            spectra.set_ylim(bottom=max(found.min() / 10, _LEAST * found.max()) or None)
+            spectra.set_ylim(bottom=max(found.min() / 10, FLOOR * found.max()) or None)
             spectra.set_xlabel("order of rotation")
             spectra.set_ylabel(labelled("amplitude", unit))
         legend_above(rows[0, 0])

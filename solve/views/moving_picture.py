@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
     from matplotlib.text import Text
 
-_SAME = 1e-9
-"""Distance between two points, relative to the mechanism's size, up to which they count as equal. It is a
-bound on round-off."""
+_SAME = 1e-6
+"""Distance between two points, relative to the mechanism's size, up to which they count as equal. It is far
+below a pixel, and above round-off."""
 
 _RIGID = {"color": "#B4B4B4", "linewidth": 2.4, "solid_capstyle": "round", "zorder": 2}
 _MOVED = {"color": BLUE, "linewidth": 1.5, "solid_capstyle": "round", "zorder": 3}
@@ -272,10 +272,6 @@ def _caption(figure: Figure, drawn: Drawn) -> None:
 
 
 _SCRIPT = Path(__file__).with_name("moving_page.js")
-_RIGID_TOLERANCE = 1e-6
-"""Distance from a rigid motion, relative to the size of the line, up to which the motion counts as rigid. It
-is below a pixel."""
-
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 _STYLE = """\
 body { margin: 0 auto; padding: 1rem; max-width: 56rem; color: #222; background: #fff; }
@@ -351,7 +347,7 @@ def _part(artist, line: Plane) -> tuple[str, dict]:
     if size > 0:
         turns = (arms.conj()[:, None] * (line - means)).sum(axis=0) / (np.abs(arms) ** 2).sum()
     error = np.abs(line - means - turns * arms[:, None]).max() + size * np.abs(np.abs(turns) - 1).max()
-    if error <= _RIGID_TOLERANCE * max(size, 1.0):
+    if error <= _SAME * max(size, 1.0):
         moves = [
             f"matrix({b.real:.5g} {b.imag:.5g} {-b.imag:.5g} {b.real:.5g} {a.real:.2f} {a.imag:.2f})"
             for a, b in zip(means, turns, strict=True)

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import ROUND_OFF, Array
 from solve.errors import require_name
 from solve.labels import known_quantities
-from solve.results.formatting import ROUND_OFF, fixed, prefixed
+from solve.results.formatting import fixed, prefixed
 from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion
 from solve.results.special_orbits import NonlinearOrbit, RigidOrbit
@@ -24,9 +24,10 @@ from solve.views.tables import RenderableType, Table, table
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
 """Mapping from the number of rows to the height of a row in inches, so that all rows fit on a page."""
 
-_DB_FLOOR = -120.0
+FLOOR = 1e-6
+"""Smallest amplitude that logarithmic scales show, relative to the largest: -120 dB. Chosen by judgement."""
 
-_VISIBLE = 4e-3
+VISIBLE = 4e-3
 """Fraction of the largest amplitude below which a harmonic is invisible on a linear scale, because it is
 below about one pixel."""
 
@@ -115,7 +116,7 @@ def _draw_curve(
 
 def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
     """Return the harmonics to draw: all up to the highest that is visible in any spectrum."""
-    least = 10 ** (_DB_FLOOR / 20) if scale == "dB" else _VISIBLE
+    least = FLOOR if scale == "dB" else VISIBLE
     spectra = [motion.amplitudes[1:] for motion in motions.values()]
     visible = (np.flatnonzero(spectrum > least * spectrum.max()) for spectrum in spectra)
     last = max((int(order) for orders in visible for order in orders), default=0)
@@ -131,15 +132,16 @@ def _draw_spectrum(
     order = k * (2 * math.pi / system.period)
     if scale == "dB":
         with np.errstate(divide="ignore"):
-            heights, foot = 20 * np.log10(amplitudes / largest if largest else amplitudes), _DB_FLOOR
-        axes.set_ylim(_DB_FLOOR, 8.0)
+            heights = 20 * np.log10(amplitudes / largest if largest else amplitudes)
+        foot = 20 * np.log10(FLOOR)
+        axes.set_ylim(foot, 8.0)
         axes.set_ylabel(f"dB re {largest * factor:.3g} {unit}")
         axes.yaxis.set_major_locator(MultipleLocator(40))
     else:
         heights, foot = amplitudes * factor, 0.0
         axes.set_ylim(0.0, 1.12 * largest * factor or 1.0)
         axes.set_ylabel(labelled("amplitude", unit))
-    seen = heights > foot + (0.0 if scale == "dB" else _VISIBLE * largest * factor)
+    seen = heights > foot + (0.0 if scale == "dB" else VISIBLE * largest * factor)
     crowded = len(k) > 80
     axes.vlines(order[seen], foot, heights[seen], color=BLUE, linewidth=0.6 if crowded else 1.0)
     if not crowded:

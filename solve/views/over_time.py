@@ -11,14 +11,13 @@ from solve.beams.observations import Contributions
 from solve.errors import NoResultError, ValueOutOfBoundsError, counted
 from solve.labels import SPEED, known_quantities
 from solve.model.model import Model
-from solve.results.contents import MOST_SHOWN, Column, digits, sized, speeds_of
+from solve.results.contents import HALF_DEGREES, MOST_SHOWN, Column, digits, sized, speeds_of
 from solve.results.formatting import measured
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.system import PeriodicSystem
 from solve.views.panels import (
     MOST_CURVES,
-    SAMPLES,
     axis_label,
     distinct_labels,
     label_phases,
@@ -184,7 +183,7 @@ def fits_figure(model: Model) -> Figure:
     NoResultError for a case without tables."""
     if not model.fits:
         raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")
-    offsets = np.linspace(0.0, 2 * np.pi, SAMPLES)
+    offsets = np.linspace(0.0, 2 * np.pi, HALF_DEGREES)
     with page(0.8 + 2.4 * len(model.fits), f"{title_of(model)}: series fitted to tables") as figure:
         panels = figure.subplots(len(model.fits), squeeze=False)[:, 0]
         for axes, fit in zip(panels, model.fits.values(), strict=True):

@@ -18,13 +18,10 @@ from solve.results.formatting import greek
 from solve.results.result import Result
 from solve.studies.control.feedback import FeedbackLoop
 from solve.system import PeriodicSystem
+from solve.views.panels import DRAWN_RTOL
 from solve.views.show import html
 from solve.views.style import Figure, drawn
 from solve.views.tables import table, text
-
-OVER_SPEEDS = 1e-6
-"""Smallest relative tolerance of results versus speed. Chosen by judgement: curves and tables versus speed
-show fewer digits."""
 
 ENDINGS = (".html",)
 
@@ -293,7 +290,7 @@ def _settings(report: Report) -> str:
     sections."""
     system = report.system
     rows = {
-        "relative tolerance": f"{report.rtol:g}, over the speeds {max(report.rtol, OVER_SPEEDS):g}",
+        "relative tolerance": f"{report.rtol:g}, over the speeds {max(report.rtol, DRAWN_RTOL):g}",
         "options of the model": ", ".join(f"{name}={value}" for name, value in system.labels.options.items()),
         "generated equations": system.labels.model_hash or "",
         **versions(),

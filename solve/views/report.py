@@ -28,7 +28,8 @@ from solve.studies.sweep import sweep, validity
 from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speeds_given
-from solve.views.page import OVER_SPEEDS, Part, Report
+from solve.views.page import Part, Report
+from solve.views.panels import DRAWN_RTOL
 
 
 class Request(NamedTuple):
@@ -158,7 +159,7 @@ def _of_motion(
         Request(orbit, _loaded(solved, system, omega), lambda: floquet(system, omega, **options)),
         Request(beyond, _loaded(nonlinear_one, system, omega)),
         *_modes(system),
-        *_over_speeds(system, omega, omegas, {**options, "rtol": max(rtol, OVER_SPEEDS)}),
+        *_over_speeds(system, omega, omegas, {**options, "rtol": max(rtol, DRAWN_RTOL)}),
         Request(matters, by_parameters),
     ]
 

@@ -33,7 +33,7 @@ from solve.views.panels import (
 )
 from solve.views.show import figure, tables, waterfall
 from solve.views.style import BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
-from solve.views.tables import WIDEST, RenderableType, table, table_of, text
+from solve.views.tables import MOST_ROWS, WIDEST, RenderableType, table, table_of, text
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 """Colours of unstable bands and boundaries, by the way in which a multiplier leaves the unit circle."""
@@ -42,10 +42,6 @@ KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex"
 
 _FLOOR = -80.0
 """Lowest amplitude that spectra show, in dB."""
-
-_MOST_ROWS = 60
-"""Maximum number of rows of a table. If there are more speeds, every k-th speed is shown. Chosen by
-judgement."""
 
 Edges = Sequence[tuple[float, float, str]]
 """Type of unstable bands: lower edge, upper edge (rad/s) and kind of each."""
@@ -89,7 +85,7 @@ def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[Renderable
         columns["verdict"] = Column([point.stability for point in sweep.points], heading="stability")
     title = f"Over {', '.join([*sweep.parameters, SPEED])}"
     caption = "others by --show NAME, all by --json" if fitting < len(names) else None
-    return [table_of(title, columns, most=_MOST_ROWS, caption=caption)]
+    return [table_of(title, columns, most=MOST_ROWS, caption=caption)]
 
 
 def response_figure(
@@ -354,6 +350,6 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
 def validity_tables(validity: Validity) -> Sequence[RenderableType]:
     """Table with one row per speed."""
     return [
-        table_of("Linearisation error, %", validity.columns, most=_MOST_ROWS),
+        table_of("Linearisation error, %", validity.columns, most=MOST_ROWS),
         text("\n" + validity.limit),
     ]

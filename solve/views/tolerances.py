@@ -9,15 +9,13 @@ import numpy as np
 
 from solve import labels
 from solve.arrays import Array
+from solve.results.contents import MOST_SHOWN
 from solve.results.formatting import greek, measured, prefixed
 from solve.results.tolerances import UNSTABLE, Tolerances
 from solve.views.panels import MOST_DRAWN, legend_above, title_of
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table, text
-
-_MOST_QUANTITIES = 4
-"""Maximum number of quantities in the picture: as many as fit."""
 
 _OUTSIDE = 5e-4
 """Fraction of a distribution that histograms omit at each end. Chosen by judgement."""
@@ -53,7 +51,7 @@ def _shown(result: Tolerances) -> list[str]:
         if _spread(column) and (name in result.bounds or _is_influenced(result, name))
     ]
     ordered = [*varying[1:], *varying[:1]] if varying[:1] == ["spectral_radius"] else varying
-    return (ordered or list(result.units)[:1])[:_MOST_QUANTITIES]
+    return (ordered or list(result.units)[:1])[:MOST_SHOWN]
 
 
 def _is_influenced(result: Tolerances, name: str) -> bool:

@@ -8,7 +8,8 @@ import statistics
 import numpy as np
 
 import solve
-from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of, quantities_by
+from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
+from solve.derivatives.point import quantities_by
 from solve.methods.collocated import Collocated
 from tests.benchmarks.timing import median
 

@@ -18,7 +18,7 @@ from solve.commands.groups import Flag, Results
 from solve.contracts import Statistics
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import parts_of
-from solve.results.contents import Column, Columns, FileContents, digits, model_info, sized
+from solve.results.contents import HALF_DEGREES, Column, Columns, FileContents, digits, model_info, sized
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
 from solve.results.stability import ErrorEstimate
@@ -26,7 +26,6 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.units import speed_in_si
 from solve.views.over_time import BEHIND, curves_figure, require_turn
-from solve.views.panels import SAMPLES
 from solve.views.show import tables
 from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
@@ -111,7 +110,7 @@ class Corrections(Result):
 
     @property
     def _phase(self) -> Array:
-        return np.linspace(0.0, self.system.period, SAMPLES)
+        return np.linspace(0.0, self.system.period, HALF_DEGREES)
 
     def plot(self) -> Figure:
         """Figure of the quantity over the revolution, with one curve per model. The curve of the reference is
@@ -164,7 +163,7 @@ def _solved(system: PeriodicSystem, speed: float, quantity: str, drawn: str | No
     orbit = solve.periodic(system, speed, rtol=rtol)
     figures = {name: orbit.statistics(name) for name in parts_of(system, quantity)}
     largest = max(figures, key=lambda name: figures[name].max_abs)
-    phase = np.linspace(0.0, system.period, SAMPLES)
+    phase = np.linspace(0.0, system.period, HALF_DEGREES)
     return OneModel(
         largest,
         figures[largest],

@@ -13,11 +13,11 @@ from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, sized, to_json
+from solve.results.contents import HALF_DEGREES, Column, Columns, sized, to_json
 from solve.results.formatting import prefixed, round_magnification
 from solve.results.periodic_motion import PeriodicMotion
 from solve.results.serialization import serializable
-from solve.views.panels import DEFLECTION, SAMPLES
+from solve.views.panels import DEFLECTION
 from solve.views.show import tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table_of
@@ -134,7 +134,7 @@ def curve_of_point(
 ) -> CurveOfPoint:
     """Compute the path of a coupler point at a speed, from the periodic or the quasi-static solution."""
     orbit = solve.periodic(model, speed, rtol=rtol)
-    phase = np.linspace(0.0, model.period, SAMPLES)
+    phase = np.linspace(0.0, model.period, HALF_DEGREES)
     path = coupler_curve(model, orbit.quasi_static if quasi_static else orbit, along, across, phase)
     return CurveOfPoint(orbit, along, across, quasi_static, path)
 

@@ -15,9 +15,10 @@ from models.four_bar.design import Outcome
 from models.four_bar.forces import JOINTS, Body, joint_forces
 from models.four_bar.linkage import ADVISED, TURN, Linkage, Motion
 from solve.arrays import Array, Plane
+from solve.results.contents import HALF_DEGREES
 from solve.results.formatting import prefixed
 from solve.units import unit_given
-from solve.views.panels import SAMPLES, title_of
+from solve.views.panels import title_of
 from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
 
 _POSITIONS = 12
@@ -67,7 +68,7 @@ def linkage_figure(
         _draw_positions(left, linkage, points, shown)
         _write_summary(right, left, linkage, shown)
         axes = below.subplots(rows - 1, 2, sharex=True, squeeze=False)
-        t1 = np.linspace(0.0, TURN, SAMPLES)
+        t1 = np.linspace(0.0, TURN, HALF_DEGREES)
         _draw_transmission(axes[0, 0], linkage, t1)
         _draw_ratios(axes[0, 1], linkage.motion(t1))
         if speed is not None:
@@ -85,7 +86,7 @@ def linkage_figure(
 def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], shown: float) -> None:
     """Draw the paths of the joints and the coupler points, several positions in a pale colour, and one in
     full colour."""
-    motion = linkage.motion(np.linspace(0.0, TURN, SAMPLES))
+    motion = linkage.motion(np.linspace(0.0, TURN, HALF_DEGREES))
     for path in _joints(motion)[1:3]:
         axes.plot(path.real, path.imag, color=GREY, linewidth=0.7)
     for k, point in enumerate(points):

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from solve.arrays import Array, Plane
+from solve.arrays import CACHE_SIZE, Array, Plane
 from solve.capabilities import Capabilities, Linearisation, Nonlinear, Outputs, Variation
 from solve.contracts import Columns, Dependence, Events, Integrator, Matrices, Motion, ParameterDerivatives
 from solve.equations import (
@@ -29,9 +29,9 @@ from solve.studies.control.integration import FeedbackIntegrator
 from solve.studies.control.plant import state_names
 from solve.system import PeriodicSystem
 
-_KEPT, _BYTES = 8, 2**21
-"""Number of grids for which entries of matrices are cached, and largest size of these in bytes: the solutions
-and the error estimates on one grid evaluate the same phases up to four times. Chosen by judgement."""
+_BYTES = 2**21
+"""Largest size in bytes of cached entries of matrices on a grid: the solutions and the error estimates on one
+grid evaluate the same phases up to four times. Chosen by judgement."""
 
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
@@ -101,7 +101,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         used = self._kept.get(key)
         if used is None:
             used = super().used_entries(phase, speed)
-            if len(self._kept) >= _KEPT:
+            if len(self._kept) >= CACHE_SIZE:
                 self._kept.clear()
             if used[0].nbytes <= _BYTES:
                 self._kept[key] = used
@@ -141,7 +141,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
 
         def equations(phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
             state = q[:, : system.n], qd[:, : system.n]
-            matrices = system.varying_about(phase, speed, acceleration, *state)
+            matrices = system.tangent.varying(phase, speed, acceleration, *state)
             return self._varying_by(phase, speed, acceleration, matrices)
 
         return FeedbackIntegrator(equations, len(self.states), self.period, sizes, count, rtol)

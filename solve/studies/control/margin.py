@@ -7,6 +7,7 @@ import numpy as np
 
 from solve.arguments import checked_rtol, unique_names
 from solve.arrays import Array
+from solve.derivatives.figures import DIFFERENCE_STEP
 from solve.errors import ControlError, SolveError, ValueOutOfBoundsError, require_name
 from solve.period.multipliers import UNIT_CIRCLE
 from solve.results.controller import StabilityMargin
@@ -18,10 +19,6 @@ from solve.units import speed_in_si
 _SCAN = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)
 """Distances along a ray between which the boundary is sought. The last one is the largest that is searched.
 Chosen by judgement."""
-
-_STEP = 1e-4
-"""Relative step of central differences. If log |ρ| is accurate to 1e-6, the derivatives are accurate to 1e-2,
-which suffices for a direction."""
 
 _TURNS, _GAIN = (1.0, 0.5, 0.25, 0.1), 1e-4
 """Fractions of the rotation towards the normal of the boundary that are tried one after another, and relative
@@ -145,7 +142,8 @@ class _Boundary:
 
     def _normal(self, change: Array) -> Array:
         """Unit normal (r,) of the boundary, by central differences."""
-        unit = _STEP * np.eye(len(change))
+        # If log |ρ| is accurate to 1e-6, the derivatives are accurate to 1e-2, sufficient for a direction.
+        unit = DIFFERENCE_STEP * np.eye(len(change))
         slopes = np.array([self._growth(change + step) - self._growth(change - step) for step in unit])
         return slopes / (np.linalg.norm(slopes) or 1.0)
 

@@ -6,27 +6,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arguments import checked_rtol, unique_names
-from solve.arrays import Array, symmetric_of
+from solve.arrays import SPLIT, Array, symmetric_of
 from solve.errors import ControlError, MissingValueError, require_name
 from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
 from solve.single import floquet
-from solve.studies.control.maps import Maps, bounded
+from solve.studies.control.maps import FIRST_RTOL, Maps, bounded
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Riccati, solve_riccati
 from solve.system import PeriodicSystem, of_system, shown_in
-from solve.units import speed_in_si
+from solve.units import LARGEST, speed_in_si
 
-_ON_CIRCLE = 1e-7
-"""Distance from the unit circle below which a multiplier of the Hamiltonian system counts as lying on it.
-Chosen by judgement: double multipliers lose half of their digits."""
-
-_MAP_RTOL = 1e-8
-"""Tolerance for which the number of steps is chosen. The maps are then computed with twice this number."""
-
-_GROWTH, _MOST = 4.0, 200
-"""Ratio of successive gains that are tried until two of them enclose the norm, and maximum number of trials.
-Chosen by judgement."""
+_GROWTH = 4.0
+"""Ratio of successive gains that are tried until two of them enclose the norm. Chosen by judgement."""
 
 
 class Norm(NamedTuple):
@@ -233,7 +225,7 @@ class _Transfer(NamedTuple):
 
     def maps(self, gain: float) -> Maps:
         """Maps of the steps for the cost ∫ yᵀy − gain² uᵀu, in balanced units."""
-        equation = self.riccati(lambda B, C: (B / gain, np.swapaxes(C, 1, 2) @ C), -1.0, _MAP_RTOL)
+        equation = self.riccati(lambda B, C: (B / gain, np.swapaxes(C, 1, 2) @ C), -1.0, FIRST_RTOL)
         system = self.plant.system
         return equation.maps(Grid.uniform(2 * equation.first_steps(), system.period, system.breaks))[0]
 
@@ -245,7 +237,7 @@ class _Transfer(NamedTuple):
         """Gains below and above the norm; 0 and 0 if no input reaches an output. Raises ControlError."""
         gain = 1.0
         above = self.below(gain)
-        for _ in range(_MOST):
+        while 1 / LARGEST < gain < LARGEST:
             gain = gain / _GROWTH if above else gain * _GROWTH
             if self.below(gain) != above:
                 return (gain, gain * _GROWTH) if above else (gain / _GROWTH, gain)
@@ -261,7 +253,7 @@ class _Transfer(NamedTuple):
         A, G, H = (part[0] for part in self.maps(gain).period)
         zero, one = np.zeros_like(A), np.eye(len(A))
         multipliers: Any = eigvals(np.block([[A, zero], [-H, one]]), np.block([[one, G], [zero, A.T]]))
-        on_circle = multipliers[np.abs(np.abs(multipliers) - 1) < _ON_CIRCLE]
+        on_circle = multipliers[np.abs(np.abs(multipliers) - 1) < SPLIT]
         angles = np.abs(np.angle(on_circle))
         if not len(angles):
             return None

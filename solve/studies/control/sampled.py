@@ -9,6 +9,7 @@ import numpy as np
 from solve.arguments import checked_rtol, require_integer
 from solve.arrays import Array
 from solve.errors import ControlError, ValueOutOfBoundsError
+from solve.matrices import SAME_PHASE
 from solve.period.grid import Grid
 from solve.period.multipliers import radius_verdicts
 from solve.results.controller import SampledLoop
@@ -23,10 +24,6 @@ from solve.units import speed_in_si
 _ORDER, _ADVANCE = 8, 1.0
 """Order of the Gauss method, and phase advance per step of the fastest frozen mode, on the first grid, for
 the tolerance `FIRST_RTOL`. Chosen by judgement: intervals between samples are short."""
-
-_SAME = 1e-12
-"""Distance between a node and a sample, relative to the period, up to which the two count as equal. It covers
-round-off."""
 
 _MOST = 20000
 """Largest number of steps. Chosen by judgement."""
@@ -193,7 +190,7 @@ class _Drive:
             return rates, np.zeros((*rates.shape[:2], 0)), np.zeros_like(rates)
 
         maps = step_maps(coefficients, grid, _ORDER)[0].A
-        first = np.searchsorted(grid.nodes, times - _SAME * period)
+        first = np.searchsorted(grid.nodes, times - SAME_PHASE * period)
         maps[first] = maps[first] @ self.jumps(times)
         Phi = np.eye(maps.shape[-1])
         for each in maps:

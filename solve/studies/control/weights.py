@@ -8,6 +8,7 @@ import numpy as np
 from solve.arguments import number_or_nan
 from solve.arrays import EPS, Array
 from solve.errors import ValueOutOfBoundsError, require_name
+from solve.model.domain import BISECTIONS
 from solve.system import PeriodicSystem
 
 Weight = Array | Sequence[Sequence[float]] | Mapping[str, float] | Callable[[Array], Array]
@@ -18,10 +19,9 @@ _PHASES = 37
 """Number of phases per period at which definiteness is checked. Chosen by judgement: it is odd, so that the
 phases do not coincide with symmetries."""
 
-_HALVINGS, _JUMP = 30, 1e-3
-"""Number of bisections of the interval with the largest change, and change in the last interval, relative to
-the largest entry, above which it counts as a jump: a continuous function would need slopes of 1e6 times its
-size per radian. Chosen by judgement."""
+_JUMP = 1e-3
+"""Change in the last of repeatedly halved intervals, relative to the largest entry, above which it counts as
+a jump: a continuous function would need slopes of 1e9 times its size per radian. Chosen by judgement."""
 
 _INSIDE = 1e-9
 """Distance from the jumps of the system, relative to the period, within which jumps of weights are allowed.
@@ -80,7 +80,7 @@ def _require_continuous(name: str, function: Callable[[Array], Array], system: P
         ends = np.linspace(low + inside, high - inside, _PHASES)
         values = function(ends)
         scale = np.abs(values).max()
-        for _ in range(_HALVINGS):
+        for _ in range(BISECTIONS):
             changes = np.abs(np.diff(function(ends), axis=0)).max(axis=(1, 2))
             first = int(np.argmax(changes))
             ends = np.linspace(ends[first], ends[first + 1], 3)

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, Protocol
 from solve.errors import SolveError
 from solve.terminal import progress
 
-_INTERVAL = 0.2
+INTERVAL = 0.2
 """Time in seconds between two progress reports. Chosen by judgement."""
 
 _JOIN = 2.0
@@ -138,7 +138,7 @@ def _outcome(reports: BinaryIO, content: bytes) -> tuple[str, dict[str, Any]]:
         nonlocal reported
         now = time.monotonic()
         status = tracker.status(now)
-        if status is not None and now - reported > _INTERVAL:
+        if status is not None and now - reported > INTERVAL:
             reported = now
             _write(reports, ("progress", status._asdict()))
 

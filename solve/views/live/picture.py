@@ -13,24 +13,17 @@ from solve.errors import NoLoadError
 from solve.model.model import Model
 from solve.newton.orbits import nonlinear
 from solve.newton.transients import transient
+from solve.results.contents import DEGREES
 from solve.results.formatting import greek, measured, prefixed
 from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
 from solve.results.transient import Transient
 from solve.single import periodic
 from solve.views.animation import FREE_TURNS
-
-PHASES = 361
-"""Number of points of a curve: one per degree of a revolution, which is more than the pixels of a narrow
-panel."""
-
-_FREE_RTOL = 1e-6
-"""Relative tolerance of the free vibration. The error is far below a pixel."""
+from solve.views.orbit import VISIBLE
+from solve.views.panels import DRAWN_RTOL
 
 _HARMONICS = 60
-_VISIBLE = 1e-3
-"""Amplitude, relative to the largest, below which the tail of a spectrum is not shown."""
-
 _DIGITS = 5
 """Number of significant digits of points of curves, sufficient because a panel has fewer than 1e4 pixels."""
 
@@ -83,7 +76,7 @@ def solved(model: Model, speed: float, rtol: float, is_nonlinear: bool) -> Solut
         require_load(model, speed)
     except NoLoadError:
         start = np.ones(model.n), np.zeros(model.n)
-        return Solution(orbit, transient(model, speed, FREE_TURNS, start, rtol=_FREE_RTOL))
+        return Solution(orbit, transient(model, speed, FREE_TURNS, start, rtol=DRAWN_RTOL))
     return Solution(orbit)
 
 
@@ -125,7 +118,7 @@ def details(solution: Solution) -> dict[str, Any]:
 def _curve(solution: Solution, name: str) -> dict[str, Any]:
     """Return the curve of a quantity and its spectrum, in a unit with a prefix."""
     orbit = solution.orbit
-    phase = np.linspace(0.0, solution.span, PHASES)
+    phase = np.linspace(0.0, solution.span, DEGREES)
     values = solution.curve(name, phase)
     finite = values[np.isfinite(values)]
     largest = float(np.abs(finite).max()) if len(finite) else 0.0
@@ -134,7 +127,7 @@ def _curve(solution: Solution, name: str) -> dict[str, Any]:
     if solution.free is None:
         largest = float(orbit.statistics(name).max_abs)
         spectrum = orbit.harmonics(name, _HARMONICS)[0]
-        visible = np.flatnonzero(spectrum[1:] > _VISIBLE * np.nan_to_num(spectrum[1:]).max(initial=0.0))
+        visible = np.flatnonzero(spectrum[1:] > VISIBLE * np.nan_to_num(spectrum[1:]).max(initial=0.0))
         last = max(10, int(visible[-1]) + 2) if len(visible) else 10
         amplitudes = shortened(factor * spectrum[: last + 1])
     return {

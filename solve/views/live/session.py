@@ -17,6 +17,7 @@ from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, speed_in_si, unit_given
 from solve.views.animation import require_magnification
 from solve.views.live import controls, picture
+from solve.views.live.background import INTERVAL
 from solve.views.live.motion import COARSE, motion
 from solve.views.live.picture import Solution
 from solve.views.live.survey import Survey, choices
@@ -29,9 +30,8 @@ _MOTION_DELAY, _DETAILS_DELAY = 0.04, 0.25
 linearisation error and the notes are computed, unless the sliders have moved. Chosen by judgement: each of
 these computations takes as long as the solution."""
 
-_DELAY, _INTERVAL = 0.4, 0.25
-"""Times in seconds until the progress of a solution is first shown, and between two progress reports. Chosen
-by judgement."""
+_DELAY = 0.4
+"""Time in seconds until the progress of a solution is first shown. Chosen by judgement."""
 
 Send = Callable[[dict[str, Any], bytes | None], object]
 """Type of the function that sends a message to the page, with the points that belong to the message, if there
@@ -186,7 +186,7 @@ class Session:
         now = time.monotonic()
         status = tracker.status(now) if tracker is not None and now >= next_time[0] else None
         if status is not None:
-            next_time[0] = now + _INTERVAL
+            next_time[0] = now + INTERVAL
             self.send({"is": "progress", "of": "solution", "number": number, **status._asdict()}, None)
 
     def _moved(self, message: Mapping[str, Any]) -> float:

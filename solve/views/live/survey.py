@@ -11,7 +11,7 @@ from solve.errors import ValueOutOfBoundsError, require_name
 from solve.labels import SPEED, known_quantities
 from solve.model.model import Model
 from solve.period.named import HARMONIC, RADIUS, Named
-from solve.period.quantities import FIGURES
+from solve.period.signals import FIGURES
 from solve.results.formatting import greek, headed, named, prefixed
 from solve.studies.chart import chart
 from solve.studies.sweep import sweep

@@ -13,7 +13,8 @@ from solve.kernel.engines import COMPILED, NUMPY
 from solve.model.formulas import c_text
 from solve.model.sampling import Sampler
 from solve.period.curve import Curve
-from solve.period.quantities import FIGURES, Quantities
+from solve.period.quantities import Quantities
+from solve.period.signals import FIGURES
 from tests.solve.kernel.test_lanes import needs_compiler
 
 SAME = 1e-12

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solve.errors import ValueOutOfBoundsError
-from solve.period.quantities import harmonics, signal_statistics
+from solve.period.signals import harmonics, signal_statistics
 
 amplitudes = st.floats(0.1, 10.0)
 angles = st.floats(-3.0, 3.0)

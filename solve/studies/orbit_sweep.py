@@ -1,22 +1,23 @@
-"""Nonlinear orbits at the points of a sweep. The iteration at each point starts from the nearest solved
-point."""
+"""Sweeps in which orbits are computed one by one: nonlinear orbits, the iteration for which starts from the
+nearest solved point, and the prescribed motions of mechanisms without coordinates."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.batch.family import Family
 from solve.batch.store import opened
 from solve.batch.task import POINTS, Task
-from solve.contracts import Statistics
+from solve.equations import exceeded_limits, warnings_of
 from solve.errors import LinearModelError, SolveError
 from solve.newton.orbits import nonlinear
 from solve.period.multipliers import UNSTABLE, VERDICTS
-from solve.period.quantities import FIGURES
+from solve.results.orbit import Orbit
 from solve.results.points import Kept, PointResults
-from solve.results.special_orbits import NonlinearOrbit
+from solve.results.special_orbits import NonlinearOrbit, RigidOrbit
 from solve.system import multiplier_count
 from solve.terminal import progress
 
@@ -71,11 +72,7 @@ def _solve(
         return
     orbits[at] = orbit
     results.multipliers[0], results.verdicts[0] = orbit.multipliers, VERDICTS.index(orbit.verdict)
-    results.errors[0] = orbit.error_estimate
-    results.steps[0], results.methods[0] = orbit.steps, orbit.method
-    _write_figures(results, orbit)
-    if orbit.warnings:
-        results.warnings[0] = [*orbit.warnings]
+    _write(results, 0, orbit, orbit.warnings)
 
 
 def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]) -> NonlinearOrbit:
@@ -121,11 +118,32 @@ def _predicted(
     return lambda phase: (1 + ahead) * nearest.curve(phase) - ahead * other.curve(phase)
 
 
-def _write_figures(results: PointResults, orbit: NonlinearOrbit) -> None:
-    """Write the statistics and amplitudes of the quantities that `results` stores."""
-    selection: Kept = results.kept
-    for row, name in enumerate(selection.names):
-        statistics: Statistics = orbit.statistics(name)
-        results.figures[0, row] = [getattr(statistics, figure) for figure in FIGURES]
-    for row, name in enumerate(selection.spectra):
-        results.amplitudes[0, row], _ = orbit.harmonics(name, selection.harmonics)
+def rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
+    """Compute the statistics and amplitudes of the outputs at points (P, v), for a mechanism without
+    coordinates."""
+    results = PointResults.blank(len(points), 0, kept)
+    with progress.task(POINTS, len(points)) as count:
+        for at, point in enumerate(points):
+            try:
+                system, speed = family.system(point)
+                orbit = RigidOrbit.at_speed(system, speed)
+                limited = {name: orbit.statistics(name) for name in kept.names}
+                warnings = [*warnings_of(system, speed), *exceeded_limits(system, limited)]
+                _write(results, at, orbit, warnings)
+                results.verdicts[at] = 0
+            except SolveError as error:
+                results.failures[at] = str(error)
+            count.add()
+    return results
+
+
+def _write(results: PointResults, at: int, orbit: Orbit, warnings: Sequence[str]) -> None:
+    """Write the errors, statistics, amplitudes and warnings of an orbit as those of point `at`."""
+    results.errors[at] = orbit.error_estimate
+    results.steps[at], results.methods[at] = orbit.steps, orbit.method
+    for row, name in enumerate(results.kept.names):
+        results.figures[at, row] = orbit.statistics(name)
+    for row, name in enumerate(results.kept.spectra):
+        results.amplitudes[at, row], _ = orbit.harmonics(name, results.kept.harmonics)
+    if warnings:
+        results.warnings[at] = [*warnings]
