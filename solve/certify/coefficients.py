@@ -250,6 +250,7 @@ class ResampledPoints(DerivedPoints):
         self.steps, self.rules = steps, rules
         memory = 8 * _entry_count(self.n) * (len(points) if self.bytes_a_phase else 1)
         self._parts = _sampled_phases(steps, self.period, self.breaks, rules, memory)
+        self._last: tuple[SampledPhases, Any] | None = None
 
     def __getitem__(self, positions: Array) -> "ResampledPoints":
         return ResampledPoints(self.points[positions], self.steps, self.rules)
@@ -268,12 +269,12 @@ class ResampledPoints(DerivedPoints):
     def _averaged(self) -> tuple[Array, Tables]:
         """Phases (k,) of all stages, and tables of the averages at these phases."""
         stages = np.concatenate([part.lower.ravel() for part in self._parts])
-        lower = [self.points.tables(part.lower.ravel()) for part in self._parts]
-        averaged = [
-            each.table + part.increments(self._differences(part)[1][0])
-            for each, part in zip(lower, self._parts, strict=True)
-        ]
-        return stages, replace(lower[0], table=np.concatenate(averaged, axis=-2))
+        averaged, lower = [], None
+        for part in self._parts:
+            lower, (differences, *_) = self._differences(part)
+            averaged.append(lower.table + part.increments(differences))
+        assert lower is not None
+        return stages, replace(lower, table=np.concatenate(averaged, axis=-2))
 
     @cached_property
     def relative_difference(self) -> Array:
@@ -281,9 +282,9 @@ class ResampledPoints(DerivedPoints):
         of each entry; 0 for round-off."""
         sizes, entry = [], np.zeros(0)
         for part in self._parts:
-            terms, (_, *largest) = self._differences(part)
-            sizes.append([np.abs(terms.coefficients) * each for each in largest])
-            entry = terms.entry
+            lower, (_, *largest) = self._differences(part)
+            sizes.append([np.abs(lower.coefficients) * each for each in largest])
+            entry = lower.entry
         entries, starts = _entries(entry)
         differences, largest = np.max(sizes, axis=0)
         sums = np.add.reduceat(differences, starts, axis=-1)
@@ -291,13 +292,16 @@ class ResampledPoints(DerivedPoints):
         return _relative(sums[:, None], largest, entries, self.n)[:, 0]
 
     def _differences(self, part: SampledPhases) -> tuple[Tables, tuple[Array, Array, Array]]:
-        """Return the tables at the compared phases, followed by a tuple for their R terms: the differences
-        (…, Q, R) from the interpolant, the largest differences (…, R) and the largest values (…, R)."""
-        terms, lower, higher = (
-            self.points.tables(each.ravel()) for each in (part.compared, part.lower, part.higher)
-        )
-        compute = _differences if terms.per_point else _cached_differences
-        return terms, compute(terms.table, lower.table, higher.table, part)
+        """Return the tables at the stages of the lower method, followed by a tuple for their R terms: the
+        differences (…, Q, R) from the interpolant, the largest differences (…, R) and the largest values (…,
+        R). The result for the last part is cached, because most grids have a single part."""
+        if self._last is None or self._last[0] is not part:
+            compared, lower, higher = (
+                self.points.tables(each.ravel()) for each in (part.compared, part.lower, part.higher)
+            )
+            compute = _differences if lower.per_point else _cached_differences
+            self._last = part, (lower, compute(compared.table, lower.table, higher.table, part))
+        return self._last[1]
 
 
 def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:
