@@ -5,6 +5,9 @@ import pytest
 
 import solve
 from solve import Gauss, Radau, floquet, periodic, sweep
+from solve.certify.coefficients import ResampledPoints
+from solve.period.grid import Grid
+from solve.period.points import DerivedPoints, Points, SinglePoint
 from tests.solve.certificates.population import HALF, member
 from tests.solve.certificates.test_narrow import DAMPING, struck
 from tests.solve.certificates.trials import TRIALS, outcomes, rates
@@ -71,3 +74,31 @@ def test_a_nonlinear_orbit_takes_the_same_estimate():
     error = (np.abs(q - truth).max(axis=1) / np.abs(truth).max(axis=1)).max()
     assert error <= 10 * orbit.error_estimate.orbit
     assert orbit.error_estimate.orbit <= 1e-7
+
+
+class Counted(DerivedPoints):
+    """Points that count the phases at which their coefficients are evaluated."""
+
+    def __init__(self, points: Points):
+        super().__init__(points)
+        self.phases = 0
+
+    def __getitem__(self, positions):
+        return self
+
+    def tables(self, phase):
+        self.phases += len(phase)
+        return self.points.tables(phase)
+
+
+def test_averages_need_no_phases_beyond_those_of_the_differences():
+    """Along an orbit, evaluations are a third of the time."""
+    cam = solve.load("cam")
+    orbit = solve.nonlinear(cam, "300 rpm", rtol=1e-4)
+    points, lower = Counted(SinglePoint(orbit.system, orbit.speed)), Radau(13)
+    resampled = ResampledPoints(points, 64, (lower.stages, lower.with_another_stage.stages))
+    assert resampled.relative_difference > 0
+    first = points.phases
+    stages = Grid.uniform(64, points.period).stages(np.array(lower.stages.c)).ravel()
+    assert not np.array_equal(resampled.tables(stages).table, points.points.tables(stages).table)
+    assert points.phases == first
