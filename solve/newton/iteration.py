@@ -109,7 +109,7 @@ class Task:
     @cached_property
     def rigid(self) -> RigidBodyModes | None:
         """Rigid-body modes of the system linearised about the fundamental motion; None without such modes."""
-        return rigid_at_rest(self.system, self.speed)
+        return rigid_at_rest(self.system, self.speed, self.engine)
 
     def rest(self, grid: Grid) -> Curve:
         """Return the fundamental motion q = 0. The first Newton iterate from this motion is the linear
@@ -144,12 +144,16 @@ def zero_motion(n: int, grid: Grid) -> Curve:
     return Curve(grid.nodes, np.zeros((n, grid.steps, 1)))
 
 
-def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
+def at_rest(system: PeriodicSystem, speed: float, engine: str) -> SinglePoint:
+    """Return a system linearised about the fundamental motion q = 0."""
+    rest = zero_motion(system.n, Grid.uniform(1, system.period))
+    return SinglePoint(nonlinear_of(system).along(rest, columns_by(engine)), speed)
+
+
+def rigid_at_rest(system: PeriodicSystem, speed: float, engine: str) -> RigidBodyModes | None:
     """Return the rigid-body modes of a system linearised about the fundamental motion; None if it has
     none."""
-    free_machine = free(
-        SinglePoint(nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period))), speed)
-    )
+    free_machine = free(at_rest(system, speed, engine))
     return None if free_machine is None else free_machine.modes
 
 
@@ -306,11 +310,15 @@ def on(grid: Grid, motion: Motion) -> Curve:
     """Return the curve of a motion on the nodes of `grid`."""
     if isinstance(motion, Curve) and np.array_equal(motion.nodes, grid.nodes):
         return motion
-    ends = grid.stages(np.array([0.0, 1.0]))
-    q, v = (motion(grid.nodes, derivative).T for derivative in range(2))
+    if grid.smooth and isinstance(motion, Curve):
+        q, v, a = (state.T for state in motion.states(grid.nodes))
+        starts, ends = a[:-1], a[1:]
+    else:
+        q, v = (motion(grid.nodes, derivative).T for derivative in range(2))
+        starts, ends = (motion(phase, 2).T for phase in grid.stages(np.array([0.0, 1.0])).T)
     drift = getattr(motion, "drift", None)
     v = v if drift is None else v - drift
-    curve = Curve.quintic(grid.nodes, q, v, motion(ends[:, 0], 2).T, motion(ends[:, 1], 2).T)
+    curve = Curve.quintic(grid.nodes, q, v, starts, ends)
     return curve if drift is None else replace(curve, drift=drift)
 
 

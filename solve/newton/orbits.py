@@ -9,7 +9,7 @@ from solve.certify.all_multipliers import Spectrum, refined_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.contracts import Motion
-from solve.equations import events_of, nonlinear_of
+from solve.equations import events_of
 from solve.errors import (
     ChatterError,
     NoOrbitError,
@@ -21,7 +21,7 @@ from solve.errors import (
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocated import Collocated
-from solve.newton.iteration import QUADRATIC, Converged, Task, curve_of, iterate, zero_motion
+from solve.newton.iteration import QUADRATIC, Converged, Task, at_rest, curve_of, iterate
 from solve.newton.method import Newton
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
@@ -125,14 +125,14 @@ def nonlinear(
     solve_request = request(steps, rtol, used, True)
     check(system, omega)
     system = shown_in(system, omega)
-    task = Task(system, omega, int(periods), _collocated(rule, system, omega), used, solve_request.rtol)
+    collocated = _collocated(rule, at_rest(system, omega, used))
+    task = Task(system, omega, int(periods), collocated, used, solve_request.rtol)
     search = _Search(task, steps, notes, all_multipliers)
     return search.find() if start is None else search.certified(search.iterate(start), "start")
 
 
-def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
-    rest = zero_motion(system.n, Grid.uniform(1, system.period))
-    ((method, _),) = chosen_for(rule, SinglePoint(nonlinear_of(system).along(rest), speed))
+def _collocated(rule: Rule, point: SinglePoint) -> Collocated:
+    ((method, _),) = chosen_for(rule, point)
     if not isinstance(method, Collocated):
         raise ValueOutOfBoundsError(
             f"method is {method.name}; nonlinear orbits support radau, gauss and auto"

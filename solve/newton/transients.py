@@ -16,6 +16,7 @@ from solve.contracts import Integrator, Matrices, driven
 from solve.equations import nonlinear_of, require_desired_motion, varying_of
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.first_order import MixedSystem
+from solve.kernel.engines import NUMPY
 from solve.labels import require_motion
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
@@ -312,7 +313,7 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
 
 def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -> Orbit | None:
     """Return the nonlinear orbit near the last period (3, n, k) of the motion; None if there is none."""
-    last = joined([motion], system.period, rigid_at_rest(system, speed))
+    last = joined([motion], system.period, rigid_at_rest(system, speed, NUMPY))
     try:
         return nonlinear_orbit(system, speed, last, rtol=1e-6, engine=engine)
     except SolveError:
