@@ -28,10 +28,6 @@ from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
 from solve.results.points import Kept, PointResults
 from solve.studies.stability_samples import StabilitySamples, evaluator
 
-_PHASES = 128
-"""Number of phases at which the matrices of a few representative points are tested for being constant; the
-same as in `solve.period.frozen`."""
-
 _TEST_FRACTIONS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
 """Fractions of the period at which the matrices of all other points are tested."""
 
@@ -148,11 +144,14 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     n, period = family.example.n, family.example.period
     if isinstance(batch.method, Method) and not batch.method.converges:
         return None
-    phases = (np.arange(_PHASES) + 0.5) * (period / _PHASES)
-    entries = family.entries(phases, batch.region)
-    entries = entries[np.isfinite(entries).all(axis=(1, 2))]
+    entries = family.entries(_TEST_FRACTIONS * period, batch.region)
+    is_finite = np.isfinite(entries).all(axis=(1, 2))
+    entries = entries[is_finite]
     if not len(entries) or not _are_constant(entries, n).all():
         return None
+    for _, further in family.compared_entries(batch.region[is_finite]):
+        if not _are_constant(np.concatenate((entries, further), axis=1), n).all():
+            return None
     modes = _rigid_body_modes(*split_entries(entries[:, 0], n)[:3])
     multiplicity = int(np.bincount(modes.multiplicity).argmax())
     if multiplicity == 2 * n:
