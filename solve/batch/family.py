@@ -26,6 +26,10 @@ _CACHED_SYSTEMS = 8
 """Number of cached systems, those with the most recent values of the parameters. Chosen by judgement."""
 
 
+_REPRESENTATIVES = 8
+"""Approximate number of points that are sampled at all compared phases. Measured: sampling them takes 1 % of
+the time of a chart of the cam, and 5 % of a sweep of 24 four-bars."""
+
 _CHUNK_BYTES = 2**24
 """Memory limit, in bytes, of the entries at the compared phases that are sampled together. Chosen by
 judgement."""
@@ -269,6 +273,11 @@ class BuiltFamily(Family):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return BuiltFamily, (self._build, self.names, self._point[None], self.speed)
+
+
+def representative(points: Array) -> Array:
+    """About `_REPRESENTATIVES` of the points (P, v), equidistant in their order."""
+    return points[:: max(1, len(points) // _REPRESENTATIVES)]
 
 
 def over_speed(system: PeriodicSystem) -> Family:

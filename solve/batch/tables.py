@@ -10,7 +10,7 @@ further phases."""
 import numpy as np
 
 from solve.arrays import EPS, Array, across, covers_all
-from solve.batch.family import Family
+from solve.batch.family import Family, representative
 from solve.kernel.engines import NUMPY
 from solve.period.grid import pieces
 from solve.period.points import Tables
@@ -37,10 +37,6 @@ breaks. Chosen by judgement."""
 
 _MIN_PHASES = 8
 """Minimum number of training phases per piece. Chosen by judgement."""
-
-_VERIFIED_POINTS = 8
-"""Approximate number of training points at which the terms are verified at all compared phases. Measured: the
-verification takes 1 % of the time of a chart of the cam, and 5 % of a sweep of 24 four-bars."""
 
 
 class Separation:
@@ -73,7 +69,7 @@ class Separation:
         finite = np.isfinite(samples).all(axis=(1, 2))
         # Entries are NaN at points without a system.
         samples, self._points = samples[finite], self._points[finite]
-        verified = self._points[:: max(1, len(samples) // _VERIFIED_POINTS)]
+        verified = representative(self._points)
         rows, columns, self._active = _pivots(samples)
         self.separable = len(samples) > 0 and len(rows) < _MAX_TERMS
         row_index, self._rows = _numbered(rows)

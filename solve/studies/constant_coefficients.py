@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.arrays import Array, solved
 from solve.batch.batch import Batch
-from solve.batch.family import Family
+from solve.batch.family import Family, representative
 from solve.batch.gathering import gathered
 from solve.matrices import inertia_units, split_entries
 from solve.methods.method import Method
@@ -149,8 +149,9 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     entries = entries[is_finite]
     if not len(entries) or not _are_constant(entries, n).all():
         return None
-    for _, further in family.compared_entries(batch.region[is_finite]):
-        if not _are_constant(np.concatenate((entries, further), axis=1), n).all():
+    some = representative(entries)
+    for _, further in family.compared_entries(representative(batch.region[is_finite])):
+        if not _are_constant(np.concatenate((some, further), axis=1), n).all():
             return None
     modes = _rigid_body_modes(*split_entries(entries[:, 0], n)[:3])
     multiplicity = int(np.bincount(modes.multiplicity).argmax())
