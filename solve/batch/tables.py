@@ -10,7 +10,7 @@ further phases."""
 import numpy as np
 
 from solve.arrays import EPS, ROUND_OFF, Array, across, covers_all
-from solve.batch.family import Family
+from solve.batch.family import Family, representative
 from solve.kernel.engines import NUMPY
 from solve.period.grid import pieces
 from solve.period.points import Tables
@@ -66,6 +66,7 @@ class Separation:
         finite = np.isfinite(samples).all(axis=(1, 2))
         # Entries are NaN at points without a system.
         samples, self._points = samples[finite], self._points[finite]
+        verified = representative(self._points)
         rows, columns, self._active = _pivots(samples)
         self.separable = len(samples) > 0 and len(rows) < _MAX_TERMS
         row_index, self._rows = _numbered(rows)
@@ -73,6 +74,7 @@ class Separation:
         self._points, self._phases = self._points[row_index], phases[column_index]
         self._compute_terms(samples[np.ix_(row_index, column_index)])
         self.entry, self._stage = np.nonzero(self._active.T)
+        self.separable = self.separable and self._represents_every_phase(verified)
 
     def _compute_terms(self, samples: Array) -> None:
         """Compute the terms from samples (B, T, E): factors [j][i] (E,) of term i in row j, and values [i]
@@ -87,6 +89,18 @@ class Separation:
             factors.append(np.where(self._active[stage], rest[self._columns[stage], every], np.inf))
             self._factors.append(factors)
             self._nested.append(rest / factors[-1])
+
+    def _represents_every_phase(self, points: Array) -> bool:
+        """Whether the terms represent points (P, v) at all phases at which the error estimate of a single
+        point compares the coefficients. A feature between the training phases has no term of its own."""
+        coefficients, is_represented = self.coefficients(points)
+        points, coefficients = points[is_represented], coefficients[is_represented]
+        errors, largest = [], []
+        for phases, samples in self.family.compared_entries(points, self.engine):
+            predicted = Tables(self._terms(phases), coefficients, self.entry, self.n, self.first_order)
+            errors.append(across(np.maximum, np.abs(samples - predicted.entries()), 1))
+            largest.append(across(np.maximum, np.abs(samples), 1))
+        return bool(_are_represented(np.max(errors, axis=0), np.max(largest, axis=0), self.n).all())
 
     def table(self, phase: Array) -> Array:
         """Values (k, R) of the terms at phases (k,). The most recent results are cached, up to a memory
@@ -130,10 +144,7 @@ class Separation:
         predicted = self.tables(checks, coefficients).entries()
         error = across(np.maximum, np.abs(samples[:, -len(checks) :] - predicted), 1)
         largest = across(np.maximum, np.abs(samples), 1)
-        allowed = ROUND_OFF * largest
-        if (error > allowed).any():
-            allowed += EPS * _scales(largest, self.n)
-        return coefficients, across(np.logical_and, (error <= allowed) & np.isfinite(largest))
+        return coefficients, _are_represented(error, largest, self.n)
 
 
 class Separated:
@@ -191,6 +202,14 @@ def training(points: Array) -> Array:
     equidistant = np.linspace(0, len(points) - 1, _TRAINING_POINTS).astype(int)
     random = np.random.default_rng(0).integers(0, len(points), _TRAINING_POINTS)
     return points[np.unique([*extremes, *equidistant, *random])]
+
+
+def _are_represented(error: Array, largest: Array, n: int) -> Array:
+    """Whether (P,) the largest errors (P, E) of the entries are round-off of their largest values (P, E)."""
+    allowed = ROUND_OFF * largest
+    if (error > allowed).any():
+        allowed += EPS * _scales(largest, n)
+    return across(np.logical_and, (error <= allowed) & np.isfinite(largest))
 
 
 def _scales(largest: Array, n: int) -> Array:

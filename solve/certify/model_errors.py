@@ -16,8 +16,9 @@ harmonics.
 - A solution with fewer harmonics differs from the full solution by the effect of the omitted harmonics. Two
   such differences show how fast this effect decreases with the harmonic. Extrapolation yields the effect of
   the missing harmonics.
-- Harmonics near the number of azimuths alias to the mean. Their effect is that of shifted means. The shift is
-  extrapolated from the amplitudes of the resolved harmonics.
+- The missing harmonics alias to the mean and to the resolved harmonics, which may be in resonance. Their
+  amplitudes are extrapolated from those of the resolved harmonics; their effect is that of amplitudes added
+  to the harmonics to which they alias.
 
 The larger of the two errors is used. It is zero if the resolved harmonics end within round-off. Harmonics
 beyond the resolved range that alias to lower ones are then not detected."""
@@ -214,7 +215,8 @@ def _interpolation_at(
     try:
         changes = [_change(result, row, point, samples.truncated(number * spacing)) for number in kept]
         # With non-uniform azimuths, the effect of truncation includes aliasing.
-        aliased = _change(result, row, point, samples.shifted()) if samples.given is None else np.zeros(2)
+        is_uniform = samples.given is None
+        aliased = _change(result, row, point, samples.with_aliases()) if is_uniform else np.zeros(2)
     except SolveError:
         return InterpolationError(samples.azimuths, last, math.inf, math.inf, None)
     effects = [_Effect(number, change) for number, change in zip(kept, changes, strict=True)]

@@ -11,11 +11,10 @@ import numpy as np
 
 from solve.arrays import Array, solved
 from solve.batch.batch import Batch
-from solve.batch.family import Family
+from solve.batch.family import Family, representative
 from solve.batch.gathering import gathered
 from solve.matrices import inertia_units, split_entries
 from solve.methods.method import Method
-from solve.period.frozen import PHASES
 from solve.period.multipliers import (
     ASYMPTOTICALLY_STABLE,
     EPS,
@@ -145,11 +144,15 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     n, period = family.example.n, family.example.period
     if isinstance(batch.method, Method) and not batch.method.converges:
         return None
-    phases = (np.arange(PHASES) + 0.5) * (period / PHASES)
-    entries = family.entries(phases, batch.region)
-    entries = entries[np.isfinite(entries).all(axis=(1, 2))]
+    entries = family.entries(_TEST_FRACTIONS * period, batch.region)
+    is_finite = np.isfinite(entries).all(axis=(1, 2))
+    entries = entries[is_finite]
     if not len(entries) or not _are_constant(entries, n).all():
         return None
+    some = representative(entries)
+    for _, further in family.compared_entries(representative(batch.region[is_finite])):
+        if not _are_constant(np.concatenate((some, further), axis=1), n).all():
+            return None
     modes = _rigid_body_modes(*split_entries(entries[:, 0], n)[:3])
     multiplicity = int(np.bincount(modes.multiplicity).argmax())
     if multiplicity == 2 * n:

@@ -122,6 +122,33 @@ def test_aliasing_to_the_mean_is_estimated(count):
     assert abs(found.multipliers[0] / exact - 1) <= 10 * found.error_estimate.multipliers
 
 
+@pytest.mark.parametrize("count", [20, 28, 44, 60])
+@pytest.mark.parametrize("start", [0.3, 1.1, 2.6])
+def test_kinks_below_a_smooth_load_are_estimated(count, start):
+    """The harmonics of the load decay more slowly at first and faster in the end than those of the kinks."""
+    phases = uniform(count)
+    A = -(np.abs(np.sin(phases - start))[:, None, None] ** 3)
+    load = 1 / (1.1 - np.cos(phases - 2.0))[:, None]
+    found = solve.floquet(FirstOrderSystem.from_samples(A, load, ["x"]), 1.0)
+    exact = np.exp(-8 / 3)
+    assert abs(found.multipliers[0] / exact - 1) <= 10 * found.error_estimate.multipliers
+
+
+@pytest.mark.parametrize(("count", "order"), [(33, 3), (41, 5), (53, 3)])
+def test_harmonics_that_alias_to_a_resonance_are_estimated(count, order):
+    """The missing harmonic `count` - `order` of the load excites the resonance at harmonic `order`."""
+
+    def oscillator(phase, speed=1.0):
+        one = np.ones((len(phase), 1, 1))
+        load = np.abs(np.sin(phase - 0.7)) ** 3
+        return one, 0.002 * one, order**2 * one, load[:, None]
+
+    system = PeriodicSystem.from_samples(*oscillator(uniform(count)), ["q"])
+    orbit = solve.periodic(system, 1.0)
+    exact = solve.periodic(PeriodicSystem(oscillator, ["q"], breaks=[0.7, 0.7 + np.pi]), 1.0)
+    assert orbit_difference(orbit, exact, 1) <= 10 * orbit.error_estimate.orbit
+
+
 def test_jumps_of_samples_are_warned_of():
     phases = uniform(24)
     A = np.where(np.mod(phases, 2 * np.pi) < 2.0, -1.0, -0.5)[:, None, None]
@@ -225,11 +252,14 @@ def curves(kind, rng):
         "jumps": lambda p: 1.0 * (np.mod(p - shift, 2 * np.pi) < width),
         "harmonics": lambda p: 1 + np.cos(p - shift) + np.cos(3 * p),
         "pulses": lambda p: np.exp(10 * width * (np.cos(p - shift) - 1)),
+        "kinks": lambda p: (
+            np.abs(np.sin((p - shift) / 2)) ** 3 + 0.4 * width * np.abs(np.sin(p - 2 * shift)) ** 3
+        ),
     }[kind]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["poles", "jumps", "harmonics", "pulses"])
+@pytest.mark.parametrize("kind", ["poles", "jumps", "harmonics", "pulses", "kinks"])
 def test_errors_of_many_interpolated_functions_are_honest(kind):
     rng, ratios = np.random.default_rng(99), []
     fine = (np.arange(200_000) + 0.5) * (2 * np.pi / 200_000)

@@ -1,4 +1,4 @@
-"""A point is as exact beside others, in the lanes of one register, as alone."""
+"""A point of a batch is as exact as a single point."""
 
 import numpy as np
 import pytest
@@ -53,3 +53,36 @@ def test_points_in_a_batch_are_as_accurate_as_single_points(scales):
             estimate = chart.error_estimate[row, column] + truth[column].error_estimate.multipliers
             assert error <= 10 * estimate, (scale, angle)
             assert error <= 2e-10
+
+
+def pulsed(strength, stiffness, start):
+    """Oscillator with a pulse of the stiffness and of the load that lasts 1/80 of the period."""
+
+    def matrices(phase, speed):
+        one, width = np.ones((len(phase), 1, 1)), 2 * np.pi / 80
+        fraction = np.mod(phase - start, 2 * np.pi) / width
+        pulse = np.where(fraction < 1, np.sin(np.pi * fraction) ** 4, 0.0) / width
+        K = (stiffness + strength * pulse)[:, None, None]
+        return one, 0.03 * one, K, (1 + strength * pulse)[:, None]
+
+    return solve.PeriodicSystem(matrices, ["q"])
+
+
+@pytest.mark.parametrize("cell", [5, 17, 42, 58])
+def test_pulses_between_the_training_phases_of_a_batch_are_not_lost(cell):
+    """The pulse begins after one of the 64 phases from which shared terms are computed, and ends before the
+    next."""
+    start = (cell + 0.6) * 2 * np.pi / 64
+    strengths, stiffnesses = [0.0, 0.4, 0.9, 1.6], [0.9, 2.2, 4.0]
+    chart = solve.chart(
+        lambda strength, stiffness: pulsed(strength, stiffness, start),
+        {"strength": strengths},
+        {"stiffness": stiffnesses},
+        speed=1.0,
+        boundaries=False,
+    )
+    for column, strength in enumerate(strengths):
+        for row, stiffness in enumerate(stiffnesses):
+            alone = solve.floquet(pulsed(strength, stiffness, start), 1.0)
+            assert chart.spectral_radius[row, column] == pytest.approx(alone.spectral_radius, rel=1e-8)
+            assert chart.verdicts[row, column] == alone.verdict
