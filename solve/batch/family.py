@@ -22,7 +22,6 @@ from solve.period.grid import pieces
 from solve.period.points import SpeedPoints
 from solve.system import PeriodicSystem
 
-
 _REPRESENTATIVES = 8
 """Approximate number of points that are sampled at all compared phases. Measured: sampling them takes 1 % of
 the time of a chart of the cam, and 5 % of a sweep of 24 four-bars."""
