@@ -25,7 +25,7 @@ from solve.period.logarithms import UNKNOWN, exponential, log_distances, matched
 from solve.period.multipliers import matched
 from solve.period.points import Points, SinglePoint, state_size
 from solve.period.product_eigenvalues import ProductEigenvalues, eigenvalue_logarithms, product_eigenvalues
-from solve.period.rigid_body import before_rigid
+from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
 
 _MAX_WORK = 3e6, 1e7, 2e8
@@ -47,12 +47,15 @@ class Factors:
     The eigenvalues are those of the product of the factors.
 
     point: equations and speed. certified: solution, with the method of the factors. steps: number of steps.
-    loss: see `solve.period.blocks.LOSS`. Properties raise LinAlgError if the eigenvalues do not converge."""
+    loss: see `solve.period.blocks.LOSS`. anchored: rigid-body modes that are anchored. Other multipliers near
+    +1 are then accurate, but modes are not available. Properties raise LinAlgError if the eigenvalues do not
+    converge."""
 
     point: SinglePoint
     certified: Certified
     steps: int
     loss: float = LOSS
+    anchored: Free | None = None
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -108,7 +111,7 @@ class Factors:
 
     def _maps(self, method: Method, steps: int) -> tuple[Grid, Array]:
         equations = balanced(self.point, self.certified.modes)
-        return step_maps(equations, method, steps, self.certified.request.engine)
+        return step_maps(equations, method, steps, self.certified.request.engine, self.anchored)
 
 
 @dataclass(frozen=True)
@@ -286,11 +289,13 @@ class Spectrum:
         solution, because small multipliers belong to fast modes. If the user has specified the number of
         steps, that number is used."""
         certified = self.certified
-        if self.refined is not None and self.refined.work <= _MAX_WORK[1]:
-            return self.refined
+        short = self.refined if self.refined is not None and self.refined.work <= _MAX_WORK[1] else None
+        if short is not None and short.anchored is None:
+            return short
         if not self._has_factors or not slicot.available():
             return None
-        is_small, steps = self.refined is None and not self._has_digit.all(), certified.steps
+        is_small = self.refined is None and not self._has_digit.all()
+        steps = certified.steps if short is None else short.steps
         if is_small and certified.request.steps is None and certified.method.with_another_stage is not None:
             steps *= 2
         factors = Factors(self.point, certified, steps, _DEFAULT_LOSS)
@@ -317,10 +322,11 @@ def refined_multipliers(point: SinglePoint, certified: Certified) -> Factors | N
     Return None if SLICOT is not available, or if its iteration does not converge."""
     request, steps, previous_error = certified.request, certified.steps, math.inf
     ratio = better_method(certified.method)[1]
+    anchored = certified.solutions.free if certified.method.linear else None
     try:
         while slicot.available():
             with progress.task(f"factors of {steps} steps, for all multipliers"):
-                factors = Factors(point, certified, steps)
+                factors = Factors(point, certified, steps, anchored=anchored)
                 largest = float(factors.errors.max())
             is_last = largest <= request.rtol or 2 * ratio * factors.work > _MAX_WORK[2]
             # If doubling the steps does not halve the error, further doubling does not help.
@@ -338,16 +344,18 @@ def _rigid_count(certified: Certified) -> int:
     return 0 if rigid_modes is None else int(rigid_modes.modes.multiplicity[0])
 
 
-def step_maps(points: Points, method: Method, steps: int, engine: str) -> tuple[Grid, Array]:
+def step_maps(
+    points: Points, method: Method, steps: int, engine: str, anchored: Free | None = None
+) -> tuple[Grid, Array]:
     """Return a uniform grid and the one-step maps (P, m, N, N) on this grid, computed in chunks if memory
-    requires it. Rigid-body modes are not treated separately. Raises SolveError."""
+    requires it. anchored: rigid-body modes relative to which the motion is described. Raises SolveError."""
     grid = Grid.uniform(steps, points.period, points.breaks)
     chunks = grid.parts(_MEMORY // method.bytes_a_step(points.n) + 1)
-    if isinstance(method, OneStep) and len(chunks) > 1:
+    if isinstance(method, OneStep) and len(chunks) > 1 and anchored is None:
         with np.errstate(all="ignore"):
             maps = [method.discretise(points, chunk).steps.A for chunk in chunks]
         return grid, np.concatenate(maps, axis=1)
-    solutions = solutions_on(method, points, grid, False, engine, None).checked()
+    solutions = solutions_on(method, points, grid, False, engine, anchored).checked()
     assert solutions.steps is not None
     return solutions.grid, solutions.steps.A
 
