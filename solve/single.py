@@ -3,7 +3,7 @@
 from solve.arguments import checked_rtol
 from solve.certify.all_multipliers import Spectrum, refined_multipliers, require_step_maps
 from solve.certify.certified import Certified, Failed, SolveRequest
-from solve.certify.model_errors import with_margin, with_model_errors
+from solve.certify.model_errors import with_model_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import RADAU, Rule, auto, chosen, chosen_for
@@ -168,7 +168,5 @@ def _solve(
         if isinstance(result, Failed):
             raise result.reason
         result = with_model_errors(result, lambda _: (system, omega))
-        refined_spectrum = refined_multipliers(point, result) if all_multipliers else None
-        if refined_spectrum is not None and result.interpolation:
-            refined_spectrum = with_margin(refined_spectrum, result.interpolation[0].multipliers)
-    return result, Spectrum(point, result, refined_spectrum, all_multipliers)
+        refined = refined_multipliers(point, result) if all_multipliers else None
+    return result, Spectrum(point, result, refined, all_multipliers)

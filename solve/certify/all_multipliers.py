@@ -15,11 +15,11 @@ from solve.certify.certified import Certified
 from solve.certify.comparison import NO_DIGIT, SAFETY, better_method
 from solve.errors import StepsError, counted
 from solve.kernel import slicot
-from solve.methods.free import anchored_for, free, solutions_on
-from solve.methods.method import Method, OneStep, Solutions
-from solve.period.blocks import LOSS, Blocks, balanced_blocks, joined_blocks
+from solve.methods.free import solutions_on
+from solve.methods.method import Method, OneStep
+from solve.period.blocks import LOSS, Blocks, balanced_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
-from solve.period.frozen import balanced, frozen
+from solve.period.frozen import balanced
 from solve.period.grid import Grid
 from solve.period.logarithms import UNKNOWN, exponential, log_distances, matched_logarithms
 from solve.period.multipliers import matched
@@ -42,18 +42,76 @@ _MEMORY = 2**29
 
 
 @dataclass(frozen=True)
-class RefinedMultipliers:
-    """All multipliers of a point. Each meets the tolerance unless round-off or the limit of computational
-    work prevents it.
+class Factors:
+    """Factors of the period of a point on a uniform grid, and all multipliers in order of decreasing modulus.
+    The eigenvalues are those of the product of the factors.
 
-    logarithms (N,): log ρ, -inf for an exact zero. errors (N,): estimated relative error of each ρ, NaN if ρ
-    is not accurate to one digit. steps: number of steps per period. rigid (N,): whether the multiplier
-    belongs to a rigid-body mode."""
+    point: equations and speed. certified: solution, with the method of the factors. steps: number of steps.
+    loss: see `solve.period.blocks.LOSS`. anchored: rigid-body modes that are anchored. Other multipliers near
+    +1 are then accurate, but modes are not available. Properties raise LinAlgError if the eigenvalues do not
+    converge."""
 
-    logarithms: Array
-    errors: Array
+    point: SinglePoint
+    certified: Certified
     steps: int
-    rigid: Array
+    loss: float = LOSS
+    anchored: Free | None = None
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """Products of neighbouring one-step maps."""
+        return balanced_blocks(self._maps(self.certified.method, self.steps)[1], self.loss)
+
+    @cached_property
+    def eigenvalues(self) -> ProductEigenvalues:
+        """Eigenvalues of the product, with eigenvectors."""
+        return product_eigenvalues(self.blocks.factors, self.blocks.rounding, vectors=True)
+
+    @cached_property
+    def _order(self) -> tuple[Array, Array]:
+        """Indices (N,) of the eigenvalues, of which those of rigid-body modes follow the multipliers outside
+        the unit circle. Also whether (N,) each belongs to a rigid-body mode: these are nearest to +1."""
+        logarithms = self.eigenvalues.logarithms[0]
+        rigid, others = np.split(np.abs(logarithms).argsort(kind="stable"), [_rigid_count(self.certified)])
+        others.sort()
+        order = np.insert(others, before_rigid(exponential(logarithms[others])), rigid)
+        return order, np.isin(order, rigid)
+
+    @property
+    def rigid(self) -> Array:
+        """Whether (N,) each multiplier belongs to a rigid-body mode."""
+        return self._order[1]
+
+    @property
+    def logarithms(self) -> Array:
+        """Logarithms log ρ (N,); -inf for an exact zero."""
+        return np.where(self.rigid, 0.0, self.eigenvalues.logarithms[0][self._order[0]])
+
+    @cached_property
+    def errors(self) -> Array:
+        """Estimated relative error (N,) of each ρ, from a comparison with factors of a better method."""
+        method, ratio = better_method(self.certified.method)
+        better = balanced_blocks(self._maps(method, ratio * self.steps)[1], self.loss)
+        errors = multiplier_errors(eigenvalue_logarithms(better.factors[0]), self.eigenvalues)
+        return np.where(self.rigid, 0.0, errors[self._order[0]])
+
+    def modes(self) -> Sequence[FloquetMode]:
+        """Return the mode (N) of each multiplier. It contains no harmonic if the steps do not resolve it."""
+        mass = None if self.point.first_order else self.certified.modes.mean_mass[0]
+        rotation = 2 * math.pi * self.point.speed / self.point.period
+        grid, maps = self._maps(self.certified.method, self.steps)
+        modes = floquet_modes(maps[0], grid, mass, self.blocks, self.eigenvalues, rotation)
+        of_rigid = FloquetMode(0.0, 0.0, 0, 1.0)
+        return [of_rigid if rigid else modes[at] for at, rigid in zip(*self._order, strict=True)]
+
+    @property
+    def work(self) -> float:
+        """Number of steps times the square of the number of states."""
+        return self.steps * state_size(self.point) ** 2
+
+    def _maps(self, method: Method, steps: int) -> tuple[Grid, Array]:
+        equations = balanced(self.point, self.certified.modes)
+        return step_maps(equations, method, steps, self.certified.request.engine, self.anchored)
 
 
 @dataclass(frozen=True)
@@ -61,43 +119,38 @@ class Spectrum:
     """All multipliers of a point in order of decreasing modulus, positive imaginary part first.
 
     Multipliers that the monodromy matrix resolves are its eigenvalues. Smaller multipliers are computed from
-    the factors of the period with twice as many steps. Their errors are estimated from the differences
-    between these results and those with one more stage. Multipliers of rigid-body modes are exactly +1.
+    the factors of the period with twice as many steps. Multipliers of rigid-body modes are exactly +1.
 
-    each: whether `rtol` applies to each multiplier. All multipliers are then those of `refined`."""
+    each: whether `rtol` applies to each multiplier. All multipliers are then those of the factors `refined`;
+    see `refined_multipliers`."""
 
     point: SinglePoint
     certified: Certified
-    refined: RefinedMultipliers | None = None
+    refined: Factors | None = None
     each: bool = False
 
     @property
     def values(self) -> Array:
         """Multipliers ρ (N,), complex; 0 if below the range of floating-point numbers, NaN if not accurate to
         one digit."""
-        if self.refined is not None:
-            return exponential(self.logarithms)
-        small = exponential(self._logarithms_and_errors[0])
-        return self._with_rigid(np.where(self._has_digit, self._eigenvalues, small), 1.0)
+        return exponential(self.logarithms)
 
     @property
     def logarithms(self) -> Array:
         """Principal logarithms log ρ (N,); -inf for an exact zero, NaN if not accurate to one digit."""
-        return self._with_rigid(self._logarithms_and_errors[0], 0.0)
+        return self._logarithms_and_errors[0]
 
     @property
     def errors(self) -> Array:
         """Estimated relative error of each ρ (N,); NaN if not accurate to one digit."""
-        return self._with_rigid(self._logarithms_and_errors[1], 0.0)
+        return self._logarithms_and_errors[1]
 
     @property
     def leading(self) -> Array:
         """Largest multipliers (k,), which the monodromy matrix separates from the others; empty if
         `refined`."""
-        if self.refined is not None:
-            return self._eigenvalues[:0]
-        is_separate = 2 * self.certified.absolute[0] < NO_DIGIT * np.abs(self._eigenvalues)
-        return self._with_rigid(self._eigenvalues, 1.0)[self._with_rigid(is_separate, fill=True)]
+        rho, _, errors = self._of_monodromy
+        return rho[(2 * errors < NO_DIGIT * np.abs(rho)) & (self.refined is None)]
 
     def logarithm(self, at: int) -> complex:
         """Return log ρ of the multiplier with index `at`. A leading one is computed without the others."""
@@ -106,63 +159,51 @@ class Spectrum:
 
     def multiplier(self, at: int) -> complex:
         """Return the multiplier ρ with index `at`. A leading one is computed without the others."""
-        leading = self.leading
-        return complex(leading[at] if at < len(leading) else self.values[at])
+        return complex(exponential(np.array(self.logarithm(at))))
 
     @property
     def unresolved(self) -> int:
         """Number of multipliers that are not accurate to one digit."""
         return int(np.isnan(self.errors).sum())
 
+    @property
+    def rigid(self) -> Array:
+        """Whether (N,) each multiplier belongs to a rigid-body mode."""
+        return self._of_monodromy[1] if self.refined is None else self.refined.rigid
+
     @cached_property
     def modes(self) -> Sequence[FloquetMode]:
         """Modes of all multipliers. A mode has no harmonic if its multiplier is not accurate to one digit, or
         if the method computes no step maps."""
-        rotation = 2 * math.pi * self.point.speed / self.point.period
-        angles = np.imag(self.logarithms) * rotation / (2 * math.pi)
+        angles = np.imag(self.logarithms) * (self.point.speed / self.point.period)
         modes = [FloquetMode(float(angle)) for angle in angles]
-        if self._factored is not None:
-            blocks, eigenvalues = self._factored
-            solutions, order = self._solutions, self._order
-            assert solutions.steps is not None
-            mass = None if self.point.first_order else self.certified.modes.mean_mass[0]
-            maps = solutions.steps.A[0]
-            with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, rotation)
-            change = np.diagonal(log_distances(self.logarithms, eigenvalues.logarithms[0][order]))
-            for i in np.flatnonzero(~np.isnan(self.errors) & (change < NO_DIGIT)):
-                modes[i] = with_harmonics[order[i]]
-            for i in np.flatnonzero(self.rigid):
-                modes[i] = FloquetMode(0.0, 0.0, 0, 1.0)
+        if self._factors is not None:
+            known, candidates = np.flatnonzero(~np.isnan(self.errors)), self._factors.modes()
+            distances = log_distances(self.logarithms[known], self._factors.logarithms)
+            for row, column in zip(*matched(distances), strict=True):
+                if distances[row, column] < NO_DIGIT:
+                    modes[known[row]] = candidates[column]
         return modes
-
-    @cached_property
-    def rigid(self) -> Array:
-        """Whether (N,) each multiplier belongs to a rigid-body mode."""
-        if self.refined is not None:
-            return self.refined.rigid
-        return self._with_rigid(np.zeros(len(self._eigenvalues), dtype=bool), fill=True)
 
     @property
     def warnings(self) -> list[str]:
         """Warning if `rtol` applies to each multiplier and an error exceeds it; otherwise empty."""
-        if self.refined is None:
+        rtol = self.certified.request.rtol
+        if self.refined is None or (worst := self.errors.max()) <= rtol:
             return []
-        rtol, steps = self.certified.request.rtol, self.refined.steps
+        missed = f"the largest relative error of a multiplier is {worst:.1e}, above rtol {rtol:g}"
         if self.unresolved:
             of = f"of {len(self.errors)} multipliers"
             missed = f"{counted(self.unresolved, f'{of} is', f'{of} are')} not accurate to even one digit"
-        elif (worst := float(self.errors.max())) > rtol:
-            missed = f"the largest relative error of a multiplier is {worst:.1e}, above rtol {rtol:g}"
-        else:
-            return []
-        return [f"{missed}: {steps} steps do not resolve the fastest modes, or round-off limits the accuracy"]
+        many = f"{self.refined.steps} steps"
+        return [f"{missed}: {many} do not resolve the fastest modes, or round-off limits the accuracy"]
 
     @property
     def notes(self) -> list[str]:
         """Note on results that are missing without the eigenvalues of the product of the step maps."""
         is_refused = self.each and self.refined is None
         # A note alone does not justify computing the eigenvalues of the factors.
-        has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
+        has_failed = self._has_factors and "_factors" in self.__dict__ and self._factors is None
         is_installed = slicot.available()
         if not is_installed and (is_refused or self._has_factors):
             reason = "SLICOT is required: pip install ctrlsys (not available on all platforms)"
@@ -183,50 +224,50 @@ class Spectrum:
             missing.append("orders and frequencies of the modes are unknown")
         return [f"{', and '.join(missing)}; {reason}"] if missing else []
 
-    def _with_rigid(self, values: Array, fill: float) -> Array:
-        """Insert `fill` once for each rigid-body mode into `values`, which exclude these modes. It is
-        inserted after the multipliers outside the unit circle. Return the values (N,) for all multipliers."""
-        count = rigid_multipliers(self.certified)
-        if self.refined is not None or not count:
-            return values
-        return np.insert(values, np.full(count, before_rigid(self._eigenvalues)), fill)
-
     @cached_property
-    def _solutions(self) -> Solutions:
-        """Solutions with the step maps from which modes and small multipliers are computed."""
-        certified, steps = self.certified, self._factor_steps
-        if self.refined is not None and self._work(self.refined.steps) <= _MAX_WORK[1]:
-            steps = self.refined.steps
-        elif steps == certified.steps and not rigid_multipliers(certified):
-            return certified.solutions
-        return solved_on(self._equations, certified.method, steps, certified.request.engine)
+    def _of_monodromy(self) -> tuple[Array, Array, Array]:
+        """Eigenvalues of the monodromy matrix (N,), with +1 for each rigid-body mode. Also whether (N,) each
+        belongs to a rigid-body mode, and its absolute error (N,)."""
+        values, count = self.certified.solutions.multipliers.values[0], _rigid_count(self.certified)
+        values = values[: len(values) - count]
+        at = np.full(count, before_rigid(values))
+        is_rigid = np.insert(np.zeros(len(values), dtype=bool), at, values=True)
+        return np.insert(values, at, 1.0), is_rigid, np.where(is_rigid, 0.0, self.certified.absolute[0])
 
     @property
-    def _factor_steps(self) -> int:
-        """Number of steps of the factors. If there are unresolved multipliers, it is twice the number of
-        steps of the solution, because small multipliers belong to fast modes. If the user has specified the
-        number of steps, that number is used."""
-        certified = self.certified
-        is_small = self.refined is None and not self._has_digit.all() and certified.request.steps is None
-        return certified.steps * (2 if is_small and certified.method.with_another_stage else 1)
-
-    @property
-    def _equations(self) -> Points:
-        return balanced(self.point, self.certified.modes)
-
-    def _work(self, steps: int) -> float:
-        return steps * state_size(self.point) ** 2
-
-    @property
-    def _eigenvalues(self) -> Array:
-        """Eigenvalues of the monodromy matrix, excluding those of rigid-body modes."""
-        values = self.certified.solutions.multipliers.values[0]
-        return values[: len(values) - rigid_multipliers(self.certified)]
-
-    @cached_property
     def _has_digit(self) -> Array:
         """Whether (N,) the monodromy matrix resolves each multiplier to at least one digit."""
-        return self.certified.absolute[0] < NO_DIGIT * np.abs(self._eigenvalues)
+        rho, _, errors = self._of_monodromy
+        return errors < NO_DIGIT * np.abs(rho)
+
+    @cached_property
+    def _logarithms_and_errors(self) -> tuple[Array, Array]:
+        """Logarithms log ρ (N,) of the multipliers and their errors (N,)."""
+        if self.refined is not None:
+            return self.refined.logarithms, self._with_interpolation(self.refined)
+        (rho, _, absolute), has_digit = self._of_monodromy, self._has_digit
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logarithms = np.where(rho != 0, np.log(rho), UNKNOWN)
+            errors = np.where(has_digit, absolute / np.abs(rho), np.nan)
+        # If the largest multipliers are not accurate to one digit, none is, even if two solutions agree.
+        is_needed = not has_digit.all() and self.certified.errors[0, 1] < NO_DIGIT
+        if is_needed and (factors := self._factors) is not None:
+            large = matched_logarithms(logarithms[has_digit], factors.logarithms)
+            small = np.setdiff1d(np.arange(len(rho)), large)
+            logarithms[~has_digit] = factors.logarithms[small]
+            errors[~has_digit] = self._with_interpolation(factors)[small]
+        return logarithms, errors
+
+    def _with_interpolation(self, factors: Factors) -> Array:
+        """Return the errors (N,) of multipliers from factors, with the error of interpolation, which is
+        relative to the spectral radius. They are NaN for multipliers that are not accurate to one digit."""
+        sizes, errors = np.real(factors.logarithms), factors.errors
+        for interpolation in self.certified.interpolation:
+            if interpolation.multipliers > 0:
+                with np.errstate(over="ignore"):
+                    added = interpolation.multipliers * np.exp(sizes.max() - sizes)
+                errors = np.where(factors.rigid, 0.0, errors + added)
+        return np.where(errors < NO_DIGIT, errors, np.nan)
 
     @property
     def _has_factors(self) -> bool:
@@ -237,62 +278,31 @@ class Spectrum:
     @property
     def _is_long(self) -> bool:
         """Whether the factors would take too much computing time to be used by default."""
-        return self.refined is None and self._work(self.certified.steps) > _MAX_WORK[0]
+        work = self.certified.steps * state_size(self.point) ** 2
+        return self.refined is None and work > _MAX_WORK[0]
 
     @cached_property
-    def _logarithms_and_errors(self) -> tuple[Array, Array]:
-        """Logarithms log ρ (N,) of the multipliers and their errors (N,), excluding rigid-body modes."""
-        if self.refined is not None:
-            return self.refined.logarithms, self.refined.errors
-        certified, rho, has_digit = self.certified, self._eigenvalues, self._has_digit
-        with np.errstate(divide="ignore", invalid="ignore"):
-            logarithms = np.where(rho != 0, np.log(rho), UNKNOWN)
-            errors = np.where(has_digit, certified.absolute[0] / np.abs(rho), np.nan)
-        # If the largest multipliers are not accurate to one digit, none is, even if two solutions agree.
-        if has_digit.all() or not certified.errors[0, 1] < NO_DIGIT or self._factored is None:
-            return logarithms, errors
-        eigenvalues, order = self._factored[1], self._order[~self.rigid]
-        method, ratio = better_method(certified.method)
-        steps = ratio * self._factor_steps
-        engine = certified.request.engine
-        blocks = _blocks_on_steps(self._equations, method, engine, steps, loss=_DEFAULT_LOSS)
-        try:
-            small = multiplier_errors(eigenvalue_logarithms(blocks.factors[0]), eigenvalues)
-        except np.linalg.LinAlgError:
-            return logarithms, errors
-        small = np.where(small < NO_DIGIT, small, np.nan)
-        logarithms = np.where(has_digit, logarithms, eigenvalues.logarithms[0][order])
-        return logarithms, np.where(has_digit, errors, small[order])
+    def _factors(self) -> Factors | None:
+        """Factors for the modes and the small multipliers; None if their eigenvalues cannot be computed.
 
-    @cached_property
-    def _factored(self) -> tuple[Blocks, ProductEigenvalues] | None:
-        """Factors of the period and their eigenvalues; None if they cannot be computed."""
+        If the monodromy matrix does not resolve all multipliers, there are twice as many steps as in the
+        solution, because small multipliers belong to fast modes. If the user has specified the number of
+        steps, that number is used."""
+        certified = self.certified
+        short = self.refined if self.refined is not None and self.refined.work <= _MAX_WORK[1] else None
+        if short is not None and short.anchored is None:
+            return short
         if not self._has_factors or not slicot.available():
             return None
-        maps = self._solutions.steps
-        assert maps is not None
-        blocks = balanced_blocks(maps.A, loss=_DEFAULT_LOSS if self.refined is None else LOSS)
+        is_small = self.refined is None and not self._has_digit.all()
+        steps = certified.steps if short is None else short.steps
+        if is_small and certified.request.steps is None and certified.method.with_another_stage is not None:
+            steps *= 2
+        factors = Factors(self.point, certified, steps, _DEFAULT_LOSS)
         try:
-            return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors=True)
+            return factors if len(factors.errors if is_small else factors.logarithms) else None
         except np.linalg.LinAlgError:
             return None
-
-    @cached_property
-    def _order(self) -> Array:
-        """Index (N,) of each multiplier among the eigenvalues of the factors."""
-        assert self._factored is not None
-        logarithms = self._factored[1].logarithms[0]
-        if self.refined is not None:
-            return matched_logarithms(self.refined.logarithms, logarithms)
-        count, has_digit = rigid_multipliers(self.certified), np.flatnonzero(self._has_digit)
-        large = matched_logarithms(np.log(self._eigenvalues[has_digit]), logarithms)
-        others = np.setdiff1d(np.arange(len(logarithms)), large)
-        nearest_one = others[np.argsort(np.abs(logarithms[others]), kind="stable")]
-        order, vibrating = np.empty(len(logarithms), dtype=int), np.empty(len(self._eigenvalues), dtype=int)
-        vibrating[has_digit] = large
-        vibrating[~self._has_digit] = np.sort(nearest_one[count:])
-        order[self.rigid], order[~self.rigid] = nearest_one[:count], vibrating
-        return order
 
 
 def require_step_maps(method: Method) -> None:
@@ -304,87 +314,50 @@ def require_step_maps(method: Method) -> None:
         )
 
 
-def refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMultipliers | None:
-    """Return all multipliers of a solved point. The number of steps is doubled until each error is at most
-    `rtol`. An error is estimated as twice the difference from a better method. Doubling ends early if it does
-    not reduce the errors or would take too long. If the user has specified the number of steps, it is not
-    changed.
+def refined_multipliers(point: SinglePoint, certified: Certified) -> Factors | None:
+    """Return the factors of a solved point from which each multiplier has an error of at most `rtol`. The
+    number of steps is doubled until this is the case. Doubling ends early if it does not reduce the errors or
+    would take too long. If the user has specified the number of steps, it is not changed.
 
     Return None if SLICOT is not available, or if its iteration does not converge."""
-    if not slicot.available():
-        return None
+    request, steps, previous_error = certified.request, certified.steps, math.inf
+    ratio = better_method(certified.method)[1]
+    anchored = certified.solutions.free if certified.method.linear else None
     try:
-        return _refined_multipliers(point, certified)
+        while slicot.available():
+            with progress.task(f"factors of {steps} steps, for all multipliers"):
+                factors = Factors(point, certified, steps, anchored=anchored)
+                largest = float(factors.errors.max())
+            is_last = largest <= request.rtol or 2 * ratio * factors.work > _MAX_WORK[2]
+            # If doubling the steps does not halve the error, further doubling does not help.
+            if is_last or request.steps is not None or largest > 0.5 * previous_error:
+                return factors
+            steps, previous_error = 2 * steps, largest if largest < NO_DIGIT else math.inf
     except np.linalg.LinAlgError:
-        return None
+        pass
+    return None
 
 
-def _refined_multipliers(point: SinglePoint, certified: Certified) -> RefinedMultipliers:
-    method, request, steps = certified.method, certified.request, certified.steps
-    max_steps, points = _MAX_WORK[2] / state_size(point) ** 2, balanced(point, frozen(point))
-    rigid_modes = free(point) if method.linear else None
-
-    def blocks(method: Method, steps: int) -> Blocks:
-        return _blocks_on_steps(points, method, request.engine, steps, rigid_modes)
-
-    finer, ratio = better_method(method)
-    previous_error = math.inf
-    while True:
-        factors = blocks(method, steps)
-        eigenvalues = product_eigenvalues(factors.factors, factors.rounding)
-        better = eigenvalue_logarithms(blocks(finer, ratio * steps).factors[0])
-        logarithms, errors = eigenvalues.logarithms[0].copy(), multiplier_errors(better, eigenvalues)
-        nearest_one = np.argsort(np.abs(logarithms), kind="stable")[: rigid_multipliers(certified)]
-        logarithms[nearest_one], errors[nearest_one] = 0.0, 0.0
-        largest = float(errors.max())
-        is_last = largest <= request.rtol or request.steps is not None or 2 * ratio * steps > max_steps
-        # If doubling the steps does not halve the error, further doubling does not help.
-        if is_last or largest > 0.5 * previous_error:
-            errors = np.where(errors < NO_DIGIT, errors, np.nan)
-            is_rigid = np.isin(np.arange(len(errors)), nearest_one)
-            return RefinedMultipliers(logarithms, errors, steps, is_rigid)
-        steps, previous_error = 2 * steps, largest if largest < NO_DIGIT else math.inf
-
-
-def rigid_multipliers(certified: Certified) -> int:
+def _rigid_count(certified: Certified) -> int:
     """Return the number of multipliers of a point that belong to rigid-body modes."""
     rigid_modes = certified.solutions.free
     return 0 if rigid_modes is None else int(rigid_modes.modes.multiplicity[0])
 
 
-def solved_on(point: Points, method: Method, steps: int, engine: str, rigid: Free | None = None) -> Solutions:
-    """Return solutions without orbits on `steps` uniform steps. Raises SolveError."""
-    grid = Grid.uniform(steps, point.period, point.breaks)
-    return solutions_on(method, point, grid, False, engine, rigid).checked()
-
-
-def _blocks_on_steps(
-    point: Points,
-    method: Method,
-    engine: str,
-    steps: int,
-    rigid: Free | None = None,
-    loss: float = LOSS,
-) -> Blocks:
-    """Return the factors on a grid of `steps` steps. They are computed in chunks if memory requires it."""
-    grid = Grid.uniform(steps, point.period, point.breaks)
-    chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
-    with progress.task(f"factors of {steps} steps, for all multipliers", len(chunks)) as done:
-        if len(chunks) == 1:
-            maps = solved_on(point, method, steps, engine, rigid).steps
-            assert maps is not None
-            return balanced_blocks(maps.A, loss=loss)
-        assert isinstance(method, OneStep)
-        blocks, first = [], 0
-        anchored = None if rigid is None else anchored_for(method, point, rigid)
-        for chunk in chunks:
-            with np.errstate(all="ignore"):
-                A = method.discretise(anchored or point, chunk).steps.A
-            A = A if anchored is None else anchored.steps(A)
-            blocks.append(balanced_blocks(A, first=first, loss=loss))
-            first += chunk.steps
-            done.add()
-        return joined_blocks(blocks, loss)
+def step_maps(
+    points: Points, method: Method, steps: int, engine: str, anchored: Free | None = None
+) -> tuple[Grid, Array]:
+    """Return a uniform grid and the one-step maps (P, m, N, N) on this grid, computed in chunks if memory
+    requires it. anchored: rigid-body modes relative to which the motion is described. Raises SolveError."""
+    grid = Grid.uniform(steps, points.period, points.breaks)
+    chunks = grid.parts(_MEMORY // method.bytes_a_step(points.n) + 1)
+    if isinstance(method, OneStep) and len(chunks) > 1 and anchored is None:
+        with np.errstate(all="ignore"):
+            maps = [method.discretise(points, chunk).steps.A for chunk in chunks]
+        return grid, np.concatenate(maps, axis=1)
+    solutions = solutions_on(method, points, grid, False, engine, anchored).checked()
+    assert solutions.steps is not None
+    return solutions.grid, solutions.steps.A
 
 
 def multiplier_errors(better: Array, eigenvalues: ProductEigenvalues) -> Array:

@@ -26,14 +26,13 @@ beyond the resolved range that alias to lower ones are then not detected."""
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.all_multipliers import RefinedMultipliers
 from solve.certify.certified import Certified, Failed, InterpolationError, ReductionError
-from solve.certify.comparison import NO_DIGIT, SAFETY, differences
+from solve.certify.comparison import SAFETY, differences
 from solve.certify.refinement import certified
 from solve.contracts import Reduction
 from solve.equations import output_values
@@ -58,14 +57,6 @@ decaying. Chosen by judgement: at this ratio, one more accurate digit requires 2
 Error = TypeVar("Error")
 SystemAt = Callable[[int], tuple[PeriodicSystem, float]]
 """Type of functions that return the system and speed (rad/s) of a point."""
-
-
-class _Effect(NamedTuple):
-    """Relative differences (2,) of orbit and multipliers that result if harmonics above `kept` times the
-    spacing are omitted."""
-
-    kept: int
-    change: Array
 
 
 def with_model_errors(result: Certified, system_at: SystemAt) -> Certified:
@@ -192,14 +183,6 @@ def _relative_error(values: Array, exact: Array) -> float:
     return float(np.abs(values - exact).max()) / largest if largest > 0 else 0.0
 
 
-def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers:
-    """Return multipliers whose absolute errors are increased by `error` times the spectral radius."""
-    sizes = np.real(refined.logarithms)
-    with np.errstate(over="ignore", invalid="ignore"):
-        errors = refined.errors + error * np.exp(sizes.max() - sizes)
-    return replace(refined, errors=np.where(errors < NO_DIGIT, errors, np.nan))
-
-
 def _interpolation_at(
     result: Certified, row: int, system: PeriodicSystem, speed: float
 ) -> InterpolationError:
@@ -219,13 +202,12 @@ def _interpolation_at(
         aliased = _change(result, row, point, samples.with_aliases()) if is_uniform else np.zeros(2)
     except SolveError:
         return InterpolationError(samples.azimuths, last, math.inf, math.inf, None)
-    effects = [_Effect(number, change) for number, change in zip(kept, changes, strict=True)]
+    ratios = _ratios(kept, changes)
     # Errors of fits to non-uniform azimuths decrease less regularly: the last difference is not extrapolated.
-    next_one = resolved + 1 if samples.given is None else effects[-1].kept + 1
-    errors = SAFETY * samples.amplification * _extrapolated(effects, next_one)
-    errors = np.maximum(errors, SAFETY * aliased)
+    extrapolated = changes[-1] * ratios ** (resolved - kept[-1] if samples.given is None else 0)
+    errors = SAFETY * np.maximum(samples.amplification * extrapolated, aliased)
     half = samples.azimuths / 2
-    ratios = np.maximum(_ratios(effects), samples.decay(half, half + spacing))
+    ratios = np.maximum(ratios, samples.decay(half, half + spacing))
     enough = _sufficient(ratios, errors / result.request.rtol, spacing, samples.azimuths)
     return InterpolationError(samples.azimuths, last, float(errors[0]), float(errors[1]), enough)
 
@@ -241,19 +223,15 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
     return differences(other.checked(), solutions, result.modes[np.array([row])])[0]
 
 
-def _extrapolated(effects: list[_Effect], next_one: int) -> Array:
-    """Return the errors (2,) due to harmonics from `next_one` times the spacing upwards."""
-    last = effects[-1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return last.change * _ratios(effects) ** (next_one - last.kept - 1)
-
-
-def _ratios(effects: list[_Effect]) -> Array:
+def _ratios(kept: list[int], changes: list[Array]) -> Array:
     """Return the ratios (2,) between the effects of successive multiples of the spacing, at most 1. With a
-    single effect, they are 1."""
-    if len(effects) < 2:
+    single effect, they are 1.
+
+    kept: multiples of the spacing above which harmonics are omitted. changes: the effects (2,) on orbit and
+    multipliers."""
+    if len(kept) < 2:
         return np.ones(2)
-    (low, more), (high, less) = effects
+    (low, high), (more, less) = kept, changes
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.where(more > 0, less / np.where(more > 0, more, 1.0), 1.0) ** (1 / (high - low))
     return np.clip(ratios, _FASTEST, 1.0)

@@ -241,14 +241,14 @@ class _Search:
         (result,) = certified(newton.point(), newton, solve_request)
         if isinstance(result, Failed):
             raise result.reason
-        spectrum = refined_multipliers(newton.point(), result) if self.all_multipliers else None
+        refined = refined_multipliers(newton.point(), result) if self.all_multipliers else None
         linearised = task.along(curve_of(result.solutions))
         result = replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,
             task.speed,
             result,
-            Spectrum(SinglePoint(linearised, task.speed), result, spectrum, self.all_multipliers),
+            Spectrum(SinglePoint(linearised, task.speed), result, refined, self.all_multipliers),
             self.notes,
             iterations=found.iterations,
             found_by=strategy,

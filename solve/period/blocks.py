@@ -1,7 +1,6 @@
 """Blocks: products of the maps of neighbouring steps. Maps are multiplied only as long as the product is
 accurate."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,28 +38,13 @@ class Blocks:
         return np.sqrt(self.variance.sum(axis=(-2, -1)))
 
 
-def balanced_blocks(steps: Array, first: int = 0, loss: float = LOSS) -> Blocks:
+def balanced_blocks(steps: Array, loss: float = LOSS) -> Blocks:
     """Multiply neighbouring one-step maps (P, m, N, N) into blocks, in units that balance them.
 
     Maps are in order of application. Neighbours are multiplied as long as the product is accurate in every
-    direction at every point; the entries of the maps are assumed to have round-off errors. first: index of
-    the first map in the period. loss: see `LOSS`."""
-    starts = first + np.arange(steps.shape[1])
-    return _multiplied(Blocks(steps, (EPS / 2 * steps) ** 2, np.ones(steps.shape[::2]), starts), loss)
-
-
-def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
-    """Blocks of the whole period, from the blocks of consecutive parts of the period."""
-    alike = [part.in_units(parts[0].units) for part in parts]
-    factors, variance, starts = (
-        np.concatenate([getattr(part, name) for part in alike], axis=axis)
-        for name, axis in (("factors", 1), ("variance", 1), ("starts", 0))
-    )
-    return _multiplied(Blocks(factors, variance, parts[0].units, starts), loss)
-
-
-def _multiplied(blocks: Blocks, loss: float) -> Blocks:
-    """Balance the blocks and multiply neighbours as long as the product remains accurate."""
+    direction at every point; the entries of the maps are assumed to have round-off errors. loss: see
+    `LOSS`."""
+    blocks = Blocks(steps, (EPS / 2 * steps) ** 2, np.ones(steps.shape[::2]), np.arange(steps.shape[1]))
     blocks, offset, stalled = _balanced(blocks), 0, 0
     while len(blocks.starts) > 1 and stalled < 2:
         A, variance = blocks.factors, blocks.variance

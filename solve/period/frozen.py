@@ -330,12 +330,12 @@ class FrozenModes:
         λ²M + λC + K is regular for all |λ| > r if (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v."""
         rate = np.broadcast_to(rate, len(self))
         if not self._is_oscillator:
-            rows = np.arange(len(self))
-            for phases in (entry_phases(self._tables.table.shape[-2]), slice(None)):
-                rows = rows[self[rows]._is_within_at(phases, rate[rows])]
-                if not len(rows):
-                    break
-            return np.isin(np.arange(len(self)), rows)
+            # The eigenvalues at a few phases are known, and may exceed the rate already.
+            is_within = self.phase_advance_estimate <= rate * self.period
+            rows = is_within.nonzero()[0]
+            if len(rows):
+                is_within[rows] = self[rows]._is_coupled_within(rate[rows])
+            return is_within
         is_within = self._bounded_by_ranges(rate)
         rows = (~is_within).nonzero()[0]
         if len(rows):
@@ -345,9 +345,9 @@ class FrozenModes:
             is_within[rows] = np.all(bounded, axis=(0, 1, 3))
         return is_within
 
-    def _is_within_at(self, phases: slice, rate: Array) -> Array:
-        """Evaluate `is_within` at the selected phases, for several coordinates."""
-        C, K = self._ratios(phases)
+    def _is_coupled_within(self, rate: Array) -> Array:
+        """Evaluate `is_within` for several coordinates."""
+        C, K = self._ratios()
         # The sum of squares of the 2n eigenvalues is at most 2n times that of the largest.
         squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * K.trace()
         is_within = np.abs(squares).max(axis=1) <= 2 * self.n * rate**2
@@ -381,9 +381,9 @@ class FrozenModes:
             stiffness, damping = (np.abs(eigenvalues(solved(M, A))).max(axis=-1) for A in (K, C))
         return np.maximum(np.sqrt(stiffness), damping)
 
-    def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
+    def _ratios(self) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), with the rates of first-order coordinates as unknowns."""
-        M, C, K = self._rates_at(phases)
+        M, C, K = self._rates_at(slice(None))
         return mass_normalised(M, C, K, self._first_order)
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import EPS, Array
-from solve.certify.all_multipliers import multiplier_errors, solved_on
+from solve.certify.all_multipliers import multiplier_errors, step_maps
 from solve.certify.coefficients import ROUND_OFF
 from solve.certify.comparison import NO_DIGIT
 from solve.kernel import slicot
@@ -121,10 +121,7 @@ def mode_vectors(point: SinglePoint, method: Method, steps: int, rtol: float, en
     assert finer is not None
     frozen_modes = frozen(point)
     equations = balanced(point, frozen_modes)
-    solutions, better = (solved_on(equations, each, steps, engine) for each in (method, finer))
-    assert solutions.steps is not None
-    assert better.steps is not None
-    grid, maps, others = solutions.grid, solutions.steps.A[0], better.steps.A[0]
+    (grid, (maps,)), (_, (others,)) = (step_maps(equations, each, steps, engine) for each in (method, finer))
     blocks, eigenvalues = _eigenvalues(maps)
     errors = multiplier_errors(_logarithms(others), eigenvalues)
     is_kept = (errors < NO_DIGIT) & np.isfinite(eigenvalues.logarithms[0])

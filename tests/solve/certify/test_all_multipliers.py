@@ -203,6 +203,39 @@ def test_a_linkage_of_elastic_bars_keeps_all_its_multipliers():
     assert logarithms.min() < -480
 
 
+@pytest.mark.parametrize("stiffness", [50.0, 50.001])
+def test_rigid_body_multipliers_follow_those_outside_the_unit_circle(stiffness):
+    """Two discs on a shaft without damping: all multipliers lie on the unit circle within round-off. They
+    coincide if the stiffness is 50."""
+    K = stiffness * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    discs = constant(np.eye(2), 0 * K, K, lambda phase: np.zeros((len(phase), 2)))
+    for all_multipliers in (False, True):
+        stability = solve.floquet(discs, 1.0, rtol=1e-10, all_multipliers=all_multipliers)
+        assert stability.multipliers[:2].tolist() == [1.0, 1.0]
+        truth = np.exp(2j * np.pi * np.sqrt(2 * stiffness))
+        assert np.abs(stability.multipliers[2:] - truth).min() <= 2 * stability.multiplier_errors[2] < 1e-8
+
+
+def coupled(phase, speed):
+    """Two coordinates whose stiffness has all harmonics. The second one is strongly damped."""
+    one, soft = np.ones((len(phase), 1, 1)), 1 / (1.2 - np.cos(phase))[:, None, None]
+    C, K = np.diag([0.2, 12.0]), np.diag([2.0, 41.29]) + soft * np.array([[0.1, 0.2], [0.2, 5.0]])
+    return one * np.eye(2), one * C, K, np.zeros((len(phase), 2))
+
+
+def test_small_multipliers_include_the_error_of_interpolation():
+    exact = solve.floquet(system(coupled, 2), 1.0, rtol=1e-10, all_multipliers=True)
+    phases = np.arange(12) * (2 * np.pi / 12)
+    sampled = solve.PeriodicSystem.from_samples(*coupled(phases, 1.0), ["q1", "q2"])
+    assert exact.unresolved == 0
+    for all_multipliers in (False, True):
+        stability = solve.floquet(sampled, 1.0, all_multipliers=all_multipliers)
+        errors = np.abs(stability.exponents - exact.exponents) * exact.period
+        known = np.isfinite(stability.multiplier_errors)
+        assert known[:2].all()
+        assert (errors <= 10 * stability.multiplier_errors)[known].all()
+
+
 @pytest.fixture
 def without_slicot(monkeypatch):
     monkeypatch.setitem(sys.modules, "ctrlsys", None)
