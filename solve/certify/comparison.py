@@ -202,7 +202,7 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
     orbit = np.zeros_like(multipliers)
     if coarse.curve is not None and fine.curve is not None:
         change, largest = _curve_differences(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
-        scales = _coordinate_scales(largest, orbit_roundoff(fine), modes)
+        scales = _coordinate_scales(change, largest, orbit_roundoff(fine), modes)
         orbit = (change / np.where(scales > 0, scales, 1.0)).max(axis=1)
     return np.array((orbit, multipliers)).T
 
@@ -234,15 +234,16 @@ def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
     return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
-def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
+def _coordinate_scales(change: Array, largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
     """Return the scales (P, n) to which the errors of coordinates are relative: the moduli `largest` (P, n),
-    or the load scale of a coordinate whose modulus is round-off.
+    or the load scale of a coordinate whose modulus is round-off. Two solutions for such a coordinate have no
+    common digit: their difference `change` (P, n) is at least half as large as the coordinate.
 
     If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error
     `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if `roundoff` is below
     `NO_DIGIT`."""
     limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
-    is_small = largest <= limit * largest.max(axis=1, keepdims=True)
+    is_small = (largest <= limit * largest.max(axis=1, keepdims=True)) & (2 * change >= largest)
     if not is_small.any():
         return largest
     rows = is_small.any(axis=1).nonzero()[0]
