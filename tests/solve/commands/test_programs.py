@@ -138,6 +138,21 @@ def test_a_flag_of_one_value_given_twice_is_refused(program, arguments, flag, in
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("arguments", "end"),
+    [
+        (("floquet", "cam", "b=-5"), "(b=-5); to change b, use --set b=NUMBER. See: solve floquet --help"),
+        (("critical", "cam", "x", "k=2 N/m"), "use --set k=NUMBER. See: solve critical --help"),
+        (("floquet", "cam", "more"), "(more). See: solve floquet --help"),
+        (("flouet", "cam"), "Did you mean 'floquet'? See: solve --help"),
+    ],
+)
+def test_a_usage_error_ends_with_a_remedy(arguments, end, inside):
+    status, _, error = inside("solve", *arguments)
+    assert status == 2
+    assert " ".join(error.split()).endswith(end)
+
+
 @pytest.mark.parametrize("command_line", ["optimise cam --minimise q3.max_abs", "fit cam --data q.csv"])
 def test_a_free_parameter_given_twice_is_refused(inside, command_line):
     status, _, error = inside("solve", *command_line.split(), "--free", "k1, k2,k1")
