@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from fractions import Fraction
+from decimal import Decimal
 from functools import cache, wraps
 from numbers import Real
 from types import NoneType, SimpleNamespace, UnionType
@@ -185,11 +185,23 @@ def _dimensions(value: Any) -> int | None:
 def _is_real(value: Any) -> bool:
     """Whether a value is a real number in the range of float64, or an array of such numbers."""
     try:
-        if np.asarray(value).dtype.kind in "iuf":
-            return True
+        array = np.asarray(value)
     except (TypeError, ValueError):
         return False
-    return isinstance(value, int | Fraction) and abs(value) < sys.float_info.max
+    if array.dtype.kind in "iuf":
+        return True
+    return array.dtype.kind == "O" and all(map(_is_number, array.ravel()))
+
+
+def _is_number(value: Any) -> bool:
+    """Whether an entry of an array of objects is a real number in the range of float64."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real | Decimal):
+        return False
+    try:
+        float(value)
+    except (OverflowError, ValueError):
+        return False
+    return True
 
 
 def _is_sequence(value: Any, annotation: Any) -> bool:
@@ -245,7 +257,9 @@ def require_integer(
 def require_index(name: str, value: object, count: int) -> None:
     """Raise ValueOutOfBoundsError unless the value is an index of a sequence of `count` items."""
     if isinstance(value, bool) or not (isinstance(value, int | np.integer) and -count <= value < count):
-        raise ValueOutOfBoundsError(f"{name} is {value!r}; allowed: whole numbers from 0 to {count - 1}")
+        raise ValueOutOfBoundsError(
+            f"{name} is {value!r}; allowed: whole numbers from {-count} to {count - 1}"
+        )
 
 
 def require_steps(steps: object, least: int = 1) -> None:

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from solve.arrays import EPS, Array
 from solve.contracts import Matrices
-from solve.errors import MatricesError
+from solve.errors import MatricesError, ValueOutOfBoundsError
 
 PERIODIC = 1e-9
 """Relative difference between the matrices at the two ends of the period, up to which they count as periodic.
@@ -33,6 +34,19 @@ def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]
     except (TypeError, ValueError) as error:
         count = {2: "two", 4: "four", 5: "five"}.get(len(symbols), str(len(symbols)))
         raise MatricesError(f"the {kind} are not {count} real arrays {', '.join(symbols)}: {error}") from None
+
+
+def finite_phases(phase: Any) -> Array:
+    """Return phases (k,) from a number or a sequence. Raises ValueOutOfBoundsError unless they are finite, in
+    one dimension."""
+    phases = np.atleast_1d(np.asarray(phase, dtype=float))
+    if phases.ndim > 1:
+        raise ValueOutOfBoundsError(
+            f"the phases have the shape {phases.shape}; allowed: (k,); flatten the array with .ravel()"
+        )
+    if not np.isfinite(phases).all():
+        raise ValueOutOfBoundsError("a phase is NaN or infinite; give finite angles in rad")
+    return phases
 
 
 def require_finite_entries(arrays: Sequence[Array], symbols: str, phase: Array) -> None:

@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self, TypeVar
 
-import numpy as np
-
 from solve.arguments import conforms, described, first_is, matches_annotations
 from solve.arrays import Array
 from solve.capabilities import Capabilities
@@ -18,6 +16,7 @@ from solve.labels import Labels, require_vibration
 from solve.matrices import (
     changes,
     checked_phases,
+    finite_phases,
     jumps_at_zero,
     real_arrays,
     require_finite_entries,
@@ -188,7 +187,7 @@ class PeriodicSystem:
 
         square, vector: symbols of the arrays of shape (m, n, n) and (m, n), for the message."""
         # A read-only array is copied, because the user's function may modify its argument.
-        phase = np.asarray(phase, dtype=float)
+        phase = finite_phases(phase)
         argument = phase if phase.flags.writeable else phase.copy()
         try:
             values = self._matrices(argument, speed)

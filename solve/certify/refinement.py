@@ -151,7 +151,11 @@ class _Refinement(Comparison):
             pending = {self.request.steps: [positions]}
         while pending:
             steps = min(pending)
-            for chunk in self.pair_chunks(steps, np.concatenate(pending.pop(steps))):
+            positions = np.concatenate(pending.pop(steps))
+            if singular := self.singular_points(steps, positions):
+                yield from singular
+                positions = np.setdiff1d(positions, [failure.position for failure in singular])
+            for chunk in self.pair_chunks(steps, positions):
                 yield from self._refine_on(steps, chunk, pending)
 
     def _first_grids(self, positions: Array, least: Array) -> Array:

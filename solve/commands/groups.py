@@ -326,7 +326,7 @@ def stored_in(store: str | None) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        if store is not None:
+        if store is not None and Path(store).exists():
             print(f"solve: finished points are stored in '{store}'", file=sys.stderr)
         raise
 

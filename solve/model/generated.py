@@ -47,6 +47,9 @@ def model_files(model: str) -> Files:
     date."""
     files = _located(model)
     if not files.generated.is_file():
+        if "\nMECHANISM_SHA256 = " in readable(files.mechanism):
+            mechanism = files.mechanism.parent.parent / files.mechanism.name
+            raise ModelFileError(f"'{model}' is generated code; give its mechanism, such as '{mechanism}'")
         raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
     text = readable(files.mechanism)
     if sha256(text) != model_module(files.generated).MECHANISM_SHA256:

@@ -187,8 +187,8 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise CaseFileError(
-            f"{name}: table '{path}' cannot be read ({cause(error)}); give a CSV file; paths are "
-            "relative to the case file"
+            f"{name}: table '{path}' cannot be read ({cause(error)}); give a CSV file; paths in "
+            "a case file are relative to it"
         ) from None
     if not lines:
         raise CaseFileError(f"{name}: table '{path}' is empty; give a header and rows")

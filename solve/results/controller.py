@@ -10,9 +10,9 @@ import numpy as np
 from solve.arguments import matches_annotations
 from solve.arrays import Array, symmetric_of
 from solve.first_order import FirstOrderSystem
+from solve.matrices import finite_phases
 from solve.period.curve import Curve
 from solve.results.contents import DEGREES, Column, Columns, FileContents, HeaderRows, to_json
-from solve.results.periodic_motion import require_finite
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
 from solve.results.stability import Stability
@@ -189,7 +189,7 @@ class Controller(Result):
         (k, N, N) array
             X of a regulator, or the covariance P of a filter, in SI units of the states.
         """
-        return symmetric_of(self.solution(_phases(phase)))
+        return symmetric_of(self.solution(finite_phases(phase)))
 
     @matches_annotations
     def gain(self, phase: Array | float) -> Array:
@@ -205,7 +205,7 @@ class Controller(Result):
         (k, r, N) array
             K in u = −K x for a regulator; for a filter without a regulator, its gain L (k, N, y).
         """
-        values = self.gains(_phases(phase)).T
+        values = self.gains(finite_phases(phase)).T
         N, r = len(self.states), len(self.signals)
         return values.reshape(len(values), *((N, r) if self.kind == "kalman" else (r, N)))
 
@@ -223,7 +223,7 @@ class Controller(Result):
         (k, r) array
             Feedforward f; zero if there is none.
         """
-        phases = _phases(phase)
+        phases = finite_phases(phase)
         return np.zeros((len(phases), len(self.signals))) if self.ahead is None else self.ahead(phases).T
 
     @cached_property
@@ -351,7 +351,3 @@ def _amplitudes(harmonics: Array) -> dict[str, Array]:
     # For a strided array, round-off in NumPy 2.0 depends on memory addresses.
     harmonics = np.ascontiguousarray(harmonics)
     return {"harmonics": np.abs(harmonics), "phases": np.angle(harmonics)}
-
-
-def _phases(phase: Array | float) -> Array:
-    return require_finite(np.atleast_1d(np.asarray(phase, dtype=float)))

@@ -11,6 +11,7 @@ from solve.arguments import matches_annotations
 from solve.arrays import ROUND_OFF, Array
 from solve.certify.correction import equation_residual, linearisation_error
 from solve.equations import exceeded_limits, is_nonlinear, judged_quantities, output_values
+from solve.matrices import finite_phases
 from solve.results.contents import (
     MOST_SHOWN,
     Column,
@@ -21,7 +22,7 @@ from solve.results.contents import (
     to_json,
 )
 from solve.results.formatting import greek, linearisation, measured
-from solve.results.periodic_motion import SolvedMotion, require_finite
+from solve.results.periodic_motion import SolvedMotion
 from solve.results.result import Figure
 from solve.results.serialization import stored_property
 from solve.results.stability import Stability
@@ -130,9 +131,9 @@ class Orbit(Stability, SolvedMotion):
         Raises
         ------
         ValueOutOfBoundsError
-            If a phase is NaN or infinite.
+            If a phase is NaN or infinite, or the array has several dimensions.
         """
-        return self.curve(require_finite(np.atleast_1d(np.asarray(phase, dtype=float))))
+        return self.curve(finite_phases(phase))
 
     @stored_property
     def outputs(self) -> Mapping[str, Array]:

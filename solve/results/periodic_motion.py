@@ -12,7 +12,8 @@ from solve.arrays import Array
 from solve.certify.certified import Certified
 from solve.contracts import Statistics
 from solve.equations import output_values
-from solve.errors import MatricesError, ValueOutOfBoundsError, require_name
+from solve.errors import MatricesError, require_name
+from solve.matrices import finite_phases
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import compiled_output_figures, coordinate_figures
 from solve.period.signals import (
@@ -233,8 +234,9 @@ class SolvedMotion(PeriodicMotion):
     @matches_annotations
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
         """Return q, q̇ and q̈ (n, k) at phases (k,). Raises ValueOutOfBoundsError for NaN or infinite
-        phases."""
-        q, v, a = (self.curve(require_finite(phase), derivative) for derivative in range(3))
+        phases, and for an array with several dimensions."""
+        phases = finite_phases(phase)
+        q, v, a = (self.curve(phases, derivative) for derivative in range(3))
         return q, self.speed * v, self.speed**2 * a
 
     @matches_annotations
@@ -269,10 +271,3 @@ class SolvedMotion(PeriodicMotion):
         engine = self.certified.request.engine
         compiled = compiled_output_figures(self.system, self.curve, self.speed, engine)
         return super()._output_figures if compiled is None else compiled
-
-
-def require_finite(phase: Array) -> Array:
-    """Return the phases. Raises ValueOutOfBoundsError if a phase is NaN or infinite."""
-    if not np.isfinite(phase).all():
-        raise ValueOutOfBoundsError("a phase is NaN or infinite; give finite angles in rad")
-    return phase

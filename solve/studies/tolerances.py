@@ -50,6 +50,10 @@ _STARTS = 3
 """Number of samples, the worst ones, from which a worst point is sought. Chosen by judgement: several are
 needed because maxima may be local."""
 
+_NO_VALUE = 2.0
+"""Objective of points without a result. The objective at the start is 1 or -1, so that no line search accepts
+such a point."""
+
 _LEAST_SAMPLES, _MOST_SAMPLES = 64, 10**7
 """Smallest and largest number of samples. Intervals from fewer samples are too wide to be useful. Chosen by
 judgement."""
@@ -256,20 +260,20 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
     points (P, r), whose values are `values` (q, P, k). The last point is the nominal one."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
-    worst, speed_index = machines.worst(values)
+    nominal = machines.worst(values[:, -1:])[0][0]
     found = {}
     for at, quantity in enumerate(machines.quantities):
         climbed = []
         for sign in quantity.limits:
-            known = np.where(np.isnan(worst[:, at]), -np.inf, sign * worst[:, at])
-            for start in known.argsort()[-_STARTS:].tolist():
-                speed = machines.speeds[int(speed_index[start, at])]
+            known = np.where(np.isnan(values[at]), -np.inf, sign * values[at])
+            for start in known.max(axis=1).argsort()[-_STARTS:].tolist():
+                speed = machines.speeds[int(known[start].argmax())]
                 direction = quantity.named, sign
                 value, parameters = _local_worst_point(machines, direction, speed, points[start], (low, high))
                 climbed.append((float(quantity.excess(np.array(value))), value, speed, parameters))
-        _, value, speed, parameters = max(climbed, key=lambda each: each[0])
+        _, value, speed, parameters = max(climbed, key=lambda each: np.nan_to_num(each[0], nan=-np.inf))
         found[quantity.named.text] = WorstPoint(
-            value, float(worst[-1, at]), speed, dict(zip(machines.spreads, parameters.tolist(), strict=True))
+            value, float(nominal[at]), speed, dict(zip(machines.spreads, parameters.tolist(), strict=True))
         )
     return found
 
@@ -296,17 +300,20 @@ def _local_worst_point(
         try:
             value, slopes = leading(design, x, 0, *direction)
         except SolveError:
-            return 0.0, np.zeros(len(x))
+            return _NO_VALUE, np.zeros(len(x))
         if value > best[0]:
             best = value, design.low + x * width
         return -value / scale, -slopes / scale
 
     x = np.clip((start - design.low) / width, low, high)
     scale = 1.0
-    scale = abs(descent(x)[0]) or 1.0
+    first = descent(x)[0]
+    if math.isinf(best[0]):
+        return math.nan, best[1]
+    scale = abs(first) or 1.0
     bounds, options = list(zip(low, high, strict=True)), {"maxfun": _MOST_STEPS}
     minimize(descent, x, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
-    return (direction[1] * best[0] if math.isfinite(best[0]) else math.nan), best[1]
+    return direction[1] * best[0], best[1]
 
 
 def _doubts(probability: Mapping[str, Probability], unknown: int) -> list[str]:

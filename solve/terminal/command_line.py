@@ -241,7 +241,12 @@ def _interrupted(name: str) -> int:
 def _usage_error(name: str, error: Any) -> int:
     """Report an option or argument that Typer does not accept."""
     command = error.ctx.command_path if error.ctx else name
-    return _fail(name, f"{error.format_message().rstrip('.')}. See: {command} --help")
+    message = error.format_message().rstrip(".")
+    options = [option for each in error.ctx.command.params for option in each.opts] if error.ctx else []
+    assignment = re.search(r"unexpected extra argument\S* \(.*?(\w+)=", message)
+    if assignment and "--set" in options:
+        message += f"; to change {assignment[1]}, use --set {assignment[1]}=NUMBER"
+    return _fail(name, f"{message}{'' if message.endswith('?') else '.'} See: {command} --help")
 
 
 def _internal_error(name: str, error: Exception, debug: bool) -> int:

@@ -88,7 +88,8 @@ def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]
     instability, and the boundaries."""
     from matplotlib.patches import Patch
 
-    shown = [kind for kind in KIND_NAMES if (field.kinds == kind).any()]
+    found = {*field.kinds.flat, *(kind for kind, _ in field.boundaries)}
+    shown = [kind for kind in KIND_NAMES if kind in found]
     with page(5.0, f"{title_of(system)}: stability") as figure:
         axes = figure.subplots()
         axes.set_facecolor(_STABLE)
@@ -189,8 +190,8 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
 
 
 class _Plane(NamedTuple):
-    """Values at points, the kind of the nearest unstable point, and a function of axes and values that draws
-    filled contours."""
+    """Values at points, the kind of the nearest unstable point or boundary, and a function of axes and values
+    that draws filled contours."""
 
     values: Array
     kinds: Array
@@ -205,13 +206,16 @@ def _plane(field: Field, values: Array) -> _Plane:
     spacing = np.ptp(points, axis=0) / (np.array(values.shape[::-1]) - 1)
     unstable = field.kinds.ravel() != ""
     few = values.size <= _FEW
-    curves = [curve for _, curve in field.boundaries] if few else []
+    boundaries = field.boundaries if few else []
+    curves = [curve for _, curve in boundaries]
     corners = np.concatenate([points, *curves])
     flat = np.concatenate([values.ravel(), *(np.zeros(len(curve)) for curve in curves)])
     kinds = np.full(len(corners), "", dtype=field.kinds.dtype)
-    if unstable.any():
-        _, nearest = KDTree(points[unstable] / spacing).query(corners / spacing)
-        kinds = field.kinds.ravel()[unstable][nearest]
+    places = np.concatenate([points[unstable], *curves])
+    if len(places):
+        of_curves = [np.full(len(curve), kind) for kind, curve in boundaries]
+        _, nearest = KDTree(places / spacing).query(corners / spacing)
+        kinds = np.concatenate([field.kinds.ravel()[unstable], *of_curves])[nearest]
     if not few:
         shape = values.shape
         x, y = field.x, field.y

@@ -144,7 +144,8 @@ def _lines(
         lines.setdefault(labels[index], []).append(index)
     if len(lines) > MOST_CURVES:
         raise ValueOutOfBoundsError(
-            f"{len(lines)} curves to draw, one for each {' and '.join(others)}; allowed: up to {MOST_CURVES}"
+            f"{len(lines)} curves to draw, one for each {' and '.join(others)}; allowed: up to "
+            f"{MOST_CURVES}; give fewer values of {others[-1]}"
         )
     return dict(sorted(lines.items(), key=lambda line: min(line[1])))
 

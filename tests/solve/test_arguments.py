@@ -4,6 +4,8 @@ import inspect
 import pickle
 import typing
 from collections.abc import Callable, Mapping
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 from types import UnionType
 from typing import Any
@@ -14,6 +16,7 @@ import pytest
 import xarray as xr
 
 import solve
+from solve.arguments import require_index
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.results.bands import Bands
 from solve.system import PeriodicSystem
@@ -151,6 +154,11 @@ REFUSED = {
     "no harmonics above the mean are stored": lambda: solve.sweep(
         plane(), 2.0, spectra="q1", harmonics=0
     ).waterfall("q1"),
+    "the phases have the shape \\(1, 2\\); allowed: \\(k,\\)": lambda: plane().at(np.ones((1, 2)), 2.0),
+    "shape \\(2, 1\\); allowed: \\(k,\\)": lambda: solve.lqr(
+        solve.load("cam"), "600 rpm", Q=np.eye(6), R=np.eye(1)
+    ).gain(np.ones((2, 1))),
+    "place is -4; allowed: whole numbers from -3 to 2": lambda: require_index("place", -4, 3),
     "a phase is NaN": lambda: solve.periodic(plane(), 2.0).at(np.array([0.0, np.nan])),
     "a phase is NaN or infinite; give": lambda: solve.periodic(plane(), 2.0).state(np.array([np.inf])),
     "the start has coordinates q1, q2; cam has q1, q2, q3": lambda: solve.nonlinear(
@@ -266,3 +274,13 @@ def test_cases_are_numbers_and_files_are_paths():
     assert solve.case_numbers("cam", 1, file) == solve.case_numbers("cam", "1", str(file))
     chart = solve.chart("cam", "k1=6e4:9e4:2", "k2=6e4:9e4:2", "100 rpm", 1, rtol=1e-3, boundaries=False)
     assert chart.system.labels.case == "1"
+
+
+@pytest.mark.parametrize("kind", [Fraction, Decimal, np.float32])
+def test_phases_of_any_number_type_have_the_values_of_floats(kind):
+    orbit = solve.periodic(plane(), 2.0)
+    expected = orbit.at([0.5, 1.25])
+    for given in ([kind(0.5), kind(1.25)], np.array([kind(0.5), kind(1.25)], dtype=object)):
+        assert (orbit.at(given) == expected).all()
+    with pytest.raises(ValueOutOfBoundsError, match="phase is"):
+        orbit.at(np.array([kind(0.5), True], dtype=object))

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.model.generated import model_names
+from solve.model.generated import ROOT, model_names
 from tests.solve.systems import cam_matrices
 
 MECHANISM = "# what this mechanism is\n"
@@ -247,6 +248,15 @@ def test_unknown_options_and_values(ready):
         ready.load(options={"laod": "none"})
     with pytest.raises(UnknownNameError, match="unknown value of option load 'non'; did you mean 'none'"):
         ready.load(options={"load": "non"})
+
+
+@pytest.mark.parametrize("name", ["cam", "gear_pair"])
+def test_generated_code_in_place_of_a_mechanism_is_refused(name, tmp_path):
+    generated = tmp_path / "generated" / f"{name}.py"
+    generated.parent.mkdir()
+    shutil.copy(ROOT / "generated" / f"{name}.py", generated)
+    with pytest.raises(ModelFileError, match=rf"is generated code; give its mechanism, .*'{tmp_path / name}"):
+        solve.load(str(generated))
 
 
 def test_code_that_was_never_generated_names_the_command(folder):

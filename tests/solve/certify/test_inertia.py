@@ -26,6 +26,11 @@ def two(coupling):
     return PeriodicSystem(matrices, ["q1", "q2"])
 
 
+def dip(phase, place, width, depth=1.0):
+    """Inertia of 1 with a dip."""
+    return 1 - depth / (1 + ((phase - place + np.pi) % (2 * np.pi) - np.pi) ** 2 / width**2)
+
+
 SINGULAR = {
     "touches zero": (one(lambda p: 1 - np.cos(p - 1)), 1.0),
     "touches zero in a short period": (one(lambda p: 1 - np.cos(1e6 * p - 3.9), period=2e-6 * np.pi), 3.9e-6),
@@ -33,8 +38,16 @@ SINGULAR = {
     "negative for a moment": (one(lambda p: 0.99999 - np.cos(p - 1)), 1 - np.arccos(0.99999)),
     "coupled, touches": (two(lambda p: np.cos(p - 1)), 1.0),
     "coupled, changes": (two(lambda p: 1.2 * np.cos(p)), np.arccos(1 / 1.2)),
+    "touches in a dip between the samples": (one(lambda p: dip(p, 2.0, 0.02)), 2.0),
+    "touches in the shallower of two dips": (one(lambda p: dip(p, 2.0, 0.3) * dip(p, 5.0, 0.5, 0.9999)), 2.0),
+    "touches with a kink": (one(lambda p: np.abs(np.sin((p - 2.5) / 2))), 2.5),
+    "vanishes after a jump": (one(lambda p: (p - 4.0) % (2 * np.pi), (4.0,)), 4.0),
+    "vanishes before a jump": (one(lambda p: (1.0 - p) % (2 * np.pi), (1.0,)), 1.0),
+    "coupled, touches in a dip": (two(lambda p: 1 - dip(p, 3.0, 0.01)), 3.0),
 }
 REGULAR = {
+    "nearly singular in two dips": one(lambda p: dip(p, 2.0, 0.2, 0.999) * dip(p, 5.0, 0.1, 0.995)),
+    "small after a jump": one(lambda p: 1e-3 + (p - 4.0) % (2 * np.pi), (4.0,)),
     "nearly singular": one(lambda p: 1.0001 - np.cos(p - 1)),
     "negative": one(lambda p: -1.5 + np.cos(p)),
     "smallest after a jump of sign at 0": one(

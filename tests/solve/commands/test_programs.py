@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import solve
+from solve.commands.groups import stored_in
 
 ROOT = Path(__file__).resolve().parents[3]
 RESULTS = {
@@ -136,6 +137,31 @@ def test_a_flag_of_one_value_given_twice_is_refused(program, arguments, flag, in
     assert status == 2
     assert f"{flag} is given 2 times; give it once" in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "end"),
+    [
+        (("floquet", "cam", "b=-5"), "(b=-5); to change b, use --set b=NUMBER. See: solve floquet --help"),
+        (("critical", "cam", "x", "k=2 N/m"), "use --set k=NUMBER. See: solve critical --help"),
+        (("floquet", "cam", "more"), "(more). See: solve floquet --help"),
+        (("flouet", "cam"), "Did you mean 'floquet'? See: solve --help"),
+    ],
+)
+def test_a_usage_error_ends_with_a_remedy(arguments, end, inside):
+    status, _, error = inside("solve", *arguments)
+    assert status == 2
+    assert " ".join(error.split()).endswith(end)
+
+
+@pytest.mark.parametrize("is_created", [True, False])
+def test_an_interruption_names_a_store_that_exists(is_created, tmp_path, capsys):
+    store = tmp_path / "store"
+    if is_created:
+        store.mkdir()
+    with pytest.raises(KeyboardInterrupt), stored_in(str(store)):
+        raise KeyboardInterrupt
+    assert ("finished points are stored" in capsys.readouterr().err) == is_created
 
 
 @pytest.mark.parametrize("command_line", ["optimise cam --minimise q3.max_abs", "fit cam --data q.csv"])

@@ -221,7 +221,8 @@ def test_values_that_are_nearly_equal_have_a_line_each():
 def test_too_many_lines_for_one_picture():
     sweep = solve.sweep(solve.load("mathieu"), "1:2:2 rad/s", over={"epsilon": np.linspace(0, 1, 13)})
     with pytest.raises(
-        ValueOutOfBoundsError, match="13 curves to draw, one for each epsilon; allowed: up to 12"
+        ValueOutOfBoundsError,
+        match="13 curves to draw, one for each epsilon; allowed: up to 12; give fewer values of epsilon",
     ):
         sweep.plot()
     with pytest.raises(

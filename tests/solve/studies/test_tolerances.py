@@ -14,11 +14,13 @@ from derive import Mechanism, cos, rate
 from solve.commands.app import run
 from solve.errors import (
     MissingValueError,
+    NoResultError,
     SolveError,
     UnitError,
     UnknownNameError,
     ValueOutOfBoundsError,
 )
+from solve.studies import tolerances
 from solve.studies.machines import Event
 from solve.studies.tolerances import _machines
 
@@ -163,6 +165,31 @@ def test_worst_point_lies_at_the_ends_or_at_resonance(model):
     assert worst.parameters == {"k": pytest.approx(MASS * SPEED**2, abs=1e-3), "p": pytest.approx(1.1)}
     assert worst.value == pytest.approx(amplitude(MASS * SPEED**2, 1.1), rel=1e-6)
     assert worst.nominal == pytest.approx(amplitude(STIFFNESS), rel=1e-6)
+
+
+@pytest.mark.parametrize(("text", "sign"), [("q.min", 1.0), ("q.max", -1.0)])
+def test_worst_point_is_sought_among_points_with_a_result(model, text, sign, monkeypatch):
+    """Stiffnesses above 8.3, where the amplitude is smallest, have no result."""
+    machines = _machines(model, SPEED, {"k": "uniform(8, 10)"}, ([], [text]), ("auto", 1e-8, "auto"))
+    quantity = machines.quantities[-1].named
+    solved = tolerances.leading
+
+    def leading(design, x, *rest):
+        if x[0] > 0.15:
+            raise NoResultError("no result")
+        return solved(design, x, *rest)
+
+    monkeypatch.setattr(tolerances, "leading", leading)
+    low, high = np.array([8.0]), np.array([10.0])
+    value, parameters = tolerances._local_worst_point(
+        machines, (quantity, sign), SPEED, np.array([8.1]), (low, high)
+    )
+    assert 8.25 < parameters[0] <= 8.3
+    assert value == pytest.approx(-sign * amplitude(parameters[0]), rel=1e-6)
+    value, parameters = tolerances._local_worst_point(
+        machines, (quantity, sign), SPEED, np.array([9.5]), (low, high)
+    )
+    assert np.isnan(value)
 
 
 def test_worst_of_several_speeds_and_its_speed_are_found(model):
