@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "de3dfa8400e74f2a0c185f8f347ac1fef8ce05006265191de13bf481ebc0da72"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4b62826c4b3739db8dfec352fd9e454fec4b130698465e45846c29dde9b78c37"
+FILE_SHA256 = "5ba8661a02304168abff3c003bb29dca89aca591967e29739e264c61f6680458"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -108,14 +108,14 @@ VALIDITY = {"q1": 0.05}
 PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 364, "residual": 327, "outputs": 297}
 SWITCHED = (
-    "Min(P, q2*k2 + q2d*c2) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Min(P, q2*k2 + q2d*c2) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
 )
 
 
 def _fourier(angle, mean, cosine, sine, orders):
-    """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
+    """Derivatives of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ..., one for each of the given orders.
 
-    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    Order -1 is the integral with zero mean. Cosines and sines of kx are computed from those of x by angle
     addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
@@ -130,7 +130,7 @@ def _fourier(angle, mean, cosine, sine, orders):
 
 
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -138,8 +138,8 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -298,7 +298,7 @@ def residual(*, contact="bilateral"):
 
 
 def residual_accelerated(*, contact="bilateral"):
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -339,7 +339,7 @@ def residual_accelerated(*, contact="bilateral"):
 
 
 def outputs(*, contact="bilateral"):
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -390,7 +390,7 @@ def outputs(*, contact="bilateral"):
 
 
 def outputs_accelerated(*, contact="bilateral"):
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -497,7 +497,7 @@ def sketch(*, contact="bilateral"):
 
 
 def conditions(*, contact="bilateral"):
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 49)

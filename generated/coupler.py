@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "bda873cfe2f0ff7c2404f03481d33fa7e85de84c2f568762b4dea459d02980b4"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "175ab8fe8b36544276247ad148663c9944e1c0eb332e6897bb3931be1d713c15"
+FILE_SHA256 = "e2eed41f76dee52abea2688d29368d8489189d92bdce7d51a0c4bce7f7d1aae0"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -92,7 +92,7 @@ OPERATIONS = {"linearised": 210, "residual": 210, "outputs": 308}
 
 
 def _count(option, value):
-    """Value of an option that is a number."""
+    """Value of an option whose values are integers."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {allowed[0]} to {allowed[-1]}")
@@ -100,7 +100,7 @@ def _count(option, value):
 
 
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -108,8 +108,8 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -134,18 +134,18 @@ def _w(xi, derivative, count):
 
 
 def _pairs(integral, count):
-    """Matrix of an integral of two modes, i in rows and j in columns."""
+    """Matrix of an integral of two mode functions, with row i and column j."""
     numbers = range(1, count + 1)
     return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])
 
 
 def _column(integral, count):
-    """Column of an integral of one mode j."""
+    """Column of an integral of one mode function, with row j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])
 
 
 def _residual(name, matrices):
-    """Residual r of the equations with these matrices, a function of the drive and the parameters."""
+    """Function that returns the residual r of the linear equations with the given matrices."""
     *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
     q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
     M, C, K, d = matrices(*drive, p)
@@ -301,7 +301,7 @@ def linearised(*, modes=3, branch="open"):
 
 
 def outputs(*, modes=3, branch="open"):
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -389,7 +389,7 @@ def outputs(*, modes=3, branch="open"):
 
 
 def outputs_accelerated(*, modes=3, branch="open"):
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -572,7 +572,7 @@ def sketch(*, modes=3, branch="open"):
 
 
 def conditions(*, modes=3, branch="open"):
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -601,17 +601,17 @@ def outputs_varying(*, modes=3, branch="open"):
 
 
 def residual(*, modes=3, branch="open"):
-    """r of the equation of motion r = 0; linear, like the projected equations."""
+    """Residual r of the linear equation of motion r = 0."""
     return _residual("residual", linearised(modes=modes, branch=branch))
 
 
 def residual_varying(*, modes=3, branch="open"):
-    """r at varying speed; linear, like the projected equations."""
+    """Residual r of the linear equation of motion at varying speed."""
     return _residual("residual_varying", linearised_varying(modes=modes, branch=branch))
 
 
 def fields(*, modes=3, branch="open"):
-    """Mode functions of each entry of FIELDS at a fraction xi of the length."""
+    """Mode functions of the entry of FIELDS at the fraction xi of the length."""
     modes = _count("modes", modes)
     xi = casadi.SX.sym("xi")
     shapes = _w(xi, 0, modes)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "645a6e35269787086a6e3355ba6e724e3603abc8f9acf7df76f89975e4481d7e"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d3cb5e33d8edd60fc70facca73de7f775dea4ca859344dfa93e06565ada8f124"
+FILE_SHA256 = "3ab3f255e271aac1de9944b43bf55d0edf90df735903f4b10ddeef228e120192"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
@@ -55,13 +55,13 @@ PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 61, "residual": 47, "outputs": 70}
 NO_DRIVE_TORQUE = "the rotation of the gears is not in the model"
 SWITCHED = (
-    "Max(0, q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
-    "Min(0, q + F/k + 2*b) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Max(0, q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
+    "Min(0, q + F/k + 2*b) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
 )
 
 
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -70,20 +70,20 @@ def _choice(option, value):
 
 def _passes(known):
     """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
-    these are not numbers, as on a branch that is not taken."""
-    found = []
+    one of these values is not a number, for example on an inactive branch."""
+    phases = []
     try:
         slope, offset, targets, turn = known()
         targets = [float(target) for target in targets]
     except (TypeError, ValueError, ZeroDivisionError):
-        return found
+        return phases
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
             raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
-        found += [(target + k*turn - offset)/slope for k in turns]
-    return [phase for phase in found if 0 <= phase < PERIOD]
+        phases += [(target + k*turn - offset)/slope for k in turns]
+    return [phase for phase in phases if 0 <= phase < PERIOD]
 
 
 def _angles(cosine, sine, rest):
@@ -96,8 +96,8 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -183,7 +183,7 @@ def residual(*, mesh="harmonic"):
 
 
 def residual_accelerated(*, mesh="harmonic"):
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -210,7 +210,7 @@ def residual_accelerated(*, mesh="harmonic"):
 
 
 def outputs(*, mesh="harmonic"):
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -257,7 +257,7 @@ def outputs(*, mesh="harmonic"):
 
 
 def outputs_accelerated(*, mesh="harmonic"):
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -323,7 +323,7 @@ def sketch(*, mesh="harmonic"):
 
 
 def conditions(*, mesh="harmonic"):
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 11)

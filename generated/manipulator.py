@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "0d5bfd975fdb9a6488ded39ff3307831f5de93a26c5177794a6c79a9d6495706"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8638ab1d0de96276817bd69acdbbd9b9176136f0670a9052c1e395197b4f9413"
+FILE_SHA256 = "59d7623c2047307c3c30152d2bebd3b18a86d9fed7654be0c6391f886ca641b4"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -77,9 +77,9 @@ OPERATIONS = {"linearised": 279, "residual": 232, "outputs": 139}
 
 
 def _fourier(angle, mean, cosine, sine, orders):
-    """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
+    """Derivatives of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ..., one for each of the given orders.
 
-    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    Order -1 is the integral with zero mean. Cosines and sines of kx are computed from those of x by angle
     addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
@@ -94,8 +94,8 @@ def _fourier(angle, mean, cosine, sine, orders):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -217,7 +217,7 @@ def residual():
 
 
 def residual_accelerated():
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -253,7 +253,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 2)
@@ -288,7 +288,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "3c15e681f34222083715e3493884ccc22afab873390ff20aa3923f7cd8aa62c8"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1ce7dbabeadae705aae5a5641966b6e02d0385172e825e24499b37838cedaf70"
+FILE_SHA256 = "ce2885aecbb1005e6fa7b0632b054f0cd5f89a0d88fbf247a14c5cbfbeba643d"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -38,8 +38,8 @@ NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -94,7 +94,7 @@ def residual():
 
 
 def residual_accelerated():
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -118,7 +118,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -140,7 +140,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")

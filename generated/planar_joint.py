@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "759456beb1868c8fe5168284c9597ca2b34f4a47e5584026ebaede19704dcd1e"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c2bb6c539b13f321ec82831574ce7ec55c0ca7960243ef555b6d2b7fc36ec3e3"
+FILE_SHA256 = "989602db8bccb1b7bfc6cc40e87da2007eaddaf27f13cc78c2bcbeed619e7560"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
@@ -60,13 +60,13 @@ DOMAIN = (
     ("the displacement of a force", "sqrt(L**2 - (v - r*sin(phase))**2)", "L**2 - (v - r*sin(phase))**2", ">= 0"),
 )
 SWITCHED = (
-    "Max(0, -g + sqrt(v**2 + (u + F/k + g)**2)) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Max(0, -g + sqrt(v**2 + (u + F/k + g)**2)) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
 )
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -246,7 +246,7 @@ def residual():
 
 
 def residual_accelerated():
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -294,7 +294,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 2)
@@ -382,7 +382,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -483,7 +483,7 @@ def sketch():
 
 
 def domain():
-    """One number for each entry of DOMAIN, which must satisfy the relation over the whole period."""
+    """One number per entry of DOMAIN, which must satisfy the relation of the entry at every phase."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     parameters = casadi.SX.sym("p", 11)
@@ -507,7 +507,7 @@ def domain():
 
 
 def conditions():
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 11)
     (

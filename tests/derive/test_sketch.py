@@ -86,7 +86,7 @@ def test_a_structure_states_lines_besides_its_links():
         (lambda m, q, r: [(0, 0), (r, "r")], DeclarationError, "two or more"),
         (lambda m, q, r: r, DeclarationError, "two or more"),
         (lambda m, q, r: [(0, 0), (sympy.I * r, 0)], DeclarationError, "two or more"),
-        (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "one moving point of a curve"),
+        (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "the moving point of a curve"),
         (lambda m, q, r: [(0, 0), (r, 0.2)], UnitError, "a number multiplied by metre"),
         (lambda m, q, r: [(0, 0), (r, r + 0.2)], UnitError, "sketch line"),
         (lambda m, q, r: [(0, 0), (r * rate(q), 0)], UnknownSymbolError, "sketch line contains qd"),
