@@ -193,20 +193,20 @@ def mechanism():
     # Coordinates are deviations from the motion of the rigid machine: name=(unit, meaning).
     twist, stretch = mine.coordinates(
         twist=("rad", "twist of the shaft"),
-        stretch=("m", "table against the eccentric"),
+        stretch=("m", "displacement of the table relative to the eccentric"),
     )
     # Parameters have a unit, a meaning and a bound; their numbers are in NAME.toml.
     J, m, r = mine.parameters(
-        J=("kg m^2", "eccentric with its flywheel", "> 0"),
-        m=("kg", "table", "> 0"),
+        J=("kg m^2", "moment of inertia of eccentric and flywheel", "> 0"),
+        m=("kg", "mass of the table", "> 0"),
         r=("m", "eccentricity", "> 0"),
     )
     k1, k2, c1, c2, F = mine.parameters(
-        k1=("N m/rad", "shaft", "> 0"),
-        k2=("N/m", "spring between eccentric and table", "> 0"),
-        c1=("N m s/rad", "shaft", ">= 0"),
-        c2=("N s/m", "spring", ">= 0"),
-        F=("N", "load against the table, largest at phase 0"),
+        k1=("N m/rad", "torsional stiffness of the shaft", "> 0"),
+        k2=("N/m", "stiffness of the spring between eccentric and table", "> 0"),
+        c1=("N m s/rad", "damping of the shaft", ">= 0"),
+        c2=("N s/m", "damping of the spring", ">= 0"),
+        F=("N", "largest load on the table, at phase 0"),
     )
 
     # mine.phase is the angle φ = Ωt of the drive; rate(…) is the derivative with respect to time.
@@ -222,7 +222,7 @@ def mechanism():
     mine.output("spring_force", spring_force, "N", "force in the spring, tension positive")
     mine.trust(twist=0.05)
 
-    # Lines of the animation; mine.metre is a length that only the picture needs.
+    # Lines of the animation. A length that occurs only there is a multiple of mine.metre.
     size = 0.02 * mine.metre
     left, right = x + size, x + 4 * size
     mine.sketch("eccentric", [(r * cos(mine.around), r * sin(mine.around))])

@@ -9,29 +9,29 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "de3dfa8400e74f2a0c185f8f347ac1fef8ce05006265191de13bf481ebc0da72"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "60778e6fa0e0fef3c52bd858d071d87b4bcb71ebc2fa174a810a61214d57dd48"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5ba8661a02304168abff3c003bb29dca89aca591967e29739e264c61f6680458"
+FILE_SHA256 = "c6701daba7c83270954ba9b41cacfd16bbbddf3bd060d653ad2637dca5b6f5ba"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
     ("q1", "rad", "twist of the shaft"),
-    ("q2", "m", "follower against cam"),
-    ("q3", "m", "output link against follower"),
+    ("q2", "m", "displacement of the follower relative to the cam"),
+    ("q3", "m", "displacement of the output link relative to the follower"),
 )
 PARAMETERS = (
-    ("I0", "kg m^2", "motor side of the shaft; at constant speed it has no effect", ">= 0"),
-    ("I1", "kg m^2", "cam and its side of the shaft", "> 0"),
-    ("m2", "kg", "follower", "> 0"),
-    ("m3", "kg", "output link", "> 0"),
-    ("k1", "N m/rad", "torsion of the shaft", "> 0"),
-    ("k2", "N/m", "follower, contact and cam bearing", "> 0"),
-    ("k3", "N/m", "return spring and support of the output link", "> 0"),
+    ("I0", "kg m^2", "moment of inertia of the motor side; no effect at constant speed", ">= 0"),
+    ("I1", "kg m^2", "moment of inertia of the cam and its side of the shaft", "> 0"),
+    ("m2", "kg", "mass of the follower", "> 0"),
+    ("m3", "kg", "mass of the output link", "> 0"),
+    ("k1", "N m/rad", "torsional stiffness of the shaft", "> 0"),
+    ("k2", "N/m", "stiffness of follower, contact and cam bearing", "> 0"),
+    ("k3", "N/m", "stiffness of the return spring and the support of the output link", "> 0"),
     ("c1", "N m s/rad", "damping of the shaft", ">= 0"),
     ("c2", "N s/m", "damping of the follower", ">= 0"),
     ("c3", "N s/m", "damping of the output link", ">= 0"),
-    ("P", "N", "preload if contact is unilateral: a soft spring holds the follower on the cam", "> 0"),
+    ("P", "N", "preload of the soft spring that closes the contact, if this is unilateral", "> 0"),
     ("R0", "m", "base radius of the cam, for the sliding speed", "> 0"),
     ("a1", "m", "derivative of the transmission function U: cosine coefficient, order 1", ""),
     ("a2", "m", "derivative of the transmission function U: cosine coefficient, order 2", ""),
@@ -57,32 +57,32 @@ PARAMETERS = (
     ("b10", "m", "derivative of the transmission function U: sine coefficient, order 10", ""),
     ("b11", "m", "derivative of the transmission function U: sine coefficient, order 11", ""),
     ("b12", "m", "derivative of the transmission function U: sine coefficient, order 12", ""),
-    ("F", "N", "load against the output link: mean", ""),
-    ("Fa1", "N", "load against the output link: cosine coefficient, order 1", ""),
-    ("Fa2", "N", "load against the output link: cosine coefficient, order 2", ""),
-    ("Fa3", "N", "load against the output link: cosine coefficient, order 3", ""),
-    ("Fa4", "N", "load against the output link: cosine coefficient, order 4", ""),
-    ("Fa5", "N", "load against the output link: cosine coefficient, order 5", ""),
-    ("Fa6", "N", "load against the output link: cosine coefficient, order 6", ""),
-    ("Fb1", "N", "load against the output link: sine coefficient, order 1", ""),
-    ("Fb2", "N", "load against the output link: sine coefficient, order 2", ""),
-    ("Fb3", "N", "load against the output link: sine coefficient, order 3", ""),
-    ("Fb4", "N", "load against the output link: sine coefficient, order 4", ""),
-    ("Fb5", "N", "load against the output link: sine coefficient, order 5", ""),
-    ("Fb6", "N", "load against the output link: sine coefficient, order 6", ""),
+    ("F", "N", "load on the output link, opposite to y3: mean", ""),
+    ("Fa1", "N", "load on the output link, opposite to y3: cosine coefficient, order 1", ""),
+    ("Fa2", "N", "load on the output link, opposite to y3: cosine coefficient, order 2", ""),
+    ("Fa3", "N", "load on the output link, opposite to y3: cosine coefficient, order 3", ""),
+    ("Fa4", "N", "load on the output link, opposite to y3: cosine coefficient, order 4", ""),
+    ("Fa5", "N", "load on the output link, opposite to y3: cosine coefficient, order 5", ""),
+    ("Fa6", "N", "load on the output link, opposite to y3: cosine coefficient, order 6", ""),
+    ("Fb1", "N", "load on the output link, opposite to y3: sine coefficient, order 1", ""),
+    ("Fb2", "N", "load on the output link, opposite to y3: sine coefficient, order 2", ""),
+    ("Fb3", "N", "load on the output link, opposite to y3: sine coefficient, order 3", ""),
+    ("Fb4", "N", "load on the output link, opposite to y3: sine coefficient, order 4", ""),
+    ("Fb5", "N", "load on the output link, opposite to y3: sine coefficient, order 5", ""),
+    ("Fb6", "N", "load on the output link, opposite to y3: sine coefficient, order 6", ""),
 )
 OPTIONS = (
     ("contact", ("bilateral", "unilateral"), "bilateral"),
 )
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
-    ("shaft_torque", "N m", "torque in the shaft, positive where the cam leads"),
-    ("contact_force", "N", "follower against cam, compression positive"),
-    ("gap", "m", "follower above the undeformed cam, negative if pressed"),
-    ("in_contact", "1", "1 in contact, 0 apart; mean: fraction of the period in contact"),
-    ("wear", "W", "contact force times sliding speed of a flat face"),
+    ("shaft_torque", "N m", "torque in the shaft, positive if the cam leads"),
+    ("contact_force", "N", "force of the follower on the cam, compression positive"),
+    ("gap", "m", "height of the follower above the undeformed cam, negative if pressed"),
+    ("in_contact", "1", "1 during contact, otherwise 0; mean: fraction of time in contact"),
+    ("wear", "W", "contact force times sliding speed, flat-faced follower"),
     ("output_displacement", "m", "position y3 of the output link"),
-    ("lift", "m", "lift U(φ) of the cam at the desired motion"),
+    ("lift", "m", "lift U(φ) of the uniformly rotating cam"),
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "bda873cfe2f0ff7c2404f03481d33fa7e85de84c2f568762b4dea459d02980b4"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "875b8ad64c3de8b3d4b9f29db3ad45d65a183cc4b553a091ae3ed93b0dfa2678"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e2eed41f76dee52abea2688d29368d8489189d92bdce7d51a0c4bce7f7d1aae0"
+FILE_SHA256 = "f6359df5c2eb06024df3b1a5e2ef5f735e26ff4b627508502e60e77ca4cdbe5d"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -38,24 +38,24 @@ COORDINATES = (
     ("q20", "m", "deflection of the coupler: amplitude of mode 20"),
 )
 PARAMETERS = (
-    ("l1", "m", "ground line, from the crank's pivot to the follower's", "> 0"),
-    ("l2", "m", "crank", "> 0"),
-    ("l3", "m", "coupler", "> 0"),
-    ("l4", "m", "follower", "> 0"),
-    ("s4", "m", "follower's centre of mass from its pivot", ">= 0"),
-    ("m4", "kg", "follower", ">= 0"),
-    ("E", "Pa", "coupler's modulus of elasticity", "> 0"),
-    ("A", "m^2", "coupler's cross-section", "> 0"),
-    ("I", "m^4", "coupler's second moment of area", "> 0"),
-    ("rho", "kg/m^3", "coupler's density", "> 0"),
-    ("cx", "N s/m^2", "drag per length on the motion of the coupler along its axis", ">= 0"),
-    ("cy", "N s/m^2", "drag per length on the motion of the coupler normal to its axis", ">= 0"),
-    ("JC", "kg m^2", "follower about its pivot", ">= 0"),
+    ("l1", "m", "length of the ground line between the pivots of crank and follower", "> 0"),
+    ("l2", "m", "length of the crank", "> 0"),
+    ("l3", "m", "length of the coupler", "> 0"),
+    ("l4", "m", "length of the follower", "> 0"),
+    ("s4", "m", "distance of the follower's centre of mass from the pivot of the follower", ">= 0"),
+    ("m4", "kg", "mass of the follower", ">= 0"),
+    ("E", "Pa", "modulus of elasticity of the coupler", "> 0"),
+    ("A", "m^2", "cross-sectional area of the coupler", "> 0"),
+    ("I", "m^4", "second moment of area of the coupler", "> 0"),
+    ("rho", "kg/m^3", "density of the coupler", "> 0"),
+    ("cx", "N s/m^2", "drag coefficient per unit length for motion along the coupler", ">= 0"),
+    ("cy", "N s/m^2", "drag coefficient per unit length for motion normal to the coupler", ">= 0"),
+    ("JC", "kg m^2", "moment of inertia of the follower about its pivot", ">= 0"),
     ("alpha", "s", "material damping: stress is E (strain + alpha strain rate)", ">= 0"),
-    ("alpha4", "rad", "direction of the follower's centre of mass, from its line to the joint", ""),
+    ("alpha4", "rad", "angle from the follower's line of joints to the follower's centre of mass", ""),
     ("theta", "rad", "inclination of the ground line", ""),
-    ("g", "m/s^2", "gravity, downwards", ""),
-    ("Me", "N m", "external moment on the follower, against its angle", ""),
+    ("g", "m/s^2", "gravitational acceleration, downwards", ""),
+    ("Me", "N m", "external moment on the follower, opposite to phi4", ""),
 )
 OPTIONS = (
     ("modes", range(1, 21), 3),
@@ -64,14 +64,14 @@ OPTIONS = (
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
     ("midpoint_deflection", "m", "deflection at midspan"),
-    ("axial_force", "N", "of the straight coupler at the crank pin, tension positive"),
-    ("bending_moment", "N m", "E I w'' at midspan"),
-    ("stress", "Pa", "at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"),
-    ("deflection_ratio", "1", "deflection at midspan over l3"),
-    ("euler_ratio", "1", "axial force over Euler's load"),
+    ("axial_force", "N", "axial force of the straight coupler at the crank pin, tension positive"),
+    ("bending_moment", "N m", "bending moment E I w'' at midspan"),
+    ("stress", "Pa", "axial stress at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"),
+    ("deflection_ratio", "1", "deflection at midspan divided by l3"),
+    ("euler_ratio", "1", "axial force divided by Euler's load"),
 )
 LIMITS = (
-    ("deflection_ratio", "<= 0.02", "the deflection is not small against the length"),
+    ("deflection_ratio", "<= 0.02", "the deflection is not small relative to the length"),
     ("euler_ratio", "<= 0.5", "the axial force is close to the buckling load of the coupler"),
 )
 CONDITIONS = (

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "3969a5893cc1f7accfd772a882b5bf1919a9d550bd687fc36c05315d7e63970c"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "aa2f973e67a241bbabf0d094294fc20422114482b56c34373a30615143e258e8"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "416606a6c0535ae5d8801f5e139c42110678498ca013e4d5563ff11ec4e73ce3"
+FILE_SHA256 = "ed786b322444021d0b28aa2a17b3d2e2c84faa563eba7c9cbe8400fc020eebaa"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -21,9 +21,9 @@ PARAMETERS = (
     ("L2", "m", "length of the coupler", "> 0"),
     ("L3", "m", "length of the follower", "> 0"),
     ("L4", "m", "length of the ground link", "> 0"),
-    ("A1", "m^2", "cross section of the crank", "> 0"),
-    ("A2", "m^2", "cross section of the coupler", "> 0"),
-    ("A3", "m^2", "cross section of the follower", "> 0"),
+    ("A1", "m^2", "cross-sectional area of the crank", "> 0"),
+    ("A2", "m^2", "cross-sectional area of the coupler", "> 0"),
+    ("A3", "m^2", "cross-sectional area of the follower", "> 0"),
     ("I1", "m^4", "second moment of area of the crank", "> 0"),
     ("I2", "m^4", "second moment of area of the coupler", "> 0"),
     ("I3", "m^4", "second moment of area of the follower", "> 0"),

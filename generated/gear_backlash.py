@@ -9,18 +9,18 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "645a6e35269787086a6e3355ba6e724e3603abc8f9acf7df76f89975e4481d7e"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "c69ee2e7d873001c932745111cca5bd5bbb1c95608375a03c8fc6968590d7cd2"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3ab3f255e271aac1de9944b43bf55d0edf90df735903f4b10ddeef228e120192"
+FILE_SHA256 = "792a39192f42581ada75c90f550ee3a6c4f27c810ec6948e8c489c960c97fc0e"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
-    ("q", "m", "deflection of the mesh, relative to that under the mean load"),
+    ("q", "m", "deflection of the mesh minus its value under the mean load"),
 )
 PARAMETERS = (
     ("m", "kg", "equivalent mass along the line of action", "> 0"),
-    ("c", "N s/m", "damping", ">= 0"),
+    ("c", "N s/m", "damping coefficient of the mesh", ">= 0"),
     ("k", "N/m", "mean mesh stiffness", "> 0"),
     ("F", "N", "mean load along the line of action", "> 0"),
     ("e", "1", "relative amplitude of the mesh stiffness", "> -1, < 1"),
@@ -28,17 +28,17 @@ PARAMETERS = (
     ("b", "m", "half of the backlash", ">= 0"),
     ("s", "1", "fraction of the period with two pairs of teeth, for rectangular stiffness", "> 0, < 1"),
     ("p", "m", "base pitch, for the sliding speed", "> 0"),
-    ("z1", "1", "teeth of the pinion, for the sliding speed", "integer, >= 1"),
-    ("z2", "1", "teeth of the wheel, for the sliding speed", "integer, >= 1"),
+    ("z1", "1", "number of teeth of the pinion, for the sliding speed", "integer, >= 1"),
+    ("z2", "1", "number of teeth of the wheel, for the sliding speed", "integer, >= 1"),
 )
 OPTIONS = (
     ("mesh", ("harmonic", "rectangular"), "harmonic"),
 )
 OUTPUTS = (
-    ("mesh_force", "N", "elastic force between the teeth, driving flanks positive"),
-    ("gap", "m", "between the driving flanks, at most 2b"),
+    ("mesh_force", "N", "elastic mesh force, positive on the driving flanks"),
+    ("gap", "m", "distance between the driving flanks, at most 2b"),
     ("driving_contact", "1", "1 while the driving flanks touch; mean: fraction of time"),
-    ("back_contact", "1", "1 while the rear flanks touch: contact is then double-sided"),
+    ("back_contact", "1", "1 while the rear flanks touch; mean: fraction of time"),
     ("wear", "W", "mesh force times sliding speed"),
 )
 LIMITS = ()

@@ -9,22 +9,22 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "e6d41bc932a5ee0a419ae55f4b4e58c22df44906c767e1ba5bfd4ff8b6c2cd71"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "4d609a357b00c3747a2a507ede05e067c07aa2715e6a93a0066bf6b92e1e8d5f"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0dace653ef2830ec47a7e96cfc60cae84109454ddfe0c681d920053d2d40be73"
+FILE_SHA256 = "ba5080c455547847e719f31126e7492f2fb45948b30cdd9311625c7bc0e392fa"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
     ("q", "m", "dynamic transmission error, along the line of contact"),
 )
 PARAMETERS = (
-    ("J1", "kg m^2", "pinion", "> 0"),
-    ("J2", "kg m^2", "wheel", "> 0"),
+    ("J1", "kg m^2", "moment of inertia of the pinion", "> 0"),
+    ("J2", "kg m^2", "moment of inertia of the wheel", "> 0"),
     ("rb1", "m", "base radius of the pinion", "> 0"),
     ("rb2", "m", "base radius of the wheel", "> 0"),
     ("z1", "1", "number of teeth of the pinion", "integer, >= 1"),
-    ("zeta", "1", "mean damping ratio (Lehr) of the mesh", ">= 0"),
+    ("zeta", "1", "damping ratio (Lehr) of the mesh with mean stiffness", ">= 0"),
     ("q0", "m", "static tooth deflection under the constant load", ""),
     ("k0", "N/m", "mesh stiffness: mean", "> 0"),
     ("k1", "N/m", "mesh stiffness: amplitude, order 1", ""),
@@ -66,8 +66,8 @@ OPTIONS = (
 OUTPUTS = (
     ("transmission_error_rate", "m/s", "rate of the dynamic transmission error"),
     ("mesh_force", "N", "force between the teeth, compression positive"),
-    ("pinion_speed_ripple", "rad/s", "pinion's speed relative to its mean"),
-    ("wheel_speed_ripple", "rad/s", "wheel's speed relative to its mean"),
+    ("pinion_speed_ripple", "rad/s", "speed of the pinion minus its mean"),
+    ("wheel_speed_ripple", "rad/s", "speed of the wheel minus its mean"),
 )
 LIMITS = (
     ("mesh_force", ">= 0", "the teeth separate; backlash is not in the model"),

@@ -9,25 +9,25 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "0d5bfd975fdb9a6488ded39ff3307831f5de93a26c5177794a6c79a9d6495706"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "c48d21b1c43b00642919b95fca0aad7fe3c0cc91a16b9cf5b9accea478f79095"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "59d7623c2047307c3c30152d2bebd3b18a86d9fed7654be0c6391f886ca641b4"
+FILE_SHA256 = "cb3b9ef404d99b789b2255abe0c5e0ca4bca30a3896982544c6dc37d514566d7"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
     ("q1", "rad", "twist of the driving shaft"),
-    ("q2", "m", "hammer against its cam"),
+    ("q2", "m", "displacement of the hammer relative to the cam"),
 )
 PARAMETERS = (
-    ("I0", "kg m^2", "motor side of the shaft; at constant speed it has no effect", ">= 0"),
-    ("I1", "kg m^2", "cam and its side of the shaft", "> 0"),
-    ("m2", "kg", "operating mechanism (hammer)", "> 0"),
-    ("k1", "N m/rad", "torsion of the driving shaft", "> 0"),
-    ("k2", "N/m", "transmission between cam and hammer", "> 0"),
+    ("I0", "kg m^2", "moment of inertia of the motor side; no effect at constant speed", ">= 0"),
+    ("I1", "kg m^2", "moment of inertia of the cam and its side of the shaft", "> 0"),
+    ("m2", "kg", "mass of the operating mechanism (hammer)", "> 0"),
+    ("k1", "N m/rad", "torsional stiffness of the driving shaft", "> 0"),
+    ("k2", "N/m", "stiffness between cam and hammer", "> 0"),
     ("c1", "N m s/rad", "damping of the driving shaft", ">= 0"),
     ("c2", "N s/m", "damping between cam and hammer", ">= 0"),
-    ("F", "N", "load against the hammer", ""),
+    ("F", "N", "load on the hammer, opposite to its displacement", ""),
     ("a1", "m", "derivative of the transmission function U: cosine coefficient, order 1", ""),
     ("a2", "m", "derivative of the transmission function U: cosine coefficient, order 2", ""),
     ("a3", "m", "derivative of the transmission function U: cosine coefficient, order 3", ""),
@@ -56,7 +56,7 @@ PARAMETERS = (
 OPTIONS = ()
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
-    ("load_torque", "N m", "load on the driving shaft, positive where the cam lags"),
+    ("load_torque", "N m", "torque in the driving shaft, positive if the cam lags"),
     ("hammer_displacement", "m", "position of the hammer"),
 )
 LIMITS = ()

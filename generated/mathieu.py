@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "3c15e681f34222083715e3493884ccc22afab873390ff20aa3923f7cd8aa62c8"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "657c28b5c4f82bcaedc1b7f2de1c7131924da084a9064cdd7b87e7f24a3d2098"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ce2885aecbb1005e6fa7b0632b054f0cd5f89a0d88fbf247a14c5cbfbeba643d"
+FILE_SHA256 = "3f694e0b12286f8508e337bea6202375e13d892954df2d774159e23e20d7f82a"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -20,8 +20,8 @@ COORDINATES = (
 )
 PARAMETERS = (
     ("delta", "1/s^2", "mean stiffness for a mass of 1", ""),
-    ("epsilon", "1/s^2", "amplitude of the stiffness, twice a turn", ""),
-    ("zeta", "1", "damping ratio (Lehr) of the mean stiffness", ">= 0"),
+    ("epsilon", "1/s^2", "amplitude of the stiffness, which varies twice per revolution", ""),
+    ("zeta", "1", "damping ratio (Lehr) with the mean stiffness", ">= 0"),
 )
 OPTIONS = ()
 OUTPUTS = ()

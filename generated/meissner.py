@@ -9,19 +9,19 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "c73ae259e0346a85dfbefa00d5ccadc3f98fa5044e52133ead53410043530609"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "2083146cb9c303f5840d8db4d50f1346f04ef2b54c2c6c479fe46f796c440b88"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4bac8dc53f315d8044b95bbfb3a2d75d94a6a7a4fa9814320886dfa25064d606"
+FILE_SHA256 = "327483bdef8fbf3da7c53dfe9b3e96714d0b2e7d84cb93ec6c2f54ee2ec11ba5"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
     ("q", "1", "deflection, for a mass of 1"),
 )
 PARAMETERS = (
-    ("w1", "rad/s", "frequency in the first interval", ">= 0"),
-    ("w2", "rad/s", "frequency in the second interval", ">= 0"),
-    ("share", "1", "fraction of the turn that the first interval takes", "> 0, < 1"),
+    ("w1", "rad/s", "natural frequency in the first interval", ">= 0"),
+    ("w2", "rad/s", "natural frequency in the second interval", ">= 0"),
+    ("share", "1", "duration of the first interval in revolutions", "> 0, < 1"),
 )
 OPTIONS = ()
 OUTPUTS = ()

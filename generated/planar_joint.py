@@ -9,38 +9,38 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "759456beb1868c8fe5168284c9597ca2b34f4a47e5584026ebaede19704dcd1e"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "2ac2eddd29f7bf45af84a7ac9b8a100ea9b9a3945b60c8aa8edf763b93f5bb17"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "989602db8bccb1b7bfc6cc40e87da2007eaddaf27f13cc78c2bcbeed619e7560"
+FILE_SHA256 = "0397a5d5c8809acd67ecbd0149ca4d0c1ea000a0584f60ef4543abb1c3ed876a"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
-    ("u", "m", "pin in the bearing along the stroke, from the position under the load"),
-    ("v", "m", "pin in the bearing perpendicular to the stroke"),
+    ("u", "m", "displacement of the pin in the bearing along the stroke, from static equilibrium under F"),
+    ("v", "m", "displacement of the pin from the centre of the bearing, perpendicular to the stroke"),
 )
 PARAMETERS = (
-    ("r", "m", "crank", "> 0"),
-    ("L", "m", "connecting rod", "> 0"),
-    ("m", "kg", "slider", "> 0"),
-    ("mr", "kg", "rod, with its centre of mass in the middle", "> 0"),
-    ("J", "kg m^2", "rod, about its centre of mass", "> 0"),
+    ("r", "m", "length of the crank", "> 0"),
+    ("L", "m", "length of the connecting rod", "> 0"),
+    ("m", "kg", "mass of the slider", "> 0"),
+    ("mr", "kg", "mass of the rod, whose centre of mass is in the middle", "> 0"),
+    ("J", "kg m^2", "moment of inertia of the rod about its centre of mass", "> 0"),
     ("F", "N", "constant load on the slider towards the crank", "> 0"),
-    ("k", "N/m", "contact of pin and bearing", "> 0"),
-    ("chi", "s/m", "damping of the contact, relative to its force", ">= 0"),
-    ("c", "N s/m", "damping of the pin in the bearing by the oil", ">= 0"),
+    ("k", "N/m", "contact stiffness of pin and bearing", "> 0"),
+    ("chi", "s/m", "factor χ of the contact damping", ">= 0"),
+    ("c", "N s/m", "damping coefficient of the oil between pin and bearing", ">= 0"),
     ("g", "m", "radial clearance", "> 0"),
     ("R", "m", "radius of the pin, for the sliding speed", "> 0"),
 )
 OPTIONS = ()
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
-    ("contact_force", "N", "pin on bearing, along the normal"),
-    ("gap", "m", "between pin and bearing, at most g"),
+    ("contact_force", "N", "normal force of the pin on the bearing"),
+    ("gap", "m", "distance between pin and bearing, at most g"),
     ("contact", "1", "1 while pin and bearing touch; mean: fraction of time"),
     ("wear", "W", "contact force times sliding speed"),
-    ("pin_along", "m", "pin from the centre of the bearing, along the stroke"),
-    ("position", "m", "centre of the bearing along the stroke"),
+    ("pin_along", "m", "position of the pin relative to the centre of the bearing, along the stroke"),
+    ("position", "m", "position of the centre of the bearing along the stroke"),
 )
 LIMITS = ()
 CONDITIONS = (

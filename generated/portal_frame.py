@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "e3a8c719455921501983d3ef8a1b4de61bc4eaab2a1c008aa496b28f22c0fb91"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "5697a93aa5cf1053c102a94d7895f96941d26f35001b2060e5fc24ae2dfa5c19"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "276142ad63a8461a3b23e53c89c25d3d2f32b51b33b1c9af653b2ca29ae15a6a"
+FILE_SHA256 = "158646d683eec7abd9999c4ed428ecd4208a98c20b4b987446d981d51e3f57fc"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -20,7 +20,7 @@ PARAMETERS = (
     ("E", "Pa", "modulus of elasticity", "> 0"),
     ("I", "m^4", "second moment of area of each bar", "> 0"),
     ("rho", "kg/m^3", "density", "> 0"),
-    ("A", "m^2", "cross section of each bar", "> 0"),
+    ("A", "m^2", "cross-sectional area of each bar", "> 0"),
     ("L", "m", "length of each bar", "> 0"),
 )
 OPTIONS = ()

@@ -9,33 +9,33 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "6e4d84666ecfc90a023113c83088112dcad3d1aea49ec1fc5efba4e9fe171e97"
-DERIVE_SHA256 = "3102960689d03ff16decb99f1cbf37263c8e89e943e2b88e54287fa2c50d34d1"
+MECHANISM_SHA256 = "2efb10b85d3db90713a4fe52ef957ca352fa654af0465c7c77772de774619cc9"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "07587ea95a8dc581304a66647c2bc29e9da81c701be23f82b747ba01a115261f"
+FILE_SHA256 = "8b3074dcf3e730e2d504abd4bff726f0213a715e09007636861ec9d9893c830a"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
-    ("q", "m", "slider against pin, from the position under the load"),
+    ("q", "m", "displacement of the slider relative to the pin, from static equilibrium under F"),
 )
 PARAMETERS = (
-    ("r", "m", "crank", "> 0"),
-    ("L", "m", "connecting rod", "> 0"),
-    ("m", "kg", "slider", "> 0"),
+    ("r", "m", "length of the crank", "> 0"),
+    ("L", "m", "length of the connecting rod", "> 0"),
+    ("m", "kg", "mass of the slider", "> 0"),
     ("F", "N", "constant load on the slider towards the crank", "> 0"),
-    ("k", "N/m", "contact of pin and bearing", "> 0"),
-    ("chi", "s/m", "damping of the contact, relative to its force", ">= 0"),
-    ("c", "N s/m", "damping of the slider against the pin by the oil", ">= 0"),
+    ("k", "N/m", "contact stiffness of pin and bearing", "> 0"),
+    ("chi", "s/m", "factor χ of the contact damping", ">= 0"),
+    ("c", "N s/m", "damping coefficient of the oil between pin and bearing", ">= 0"),
     ("g", "m", "clearance along the stroke", ">= 0"),
     ("R", "m", "radius of the pin, for the sliding speed", "> 0"),
 )
 OPTIONS = ()
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
-    ("contact_force", "N", "pin on bearing, positive away from the crank"),
-    ("gap", "m", "pin from its side of the bearing, at most g"),
-    ("front_contact", "1", "1 while the load presses; mean: fraction of time"),
-    ("rear_contact", "1", "1 while the other side touches"),
+    ("contact_force", "N", "force of the pin on the bearing, away from the crank"),
+    ("gap", "m", "distance of the pin from the loaded side of the bearing, at most g"),
+    ("front_contact", "1", "1 while the loaded side of the bearing touches the pin; mean: fraction of time"),
+    ("rear_contact", "1", "1 while the other side touches the pin"),
     ("wear", "W", "contact force times sliding speed"),
     ("position", "m", "position of the slider along the stroke"),
 )

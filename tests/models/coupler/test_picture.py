@@ -96,7 +96,7 @@ def test_command_writes_the_figure_and_prints_warnings(tmp_path, capsys):
     assert run(["--case", "table1", "--speed", "1500 rpm", "--positions", "2", "--plot", str(file)]) == 0
     assert file.read_bytes().startswith(b"\x89PNG")
     err = capsys.readouterr().err
-    assert "warning: the deflection is not small against the length" in err
+    assert "warning: the deflection is not small relative to the length" in err
     assert f"wrote {file}" in err
 
 
