@@ -167,7 +167,7 @@ def test_appendix_a2_repeats_a1():
     printed, _ = published.curvature_matrices(1.0, {Misprint.CURVATURE_ELEMENT})
     shift = np.array([1, 0, 0, 1, 0, 0])
     assert shift @ M @ shift == pytest.approx(1)
-    # 523/3465 + 2 (−8/693) + 32/3465: the mass of a translating element would be a seventh of the correct one.
+    # 523/3465 + 2 (−8/693) + 32/3465: a translating element would have a seventh of its mass.
     assert shift @ printed @ shift == pytest.approx(475 / 3465)
 
 

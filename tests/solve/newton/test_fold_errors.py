@@ -1,4 +1,4 @@
-"""Error estimates of orbits near folds, where multipliers are sensitive to the orbit."""
+"""Error estimates of orbits near folds, where multipliers are sensitive to errors of the orbit."""
 
 from typing import Any
 
