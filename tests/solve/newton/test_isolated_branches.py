@@ -74,7 +74,7 @@ def test_initial_states_of_other_equations_are_refused():
     model = model_of(duffing(), zeta=0.2, k=1.0, alpha=1.0, f=0.3)
     scattered = solve.scatter(model, 0.5, 4)
     for other, speeds, words in (
-        (model_of(duffing(), zeta=0.1, k=1.0, alpha=1.0, f=0.3), (0.4, 0.6), "other parameters"),
+        (model_of(duffing(), zeta=0.1, k=1.0, alpha=1.0, f=0.3), (0.4, 0.6), "other parameter values"),
         (model, (0.6, 0.9), "allowed: values between 5.72958 rpm"),
     ):
         with pytest.raises(ValueOutOfBoundsError, match=words):
@@ -82,7 +82,7 @@ def test_initial_states_of_other_equations_are_refused():
     with pytest.raises(ValueOutOfBoundsError, match="omit 'begin'"):
         solve.branch(model, (0.4, 0.6), start=scattered, begin=0.5)
     object.__setattr__(scattered, "orbits", [])
-    with pytest.raises(NoOrbitError, match="no motion from the scattered starts settled"):
+    with pytest.raises(NoOrbitError, match="no motion from the scattered starting points settled"):
         solve.branch(model, (0.4, 0.6), start=scattered)
 
 
