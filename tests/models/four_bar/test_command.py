@@ -162,7 +162,7 @@ def test_drag_link_has_no_dead_points_but_a_warning(answer):
     assert record["warnings"] == [err.removeprefix("warning: ").strip()]
 
 
-def test_a_crank_that_cannot_turn_fully_is_reported_at_one_position(answer):
+def test_limited_crank_is_reported_at_one_position(answer):
     out, err = answer(*ROCKER, "--position", "70 deg")
     ends = (math.acos((0.4**2 + 0.547**2 - d**2) / (2 * 0.4 * 0.547)) for d in (0.525 - 0.328, 0.525 + 0.328))
     reach = "cannot turn fully; reachable: {}° <= |t1| <= {}°"

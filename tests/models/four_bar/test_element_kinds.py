@@ -28,7 +28,7 @@ def test_finite_element_frequencies_converge_from_above(kinds):
     np.testing.assert_array_equal(errors[2], 0.0)
 
 
-def test_figure_has_one_panel_per_frequency_and_one_curve_per_element(kinds):
+def test_figure_has_one_panel_per_frequency(kinds):
     axes = [place for place in kinds.plot().axes if place.lines]
     assert [len(place.lines) for place in axes] == [3] * 4
     np.testing.assert_array_equal(axes[1].lines[0].get_ydata()[:-1], kinds.values[0, :, 1])

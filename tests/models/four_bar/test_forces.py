@@ -130,7 +130,7 @@ def test_forces_grow_with_the_square_of_the_speed():
         np.testing.assert_allclose(getattr(fast, name), 9 * values, atol=1e-11 * np.abs(values).max())
 
 
-def test_bodies_are_bars_with_the_joint_masses_on_crank_and_follower():
+def test_joint_masses_are_attached_to_crank_and_follower():
     crank, coupler, follower = bodies(PARAMETERS)
     bar = 7850 * 157.5e-6 * 0.170
     assert crank.mass == pytest.approx(bar + 0.174)

@@ -40,7 +40,7 @@ def test_cases_agree_with_their_titles():
 
 
 @pytest.mark.slow
-def test_boundaries_of_fig_7_2_have_j2_of_plus_minus_one():
+def test_j2_is_plus_or_minus_one_on_the_boundaries():
     """On the boundaries of a chart, J2 equals the multiplier, +1 or −1."""
     chart = solve.chart(solve.load("meissner"), x={"w1": np.linspace(0.2, 6.2, 25)}, y={"w2": [1.9, 2.0]})
     assert sum(len(points) for _, points in chart.boundaries) >= 6

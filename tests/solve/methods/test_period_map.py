@@ -109,7 +109,7 @@ def test_solution_that_is_large_within_the_period_is_accurate(m, decades):
 
 
 @pytest.mark.parametrize("m", [1, 7, 100])
-def test_a_multiplier_at_one_leaves_no_states_and_an_infinite_condition(m):
+def test_multiplier_at_one_gives_an_infinite_condition(m):
     rotation = np.array([[0.0, -1.0], [1.0, 0.0]])
     A = np.array([rotation] * m)
     A[-1] = np.linalg.matrix_power(rotation.T, m - 1)

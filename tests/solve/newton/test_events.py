@@ -108,7 +108,7 @@ def test_equations_without_switches_have_no_events():
     assert (orbit.events, orbit.grazing) == ((), ())
 
 
-def test_an_orbit_on_a_hard_stop_is_found_from_the_transient():
+def test_orbit_on_a_hard_stop_is_found_from_a_transient():
     """The contact is shorter than one step of the grids that are used for the search."""
     numbers = NUMBERS | {"zeta": 0.5, "kappa": 1e5}
     orbit = solve.nonlinear(model_of(stop(), **numbers), SPEED, rtol=1e-6)

@@ -55,7 +55,7 @@ def test_orbit_with_unchanged_events_is_not_grazing():
 
 
 @pytest.mark.parametrize(("speed", "kappa", "way"), [(0.6, 300.0, 1), (2.2, 100.0, -1)])
-def test_a_branch_continues_on_the_unstable_orbit_beyond_a_grazing_orbit(speed, kappa, way):
+def test_branch_continues_on_the_unstable_orbit_after_grazing(speed, kappa, way):
     """At the lower speed, the branch turns back to larger clearances; at the higher speed, it continues to
     smaller ones. At the lower speed, it does not jump to the stable orbit that coexists."""
     numbers = NUMBERS | {"kappa": kappa}

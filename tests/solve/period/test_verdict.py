@@ -268,7 +268,7 @@ def test_error_covers_a_triple_defective_multiplier(seed, method):
 
 
 @pytest.mark.parametrize("coupling", [1e-2, 1e-4, 1e-6])
-def test_a_weak_one_way_coupling_at_equal_frequencies_is_not_stable(coupling):
+def test_weak_one_way_coupling_at_equal_frequencies_is_not_stable(coupling):
     assert floquet(free(np.eye(2), np.zeros((2, 2)), [[2, coupling], [0, 2]]), 1.0).verdict == "undetermined"
 
 
