@@ -184,7 +184,7 @@ def test_bands_do_not_depend_on_the_speeds_between_the_ends(count):
 
 
 def test_unstable_range_is_split_at_a_stable_interior(monkeypatch):
-    """Both ends lie in bands of the same kind. Without further speeds, they appear as one band."""
+    """Both ends lie in bands of the same kind; without further speeds they look like a single one."""
     monkeypatch.setattr("solve.studies.bands._MIN_INTERVALS", 1)
     monkeypatch.setattr("solve.studies.bands._MAX_ANGLE", 1e9)
     monkeypatch.setattr("solve.studies.bands._HALVINGS", 0)
