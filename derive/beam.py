@@ -1,9 +1,9 @@
 """Beam elements: matrices from shape functions, and the text of their generated module.
 
-The displacement is a polynomial in ξ = x/L with as many coefficients as degrees of freedom. A degree of
-freedom is a derivative of this polynomial at a node. Exact integration gives mass, stiffness, geometric
-stiffness, load and strain, and the coupling of axial with transverse displacement by rotation (thesis 4.2,
-Appendix A).
+The displacement is a polynomial in ξ = x/L with one coefficient per degree of freedom. A degree of freedom is
+the value of a derivative of this polynomial at a node. The tables are computed exactly: mass, stiffness,
+geometric stiffness, loads, strains, and the coupling of axial and transverse displacements in a rotating
+element (section 4.2 and Appendix A of the thesis).
 """
 
 import json
@@ -28,7 +28,7 @@ LOADS = (0, 1)
 
 @dataclass(frozen=True)
 class Family:
-    """Shape functions that interpolate `freedoms`: pairs (order of the derivative, ξ).
+    """Shape functions with one degree of freedom per pair (order of the derivative, ξ) in `freedoms`.
 
     `strain` is AXIAL or BENDING. Because x = Lξ, row i of every table must be multiplied by L^k if degree of
     freedom i is a derivative of order k.
@@ -42,42 +42,42 @@ class Family:
     def shape(self) -> Any:
         """Column N̂(ξ) of the shape functions, each 1 at its own degree of freedom and 0 at the others."""
         monomials: Any = sympy.Matrix([XI**power for power in range(len(self.freedoms))])
-        values = [monomials.diff(XI, order).subs(XI, at).T for order, at in self.freedoms]
+        values = [monomials.diff(XI, order).subs(XI, position).T for order, position in self.freedoms]
         return (sympy.Matrix.vstack(*values).T.inv() * monomials).applyfunc(sympy.expand)
 
     @property
     def mass(self) -> sympy.Matrix:
-        """Integral ∫ N̂ N̂ᵀ dξ, to be multiplied by ρA L: thesis (4.22)."""
+        """Integral ∫ N̂ N̂ᵀ dξ, to be multiplied by ρA L: Eq. (4.22) of the thesis."""
         return overlap(self.shape, self.shape)
 
     @property
     def stiffness(self) -> sympy.Matrix:
-        """Integral ∫ B̂ B̂ᵀ dξ, to be multiplied by EA/L or EI/L³: thesis (4.11)."""
+        """Integral ∫ B̂ B̂ᵀ dξ, to be multiplied by EA/L or EI/L³: Eq. (4.11) of the thesis."""
         return overlap(self.strains, self.strains)
 
     @property
     def geometric(self) -> sympy.Matrix:
-        """Integral ∫ N̂′ N̂′ᵀ dξ, to be multiplied by the axial force (tension positive) and divided by L:
-        thesis (4.38)."""
+        """Integral ∫ N̂′ N̂′ᵀ dξ, to be multiplied by the axial force (tension positive) and divided by L: Eq.
+        (4.38) of the thesis."""
         slope = self.shape.diff(XI)
         return overlap(slope, slope)
 
     @property
     def strains(self) -> Any:
-        """Column B̂(ξ) for unit degrees of freedom: elongation times L, or curvature times L²."""
+        """Column B̂(ξ) of the strains, one row per unit degree of freedom: u′ times L, or v″ times L²."""
         return self.shape.diff(XI, self.strain)
 
     @property
     def loads(self) -> sympy.Matrix:
-        """Load vectors for distributed loads that vary as ξᵏ. Row k is ∫ N̂ᵀ ξᵏ dξ, to be multiplied by L and
-        by the load per length."""
+        """Load vectors of distributed loads that vary as ξᵏ. Row k is ∫ N̂ᵀ ξᵏ dξ, to be multiplied by L and
+        by the load per unit length."""
         return overlap(sympy.Matrix([XI**power for power in LOADS]), self.shape)
 
 
 @dataclass(frozen=True)
 class Element:
-    """Plane beam element with one family of shape functions for axial displacement and one for bending, at
-    common nodes."""
+    """Plane beam element with one family of shape functions for the axial displacement and one for the
+    transverse displacement."""
 
     name: str
     axial: Family
@@ -85,11 +85,11 @@ class Element:
 
     @property
     def coupling(self) -> sympy.Matrix:
-        """Integral ∫ N̂u N̂vᵀ dξ. Let X be this integral times ρA L: the off-diagonal blocks of P = ∫ ρA Nᵀ S
-        N dx, with S = [[0, −1], [1, 0]], are −X (upper) and Xᵀ (lower).
+        """Integral ∫ N̂u N̂vᵀ dξ of the axial and the transverse shape functions.
 
-        In axes that rotate at ω, the Coriolis matrix is ωP, and the other terms due to the rotation are ω̇P −
-        ω²M: thesis (4.22).
+        Let X be this integral times ρA L. The matrix P = ∫ ρA Nᵀ S N dx, with S = [[0, −1], [1, 0]], has the
+        off-diagonal blocks −X (upper right) and Xᵀ (lower left). Its products with functions of the angular
+        velocity are the terms due to rotation: Eq. (4.22) of the thesis.
         """
         return overlap(self.axial.shape, self.bending.shape)
 
@@ -119,13 +119,16 @@ FACTORS = """\
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension
-# positive (geometric); L (loads[k], for a load per length that varies as ξᵏ); ρA L (coupling[i][j], axial
-# freedom i and bending freedom j); 1/L for elongation u′ or 1/L² for curvature v″ (strains). Row i of shapes
-# and strains contains the coefficients of 1, ξ, ξ², …."""
+# positive (geometric); L (loads[k], for a load per unit length that varies as ξᵏ); ρA L (coupling[i][j],
+# axial freedom i and bending freedom j); 1/L for elongation u′ or 1/L² for curvature v″ (strains). Row i of
+# shapes and strains contains the coefficients of 1, ξ, ξ², …."""
 
 
 def beam_elements_text(source_sha256: str, command: str) -> str:
-    """Complete text of the generated module. command: arguments of `python -m derive` that regenerate it."""
+    """Source code of the generated module of element matrices.
+
+    command: arguments of `python -m derive` that regenerate the module.
+    """
     families = "".join(f'    "{family.name}": {_dict(_family(family))},\n' for family in FAMILIES)
     elements = "".join(f'    "{element.name}": {_dict(_element(element))},\n' for element in ELEMENTS)
     body = f"{FACTORS}\n\nFAMILIES = {{\n{families}}}\n\nELEMENTS = {{\n{elements}}}\n"
@@ -152,7 +155,7 @@ def _element(element: Element) -> dict[str, str]:
 
 
 def _coefficients(functions: sympy.Matrix) -> sympy.Matrix:
-    """Coefficients of polynomials in ξ, one row each, lowest power first."""
+    """Matrix of the coefficients of polynomials in ξ: one row per polynomial, lowest power first."""
     rows = [sympy.Poly(function, XI).all_coeffs()[::-1] for function in functions]
     width = max(map(len, rows))
     return sympy.Matrix([row + [sympy.S.Zero] * (width - len(row)) for row in rows])

@@ -17,14 +17,14 @@ _UNITS = {
     "K": ("N/m", "N/rad", "N m/rad"),
     "C": ("N s/m", "N s/rad", "N m s/rad"),
 }
-"""Units of an entry: if both its row and its column belong to lengths, if one of them does, and if none does.
-Modal coordinates count as angles."""
+"""Units of a matrix entry that couples two lengths, a length and an angle, or two angles. Modal coordinates
+count as angles."""
 
 _MEANINGS = {"M": "mass", "K": "stiffness", "C": "damping"}
 
 
 class Declaring(Protocol):
-    """Mechanism that declares coordinates and parameters (protocol)."""
+    """Protocol of a mechanism that declares coordinates and parameters."""
 
     def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]: ...
 
@@ -38,9 +38,9 @@ class ReducedBody:
     Attributes
     ----------
     modes : tuple of symbols
-        Coordinates of the modes, without unit.
+        Dimensionless coordinates of the modes.
     kinetic, potential, dissipation : sympy.Expr
-        Energies, to be added to the energies of the mechanism.
+        Energies and dissipation function, to be added to those of the mechanism.
     entries : tuple
         (parameter, matrix, row, column) of each entry, rows and columns from 1.
     units : tuple of str
@@ -68,7 +68,8 @@ def declared_body(
     modes: int,
     damping: bool,
 ) -> ReducedBody:
-    """Declare the modes of a body and the entries of its matrices. Raises DeclarationError."""
+    """Declare the modes of a body and the entries of its matrices, and return the body. Raises
+    DeclarationError."""
     require_plain(name)
     pairs = [pair for pair in interface.values() if isinstance(pair, tuple) and len(pair) == 2]
     units = tuple(unit for _, unit in pairs)
@@ -88,7 +89,7 @@ def declared_body(
     matrices = "MKC" if damping else "MK"
     totals, entries = dict.fromkeys("MKC", sympy.S.Zero), []
     for matrix in matrices:
-        factors = q if matrix == "K" else [rate(each) for each in q]
+        factors = q if matrix == "K" else [rate(coordinate) for coordinate in q]
         for i, j in _occupied(matrix, len(interface), len(q)):
             symbol = f"{name}_{matrix}{i + 1}_{j + 1}"
             unit = _UNITS[matrix][sum(k >= len(units) or units[k] == "rad" for k in (i, j))]
@@ -101,8 +102,11 @@ def declared_body(
 
 
 def _occupied(matrix: str, interface: int, size: int) -> list[tuple[int, int]]:
-    """Entries on and above the diagonal, except those that are always zero: entries that couple two different
-    modes, and stiffnesses that couple a mode with the interface."""
+    """Positions (i, j) of the entries on and above the diagonal that may be nonzero.
+
+    In M and K, entries that couple two different modes are zero; in K, so are entries that couple a mode with
+    the interface.
+    """
     pairs = [(i, j) for i in range(size) for j in range(i, size)]
     if matrix == "C":
         return pairs

@@ -36,8 +36,8 @@ def check(mechanism: MechanismStatement) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError at the first fault."""
     if mechanism.declared_inputs and (isinstance(mechanism, StructureStatement) or mechanism.declared_field):
         raise DeclarationError(
-            f"input {mechanism.declared_inputs[0].name}: mechanisms with a field, and structures, cannot "
-            "have inputs; state the deflection by coordinates"
+            f"input {mechanism.declared_inputs[0].name}: structures and mechanisms with a field cannot have "
+            "inputs; describe the deflection by coordinates"
         )
     if isinstance(mechanism, StructureStatement):
         mechanism.require_complete()
@@ -175,7 +175,7 @@ def _period(mechanism: MechanismStatement) -> sympy.Expr:
 
 
 def _expression(what: str, given: Any) -> sympy.Expr:
-    """Convert a number or expression to a SymPy expression. Raises DeclarationError for text."""
+    """Convert a number or expression to a SymPy expression. Raises DeclarationError for other types."""
     try:
         expression = sympy.sympify(given, strict=True)
     except sympy.SympifyError:

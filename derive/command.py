@@ -77,7 +77,7 @@ def derive(
 
 
 def _begin(file: str, has_more: bool) -> None:
-    """Write the files of an example mechanism and of its case."""
+    """Write an example mechanism and its case file."""
     if has_more:
         raise UsageError(
             "--new takes one file name and no other arguments; to derive that file, run derive again "
@@ -97,19 +97,18 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
         other = found.setdefault(source.target.resolve(), source)
         if other is not source:
             same = other.path.resolve() == source.path.resolve()
-            given = f"'{other.argument}' and '{model}' are " + ("the same file" if same else "two files")
+            conflict = f"'{other.argument}' and '{model}' are " + ("the same file" if same else "two files")
             raise UsageError(
-                f"{given}, for the generated module {source.target}; "
+                f"{conflict}, for the generated module {source.target}; "
                 + ("give it once" if same else "derive one of them with another --out")
             )
     return list(found.values())
 
 
 def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:
-    """Derived text of the generated module. SymPy is imported only in this function, because its import is
-    slow.
+    """Derive the source code of the generated module. SymPy, whose import is slow, is first imported here.
 
-    report: callback for sentences on terms of the energies that the equations ignore.
+    report: function that receives sentences about terms of the energies that the equations omit.
     """
     if source.name == loader.BEAM_ELEMENTS:
         from derive.beam import beam_elements_text
@@ -135,7 +134,7 @@ def _write(sources: list[Source]) -> None:
 
 
 def _reported(sources: list[Source]) -> Iterator[Source]:
-    """Yield sources one after another, with progress reports."""
+    """Yield the sources and report progress."""
     with progress.task("mechanisms", len(sources)):
         for source in sources:
             with progress.subtask("mechanisms"), progress.task(source.name):
@@ -147,8 +146,10 @@ def _noted(source: Source, sentence: str) -> None:
 
 
 def _is_stale(source: Source, full: bool) -> bool:
-    """Whether a generated module is out of date; the reason is printed. full: whether to compare every
-    byte."""
+    """Print why a generated module is out of date, and return whether it is.
+
+    full: whether to derive the module again and compare every byte.
+    """
     present = source.target.read_text("utf-8", errors="replace") if source.target.is_file() else ""
     why = freshness.staleness(present, source.sha256) if present else "it is missing"
     if full:
@@ -192,20 +193,20 @@ def mechanism():
     # Coordinates are deviations from the motion of the rigid machine: name=(unit, meaning).
     twist, stretch = mine.coordinates(
         twist=("rad", "twist of the shaft"),
-        stretch=("m", "table against the eccentric"),
+        stretch=("m", "displacement of the table relative to the eccentric"),
     )
     # Parameters have a unit, a meaning and a bound; their numbers are in NAME.toml.
     J, m, r = mine.parameters(
-        J=("kg m^2", "eccentric with its flywheel", "> 0"),
-        m=("kg", "table", "> 0"),
+        J=("kg m^2", "moment of inertia of eccentric and flywheel", "> 0"),
+        m=("kg", "mass of the table", "> 0"),
         r=("m", "eccentricity", "> 0"),
     )
     k1, k2, c1, c2, F = mine.parameters(
-        k1=("N m/rad", "shaft", "> 0"),
-        k2=("N/m", "spring between eccentric and table", "> 0"),
-        c1=("N m s/rad", "shaft", ">= 0"),
-        c2=("N s/m", "spring", ">= 0"),
-        F=("N", "load against the table, largest at phase 0"),
+        k1=("N m/rad", "torsional stiffness of the shaft", "> 0"),
+        k2=("N/m", "stiffness of the spring between eccentric and table", "> 0"),
+        c1=("N m s/rad", "damping of the shaft", ">= 0"),
+        c2=("N s/m", "damping of the spring", ">= 0"),
+        F=("N", "largest load on the table, at phase 0"),
     )
 
     # mine.phase is the angle φ = Ωt of the drive; rate(…) is the derivative with respect to time.
@@ -221,7 +222,7 @@ def mechanism():
     mine.output("spring_force", spring_force, "N", "force in the spring, tension positive")
     mine.trust(twist=0.05)
 
-    # Lines of the animation; mine.metre is a length that only the picture needs.
+    # Lines of the animation. A length that occurs only there is a multiple of mine.metre.
     size = 0.02 * mine.metre
     left, right = x + size, x + 4 * size
     mine.sketch("eccentric", [(r * cos(mine.around), r * sin(mine.around))])
@@ -270,7 +271,7 @@ def new_mechanism(file: str) -> tuple[Path, Path]:
     Raises
     ------
     MechanismFileError
-        If the name is not a valid module name, or if one of the files exists, since no file is replaced.
+        If the name is not a valid module name or one of the files exists. Existing files are not replaced.
     UnwritableError
         If the folder does not exist or cannot be written.
     """

@@ -18,7 +18,7 @@ def constants(
     operations: dict[str, int],
     conditions: Sequence[Condition],
 ) -> str:
-    """Text of the constants of a generated module, without its hashes."""
+    """Source code of the constants of a generated module, without the hashes."""
     names = {parameter.symbol.name for parameter in mechanism.declared_parameters}
     rows = {
         "COORDINATES": [
@@ -72,7 +72,7 @@ def _series(series: type[PeriodicFunction]) -> tuple:
 
 
 def literal(value: str | float | range | tuple) -> str:
-    """Value as Python source with double quotes."""
+    """Return the Python source of a value. Strings have double quotes."""
     if isinstance(value, tuple):
         return "(" + ", ".join(map(literal, value)) + ("," if len(value) == 1 else "") + ")"
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

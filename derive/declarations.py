@@ -49,7 +49,7 @@ def require_result(name: str) -> None:
 
 
 def bound_of(name: str, text: str) -> str:
-    """Bound in the normal form of generated modules, such as "> 0" or "integer, >= 1"; "" without a bound.
+    """Return a bound in the normal form, such as "> 0" or "integer, >= 1"; "" if the text is empty.
 
     Raises DeclarationError.
 
@@ -66,7 +66,8 @@ def bound_of(name: str, text: str) -> str:
 
 
 def scalar(what: str, value: Any) -> Any:
-    """Entry of a 1 by 1 matrix; any other value unchanged. Raises DeclarationError for a larger matrix."""
+    """Return the entry of a 1 by 1 matrix, or a value that is not a matrix unchanged. Raises DeclarationError
+    for a larger matrix."""
     if not isinstance(value, sympy.MatrixBase):
         return value
     if value.shape != (1, 1):
@@ -126,13 +127,13 @@ class Option:
     @property
     def indicators(self) -> tuple[sympy.Symbol, ...]:
         """Symbols, one per word of the option, with the value 1 if the word is selected and 0 otherwise.
-        Empty for an option with numbers."""
+        Empty if the values of the option are integers."""
         words = () if isinstance(self.values, range) else self.values
         return tuple(sympy.Symbol(f"{self.name}_{value}", real=True) for value in words)
 
     def choose(self, **expressions: Any) -> Any:
-        """Expression that depends on the selected word. Raises DeclarationError unless every word has an
-        expression."""
+        """Return an expression whose value is that of the selected word. `expressions` has one entry per
+        word. Raises DeclarationError."""
         if set(expressions) != set(self.values):
             raise DeclarationError(
                 f"option {self.name} requires one expression for each of {', '.join(map(str, self.values))}; "
@@ -176,7 +177,7 @@ def line_of(lines: Mapping[Any, int], error: DeriveError) -> int | None:
 
 
 def _switches(expression: Any, switch: Any) -> bool:
-    """Whether a recorded expression contains this switch."""
+    """Whether a recorded expression contains the given switch."""
     if not (isinstance(expression, sympy.Expr) and isinstance(switch, sympy.Expr)):
         return False
     stated = counted(expression)
@@ -187,7 +188,7 @@ AROUND = sympy.Symbol("around a curve", real=True)
 """Symbol of the angle from 0 to 2π along a closed curve."""
 
 RUNNING = sympy.Symbol("running", real=True)
-"""Symbol of the fraction from 0 to 1 along a curve."""
+"""Symbol of the position along a curve, as a fraction from 0 to 1."""
 
 METRE = sympy.Symbol("1 m", real=True)
 """Symbol of the unit metre, for lengths that occur only in the sketch."""
@@ -209,7 +210,7 @@ class Sketch:
 
     @property
     def numbers(self) -> list[Any]:
-        """x and y of all points in sequence."""
+        """Coordinates x1, y1, x2, y2, … of all points."""
         return [number for point in self.points for number in point]
 
     def at(self, replace: Callable[[Any], Any]) -> sympy.Matrix:
@@ -219,9 +220,9 @@ class Sketch:
 
 
 def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any]) -> Sketch:
-    """Sketch from its points. along_beam: symbols that are defined at positions of an elastic link.
+    """Return the sketch with the given points. Raises DeclarationError.
 
-    Raises DeclarationError.
+    along_beam: symbols that are defined only at positions along an elastic link.
     """
     try:
         pairs = [
@@ -231,13 +232,13 @@ def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any])
         pairs = []
     numbers = [number for pair in pairs for number in pair]
     good = all(len(pair) == 2 for pair in pairs)
-    good &= all(isinstance(each, sympy.Expr) and not each.has(sympy.I) for each in numbers)
-    symbols = set().union(*(each.free_symbols for pair in pairs if good for each in pair))
+    good &= all(isinstance(number, sympy.Expr) and not number.has(sympy.I) for number in numbers)
+    symbols = set().union(*(number.free_symbols for number in numbers)) if good else set()
     kind = BEAM if symbols & along_beam else CURVE if AROUND in symbols else POINTS
     if not pairs or not good or (kind == POINTS) == (len(pairs) == 1) or (kind == BEAM and AROUND in symbols):
         raise DeclarationError(
-            f"sketch {name}: give two or more points of a line, such as [(0, 0), (x, y)]; or one moving "
-            "point of a curve, such as [(r*cos(m.around), r*sin(m.around))]; or beam.line(start, direction) "
-            "of an elastic link"
+            f"sketch {name}: give two or more points of a line, such as [(0, 0), (x, y)]; or the moving "
+            "point of a curve, such as [(r*cos(m.around), r*sin(m.around))]; or, for an elastic link, "
+            "beam.line(start, direction)"
         )
     return Sketch(name, tuple(pairs), unit, kind)

@@ -71,8 +71,10 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 def open_clearances(
     residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
-    """Conditions on parameters under which a clearance is not exactly zero, for clearances with different
-    slopes on both sides of the switch."""
+    """Yield conditions on parameters under which clearances are not exactly zero.
+
+    Clearances with the same slope on both sides of the switch are omitted.
+    """
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
     values = [substituted(part, rest) for part in parts]
@@ -93,8 +95,8 @@ def open_clearances(
 def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
     """Matrix with zero substituted for all time-varying symbols.
 
-    At switches that are zero in the fundamental motion, both sides must have the same value. Singular pieces
-    are assumed inactive, see `inactive`.
+    At a switch that is zero in the fundamental motion, the values on the two sides must be equal. Singular
+    pieces are assumed to be inactive; see `inactive`.
     """
     rest = resting(moving)
     at_switch = [
@@ -110,7 +112,7 @@ def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | Non
 
 
 def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
-    """Conditions under which pieces that would be singular in the fundamental motion are inactive.
+    """Yield conditions under which pieces that would be singular in the fundamental motion are inactive.
 
     Conditions that follow from the signs of the parameters are omitted.
     """
@@ -141,8 +143,8 @@ def vanishes(expression: Any) -> bool:
 
 
 def _is_discontinuous(parts: Sequence[Any], resting_value: Any, moving: Sequence[Any]) -> bool:
-    """Whether the expressions have different values on both sides of the fundamental motion, at zeros of the
-    switch."""
+    """Whether the values of the expressions on the two sides of the fundamental motion differ, at zeros of
+    the switch."""
     symbols = in_order(*parts, resting_value, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
     other = {symbol: -value for symbol, value in side.items()}
@@ -180,20 +182,20 @@ def _argument(node: Any) -> Any:
 PASSES = '''\
 def _passes(known):
     """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
-    these are not numbers, as on a branch that is not taken."""
-    found = []
+    one of these values is not a number, for example on an inactive branch."""
+    phases = []
     try:
         slope, offset, targets, turn = known()
         targets = [float(target) for target in targets]
     except (TypeError, ValueError, ZeroDivisionError):
-        return found
+        return phases
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
             raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
-        found += [(target + k*turn - offset)/slope for k in turns]
-    return [phase for phase in found if 0 <= phase < PERIOD]'''
+        phases += [(target + k*turn - offset)/slope for k in turns]
+    return [phase for phase in phases if 0 <= phase < PERIOD]'''
 ANGLES = '''\
 def _angles(cosine, sine, rest):
     """Angles x at which cosine*cos(x) + sine*sin(x) + rest is zero."""
@@ -205,7 +207,7 @@ def _angles(cosine, sine, rest):
 
 
 class MathPrinter(CasadiPrinter):
-    """Printer for expressions in functions of Python's `math`."""
+    """Printer that writes functions with the prefix `math.`."""
 
     def doprint(self, expr: Any, assign_to: Any = None) -> str:
         return super().doprint(expr, assign_to).replace("casadi.", "math.")
@@ -215,7 +217,7 @@ class MathPrinter(CasadiPrinter):
 class Passage:
     """Set of phases at which slope · φ + offset equals a target modulo `turn`.
 
-    targets: text of expressions, or of a call of _angles.
+    targets: source code of a tuple of expressions, or of a call of _angles.
     """
 
     slope: Any
@@ -231,10 +233,10 @@ class Passage:
 
 
 def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:
-    """Phases at which switches change sign: all switches of the matrices, and switches of the outputs that
-    depend only on the phase.
+    """Return the phases at which switches change sign.
 
-    Raises UnsupportedExpressionError if the phase of a switch has no closed form.
+    The switches are those of the matrices, and those of the outputs that depend on neither the motion nor the
+    speed. Raises UnsupportedExpressionError if the phase of a switch has no closed form.
     """
     rest = resting([*moving])
     by_text: dict[str, Passage] = {}
@@ -296,8 +298,8 @@ def _unknown(switch: Any) -> UnsupportedExpressionError:
 
 
 def _branches(switch: Any) -> Iterator[Any]:
-    """Expressions for all combinations of the branches of the steps, kinks and piecewise functions within a
-    switch."""
+    """Yield the expressions of a switch for all combinations of branches of the steps, kinks and piecewise
+    functions within it."""
     nodes = outermost(switch)
     for chosen in product(*map(_alternatives, nodes)):
         branch = switch.xreplace(dict(zip(nodes, chosen, strict=True)))

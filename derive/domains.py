@@ -21,7 +21,7 @@ LARGEST_EXPONENT = 709
 """Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
-"""Type of substitutions of symbols with a known sign for the real symbols of a mechanism."""
+"""Type of mappings from symbols of a mechanism to symbols whose sign is known to SymPy."""
 
 
 class Need(NamedTuple):
@@ -66,7 +66,7 @@ def _power(base: Any, exponent: Any) -> Need | None:
 
 
 def signs_of(parameters: Iterable[Any]) -> dict[Any, Any]:
-    """Signs of the speed and of the declared parameters, according to their bounds."""
+    """Map the speed, and each parameter whose bound implies a sign, to a symbol with this sign."""
     signs: dict[Any, Any] = {SPEED: sympy.Dummy(positive=True)}
     for parameter in parameters:
         for clause in filter(None, parameter.bound.split(", ")):
@@ -110,7 +110,7 @@ def limit(part: Any, rest: Mapping[Any, Any]) -> Any:
 
 
 def rebuilt(part: Any, args: Iterable[Any]) -> Any:
-    """Expression with new arguments; NaN if SymPy cannot compare these."""
+    """Expression with new arguments; NaN if SymPy cannot compare the arguments."""
     try:
         return part.func(*args)
     except (TypeError, ValueError):
@@ -118,10 +118,9 @@ def rebuilt(part: Any, args: Iterable[Any]) -> Any:
 
 
 def gate(factor: Any) -> Any:
-    """Condition under which a factor Heaviside(x), Max(0, x), Min(0, x), or a power of one of these, is
-    nonzero.
+    """Return the condition under which a factor is nonzero.
 
-    None for other factors.
+    The factor is Heaviside(x), Max(0, x), Min(0, x), or a power of one of these; None for other factors.
     """
     base = factor.base if isinstance(factor, sympy.Pow) and factor.exp.is_positive else factor
     arguments: Any = base.args
@@ -134,7 +133,7 @@ def gate(factor: Any) -> Any:
 
 
 def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
-    """Values of a piecewise function, each with the condition under which it is active."""
+    """Yield the values of a piecewise function, each with the condition under which it is active."""
     before: list[Any] = []
     for value, condition in pieces:
         yield value, sympy.And(condition, *map(sympy.Not, before))
@@ -142,8 +141,10 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """Functions in an expression, inner ones first, with their domain conditions. A condition holds trivially
-    where the piece that contains the function is inactive."""
+    """Return the functions in an expression, inner ones first, with their domain conditions.
+
+    The margin of a condition is 1 where the piece that contains the function is inactive.
+    """
     collected: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
         condition = need(node)
@@ -156,16 +157,17 @@ def needs(expression: Any) -> list[tuple[Any, Need]]:
 
 
 def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[Any, ...]]]:
-    """All subexpressions with the conditions under which they are active; arguments before functions."""
+    """Yield all subexpressions, arguments before functions, with the conditions under which they are
+    active."""
     if isinstance(part, sympy.Piecewise):
         for value, condition in branches(part.args):
             yield from _guarded(value, guards if condition == sympy.true else (*guards, condition))
         return
     gates = [gate(argument) for argument in part.args] if isinstance(part, sympy.Mul) else []
-    conditions = tuple(each for each in gates if each is not None)
-    for position, each in enumerate(part.args):
+    conditions = tuple(condition for condition in gates if condition is not None)
+    for position, argument in enumerate(part.args):
         free = not conditions or gates[position] is not None
-        yield from _guarded(each, guards if free else (*guards, *conditions))
+        yield from _guarded(argument, guards if free else (*guards, *conditions))
     yield part, guards
 
 
@@ -189,14 +191,16 @@ class Selected(sympy.Function):
 
 
 def guarded(expression: Any, signs: Signs) -> Any:
-    """Expression in which pieces that may be singular are replaced by selections that are finite on both
-    sides."""
+    """Return an expression in which pieces that may be singular are replaced by selections.
+
+    Both alternatives of a selection are finite everywhere.
+    """
     return _Selection(signs, True).selected(sympy.sympify(expression))
 
 
 def value_at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
-    """Expression at the values `rest` of the time-varying symbols, and conditions under which its singular
-    pieces are inactive."""
+    """Return an expression evaluated at the values `rest` of the time-varying symbols, and the conditions
+    under which its singular pieces are inactive."""
     conditions: list[Any] = []
 
     def value(part: Any) -> Any:
@@ -227,8 +231,10 @@ def is_finite(expression: Any) -> bool:
 
 
 def margin_of(condition: Any) -> Any:
-    """Expression that is positive where a combination of inequalities holds strictly; None for other
-    conditions."""
+    """Return an expression that is positive where a combination of inequalities holds strictly.
+
+    None for other conditions.
+    """
     if isinstance(condition, sympy.And | sympy.Or):
         margins: Sequence[Any] = [margin_of(argument) for argument in condition.args]
         if any(margin is None for margin in margins):
@@ -245,8 +251,10 @@ def _may_hold(condition: Any, signs: Signs) -> bool:
 
 @dataclass(frozen=True)
 class _Selection:
-    """Replacement of singular pieces by selections. safe: whether values are made finite where they are
-    inactive."""
+    """Replacement of singular pieces by selections.
+
+    safe: whether the value of a piece is made finite where the piece is inactive.
+    """
 
     signs: Signs
     safe: bool
@@ -342,7 +350,7 @@ class _Selection:
         return not is_met(needed._replace(relation=relation), self.signs)
 
     def _finite(self, part: Any, condition: Any) -> Any:
-        """Value of a piece, made finite where its condition does not hold."""
+        """Value of a piece, made finite where the condition of the piece does not hold."""
         if not self.safe or isinstance(part, Selected) or not part.args or condition == sympy.true:
             return part
         args, needed = [self._finite(argument, condition) for argument in part.args], need(part)

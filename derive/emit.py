@@ -1,4 +1,4 @@
-"""Text of a generated module: constants, and functions that build CasADi functions."""
+"""Source code of a generated module: constants, and functions that build CasADi functions."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -42,14 +42,14 @@ from solve.terminal import progress
 
 CHOICE = '''\
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
     return [float(value == each) for each in allowed]'''
 COUNT = '''\
 def _count(option, value):
-    """Value of an option that is a number."""
+    """Value of an option whose values are integers."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {allowed[0]} to {allowed[-1]}")
@@ -65,14 +65,14 @@ TOOLS = {
 }
 
 MOST_TO_READ = 2000
-"""Maximum number of operations in M, C, K and d up to which the equations are printed for reading: a few
-pages. A choice."""
+"""Largest number of operations in M, C, K and d for which the equations are printed for reading. Chosen by
+judgement: the mechanisms of `models/` have up to 364 operations, which are printed on about one page."""
 
 RIGID = "a mechanism without coordinates has no equations of motion"
 
 DOCS = {
     "residual": "Nonlinear r of the equation of motion r = 0.",
-    "outputs": "One scalar for each entry of OUTPUTS.",
+    "outputs": "One scalar per entry of OUTPUTS.",
 }
 STATE = ("phase", "speed", "q", "qd", "qdd", "p")
 ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
@@ -82,13 +82,14 @@ ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
 class Equations:
     """All results of the derivation, from which a generated module is written.
 
-    residual, outputs: results at varying speed; residual is None without coordinates, or if `functions`
-    contain it. definitions: text that defines symbols that are not inputs. tools, functions: texts before and
-    after the other functions. conditions: conditions on the parameters. passages: phases of the switches of
-    the matrices. nonlinear: sentences on terms that the linear equations ignore. idle: sentences on terms
-    that all equations ignore. switched: sentences on steps and kinks that the vibration may pass.
-    no_drive_torque: reason why there is no drive torque. projection: projection of a deflection on its mode
-    functions. inputs: B, if there are inputs.
+    residual, outputs: results at varying speed; residual is None if there are no coordinates or if
+    `functions` contains it. definitions: source code that defines symbols other than inputs. tools,
+    functions: source code of functions, placed before and after the other functions. conditions: conditions
+    on the parameters. demands: domain conditions. passages: phases of the switches. nonlinear: sentences
+    about terms that the linear equations ignore. idle: sentences about terms that all equations ignore.
+    switched: sentences about steps and kinks that the vibration may cross. no_drive_torque: reason why there
+    is no drive torque. projection: projection of a deflection onto its mode functions. inputs: matrix B, if
+    there are inputs.
     """
 
     linearised: dict[str, Any]
@@ -109,13 +110,14 @@ class Equations:
 
     @property
     def of_states(self) -> dict[str, dict[str, Any]]:
-        """Results at varying speed, by the names of the function and of the result."""
+        """Mapping from names of functions to their results at varying speed, as a mapping from names."""
         residual = {} if self.residual is None else {"residual": {"r": self.residual}}
         return {**residual, "outputs": {output.name: output.expression for output in self.outputs}}
 
 
 def derive_equations(mechanism: MechanismStatement) -> Equations:
-    """Equations of a checked mechanism. Raises SingularMassError for a coordinate without inertia."""
+    """Derive the equations of a checked mechanism. Raises SingularMassError for a coordinate without
+    inertia."""
     if mechanism.declared_field:
         return _field_equations(mechanism, mechanism.declared_field)
     varying = residuals(mechanism)
@@ -123,7 +125,7 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
-            # The residual does not contain modal damping: its rows then do not vanish on a motion.
+            # With modal damping, which the residual does not contain, its rows do not vanish on a motion.
             rows = () if mechanism.damping_ratios else [*varying]
             outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
@@ -151,12 +153,12 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
 def _field_equations(mechanism: MechanismStatement, deflection: Field) -> Equations:
     projection = project(mechanism, deflection)
     outputs = [] if mechanism.no_drive_torque else [_torque(projection.drive_torque)]
-    for each in mechanism.declared_outputs:
-        outputs.append(_in_its_unit(each, each.expression.xreplace(projection.tensions)))
+    for declared in mechanism.declared_outputs:
+        outputs.append(_in_its_unit(declared, declared.expression.xreplace(projection.tensions)))
     options = [option.name for option in mechanism.declared_options]
     functions = field_functions(deflection, options_text(mechanism), options)
     tools = field_tools(projection)
-    linearised = [sympy.sympify(each) for each in projection.linearised.values()]
+    linearised = [sympy.sympify(matrix) for matrix in projection.linearised.values()]
     return Equations(
         projection.linearised,
         None,
@@ -178,10 +180,10 @@ def module_text(
     command: str,
     report: Callable[[str], object] = lambda _: None,
 ) -> str:
-    """Complete text of the generated module.
+    """Source code of the generated module of a mechanism.
 
-    command: arguments of `python -m derive` that regenerate it. report: callback for each sentence on terms
-    of the statement that the equations ignore.
+    command: arguments of `python -m derive` that regenerate the module. report: function that receives each
+    sentence about terms that the equations ignore.
     """
     with progress.steps(2) as step:
         step("equations")
@@ -208,7 +210,7 @@ def module_text(
 
 
 def _require_own_names(body: str) -> None:
-    """Raise DeclarationError if a field, or an unknown of a loop, has the name of another generated
+    """Raise DeclarationError if the name of a field or of an unknown of a loop is that of another generated
     function."""
     defined = re.findall(r"^def _(\w+)", body, re.MULTILINE)
     for name in defined:
@@ -225,7 +227,7 @@ def _domain(demanded: Sequence[Demand]) -> list[str]:
 
 
 def _reasons(equations: Equations) -> list[str]:
-    """Lines of the constants NO_DRIVE_TORQUE, NONLINEAR and SWITCHED, if applicable."""
+    """Lines of those of the constants NO_DRIVE_TORQUE, NONLINEAR and SWITCHED that are not empty."""
     lines = []
     if equations.no_drive_torque:
         lines.append(f"NO_DRIVE_TORQUE = {literal(equations.no_drive_torque)}")
@@ -247,14 +249,14 @@ def _for_reading(mechanism: MechanismStatement, equations: Equations, operations
 
 
 def equations_text(equations: Sequence[Equation], projection: Projection | None = None) -> str:
-    """Text of the constant EQUATIONS: one MathML element per equation."""
+    """Source code of the constant EQUATIONS, with one MathML element per equation."""
     return "\n".join(tuple_lines("EQUATIONS", [*map(literal, mathml(equations, projection))]))
 
 
 def functions_text(
     mechanism: MechanismStatement, functions: list[GeneratedFunction]
 ) -> tuple[list[str], dict[str, int]]:
-    """Texts of the loops and the functions, and the number of operations of each function."""
+    """Return the source code of all loops and functions, and the number of operations of each function."""
     orders = loop_orders([matrix for function in functions for matrix in function.matrices])
     loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
     printed = {function.name: function_text(mechanism, function, orders) for function in functions}
@@ -266,7 +268,7 @@ def functions_text(
 
 
 def _operations(counts: dict[str, int]) -> dict[str, int]:
-    """Numbers of operations of the functions that are evaluated at every phase."""
+    """Number of operations of each function that is evaluated at every phase."""
     evaluated = {name: counts[name] for name in ("linearised", "residual", "outputs") if name in counts}
     return {"linearised": counts["linearised"], "residual": counts["linearised"], **evaluated}
 
@@ -281,7 +283,7 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
     for name, results in equations.of_states.items():
         constant = {each: steady(part) for each, part in results.items()}
         functions.append(GeneratedFunction(name, DOCS[name], STATE, constant, names))
-        doc = f"Contribution of an acceleration of the drive to {name}."
+        doc = f"Contribution to {name} of an acceleration of the drive."
         added = {each: accelerated(part) for each, part in results.items()}
         functions.append(GeneratedFunction(f"{name}_accelerated", doc, ACCELERATED, added, names))
     if equations.projection is not None:
@@ -289,7 +291,10 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
         inputs, varying = ("phase", "speed", "acceleration", "p"), equations.projection.varying
         functions.append(GeneratedFunction("linearised_varying", doc, inputs, varying, names))
     if mechanism.damping_ratios:
-        doc = "Damping ratios of the modes of M and K at speed 0 by frequency, the last for all higher modes."
+        doc = (
+            "Damping ratios of the modes of M and K at speed 0, lowest frequency first; the last applies to "
+            "all higher modes."
+        )
         ratios = {"ratios": sympy.Matrix(mechanism.damping_ratios)}
         functions.append(GeneratedFunction("damping_ratios", doc, ("p",), ratios))
     functions += sketch_functions(mechanism)
@@ -298,10 +303,10 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
 
 
 def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
-    """Generated function of the domain conditions; empty without conditions."""
+    """List with the generated function of the domain conditions; empty if there are none."""
     if not demanded:
         return []
-    doc = "One number for each entry of DOMAIN, which must satisfy the relation over the whole period."
+    doc = "One number per entry of DOMAIN, which must satisfy the relation of the entry at every phase."
     margins = sympy.Matrix([demand.margin for demand in demanded])
     return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 
@@ -329,11 +334,11 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
 
 
 def condition_functions(conditions: Sequence[Condition]) -> list[GeneratedFunction]:
-    """Generated function of the conditions; empty without conditions."""
+    """List with the generated function of the conditions on parameters; empty if there are none."""
     if not conditions:
         return []
     margins = sympy.Matrix([condition.margin for condition in conditions])
-    doc = "One number for each entry of CONDITIONS, positive where the condition holds."
+    doc = "One number per entry of CONDITIONS, positive where the condition holds."
     return [GeneratedFunction("conditions", doc, ("phase", "p"), {"margins": margins})]
 
 

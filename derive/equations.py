@@ -21,7 +21,7 @@ from derive.symbols import ACCELERATION, PHASE, SPEED, Moving, counted, rate, st
 
 
 def gathered(entry: sympy.Expr) -> sympy.Expr:
-    """Expression in which terms with the same dependence on phase, speed and motion are collected."""
+    """Collect the terms of an expression that depend in the same way on phase, speed and motion."""
     factors: dict[sympy.Expr, list[sympy.Expr]] = {}
     for term in sympy.Add.make_args(sympy.expand_mul(entry)):
         factor, varying = term.as_independent(PeriodicFunction, Moving, SPEED)
@@ -31,7 +31,7 @@ def gathered(entry: sympy.Expr) -> sympy.Expr:
 
 
 def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
-    """Matrices with collected terms, or unchanged if the original form has fewer operations.
+    """Return the matrices with collected terms, or unchanged if this form has fewer operations.
 
     Collecting terms shortens transmission functions but lengthens explicit kinematics.
     """
@@ -39,7 +39,7 @@ def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
 
 
 def unshifted(expression: Any) -> Any:
-    """Expression in which sines and cosines of the phase plus a constant angle are expanded.
+    """Expand sines and cosines of the phase plus a constant angle.
 
     The terms of blades or poles at equal angles around a revolution then cancel.
     """
@@ -79,8 +79,7 @@ def residuals(mechanism: MechanismStatement) -> sympy.Matrix:
 
 
 def _in_parts(rows: Sequence[Any]) -> sympy.Matrix:
-    """Simplified rows, in which terms due to an acceleration of the drive are kept separate from the
-    others."""
+    """Simplify rows. Terms due to an acceleration of the drive are simplified separately from the others."""
     matrix = sympy.Matrix(rows)
     return simplified([steady(matrix)])[0] + simplified([accelerated(matrix)])[0]
 
@@ -94,13 +93,12 @@ def accelerated(expression: Any) -> Any:
 
 
 def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> sympy.Expr:
-    """Torque of the drive in N m, from the row of the phase (chapter Eq. (51)) and the rows of the
-    coordinates.
+    """Torque of the drive in N m, from Lagrange's equation of the phase (chapter Eq. (51)).
 
-    The row of a coordinate that is added to the phase, such as the twist of a shaft, is subtracted from the
-    row of the phase, which leaves the torque in the shaft. The subtracted row vanishes on every exact motion.
-    For motions of the linear equations, however, inertia terms would be inaccurate without the subtraction.
-    residual: rows of the coordinates; None if the rows are incomplete.
+    The equation of a coordinate that is added to the phase, such as the twist of a shaft, is subtracted from
+    it, which leaves the torque in the shaft. The subtracted equation holds for every exact motion. For
+    motions of the linear equations, inertia terms would be inaccurate without the subtraction.
+    residual: left-hand sides of the equations of the coordinates; empty to omit the subtraction.
     """
     torque = _row(mechanism, PHASE)
     accelerations = [coordinate.symbol.rate.rate for coordinate in mechanism.declared_coordinates]
@@ -113,7 +111,8 @@ def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> symp
 
 
 def from_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
-    """Expression with q, q̇, q̈ relative to the fundamental motion, and the phase modulo 2π in steps."""
+    """Expression with q, q̇, q̈ relative to the fundamental motion, and with the phase modulo 2π in steps and
+    kinks."""
     expression = counted(expression)
     shift: dict[sympy.Basic, sympy.Expr] = {}
     for symbol, motion in mechanism.fundamental_motion.items():
@@ -152,10 +151,11 @@ class Linearised(NamedTuple):
 
 
 def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearised:
-    """Jacobians of the residual with respect to q̈, q̇ and q at the fundamental motion, and d, which is minus
-    the residual at the fundamental motion.
+    """Linearise the residual at the fundamental motion: M, C and K are its Jacobians with respect to q̈, q̇
+    and q; d is minus its value.
 
-    Raises ExpansionError if an entry is not finite, SingularMassError if M is singular for all parameters.
+    Raises ExpansionError if an entry is not finite, and SingularMassError if M is singular for all
+    parameters.
     """
     if not mechanism.declared_coordinates:
         none = sympy.zeros(0, 0)
@@ -171,11 +171,11 @@ def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearis
 
 
 def taylor_expansion(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
-    """First-order Taylor expansion of a residual about the fundamental motion, in the coordinates q, their
-    rates and accelerations. It is valid between switches.
+    """First-order Taylor expansion of a residual about the fundamental motion in q, q̇ and q̈, valid between
+    switches.
 
-    signs: signs of the parameters. Raises ExpansionError if the residual is not differentiable because of a
-    step or kink in the coordinates.
+    signs: signs of the parameters. Raises ExpansionError if the residual has a step or kink in the
+    coordinates at the fundamental motion.
     """
     jacobian, moving = _jacobian(residual, q)
     require_tangents(residual, jacobian, moving)
@@ -184,11 +184,14 @@ def taylor_expansion(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs |
 
 
 def input_matrix(mechanism: MechanismStatement) -> sympy.Matrix:
-    """Matrix B (n, r) of the inputs u on the right-hand side of the linearised equations: derivatives, at the
-    fundamental motion, of the displacements along which the inputs act."""
+    """Matrix B (n, r) of the inputs u on the right-hand side of the linearised equations.
+
+    Column j contains the derivatives with respect to q, at the fundamental motion, of the displacement along
+    which input j acts.
+    """
     q = [coordinate.symbol for coordinate in mechanism.declared_coordinates]
-    moving = [each for symbol in q for each in symbol.motion]
-    along = [from_fundamental(mechanism, each.along) for each in mechanism.declared_inputs]
+    moving = [derivative for symbol in q for derivative in symbol.motion]
+    along = [from_fundamental(mechanism, declared.along) for declared in mechanism.declared_inputs]
     slopes = sympy.Matrix(len(q), len(along), lambda i, j: slope(along[j], q[i]))
     return unshifted(at_fundamental_motion(slopes, moving, signs_of(mechanism.declared_parameters)))
 
@@ -209,8 +212,8 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
-    """Derivatives of the residual with respect to q̈, q̇ and q, valid next to the switches, and the symbols
-    q̈, q̇ and q."""
+    """Return the derivatives of the residual with respect to q̈, q̇ and q, and these symbols. The derivatives
+    are those next to the switches."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
     return known_real(residual).jacobian(moving).applyfunc(beside), moving

@@ -4,9 +4,9 @@ from typing import Any
 
 
 class DeriveError(Exception):
-    """Base class of the errors of `derive`, with a message of one line.
+    """Base class of the errors of `derive`. Messages have one line.
 
-    about: expression to which the error refers, if there is one.
+    about: expression to which the error refers; None if there is none.
     """
 
     def __init__(self, text: str, about: Any = None):
@@ -67,4 +67,4 @@ class UnwritableError(DeriveError):
 
 
 class ImpulseError(DeriveError):
-    """Derivative of a discontinuous expression; it would be an impulse."""
+    """Derivative of a discontinuous expression, which would be an impulse."""

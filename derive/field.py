@@ -1,11 +1,11 @@
 """Deflection w(x, t) along an elastic link, and integrals of products of its mode functions.
 
-The author of a mechanism writes energies per length as functions of w, its slope and curvature, their rates,
-and the position x. In these energies, w and its derivatives are used like coordinates at one position. The
-energies are then integrated over the link. Mode functions are sums of powers of ξ = x/l times sines and
-cosines of π(ak + c)ξ, with an integer a. Their products are sums of waves ξ^p exp(iπtξ), which are integrated
-by parts. At ξ = 1 a wave depends only on the parity (−1)^k of the mode number. For equal mode numbers, some t
-are zero; these integrals are computed separately.
+The author of a mechanism writes energies per unit length as functions of w, its slope and curvature, the
+rates of all three, and the position x. In these energies, w and its derivatives at one position are treated
+as coordinates. The energies are then integrated over the link. Mode functions are sums of powers of ξ = x/l
+times sines and cosines of π(ak + c)ξ, with an integer a and the mode number k. Products of mode functions are
+sums of waves ξ^p exp(iπtξ), which are integrated by parts. At ξ = 1, a wave depends on the mode number only
+through its parity (−1)^k. For equal mode numbers, some t are zero; these integrals are computed separately.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ Shape = Callable[[Any, Any], Any]
 
 @dataclass(frozen=True)
 class ModalIntegral:
-    """Integral ∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1: `equal` for i = j, `different` otherwise."""
+    """Integral ∫ ξ^power ψ_i^(a) ψ_j^(b) dξ from 0 to 1: `equal` for i = j, `different` otherwise."""
 
     different: sympy.Expr
     equal: sympy.Expr
@@ -43,10 +43,10 @@ class ModalIntegral:
 
 
 def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> ModalIntegral:
-    """Integral ∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1, with derivatives of orders a and b with respect to ξ,
-    for mode numbers up to `most`.
+    """Integral ∫ ξ^power ψ_i^(a) ψ_j^(b) dξ from 0 to 1, for mode numbers i and j up to `most`.
 
-    Raises UnsupportedExpressionError for mode functions of another form.
+    a and b are the orders of the derivatives with respect to ξ. Raises UnsupportedExpressionError for mode
+    functions whose integral has no closed form here.
     """
     product = XI**power * shape(MODE_I, XI).diff(XI, a) * shape(MODE_J, XI).diff(XI, b)
     equal = product.xreplace({MODE_J: MODE_I})
@@ -54,14 +54,16 @@ def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> Modal
 
 
 def modal_moment(shape: Shape, a: int, power: int, most: int) -> sympy.Expr:
-    """Integral ∫ ξ^power ψ_j^(a) dξ over 0 … 1; see `modal_integral`."""
+    """Integral ∫ ξ^power ψ_j^(a) dξ from 0 to 1; see `modal_integral`."""
     return _integral(XI**power * shape(MODE_J, XI).diff(XI, a), (MODE_J,), most)
 
 
 @cache
 def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sympy.Expr:
-    """Integral over 0 … 1 for all distinct mode numbers up to `most`. It is cached, because energies and
-    outputs of all fields with the same shape contain the same integrals."""
+    """Integral of a function from 0 to 1, valid for all distinct mode numbers up to `most`.
+
+    The result is cached, because the same integrals occur repeatedly.
+    """
     numbers = [
         dict(zip(symbols, permutation, strict=True))
         for permutation in permutations(range(1, most + 1), len(symbols))
@@ -75,8 +77,10 @@ def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sy
 
 
 def _factored(total: sympy.Expr) -> sympy.Expr:
-    """Sum of powers of π and parities, each multiplied by a factored quotient of mode numbers. Imaginary
-    terms are omitted, because they cancel in the real integral and factoring is slow."""
+    """Collect a sum by powers of π and parities, and factor the quotients of mode numbers.
+
+    Imaginary terms are omitted: they cancel in the real integral, and factoring is slow.
+    """
     quotients: dict[sympy.Expr, sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(total)):
         imaginary = term.as_coefficient(sympy.I)
@@ -91,7 +95,7 @@ def _factored(total: sympy.Expr) -> sympy.Expr:
 
 
 def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
-    """Coefficients of ξ^power exp(iπ half_waves ξ) in a function; keys are (power, half_waves)."""
+    """Mapping from (power, half_waves) to the coefficient of ξ^power exp(iπ half_waves ξ) in a function."""
     waves: dict[tuple[int, sympy.Expr], sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(function.rewrite(sympy.exp))):
         factor, varying = term.as_independent(XI)
@@ -110,7 +114,7 @@ def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
 
 
 def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
-    """Integral ∫ ξ^power exp(iπ half_waves ξ) dξ over 0 … 1."""
+    """Integral ∫ ξ^power exp(iπ half_waves ξ) dξ from 0 to 1."""
     if half_waves == 0:
         return sympy.Rational(1, power + 1)
     end, slope = _end_value(half_waves), sympy.I * sympy.pi * half_waves
@@ -130,8 +134,8 @@ def _end_value(half_waves: Any) -> sympy.Expr:
 
 
 def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
-    """Raise UnsupportedExpressionError if the frequency of a wave is zero for some mode numbers only: the
-    formula of the integral would be 0/0."""
+    """Raise UnsupportedExpressionError if the frequency of a wave is zero for some mode numbers but not for
+    all. The formula of the integral would then be 0/0."""
     if half_waves == 0:
         return
     for number in numbers:
@@ -167,16 +171,16 @@ class FieldIntegral(sympy.Function):
         return super().free_symbols - self.field.local
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the integral, computed from the dimensions of density and length."""
+        """Dimension of the integral. `parts` are the dimensions of the density and the length."""
         return parts[0] * parts[1]
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Deflection w(x, t) = Σ q_k(t) ψ_k(x/length) of an elastic link. The option `modes` is the number of
-    modes.
+    """Deflection w(x, t) = Σ q_k(t) ψ_k(x/length) of an elastic link.
 
-    shape: ψ_k as a function of k and xi = x/length.
+    shape: ψ_k as a function of k and xi = x/length. modes: name of the option that states the number of
+    modes.
     """
 
     name: str
@@ -186,7 +190,8 @@ class Field:
     shape: Shape = field(repr=False)
     modes: str
     points: dict[Any, tuple[Moving, sympy.Expr]] = field(default_factory=dict, init=False)
-    """Symbols returned by `at`, which represent w, w′, w″ or the tension at a position."""
+    """Mapping from symbols to the quantity (w, w′, w″ or the tension) and the position that they represent;
+    see `at`."""
 
     @cached_property
     def position(self) -> sympy.Symbol:
@@ -215,22 +220,22 @@ class Field:
 
     @cached_property
     def shortening(self) -> Any:
-        """Displacement u(x) = ½∫w′² dx, integrated from 0 to x, of an inextensible link towards its start."""
+        """Displacement u(x) = ½∫w′² dx (from 0 to x) of a point of an inextensible link towards the start."""
         return Moving(f"{self.name}_shortening")
 
     @cached_property
     def total_shortening(self) -> Any:
-        """Displacement u at the end of the link: its length minus that of its chord."""
+        """Displacement u at the end of the link: the length of the link minus that of its chord."""
         return Moving(f"{self.name}_total_shortening")
 
     @cached_property
     def tension(self) -> Any:
-        """Axial force N of the straight link, from the energy terms that contain the shortening."""
+        """Axial force N of the straight link, which follows from the energy terms with the shortening."""
         return Moving(f"{self.name}_tension")
 
     @cached_property
     def local(self) -> set[Any]:
-        """Symbols that are defined only at a position of the link."""
+        """Symbols that depend on the position along the link."""
         moving = [*self.derivatives, self.shortening]
         return {self.position, self.tension, *moving, *(symbol.rate for symbol in moving)}
 
@@ -240,7 +245,7 @@ class Field:
         return [*self.derivatives, self.shortening, self.total_shortening, self.tension, *self.points]
 
     def dimensions(self, length: Dimension, energy: Dimension) -> dict[Any, Dimension]:
-        """Dimensions of `symbols`, from the dimensions of length and energy."""
+        """Mapping from `symbols` to their dimensions, given the dimensions of length and energy."""
         unit = parse(self.unit)
         dimension = {derivative: unit / length**order for order, derivative in enumerate(self.derivatives)}
         dimension |= {self.shortening: length, self.total_shortening: length, self.tension: energy / length}
@@ -252,7 +257,7 @@ class Field:
         Parameters
         ----------
         density : expression
-            Quantity per length in x, w, w′, w″ and their rates.
+            Quantity per unit length, as a function of x, w, w′, w″ and their rates.
 
         Returns
         -------
@@ -269,7 +274,7 @@ class Field:
         start : tuple of two expressions
             Position (x, y) of the start of the link, m.
         direction : expression
-            Direction of the chord, rad from x; w is positive at +90° from it.
+            Angle from the x axis to the chord, rad. A positive w is a displacement at +90° from the chord.
         """
         (x, y), along, across = start, self.position - self.shortening, self.deflection
         c, s = sympy.cos(direction), sympy.sin(direction)
@@ -281,7 +286,7 @@ class Field:
         Parameters
         ----------
         expression : expression
-            Expression in x, w, w′, w″, their rates and the tension.
+            Function of x, w, w′, w″, their rates and the tension.
         position : expression
             Position, m.
 

@@ -19,7 +19,7 @@ IMPORTS = "import math\n\nimport casadi\n\n"
 
 
 def _banner(title: str, command: str) -> str:
-    """Text of the docstring of a generated module."""
+    """Source code of the docstring of a generated module."""
     title = title.replace("\\", "\\\\").replace('"', '\\"')
     return (
         f'"""{title}.\n\n{MARK}\n'
@@ -30,7 +30,7 @@ def _banner(title: str, command: str) -> str:
 
 
 def hashed_module(title: str, command: str, source_sha256: str, body: str, imports: str = IMPORTS) -> str:
-    """Text of the module, including the hashes of its inputs and the hash of all other lines.
+    """Source code of the module, including the hashes of its inputs and the hash of all other lines.
 
     command: arguments of `python -m derive` that regenerate it.
     """
@@ -59,7 +59,7 @@ def derive_sha256() -> str:
 
 
 def code(source: str) -> str:
-    """Source without comments and without statements that are strings, such as docstrings.
+    """Remove comments, docstrings and other statements that are only a string from source code.
 
     Comments and strings are removed by position in the text, because the output of a parser would differ
     between versions of Python.
@@ -98,7 +98,7 @@ def _loose_strings(source: str, lines: list[str]) -> Iterator[tuple[_Place, _Pla
 
 
 def staleness(text: str, source_sha256: str) -> str:
-    """Reason why the text of a generated module is out of date, or "" if its hashes are correct."""
+    """Return the reason why a generated module is out of date, or "" if its hashes are correct."""
     recorded = dict(re.findall(r'^(\w+_SHA256) = "([0-9a-f]{64})"$', text, re.MULTILINE))
     unhashed, count = re.subn(r'^FILE_SHA256 = "\w*"\n', "", text, flags=re.MULTILINE)
     expected = {
@@ -111,16 +111,16 @@ def staleness(text: str, source_sha256: str) -> str:
     return "; ".join(why for name, (now, why) in expected.items() if recorded.get(name) != now)
 
 
-def difference(path: Path, present: str, wanted: str) -> str:
-    """Unified diff between the present text of the file and the derived text."""
-    old, new = (text.splitlines(keepends=True) for text in (present, wanted))
+def difference(path: Path, present: str, derived: str) -> str:
+    """Unified diff between the present and the derived source code of a generated module."""
+    old, new = (text.splitlines(keepends=True) for text in (present, derived))
     return "".join(difflib.unified_diff(old, new, f"{path} (present)", f"{path} (derived)"))
 
 
 def write(path: Path, text: str) -> None:
-    """Replace a generated module atomically.
+    """Write a generated module atomically, in place of an earlier version.
 
-    Raises ForeignFileError if the file has no banner, UnwritableError if it cannot be written.
+    Raises ForeignFileError if the file exists and has no banner, and UnwritableError if it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

@@ -1,4 +1,4 @@
-"""Text of one generated function: inputs, series, common subexpressions, results."""
+"""Source code of one generated function: inputs, series, common subexpressions, results."""
 
 import json
 import textwrap
@@ -28,7 +28,7 @@ VECTORS["acceleration"] = ACCELERATION.name
 class GeneratedFunction:
     """Function of the generated module, with its CasADi inputs and named results.
 
-    definitions: text that defines the symbols of the results that are not inputs.
+    definitions: mapping from symbols in the results that are not inputs to the source code of their values.
     """
 
     name: str
@@ -45,9 +45,10 @@ class GeneratedFunction:
 def function_text(
     mechanism: MechanismStatement, function: GeneratedFunction, loops: Mapping[Loop, list[Order]] = NO_LOOPS
 ) -> tuple[str, int]:
-    """Text of one function, and its number of operations; common subexpressions are counted once.
+    """Return the source code of one function, and its number of operations. Common subexpressions are counted
+    once.
 
-    loops: for each loop, the orders of derivatives that its generated function returns.
+    loops: mapping from loops to the orders of the derivatives that their generated functions return.
     """
     taken = (
         mechanism.names()
@@ -75,21 +76,23 @@ def function_text(
         *solved,
         *calls,
         *(f"{symbol} = {printer.doprint(expression)}" for symbol, expression in common),
-        *_return(function, [_matrix(printer, each) for each in reduced]),
+        *_return(function, [_matrix(printer, matrix) for matrix in reduced]),
     ]
-    expressions = [expression for _, expression in common] + [entry for each in reduced for entry in each]
+    expressions = [expression for _, expression in common]
+    expressions += [entry for matrix in reduced for entry in matrix]
     text = textwrap.indent("\n".join(body), "    ")
     count = int(sympy.count_ops(expressions)) + series_operations(values)
     return f"def {function.name}({options_text(mechanism)}):\n{text}", count
 
 
 def tuple_lines(name: str, entries: Sequence[str]) -> list[str]:
-    """Lines of a tuple of the generated module, one entry per line."""
+    """Source lines of a tuple `name` in the generated module, with one entry per line."""
     return [f"{name} = (", *(f"    {entry}," for entry in entries), ")"] if entries else [f"{name} = ()"]
 
 
 def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> str:
-    """Text of the constant BREAKS, or of a function of speed and parameters if the phases depend on these."""
+    """Source code of the constant BREAKS, or of a function `breaks` if the phases depend on speed or
+    parameters."""
     symbols = set().union(*(passage.symbols for passage in passages))
     phases = ["0.0", *(passage.text for passage in passages)]
     if not symbols:
@@ -111,8 +114,8 @@ def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> s
 
 VARYING = '''\
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -124,9 +127,9 @@ def _varying(steady, added):
 
 
 def varying_text(name: str, given: str, options: Iterable[str]) -> str:
-    """Text of the variant for varying speed of a function of a state.
+    """Source code of a function's variant for varying speed.
 
-    given: text of the function's parameters; options: names of the module's options.
+    given: source code of the function's parameters; options: names of the module's options.
     """
     passed = ", ".join(f"{option}={option}" for option in options)
     return f'''\
@@ -136,13 +139,13 @@ def {name}_varying({given}):
 
 
 def options_text(mechanism: MechanismStatement) -> str:
-    """Text of the options with their defaults, as parameters of a function."""
+    """Source code of the options with their defaults, as parameters of a function."""
     options = [f"{option.name}={json.dumps(option.default)}" for option in mechanism.declared_options]
     return ", ".join(["*", *options]) if options else ""
 
 
 def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
-    """Lines of the option indicators, and of the inputs split into scalars."""
+    """Source lines that define the option indicators and the inputs, and split the inputs into scalars."""
     moving = [coordinate.symbol for coordinate in mechanism.declared_coordinates]
     names = {
         "q": [q.name for q in moving],
@@ -164,7 +167,7 @@ def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
 
 
 def in_si(mechanism: MechanismStatement) -> list[str]:
-    """Lines that convert parameters to SI, for parameters in units other than coherent SI."""
+    """Source lines that convert parameters to coherent SI units; parameters in such units have none."""
     sizes = {parameter.symbol.name: size(parameter.unit) for parameter in mechanism.declared_parameters}
     return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]
 
@@ -177,7 +180,7 @@ def _option_line(option: Option) -> str:
 
 
 def _wrapped(names: Sequence[str]) -> str:
-    """Text of a tuple of names, on several lines if it is long."""
+    """Source code of a tuple of names, on several lines if it is long."""
     if len(names) < 10:
         return f"({_listed(names)})"
     rows = textwrap.wrap(", ".join(names) + ",", WIDTH - 8)

@@ -1,10 +1,10 @@
 """Functions in expressions: unknowns of closed loops of rigid links, and Fourier series.
 
-A loop c(z; x) = 0 determines its unknowns z, angles or positions, as functions of its arguments x, such as
-the angle of a crank. In expressions, an unknown or a series is a function with its orders of derivative as
-additional arguments; rates and Lagrange's equations follow by the chain rule. The derivatives of the unknowns
-of any loop solve linear systems with the matrix ∂c/∂z. Expressions do not contain the coefficients of a
-series, so that formulas remain short.
+A loop c(z; x) = 0 determines its unknowns z (angles or positions) as functions of its arguments x, such as
+the angle of a crank. In expressions, an unknown or a series is a function whose additional arguments are the
+orders of its derivatives, so that SymPy's chain rule applies. The derivatives of the unknowns are solutions
+of linear systems with the matrix ∂c/∂z. Expressions do not contain the coefficients of a series, so that they
+remain short.
 """
 
 from collections.abc import Iterable, Mapping
@@ -24,9 +24,9 @@ Order = tuple[int, ...]
 
 
 class LoopFunction(sympy.Function):
-    """Unknown of a loop as a function: z(x, y) is the unknown, z(x, y, 1, 0) is its derivative ∂z/∂x.
+    """Unknown of a loop as a function: z(x, y) is the unknown, and z(x, y, 1, 0) is its derivative ∂z/∂x.
 
-    Each unknown of each loop has a subclass.
+    There is one subclass per unknown.
     """
 
     is_real = True
@@ -52,7 +52,7 @@ class LoopFunction(sympy.Function):
         return self.func(*self.arguments, *order)
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the derivative, computed from the dimensions of the arguments."""
+        """Dimension of the derivative. `parts` are the dimensions of the arguments."""
         dimension = parse(self.unit)
         for part, times in zip(parts, self.order, strict=False):
             dimension /= part**times
@@ -60,8 +60,8 @@ class LoopFunction(sympy.Function):
 
     @property
     def derivatives(self) -> tuple[int, list[tuple[Any, int]]]:
-        """Order of the derivative with respect to the phase, and orders with respect to the other
-        arguments."""
+        """Order of the derivative with respect to the phase, and the other arguments with their nonzero
+        orders."""
         orders = list(zip(self.arguments, self.order, strict=True))
         others = [(argument, times) for argument, times in orders if times and argument != PHASE]
         return sum(times for argument, times in orders if argument == PHASE), others
@@ -86,9 +86,9 @@ def _exponent(times: int) -> str:
 class Loop:
     """Closed loop of rigid links.
 
-    unknowns: z, with their units. given: formal arguments; `arguments` contains the actual ones. closure:
+    unknowns, units: z and the units of z. given: formal arguments. arguments: actual arguments. closure:
     expressions in z, `given` and parameters, one per unknown, that vanish if the loop is closed. start:
-    expressions in `given` and parameters for z; exact if `iterations` is 0, otherwise the initial guess of
+    expressions for z in `given` and parameters; exact if `iterations` is 0, otherwise the initial guess of
     Newton's method.
     """
 
@@ -120,12 +120,12 @@ class Loop:
 
     @property
     def parameters(self) -> list[sympy.Symbol]:
-        """Parameters in the equations of the loop, without the loop's arguments."""
+        """Parameters in the equations of the loop, in alphabetical order."""
         free: set[Any] = set().union(*(part.free_symbols for part in (*self.closure, *self.start)))
         return sorted(free - {*self.unknowns, *self.given}, key=lambda symbol: symbol.name)
 
     def at(self, arguments: Iterable[sympy.Expr], order: Order | None = None) -> tuple[Any, ...]:
-        """Unknowns, or their derivatives of the given order, at the arguments."""
+        """Unknowns, or their derivatives of the given order, as functions of `arguments`."""
         return tuple(function(*arguments, *(order or ())) for function in self.functions)
 
     @property
@@ -141,7 +141,7 @@ class Loop:
         )
 
     def derivative(self, order: Order) -> list[Any]:
-        """Derivatives of the unknowns of one order, from those of lower orders."""
+        """Derivatives of the unknowns for one order, expressed by the derivatives of lower orders."""
         functions = dict(zip(self.unknowns, self.at(self.given), strict=True))
         closed: Any = sympy.Matrix(self.closure).xreplace(functions)
         for symbol, times in zip(self.given, order, strict=True):
@@ -167,7 +167,7 @@ def _linear_solution(matrix: Any, right: Any) -> Any:
 
 
 def lower_orders(orders: Iterable[Order]) -> list[Order]:
-    """Given orders of derivatives and all lower orders that they require, lowest first."""
+    """Return the given orders of derivatives and all lower orders, lowest first."""
     needed = {lower for order in orders for lower in product(*(range(times + 1) for times in order))}
     return sorted(needed, key=lambda order: (sum(order), order))
 
@@ -179,12 +179,13 @@ def at_fundamental_motion(expression: Any) -> Any:
 
 
 def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loop:
-    """Loop of a planar four-bar linkage, with the directions of coupler and follower in closed form. A is the
-    crank pin, C the pivot of the follower, and B the joint of coupler and follower.
+    """Loop of a planar four-bar linkage, with the directions of coupler and follower in closed form.
 
-    links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground line.
-    Lengths and angles that move are arguments of the loop. side: +1 if B lies on the left of the line from A
-    to C, −1 on its right. B is computed from the height of the triangle A, B, C and the foot of the height.
+    A is the crank pin, B the joint of coupler and follower, and C the pivot of the follower. B is computed
+    from the height of the triangle ABC and the foot of this height.
+    names: names of the two directions. links: angle and length of the crank, lengths of coupler and follower,
+    length and tilt of the ground line; those that vary with time are the arguments of the loop. side: +1 if B
+    lies on the left of the line from A to C, −1 if it lies on the right.
     """
     moving = [name for name, value in links.items() if sympy.sympify(value).atoms(Moving)]
     given = {name: sympy.Dummy(name, real=True) for name in moving}
@@ -211,7 +212,8 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
 
 
 def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any, Any]:
-    """Two inequalities that hold if A, B, C form a triangle at every crank angle."""
+    """Return two inequalities that hold if crank pin, joint and follower pivot form a triangle at every crank
+    angle."""
     crank, coupler, follower, ground = (
         at_fundamental_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
     )
@@ -220,27 +222,27 @@ def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any
 
 
 class Series(Protocol):
-    """Declared periodic function, in the form that the author of a mechanism uses."""
+    """Protocol of a declared periodic function, as the author of a mechanism uses it."""
 
     mean: Any
-    """Parameter of the mean, if the series has one."""
+    """Parameter that is the mean; None if the mean is zero."""
 
     def __call__(self, angle: Any, /) -> Any:
-        """Expression for the function at an angle."""
+        """Value of the function at an angle, as an expression."""
         ...
 
 
 class PeriodicFunction(sympy.Function):
-    """Fourier series as a function: U(φ) is its value, U(φ, k) is its k-th derivative.
+    """Fourier series as a function: U(φ) is its value, and U(φ, k) is its k-th derivative.
 
-    Each declared series has a subclass with the names of its coefficients.
+    There is one subclass per declared series; it contains the coefficients.
     """
 
     is_real = True
     dimension: ClassVar[Dimension]
     mean: ClassVar[sympy.Symbol | None] = None
     first: ClassVar[tuple[sympy.Symbol, ...]]
-    """First family of coefficients: cosine coefficients, or amplitudes."""
+    """Cosine coefficients, or amplitudes."""
     second: ClassVar[tuple[sympy.Symbol, ...]]
     """Sine coefficients, or phase angles of the cosines in rad."""
     form: ClassVar[str]

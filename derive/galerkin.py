@@ -1,15 +1,15 @@
-"""Galerkin projection of a deflection onto its mode functions, and the text of the generated functions.
+"""Galerkin projection of a deflection onto its mode functions, and source code of the generated functions.
 
-Lagrange's equations are formed from the energies per length as if w, w′ and w″ at a position were
-coordinates. The linearised rows of these equations are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where
-a and b count derivatives with respect to x. The equations of the amplitudes are ∫ Σ_a ψ_j^(a) r_a dx =
-0. The coefficients are polynomials of x, so that the integrals of products of mode functions and powers of x
-   are constants.
+Lagrange's equations are formed from the energies per unit length as if w, w′ and w″ at a position were
+coordinates. Their linearised left-hand sides are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where a and
+b are orders of derivatives with respect to x. The equations of the amplitudes are ∫ Σ_a ψ_j^(a) r_a dx = 0.
+The coefficients are polynomials in x. The projection therefore requires only constant integrals of products
+of mode functions and powers of x.
 
-The shortening u = ½∫w′² is of second order. Lagrange's row of u is a force F_u along the link, with the
-virtual work ∫ F_u δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is the sum of this inner
-integral and the force at the end, which is the row of the total shortening; N w′²/2 is the energy of
-geometric stiffness.
+The shortening u = ½∫w′² is of second order. Lagrange's expression for u is a force F_u along the link, with
+the virtual work ∫ F_u δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is the sum of this
+inner integral and the force at the end, which is Lagrange's expression for the total shortening. The energy
+of the geometric stiffness is N w′²/2.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,14 +27,14 @@ from derive.printer import CasadiPrinter
 from derive.symbols import PHASE, Moving, counted, steady
 
 ZERO_MATRIX, ZERO_COLUMN = sympy.symbols("zero_matrix zero_column", real=True)
-"""Symbols of a zero matrix and a zero column; their size is the number of modes."""
+"""Symbols of a zero matrix and a zero column with as many rows as there are modes."""
 
 ZEROS = {"C": ZERO_MATRIX, "K": ZERO_MATRIX, "d": ZERO_COLUMN}
 
 
 @dataclass(frozen=True)
 class Moment:
-    """Column of the integrals ∫ ξ^power ψ_j^(derivative) dξ over the modes j."""
+    """Column of the integrals ∫ ξ^power ψ_j^(derivative) dξ, with one row per mode j."""
 
     derivative: int
     power: int
@@ -43,8 +43,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Pair:
-    """Matrix of the integrals ∫ ξ^power ψ_j^(first) ψ_i^(second) dξ over the modes j (rows) and i
-    (columns)."""
+    """Matrix of the integrals ∫ ξ^power ψ_j^(first) ψ_i^(second) dξ, with row j and column i."""
 
     first: int
     second: int
@@ -56,8 +55,9 @@ class Pair:
 class Projection:
     """Matrices and drive torque at varying speed, as sums of coefficients times integrals of mode functions.
 
-    pairs, moments: symbols of square matrices and of columns. weighted: symbols of the products of columns
-    with the amplitudes; the rate of such a symbol is the product with the rates of the amplitudes.
+    most: largest number of modes. pairs, moments: integrals by symbol, as matrices and as columns. weighted:
+    column by symbol, where the symbol is the scalar product of the column with the amplitudes; the rate of
+    the symbol is the scalar product with the rates of the amplitudes.
     """
 
     deflection: Field
@@ -79,7 +79,7 @@ class Projection:
 
     @property
     def tensions(self) -> dict[Any, Any]:
-        """Tension N at each position for which it is requested."""
+        """Mapping from symbols of the tension at a position to the tension N there."""
         x = self.deflection.position
         return {
             point: self.tension.xreplace({x: position})
@@ -89,10 +89,10 @@ class Projection:
 
 
 def project(mechanism: MechanismStatement, deflection: Field) -> Projection:
-    """Linear equations of the amplitudes, drive torque to first order in the amplitudes, and tension.
+    """Derive the linear equations of the amplitudes, the drive torque to first order, and the tension.
 
     Raises DeclarationError for energies that are not sums of integrals, UnsupportedExpressionError for a
-    density that is not a polynomial of x and for mode functions without a closed integral, and
+    density that is not a polynomial in x or for mode functions whose integrals have no closed form, and
     SingularMassError for a deflection without inertia.
     """
     most = len(mechanism.declared_coordinates)
@@ -121,7 +121,7 @@ def _require_free_names(mechanism: MechanismStatement, projection: Projection) -
 
 
 def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
-    """Terms of an energy outside integrals, and the density of its integrals."""
+    """Return the terms of an energy outside integrals, and the sum of the densities of its integrals."""
     energy = counted(sympy.sympify(energy))
     marks = {atom: sympy.Dummy() for atom in energy.atoms(FieldIntegral)}
     marked = energy.xreplace(marks)
@@ -166,7 +166,7 @@ def _project_rows(projection: Projection, density: Energies) -> None:
 
 
 def _pair_terms(projection: Projection, coefficient: Any, a: int, b: int) -> Any:
-    """Integral ∫ coefficient ψ_j^(a) ψ_i^(b) dx as coefficients times symbols of `pairs`."""
+    """Integral ∫ coefficient ψ_j^(a) ψ_i^(b) dx as a sum of factors times symbols of `pairs`."""
     deflection, terms = projection.deflection, []
     for power, factor in _powers(coefficient, deflection.position).items():
         integral = modal_integral(deflection.shape, a, b, power, projection.most)
@@ -178,7 +178,7 @@ def _pair_terms(projection: Projection, coefficient: Any, a: int, b: int) -> Any
 
 
 def _moment_terms(projection: Projection, coefficient: Any, a: int) -> Any:
-    """Integral ∫ coefficient ψ_j^(a) dx as coefficients times symbols of `moments`."""
+    """Integral ∫ coefficient ψ_j^(a) dx as a sum of factors times symbols of `moments`."""
     deflection, terms = projection.deflection, []
     for power, factor in _powers(coefficient, deflection.position).items():
         formula = modal_moment(deflection.shape, a, power, projection.most)
@@ -190,7 +190,7 @@ def _moment_terms(projection: Projection, coefficient: Any, a: int) -> Any:
 
 
 def _torque(projection: Projection, density: Energies) -> Any:
-    """Equation of the phase, integrated over the link, to first order in the amplitudes."""
+    """Lagrange's expression for the phase, integrated over the link, to first order in the amplitudes."""
     deflection = projection.deflection
     first = Energies(*(_first_order(each, deflection.derivatives) for each in density))
     M, C, K, d = (
@@ -209,7 +209,7 @@ def _torque(projection: Projection, density: Energies) -> Any:
 
 
 def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
-    """Symbol of a column multiplied by the amplitudes, or by their time derivatives of order `times`."""
+    """Symbol of the scalar product of a column with the amplitudes' time derivatives of order `times`."""
     symbol = Moving(f"{moment.name}_q")
     projection.weighted[symbol] = moment
     return symbol.motion[times]
@@ -242,16 +242,16 @@ def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
 K = sympy.Symbol("k", integer=True, positive=True)
 PAIRS = '''\
 def _pairs(integral, count):
-    """Matrix of an integral of two modes, i in rows and j in columns."""
+    """Matrix of an integral of two mode functions, with row i and column j."""
     numbers = range(1, count + 1)
     return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])'''
 COLUMN = '''\
 def _column(integral, count):
-    """Column of an integral of one mode j."""
+    """Column of an integral of one mode function, with row j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])'''
 RESIDUAL = '''\
 def _residual(name, matrices):
-    """Residual r of the equations with these matrices, a function of the drive and the parameters."""
+    """Function that returns the residual r of the linear equations with the given matrices."""
     *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
     q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
     M, C, K, d = matrices(*drive, p)
@@ -262,8 +262,8 @@ AMPLITUDES = ("coordinates", "rates", "accelerations")
 
 
 def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
-    """Texts that define the symbols of the projected equations, and those of deflections at points of the
-    field."""
+    """Mapping from symbols to the source code of their values, for the symbols of the projected equations and
+    of deflections at a position."""
     modes = projection.deflection.modes
     texts = {
         ZERO_MATRIX: f"casadi.DM.zeros({modes}, {modes})",
@@ -280,7 +280,10 @@ def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
 
 
 def along(deflection: Field) -> dict[sympy.Symbol, str]:
-    """Text that defines the symbols of `Field.line` at the fraction `running` of the length."""
+    """Mapping from the symbols of `Field.line` to the source code of their values.
+
+    The position is the fraction `running` of the length.
+    """
     printer, modes = CasadiPrinter(), deflection.modes
     length = printer.doprint(deflection.length)
     texts = {deflection.position: f"({length})*{RUNNING}"}
@@ -291,7 +294,7 @@ def along(deflection: Field) -> dict[sympy.Symbol, str]:
 
 
 def field_tools(projection: Projection) -> list[str]:
-    """Texts of the functions that these definitions call."""
+    """Source code of the functions that the definitions of a projection call."""
     return [
         _modes(projection.deflection),
         *([PAIRS] if projection.pairs else []),
@@ -303,25 +306,25 @@ def field_tools(projection: Projection) -> list[str]:
 
 
 def field_functions(deflection: Field, given: str, options: Sequence[str]) -> list[str]:
-    """Texts of the residuals and of the mode functions.
+    """Source code of the functions for the residuals and the mode functions.
 
-    given: text of the functions' parameters. options: names of the module's options.
+    given: source code of the parameters of these functions. options: names of the module's options.
     """
     passed = ", ".join(f"{name}={name}" for name in options)
     modes = deflection.modes
     residuals = [
         f'''\
 def residual{suffix}({given}):
-    """{doc}, like the projected equations."""
+    """{doc}."""
     return _residual("residual{suffix}", linearised{suffix}({passed}))'''
         for suffix, doc in (
-            ("", "r of the equation of motion r = 0; linear"),
-            ("_varying", "r at varying speed; linear"),
+            ("", "Residual r of the linear equation of motion r = 0"),
+            ("_varying", "Residual r of the linear equation of motion at varying speed"),
         )
     ]
     fields = f'''\
 def fields({given}):
-    """Mode functions of each entry of FIELDS at a fraction xi of the length."""
+    """Mode functions of the entry of FIELDS at the fraction xi of the length."""
     {modes} = _count("{modes}", {modes})
     xi = casadi.SX.sym("xi")
     shapes = _{deflection.name}(xi, 0, {modes})

@@ -1,5 +1,5 @@
-"""Mechanism files, found by name (models/NAME/mechanism.py next to this package) or by path. They are
-executed without being imported."""
+"""Mechanism files, identified by name (models/NAME/mechanism.py next to this package) or by path. They are
+executed, not imported."""
 
 import difflib
 import keyword
@@ -28,7 +28,7 @@ BEAM_ELEMENTS = "beam_elements"
 
 @dataclass(frozen=True)
 class Source:
-    """File of a mechanism, with the name and path of its generated module."""
+    """Mechanism file, with the name and the path (`target`) of its generated module."""
 
     name: str
     path: Path
@@ -58,7 +58,7 @@ class Source:
 
     @property
     def command(self) -> str:
-        """Argument of the command in the banner; it does not depend on the folder."""
+        """Argument of the command that the banner states; it does not contain the folder."""
         return self.path.name if self.argument.endswith(".py") else self.name
 
     @property
@@ -120,10 +120,10 @@ def require_own_name(path: Path) -> None:
 
 
 def load(source: Source) -> "MechanismStatement":
-    """Run a mechanism file and return the checked statement of its `mechanism()`.
+    """Execute a mechanism file, check the mechanism that its `mechanism()` returns, and return it.
 
-    Raises MechanismFileError if the file does not run or its `mechanism()` does not return a mechanism, and
-    the errors of the statement (DeclarationError, UnitError, …), each with file and line.
+    Raises MechanismFileError if the file cannot be executed or `mechanism()` does not return a mechanism.
+    Errors in the statement (DeclarationError, UnitError, …) state the file and the line.
     """
     from derive.checks import check
     from derive.mechanism import MechanismStatement
@@ -156,7 +156,7 @@ def located(source: Source, stated: "MechanismStatement") -> Iterator[None]:
 
 
 def _run(source: Source) -> object:
-    """Run the file. Returns the value of its function `mechanism`."""
+    """Execute the file, call its function `mechanism`, and return the result."""
     namespace: dict[str, object] = {"__name__": source.name, "__file__": str(source.path)}
     try:
         exec(compile(source.text, str(source.path), "exec"), namespace)
@@ -178,7 +178,7 @@ def _run(source: Source) -> object:
 
 
 def _hint(error: BaseException, namespace: dict[str, object]) -> str:
-    """Remedy for the message if numeric functions were applied to symbols."""
+    """Return the remedy for an error due to numeric functions of symbols; "" for other errors."""
     foreign = [
         name
         for name, value in namespace.items()
@@ -191,7 +191,7 @@ def _hint(error: BaseException, namespace: dict[str, object]) -> str:
 
 
 def _line(error: BaseException, path: Path) -> str:
-    """Line of the mechanism file that raised an exception, as text such as ", line 12"."""
+    """Line of the mechanism file that raised an exception, as text such as ", line 12"; "" if unknown."""
     if isinstance(error, SyntaxError):
         return f", line {error.lineno}"
     lines = [

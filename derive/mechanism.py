@@ -82,9 +82,9 @@ class MechanismStatement(Quantities):
         Parameters
         ----------
         condition : sympy relation
-            `left < right` or `left > right` between expressions of parameters.
+            `left < right` or `left > right`, where both sides are expressions of parameters.
         meaning : str
-            Text for the error message that states what is wrong if the condition does not hold.
+            Error message if the condition does not hold.
 
         Raises
         ------
@@ -117,9 +117,10 @@ class MechanismStatement(Quantities):
         angle: Any = PHASE,
         side: Any = 1,
     ) -> tuple[Any, Any]:
-        """Directions of coupler and follower of a planar four-bar linkage. Lengths and angle may vary with
-        time. If the crank cannot rotate fully with the values of the parameters, loading the model raises an
-        error.
+        """Return the directions of coupler and follower of a planar four-bar linkage.
+
+        Lengths and angle may vary with time. If the crank cannot make a full turn with the values of the
+        parameters, loading the model raises an error.
 
         Parameters
         ----------
@@ -132,7 +133,7 @@ class MechanismStatement(Quantities):
         angle : expression, default phase
             Rotation of the crank about the origin, rad.
         side : expression, default 1
-            +1 if the joint lies on the left of the line from crank pin to pivot, −1 on its right.
+            +1 if the joint lies on the left of the line from crank pin to pivot, −1 if it lies on the right.
 
         Returns
         -------
@@ -156,10 +157,10 @@ class MechanismStatement(Quantities):
         start: Callable[..., Sequence[Any]],
         iterations: int = 8,
     ) -> tuple[Any, ...]:
-        """Unknowns of a closed loop, by Newton's method from a guess that selects the assembly configuration.
+        """Return the unknowns of a closed loop, to be computed by Newton's method.
 
-        If the loop is not closed after `iterations` steps at some phase, loading the model with values of the
-        parameters raises an error.
+        The initial guess selects the assembly configuration. If the loop is not closed after `iterations`
+        steps at some phase, loading the model with values of the parameters raises an error.
 
         Parameters
         ----------
@@ -171,7 +172,7 @@ class MechanismStatement(Quantities):
             `closure(*driven_by, *unknowns)` returns one expression per unknown, all of which vanish in a
             closed loop.
         start : callable
-            `start(*driven_by)` returns a guess for each unknown.
+            `start(*driven_by)` returns an initial guess for each unknown.
         iterations : int, default 8
             Steps of Newton's method.
 
@@ -226,12 +227,12 @@ class MechanismStatement(Quantities):
         length : expression
             Length of the link, m.
         shape : callable
-            `shape(k, xi)` is mode function k = 1, 2, … of xi = x/length: a sum of sines and cosines of
-            π(ak + c) xi with integer a.
+            `shape(k, xi)` returns mode function k = 1, 2, … at xi = x/length: a sum of powers of xi times
+            sines and cosines of π(ak + c) xi with an integer a.
         modes : Option
-            Option of numbers: the number of modes.
+            Option whose value is the number of modes.
         coordinates : str, default "q"
-            Prefix of the coordinates.
+            Prefix of the names of the coordinates.
 
         Returns
         -------
@@ -273,13 +274,14 @@ class MechanismStatement(Quantities):
 
         Parameters
         ----------
-        force, along : expression, or matrices of one shape
-            A force and a displacement, or a torque and an angle. Matrices are multiplied entry by entry.
+        force, along : expression or matrix
+            A force and a displacement, or a torque and an angle. Two matrices have the same shape and are
+            multiplied entry by entry.
 
         Raises
         ------
         DeclarationError
-            If only one is a matrix, or their shapes differ.
+            If only one argument is a matrix, or if the shapes of two matrices differ.
         """
         F, y = sympy.sympify(force), sympy.sympify(along)
         vectors = [isinstance(each, sympy.MatrixBase) for each in (F, y)]
@@ -310,10 +312,10 @@ class MechanismStatement(Quantities):
         name : str
             Name of the line.
         points : sequence of pairs
-            Points (x, y) in the plane of motion: expressions of the phase, the speed, the coordinates and
-            parameters. A size without a parameter is a number times `metre`. A single point that contains
-            `around` describes a closed curve, such as a cam's profile; a point of `Field.line` describes a
-            beam.
+            Points (x, y) in the plane of motion, as expressions in the phase, the speed, the coordinates and
+            the parameters. Write a length that is not a parameter as a number times `metre`. A single point
+            that contains `around` describes a closed curve, such as the profile of a cam. The result of
+            `Field.line` describes a beam.
         unit : str, default "m"
             Unit of the points.
 
@@ -337,7 +339,7 @@ class MechanismStatement(Quantities):
             note(self.lines, number)
 
     def limit(self, output: str, bound: str, beyond: str) -> None:
-        """State the bound of an output within which the model is valid.
+        """State a bound on an output; the model is valid only within it.
 
         Parameters
         ----------
@@ -346,7 +348,7 @@ class MechanismStatement(Quantities):
         bound : str
             Bound, such as ">= 0" or "> -1, < 1".
         beyond : str
-            Consequence of a violated bound, for the warning.
+            Consequence of a violated bound, as text for the warning.
 
         Raises
         ------
@@ -361,7 +363,7 @@ class MechanismStatement(Quantities):
         self.limits.append((output, bound, beyond))
 
     def trust(self, **bounds: float) -> None:
-        """State bounds of |coordinate| up to which the linear model is valid: `q1=0.05`. Raises
+        """State up to which |coordinate| the linear model is valid, such as `q1=0.05`. Raises
         DeclarationError."""
         for name, bound in bounds.items():
             self._require_coordinate(name, "trust")
@@ -371,8 +373,9 @@ class MechanismStatement(Quantities):
 
     @property
     def damping_ratios(self) -> tuple[sympy.Expr, ...]:
-        """Damping ratios of the modes in order of increasing frequency. The last one applies to all higher
-        modes. Empty if all are 0.
+        """Damping ratios of the modes in order of increasing frequency; empty if all are 0.
+
+        The last one applies to all higher modes.
 
         Raises DeclarationError.
         """
@@ -389,8 +392,10 @@ class MechanismStatement(Quantities):
         return expressions if any(expression != 0 for expression in expressions) else ()
 
     def decline_drive_torque(self, reason: str) -> None:
-        """Remove the drive torque from the outputs. reason: why the energies do not determine the drive
-        torque."""
+        """Remove the drive torque from the outputs.
+
+        reason: text that states why the energies do not determine the drive torque.
+        """
         self.no_drive_torque = reason
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:

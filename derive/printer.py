@@ -1,4 +1,4 @@
-"""Python text of expressions in CasADi symbols, and calls of the generated functions for series and loops."""
+"""Python source code of expressions in CasADi symbols, and of calls of the functions for series and loops."""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence, Set
@@ -47,8 +47,9 @@ NODES = (
 
 
 class CasadiPrinter(AbstractPythonCodePrinter):
-    """Printer that writes functions with the prefix `casadi.` or `math.`, and rational numbers as divisions.
-    Raises UnsupportedExpressionError for an expression without a CasADi counterpart.
+    """Printer that writes functions with the prefix `casadi.`, and rational numbers as divisions.
+
+    Raises UnsupportedExpressionError for an expression without a counterpart in CasADi.
     """
 
     def __init__(self) -> None:
@@ -107,7 +108,7 @@ class CasadiPrinter(AbstractPythonCodePrinter):
         return self._nested("casadi.logic_or", expr)
 
     def _nested(self, function: str, expr: sympy.Basic) -> str:
-        """Nested calls of a function of two arguments."""
+        """Source code of nested calls of a function of two arguments."""
         text, *rest = (self._print(part) for part in expr.args)
         for part in rest:
             text = f"{function}({text}, {part})"
@@ -119,9 +120,9 @@ class CasadiPrinter(AbstractPythonCodePrinter):
 
 FOURIER = '''\
 def _fourier(angle, mean, cosine, sine, orders):
-    """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
+    """Derivatives of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ..., one for each of the given orders.
 
-    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    Order -1 is the integral with zero mean. Cosines and sines of kx are computed from those of x by angle
     addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
@@ -135,7 +136,7 @@ def _fourier(angle, mean, cosine, sine, orders):
     return sums'''
 COMPONENTS = '''\
 def _components(amplitudes, angles):
-    """Cosine and sine coefficients of a sum of A cos(kx + angle)."""
+    """Cosine and sine coefficients of the sum of A_k cos(kx + angle_k)."""
     pairs = list(zip(amplitudes, angles))
     return [a * casadi.cos(g) for a, g in pairs], [-a * casadi.sin(g) for a, g in pairs]'''
 
@@ -143,15 +144,15 @@ def _components(amplitudes, angles):
 def series_calls(
     matrices: Sequence[sympy.Matrix], taken: set[str]
 ) -> tuple[list[str], dict[PeriodicFunction, sympy.Symbol]]:
-    """Lines that evaluate the series in the matrices, and the symbol of each value.
+    """Return source lines that evaluate the series in the matrices, and the symbol of each value.
 
     taken: names in use; the names of the new symbols are added.
     """
     direct: set[Any] = set().union(*(matrix.atoms(PeriodicFunction) for matrix in matrices))
-    inner = {inside for each in direct for inside in each.args[0].atoms(PeriodicFunction)}
+    inner = {inside for value in direct for inside in value.args[0].atoms(PeriodicFunction)}
     together: dict[tuple[type[PeriodicFunction], Any], set[int]] = {}
-    for each in direct | inner:
-        together.setdefault((type(each), each.args[0]), set()).add(each.order)
+    for value in direct | inner:
+        together.setdefault((type(value), value.args[0]), set()).add(value.order)
     lines, values = [], {}
     for series, argument in sorted(together, key=_inner_series_first):
         orders = sorted(together[series, argument])
@@ -163,7 +164,7 @@ def series_calls(
 
 
 def series_operations(values: Mapping[PeriodicFunction, sympy.Symbol]) -> int:
-    """Number of operations of the recurrences that evaluate series, trigonometric calls included."""
+    """Number of operations of the recurrences that evaluate series, including trigonometric calls."""
     arguments = {(type(value), value.args[0]) for value in values}
     harmonics = [len(series.first) for series, _ in arguments]
     return sum(2 + 6 * count for count in harmonics) + sum(5 * len(value.first) for value in values)
@@ -188,7 +189,7 @@ Assignment = tuple[sympy.Symbol, Any]
 
 
 def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
-    """Loops in the matrices with the required orders of derivatives, in a fixed order."""
+    """Mapping from the loops in the matrices to the required orders of derivatives, in a fixed sequence."""
     orders: dict[Loop, set[Order]] = {}
     for function in set().union(*(matrix.atoms(LoopFunction) for matrix in matrices)):
         orders.setdefault(function.loop, set()).add(function.order)
@@ -197,8 +198,8 @@ def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
 
 
 def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
-    """Text of the function that returns the derivatives of the given orders of the unknowns, and its number
-    of operations."""
+    """Source code of the function that returns derivatives of the unknowns of a loop, and its number of
+    operations. `orders` are the orders of the derivatives."""
     taken = {symbol.name for symbol in (*loop.parameters, *loop.unknowns)}
     formal = {symbol: unused_symbol(symbol.name, taken) for symbol in loop.given}
     lower = lower_orders(orders)
@@ -229,10 +230,11 @@ def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
 def loop_calls(
     matrices: Sequence[Any], wanted: Mapping[Loop, list[Order]], taken: set[str]
 ) -> tuple[list[str], dict[Any, sympy.Symbol]]:
-    """Lines that solve the loops in the matrices, and the symbol of each value.
+    """Return source lines that solve the loops in the matrices, and the symbol of each value.
 
-    taken: names in use; the names of the new symbols are added. A loop is listed after the loops and series
-    on which its arguments depend.
+    wanted: orders of the derivatives that the generated function of each loop returns. taken: names in use;
+    the names of the new symbols are added. A loop is solved after the loops and series on which its arguments
+    depend.
     """
     printer, lines = CasadiPrinter(), []
     values: dict[Any, Any] = {}
@@ -256,8 +258,11 @@ def _inner_first(call: tuple[tuple[str, tuple[Any, ...]], Loop]) -> tuple[int, A
 
 
 def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str]) -> tuple[list[str], int]:
-    """Lines of Newton's method, and the number of operations. The number of iterations is fixed, so that
-    CasADi can differentiate and map the function."""
+    """Source lines of Newton's method, and their number of operations.
+
+    The number of iterations is fixed, so that CasADi can differentiate the function and map it over many
+    phases.
+    """
     following = [sympy.Symbol(f"{symbol.name}_new", real=True) for symbol in loop.unknowns]
     step = [value.xreplace(formal) for value in loop.newton_step]
     lines, count = _lines(list(zip(following, step, strict=True)), taken)
@@ -267,10 +272,9 @@ def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str
 
 
 def _lines(assignments: Sequence[Assignment], taken: Set[str]) -> tuple[list[str], int]:
-    """Lines of the assignments and of their common subexpressions in order of dependence, and the number of
-    operations.
+    """Source lines of assignments and of their common subexpressions, and the number of operations.
 
-    taken: names in use in the function.
+    A line depends only on earlier lines. taken: names in use in the function.
     """
     fresh = sympy.numbered_symbols("x", exclude={sympy.Symbol(name) for name in taken})
     expressions = [value for _, value in assignments]
@@ -288,7 +292,7 @@ def _lines(assignments: Sequence[Assignment], taken: Set[str]) -> tuple[list[str
 
 
 def _named(loop: Loop, arguments: Sequence[Any], order: Order, taken: set[str]) -> dict[Any, sympy.Symbol]:
-    """Symbols, such as phi3_1_0, for the derivatives of the unknowns of one order."""
+    """Mapping from the derivatives of the unknowns for one order to symbols such as phi3_1_0."""
     suffix = "".join(f"_{times}" for times in order)
     functions = loop.at(arguments, order)
     return {function: unused_symbol(type(function).__name__ + suffix, taken) for function in functions}

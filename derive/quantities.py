@@ -41,14 +41,16 @@ class Quantities:
     declared_loops: list[Loop] = field(default_factory=list, init=False)
     declared_bodies: list[ReducedBody] = field(default_factory=list, init=False)
     lines: dict[Any, int] = field(init=False, repr=False, compare=False)
-    """Line numbers of the mechanism file; keys are the expressions stated there."""
+    """Mapping from expressions to the line of the mechanism file at which they are stated."""
 
     def __post_init__(self) -> None:
         # Lines are recorded from now on; default values of the fields have no lines.
         self.lines = {}
 
     def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]:
-        """Declare coordinates, which vanish in the fundamental motion.
+        """Declare coordinates.
+
+        A coordinate is zero in the fundamental motion, unless `fundamental` states its fundamental motion.
 
         Parameters
         ----------
@@ -58,7 +60,7 @@ class Quantities:
         Returns
         -------
         tuple of symbols
-            In the order of declaration.
+            Symbols of the coordinates, in the order of the arguments.
 
         Raises
         ------
@@ -89,14 +91,14 @@ class Quantities:
         Parameters
         ----------
         **declared : tuple of str
-            `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`. Values have this unit, any unit known to
-            pint; the generated equations convert values to SI. A bound is text such as "> 0", ">= 0", "< 1"
-            or "integer, >= 1"; without one any finite number is allowed.
+            `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`. The unit, which may be any unit known to
+            pint, is that of the values; the generated equations convert values to SI. A bound is text such as
+            "> 0", ">= 0", "< 1" or "integer, >= 1"; without a bound, any finite number is allowed.
 
         Returns
         -------
         tuple of symbols
-            In the order of declaration.
+            Symbols of the parameters, in the order of the arguments.
 
         Raises
         ------
@@ -204,7 +206,7 @@ class Quantities:
         angles : str
             Prefix of the phase angles.
         mean : bool, default True
-            Whether the series has a mean k0; `k.mean` is its symbol.
+            Whether the series k has a mean, the parameter k0; its symbol is `k.mean`.
         bound : str, optional
             Bound of the mean.
 
@@ -228,7 +230,7 @@ class Quantities:
         )
 
     def option(self, name: str, values: tuple[str, ...] | range, default: str | int | None = None) -> Option:
-        """Declare an option of words or of a range of numbers.
+        """Declare an option, whose values are words or the integers of a range.
 
         Parameters
         ----------
@@ -237,12 +239,12 @@ class Quantities:
         values : tuple of str, or range
             Allowed values.
         default : str or int, optional
-            Default value, by default the first one.
+            Default value; by default, the first one.
 
         Returns
         -------
         Option
-            `Option.choose` returns the expression of the chosen word.
+            The method `choose` of the option returns the expression that belongs to the selected word.
 
         Raises
         ------
@@ -265,7 +267,8 @@ class Quantities:
         return option
 
     def output(self, name: str, expression: sympy.Expr, unit: str, meaning: str) -> None:
-        """Declare an output, computed in addition to the coordinates. Raises DeclarationError."""
+        """Declare an output: a quantity to be computed in addition to the coordinates. Raises
+        DeclarationError."""
         require_result(name)
         self._described(name, (unit, meaning))
         self._require_unused(name)
@@ -279,18 +282,19 @@ class Quantities:
         modes: int,
         damping: bool = False,
     ) -> ReducedBody:
-        """Declare an elastic body with matrices from a finite-element program; the case names the file.
+        """Declare an elastic body whose matrices are computed by a finite-element program.
 
-        The modes of the body become coordinates `{name}1`, `{name}2`, …; the entries of its matrices become
-        parameters. Entry of the case: `blade = { file = "blade.mat", unit = "m kg s", source = "…" }`.
+        The modes of the body become the coordinates `{name}1`, `{name}2`, …, and the entries of its matrices
+        become parameters. The case states the file of the matrices, for example
+        `blade = { file = "blade.mat", unit = "m kg s", source = "…" }`.
 
         Parameters
         ----------
         name : str
             Name of the body.
         interface : dict of str to (expression, str)
-            Absolute displacements and small rotations of the retained coordinates, with the unit "m" or
-            "rad", in the order of the file. The axes of the body keep their direction.
+            Absolute displacements and small rotations of the retained degrees of freedom, in the order of the
+            file, each with the unit "m" or "rad". The axes of the body must not rotate.
         modes : int
             Number of modes with the interface fixed.
         damping : bool, default False
@@ -310,7 +314,7 @@ class Quantities:
         return body
 
     def input(self, name: str, unit: str, *, along: Any, meaning: str = "input of a controller") -> None:
-        """Declare an input, a force that a controller sets; without a controller it is zero.
+        """Declare an input: a force that a controller determines and that is zero without a controller.
 
         Parameters
         ----------
@@ -335,13 +339,13 @@ class Quantities:
         note(self.lines, self.declared_inputs[-1].along)
 
     def names(self) -> set[str]:
-        """Names in use, including derivatives of coordinates and option values."""
+        """Names in use, including those of the derivatives of coordinates and of the option indicators."""
         moving = [coordinate.symbol for coordinate in self.declared_coordinates]
         moving += self.declared_field.symbols if self.declared_field else []
         taken = {unknown.name for loop in self.declared_loops for unknown in loop.unknowns}
         taken |= {symbol.name for q in moving for symbol in q.motion}
         taken |= {parameter.symbol.name for parameter in self.declared_parameters}
-        taken |= {each.name for each in (*self.declared_outputs, *self.declared_inputs)}
+        taken |= {declared.name for declared in (*self.declared_outputs, *self.declared_inputs)}
         for option in self.declared_options:
             taken |= {option.name, *(indicator.name for indicator in option.indicators)}
         return taken

@@ -1,4 +1,4 @@
-"""Text of the linearised equations as LaTeX, with symbols or with the numbers of a case."""
+"""Linearised equations as LaTeX, with symbols or with the numbers of a case."""
 
 import re
 import textwrap
@@ -35,17 +35,17 @@ _BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
 def equations(
     mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float] = MappingProxyType({})
 ) -> str:
-    """LaTeX of M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, or of the properties of a structure's
-    links.
+    """Return LaTeX of the entries of M, C, K and d of M q̈ + C q̇ + K q = d.
 
-    numbers: values of parameters; options then have their defaults.
+    For a structure, return LaTeX of the properties of its links. numbers: values of parameters; with them,
+    options have their default values.
     """
     numbers = {**numbers, **_defaults(mechanism)} if numbers else {}
     names: dict[sympy.Symbol, str] = {PHASE: r"\varphi", SPEED: r"\Omega"}
     comments = [mechanism.title]
     if isinstance(mechanism, StructureStatement):
         listed = links(mechanism)
-        comments.append("angle, length, stiffnesses, mass per length and height of each link")
+        comments.append("angle, length, stiffnesses, mass per unit length and height of each link")
     else:
         derived = derive_equations(mechanism)
         listed = read(mechanism, derived.linearised)
@@ -58,7 +58,8 @@ def equations(
 
 
 def _numbered(listed: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
-    """Equations with numbers of six digits. Named subexpressions with a numerical value are substituted."""
+    """Yield the equations with numbers rounded to six digits. Named subexpressions that are numbers are
+    substituted."""
     values = dict(numbers)
     if not numbers:
         yield from listed
@@ -111,12 +112,12 @@ def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, floa
 def _modal(mechanism: MechanismStatement) -> list[str]:
     """LaTeX comment that explains the modal damping."""
     ratios = ", ".join(map(latex, mechanism.damping_ratios))
-    added = r"to C adds M \Phi diag(2 \zeta \omega) \Phi^T M of the modes of M and K at \Omega = 0, \zeta = "
+    added = r"C also contains M \Phi diag(2 \zeta \omega) \Phi^T M, modes of M and K at \Omega = 0, \zeta = "
     return [added + ratios] if ratios else []
 
 
 def latex(expression: Any, names: Mapping[sympy.Symbol, str] | None = None) -> str:
-    """LaTeX of an expression, without superfluous braces and bracket sizes.
+    """LaTeX of an expression, without superfluous braces or bracket sizes.
 
     >>> x, y = sympy.symbols("x_1 y")
     >>> print(latex(sympy.sin(x + y) ** 2 / 2))
@@ -148,7 +149,7 @@ def _lines(equation: Equation, names: Mapping[sympy.Symbol, str]) -> list[str]:
 
 
 def _folded(text: str, width: int, depth: int = 0) -> list[str]:
-    """Lines broken before + and −, if possible outside brackets."""
+    """Break a text into lines before + and −, outside brackets if possible."""
     if len(text) <= width:
         return [text]
     if depth > _DEEPEST:
@@ -163,18 +164,19 @@ def _folded(text: str, width: int, depth: int = 0) -> list[str]:
 
 
 def _terms(text: str, depth: int) -> list[str]:
-    """Parts of a text, split before each + or − between spaces that is inside at most `depth` brackets."""
+    """Split a text before each + or − that has spaces on both sides and lies within at most `depth`
+    brackets."""
     inside, start, terms = 0, 0, []
-    for at, letter in enumerate(text):
+    for position, letter in enumerate(text):
         inside += (letter in "({") - (letter in ")}")
-        if inside <= depth and re.match(" [-+] ", text[at:]):
-            terms.append(text[start:at])
-            start = at
+        if inside <= depth and re.match(" [-+] ", text[position:]):
+            terms.append(text[start:position])
+            start = position
     return [*terms, text[start:]]
 
 
 def _integrals(projection: Projection) -> dict[sympy.Symbol, str]:
-    """LaTeX of the symbols of modal integrals."""
+    """Mapping from the symbols of integrals of mode functions to LaTeX."""
     pairs = {
         symbol: rf"\int {_weight(pair.power)}{_mode('i', pair.first)} {_mode('j', pair.second)} d\xi"
         for symbol, pair in projection.pairs.items()
@@ -195,19 +197,20 @@ def _mode(number: str, derivative: int) -> str:
 
 
 def elements() -> str:
-    """LaTeX of the mass and stiffness matrices of the element families, for unit length."""
+    """LaTeX of the mass and stiffness matrices of the element families, for unit length, ρA and EA or EI."""
     lines = []
     for family in FAMILIES:
-        lines.append(f"% {family.name}: mass over rho A L, stiffness for unit length")
+        lines.append(f"% {family.name}: mass and stiffness matrices for L = 1, rho A = 1 and EA or EI = 1")
         lines += [f"M = {sympy.latex(family.mass)}", f"K = {sympy.latex(family.stiffness)}"]
     return "\n".join(lines)
 
 
 def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
-    """Parameters of a case in coherent SI.
+    """Return the parameters of a case in coherent SI units.
 
-    Parameters from a table of measured values, and frequencies for a declared angular velocity, are omitted.
-    Raises CaseError if the file cannot be read or does not contain the case, and UnitError.
+    Two kinds of parameters are omitted: those from a table of measured values, and those in hertz whose
+    declared unit is not, or the reverse. Raises UnitError, and CaseError if the file cannot be read or does
+    not contain the case.
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
@@ -235,7 +238,7 @@ def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[s
 
 
 def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values of the parameters in an entry of a case file."""
+    """Yield the names and values of the parameters in one entry of a case file."""
     kinds = {"unit": str, "values": list, "count": int}
     if not isinstance(entry, dict) or not all(
         isinstance(entry[key], kind) for key, kind in kinds.items() if key in entry

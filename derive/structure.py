@@ -1,4 +1,4 @@
-"""Statement of a plane structure of slender beams, whose links and joints may move with the phase."""
+"""Statement of a plane structure of slender beams, whose links may rotate as functions of the phase."""
 
 import difflib
 from collections.abc import Iterator, Set
@@ -14,7 +14,7 @@ from derive.mechanism import MechanismStatement
 from derive.symbols import PHASE, SPEED
 
 EXACT = "dynamic"
-"""Name of the element whose shape functions solve the equation of vibration."""
+"""Name of the element whose shape functions are exact solutions of the equation of vibration."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Link:
 
     @property
     def properties(self) -> dict[str, tuple[sympy.Expr, str]]:
-        """Properties of the link in the generated module, as expression and unit by name."""
+        """Mapping from the names of the link's properties in the generated module to (expression, unit)."""
         section = self.section
         return {
             "angle": (self.angle, "rad"),
@@ -71,8 +71,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Elastic:
-    """Springs or dashpots between a joint and the ground: along x and y, and against the rotation of
-    links."""
+    """Springs, or dashpots, between a joint and the ground.
+
+    x, y: coefficients along the axes. turn: coefficient for the rotation of each of the `links`.
+    """
 
     joint: str
     links: tuple[str, ...]
@@ -83,7 +85,7 @@ class Elastic:
 
 SPRING = {"x": "N/m", "y": "N/m", "turn": "N m/rad"}
 DASHPOT = {"x": "N s/m", "y": "N s/m", "turn": "N m s/rad"}
-"""Units of the coefficients of springs and dashpots to the ground, by axis."""
+"""Mappings from the axes to the units of the coefficients of springs and dashpots."""
 
 
 @dataclass(slots=True)
@@ -121,7 +123,7 @@ class StructureStatement(MechanismStatement):
         section : Section
             Cross section and material.
         inextensible : bool, default False
-            Whether the link only bends and keeps its length.
+            Whether the link bends but does not extend.
 
         Raises
         ------
@@ -143,12 +145,12 @@ class StructureStatement(MechanismStatement):
 
     @property
     def links(self) -> dict[str, Link]:
-        """Links by name, in the order of their declaration."""
+        """Mapping from names to links, in the order of declaration."""
         return {link.name: link for link in self.declared_links}
 
     @property
     def joints(self) -> list[str]:
-        """Joints in the order of the declared links."""
+        """Names of the joints, in the order in which the links mention them."""
         return list(dict.fromkeys(joint for link in self.declared_links for joint in (link.start, link.end)))
 
     def support(self, joint: str) -> None:
@@ -162,7 +164,7 @@ class StructureStatement(MechanismStatement):
         self.clamped += [(joint, name) for name in self._links_at(joint, links)]
 
     def weld(self, joint: str, *links: str) -> None:
-        """Connect the links of a joint (all, or the named ones) rigidly to each other."""
+        """Connect the links of a joint (all, or the named ones) rigidly to one another."""
         self.welded.append((joint, self._links_at(joint, links)))
 
     def spring(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
@@ -182,13 +184,15 @@ class StructureStatement(MechanismStatement):
         self.declared_springs.append(self._elastic(joint, links, x, y, turn))
 
     def dashpot(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
-        """Add dashpots between a joint and the ground, with arguments as in `spring`: x and y in N s/m, turn
-        in N m s/rad."""
+        """Add dashpots between a joint and the ground. The arguments are those of `spring`, with x and y in
+        N s/m and turn in N m s/rad."""
         self.declared_dashpots.append(self._elastic(joint, links, x, y, turn))
 
     def to_ground(self, declared: list[Elastic]) -> dict[str, sympy.Expr]:
-        """Coefficients of springs or dashpots to the ground, by degree of freedom. Raises DeclarationError
-        for a degree of freedom with a rigid support."""
+        """Return a mapping from degrees of freedom to the coefficients of springs or dashpots to ground.
+
+        Raises DeclarationError for a degree of freedom that is also supported rigidly.
+        """
         by_freedom: dict[str, Any] = {}
         for elastic in declared:
             links = {name: self.rotation(self.links[name], elastic.joint) for name in elastic.links}
@@ -215,7 +219,10 @@ class StructureStatement(MechanismStatement):
         return sympy.Add(*(mass for at, mass in self.declared_masses if at == joint))
 
     def rotation(self, link: Link, joint: str) -> str:
-        """Name of the rotational degree of freedom at the end of a link: shared if welded, "" if clamped."""
+        """Name of the rotational degree of freedom at the end of a link; "" if the end is clamped.
+
+        Links that are welded to one another have the same one.
+        """
         welded = next(
             (names for at, names in self.welded if at == joint and link.name in names), (link.name,)
         )
@@ -227,7 +234,8 @@ class StructureStatement(MechanismStatement):
         return any(PHASE in link.angle.free_symbols for link in self.declared_links)
 
     def numbers(self) -> Iterator[tuple[str, sympy.Expr, str, Set[sympy.Symbol]]]:
-        """Description, value, unit and forbidden symbols of every expression in the statement."""
+        """Yield a description, the expression, its unit and its forbidden symbols, for all expressions in the
+        statement."""
         fixed = {PHASE, SPEED}
         for link in self.declared_links:
             for name, (expression, unit) in link.properties.items():
@@ -247,7 +255,7 @@ class StructureStatement(MechanismStatement):
             yield "damping ratio", ratio, "1", fixed
 
     def require_complete(self) -> None:
-        """Raise DeclarationError for a structure without links or support, or with stated energies."""
+        """Raise DeclarationError for a structure without links, without support, or with stated energies."""
         if not self.declared_links:
             raise DeclarationError(f"{self.name} has no links; declare one with link(...)")
         stated = (self.kinetic, self.potential, self.dissipation, self.declared_coordinates, self.forces)
@@ -275,7 +283,7 @@ class StructureStatement(MechanismStatement):
         Examples of names are "knee" for a joint, "arm_knee" for the end of a link, and "arm_1" for a node
         within a link.
         """
-        ends = [f"{each.name}_{joint}" for each in self.declared_links for joint in (each.start, each.end)]
+        ends = [f"{link.name}_{joint}" for link in self.declared_links for joint in (link.start, link.end)]
         for name in (*self.joints, *ends):
             link, _, number = name.rpartition("_")
             if link in self.links and number.isdigit():

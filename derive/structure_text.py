@@ -1,4 +1,4 @@
-"""Text of the module that is generated from a structure, with links and joints as data, and outputs."""
+"""Source code of the module that is generated from a structure: links, joints and outputs as data."""
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import product
@@ -24,7 +24,7 @@ from derive.structure import ELEMENT_NAMES, Link, StructureStatement
 
 
 class Observed(NamedTuple):
-    """Output with its kind, link, and position on the link, from 0 at the start to 1 at the end."""
+    """Output with its kind, its link, and the position on the link, from 0 at the start to 1 at the end."""
 
     output: Output
     kind: str
@@ -35,16 +35,16 @@ class Observed(NamedTuple):
 def observed(structure: StructureStatement) -> list[Observed]:
     """Outputs of a moving structure; empty for a structure at rest.
 
-    Each link has stresses and a deflection at its midpoint. A link clamped at one end has the deflection at
-    its tip instead, and also stresses at its root. Further outputs are the joint forces and the strain energy
-    of all links.
+    The outputs are stresses and the deflection at the midpoint of each link, the joint forces, and the strain
+    energy of all links. For a link with one clamped end, the deflection is that of the other end, and
+    stresses at the clamped end are added.
     """
     if not structure.moves:
         return []
     energy = Output("strain_energy", None, "J", "strain energy of all links")
     return [
-        *(each for link in structure.declared_links for each in _of_link(structure, link)),
-        *(each for joint in structure.joints for each in _of_joint(structure, joint)),
+        *(output for link in structure.declared_links for output in _of_link(structure, link)),
+        *(output for joint in structure.joints for output in _of_joint(structure, joint)),
         Observed(energy, "strain_energy", "", 0.0),
     ]
 
@@ -65,7 +65,7 @@ def _of_link(structure: StructureStatement, link: Link) -> Iterator[Observed]:
 
 def _of_joint(structure: StructureStatement, joint: str) -> Iterator[Observed]:
     """Outputs of a joint: the force on its last link, and the moment of a clamp."""
-    links = [each for each in structure.declared_links if joint in (each.start, each.end)]
+    links = [link for link in structure.declared_links if joint in (link.start, link.end)]
     link = links[-1]
     place = float(joint == link.end)
     springs = structure.to_ground(structure.declared_springs)
@@ -84,13 +84,13 @@ def _of_joint(structure: StructureStatement, joint: str) -> Iterator[Observed]:
 MOST_ELEMENTS = 100
 
 DATA = """\
-# A link: name, first joint, last joint, names of the rotations of its two ends ("" where clamped, shared
-# where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
-# dashpots to the ground: the degrees of freedom on which they act."""
+# A link: name, first joint, last joint, names of the rotations of its two ends ("" if clamped, the same name
+# if welded), whether it is inextensible. A joint: name, whether its position is fixed. SPRINGS and DASHPOTS,
+# if there are any: degrees of freedom on which springs and dashpots to the ground act."""
 MOTION = """\
-# Whether Coriolis, centripetal and tangential accelerations of the displacements are included; whether axial
-# forces change the stiffness; whether ζ applies to every mode at every position, or to the two lowest modes
-# on average."""
+# terms: whether Coriolis, centripetal and tangential accelerations of the displacements are included.
+# stiffening: whether axial forces change the stiffness. damping: whether ζ applies to every mode at every
+# position, or on average to the two lowest modes."""
 MOTION_OPTIONS = (
     ("terms", ("instantaneous", "full"), "instantaneous"),
     ("stiffening", ("off", "on"), "off"),
@@ -100,8 +100,8 @@ OBSERVED = """\
 # Kind of each entry of OUTPUTS, its link, and its position on the link, from 0 at the start to 1 at the
 # end."""
 DOCUMENTATION = """\
-Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-springs and dashpots if there are any, and the damping ratio of all modes."""
+Columns with one row per link (angle from x, length, E, EA, EI, mass mu per unit length, height), per joint
+(mass), and per spring and dashpot if there are any; and the damping ratio of all modes."""
 
 
 def generated_text(
@@ -110,14 +110,17 @@ def generated_text(
     command: str,
     report: Callable[[str], object] = lambda _: None,
 ) -> str:
-    """Complete text of the generated module of a mechanism or a structure; see `module_text`."""
+    """Source code of the generated module of a mechanism or a structure; see `module_text`."""
     if isinstance(mechanism, StructureStatement):
         return structure_text(mechanism, source_sha256, command)
     return module_text(mechanism, source_sha256, command, report)
 
 
 def structure_text(structure: StructureStatement, source_sha256: str, command: str) -> str:
-    """Complete text of the generated module. command: arguments of `python -m derive` that regenerate it."""
+    """Source code of the generated module of a structure.
+
+    command: arguments of `python -m derive` that regenerate the module.
+    """
     texts, counts = functions_text(
         structure,
         [
@@ -130,7 +133,7 @@ def structure_text(structure: StructureStatement, source_sha256: str, command: s
     parts = [
         constants(
             structure,
-            [each.output for each in of_interest],
+            [entry.output for entry in of_interest],
             {"properties": counts["properties"]},
             structure.conditions,
         ),
@@ -156,7 +159,7 @@ def _properties(structure: StructureStatement) -> GeneratedFunction:
 
 
 def _elastic(structure: StructureStatement) -> list[tuple[str, dict[str, sympy.Expr]]]:
-    """Springs and dashpots to the ground, by degree of freedom."""
+    """Pairs of "spring" or "dashpot" and the mapping from degrees of freedom to coefficients."""
     declared = {"spring": structure.declared_springs, "dashpot": structure.declared_dashpots}
     by_kind = {name: structure.to_ground(declared_for) for name, declared_for in declared.items()}
     return [(name, elastic) for name, elastic in by_kind.items() if elastic]
@@ -182,12 +185,12 @@ def _data(structure: StructureStatement, of_interest: list[Observed]) -> str:
             *_rows("LINKS", links),
             *_rows("JOINTS", joints),
             *(f"{name.upper()}S = {literal(tuple(elastic))}" for name, elastic in _elastic(structure)),
-            "# Options for all links or link by link.",
+            "# Options that may be given for all links together or for each link.",
             *_rows("LINK_OPTIONS", options),
             MOTION,
             *_rows("MOTION_OPTIONS", MOTION_OPTIONS if structure.moves else ()),
             OBSERVED,
-            *_rows("OBSERVED", [(output.kind, output.link, output.place) for output in of_interest]),
+            *_rows("OBSERVED", [(entry.kind, entry.link, entry.place) for entry in of_interest]),
             f"MOVES = {structure.moves}",
         ]
     )

@@ -12,7 +12,7 @@ from derive.units import short
 
 
 class Moving(sympy.Symbol):
-    """Real symbol that varies with time, such as a coordinate q1 with its rate q1d."""
+    """Real symbol that varies with time, such as a coordinate q1, whose rate is q1d."""
 
     def __new__(cls, name: str) -> "Moving":
         return super().__new__(cls, name, real=True)
@@ -28,7 +28,7 @@ class Moving(sympy.Symbol):
 
 
 class Phase(Moving):
-    """Phase φ = Ωt of the drive in rad. Its rate is the constant speed Ω."""
+    """Phase φ of the drive in rad, whose rate is the speed Ω."""
 
     @property
     def rate(self) -> Any:
@@ -43,17 +43,17 @@ PHASE = Phase("phase")
 
 
 def rate(expression: Any) -> Any:
-    """Total time derivative of a function of phase, speed, coordinates and their rates.
+    """Total time derivative of an expression.
 
     Parameters
     ----------
     expression : expression, or matrix of expressions
-        Function of parameters, phase, speed, coordinates and their rates.
+        Function of parameters, phase, speed, coordinates and rates of coordinates.
 
     Returns
     -------
     expression or matrix
-        Derivative; for a matrix, entry by entry.
+        Derivative with respect to time. A matrix is differentiated entry by entry.
 
     Raises
     ------
@@ -84,14 +84,14 @@ def steady(expression: Any) -> Any:
 
 
 def counted(expression: Any) -> Any:
-    """Expression in which steps, kinks and pieces that depend on the phase itself contain the phase modulo
-    2π.
+    """Replace the phase by the phase modulo 2π in the steps, kinks and pieces of an expression.
 
-    Periodic functions of the phase are unchanged. Raises DeclarationError if such a step, kink or piece also
-    contains a coordinate.
+    Periodic functions of the phase are unchanged. Raises DeclarationError if a step, kink or piece contains
+    both the phase, outside of periodic functions, and a coordinate.
     """
     if isinstance(expression, STEPPING) and _whole_phase(expression):
-        if any(_whole_phase(each) and each.atoms(Moving) != {PHASE} for each in _compared(expression)):
+        compared = _compared(expression)
+        if any(_whole_phase(part) and part.atoms(Moving) != {PHASE} for part in compared):
             raise DeclarationError(
                 f"{short(expression)} contains both the phase and a coordinate; state the range of the "
                 "angle: wrapped(phase + q) is between 0 and 2*pi"
@@ -103,7 +103,7 @@ def counted(expression: Any) -> Any:
 
 
 def _compared(expression: Any) -> Iterable[Any]:
-    """Expressions that select the branch of a step, kink or piecewise function by their signs."""
+    """Expressions or inequalities that select the branch of a step, kink or piecewise function."""
     if isinstance(expression, sympy.Piecewise):
         return set().union(*(argument.args[1].atoms(Relational) for argument in expression.args))
     return expression.args
@@ -128,7 +128,8 @@ def _wrapped(expression: Any) -> Any:
 
 
 def _repeats(expression: Any) -> bool:
-    """Whether an expression is a sine or cosine with the period 2π in the phase."""
+    """Whether an expression is a sine, cosine or tangent whose value repeats when the phase increases by
+    2π."""
     turning = isinstance(expression, sympy.sin | sympy.cos | sympy.tan)
     return turning and bool(sympy.diff(expression.args[0], PHASE).is_Integer)
 
@@ -142,13 +143,13 @@ def _parts(expression: Any) -> tuple[Any, ...]:
 
 
 def primed(order: int) -> str:
-    """LaTeX of the primes of a derivative of this order."""
+    """LaTeX of the primes of a derivative of the given order."""
     return "'" * order if order < 4 else f"^{{({order})}}"
 
 
 def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
-    """Symbol with this name, with underscores appended until the name is not in `taken`. The final name is
-    added to `taken`."""
+    """Return a symbol whose name is not in `taken`, and add the name to `taken`. Underscores are appended to
+    a name in use."""
     while name in taken:
         name += "_"
     taken.add(name)
@@ -156,6 +157,6 @@ def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
 
 
 def nesting(expression: sympy.Basic, functions: type[sympy.Function]) -> int:
-    """Largest nesting depth of the given functions."""
-    applied = expression.atoms(functions)
-    return 1 + max(nesting(part, functions) for each in applied for part in each.args) if applied else 0
+    """Largest nesting depth of functions of the given class in an expression."""
+    nodes = expression.atoms(functions)
+    return 1 + max(nesting(argument, functions) for node in nodes for argument in node.args) if nodes else 0

@@ -1,4 +1,4 @@
-"""Dimensions of units and expressions, and sizes of units in SI."""
+"""Dimensions of units and expressions, and factors from units to SI."""
 
 import re
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ BASE = ("kg", "m", "s", "K", "A")
 
 @dataclass(frozen=True)
 class Dimension:
-    """Exponents of kg, m, s, K and A; the radian counts as 1."""
+    """Physical dimension, as exponents of kg, m, s, K and A. The radian is dimensionless."""
 
     exponents: tuple[Fraction, ...]
 
@@ -63,11 +63,12 @@ _KINDS = ("[mass]", "[length]", "[time]", "[temperature]", "[current]")
 SECOND = UNITS["s"]
 
 
-_LONGEST = 80
-"""Maximum number of characters of a unit, and of an expression in a message. A choice."""
+_MAX_CHARACTERS = 80
+"""Maximum length of a unit, and of an expression in a message: one line of a terminal with 80 columns."""
 
 _COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))")
-"""Pattern of an invalid power: valid ones have at most two digits before and after the decimal point."""
+"""Pattern of an invalid power. A valid power has at most two digits before the decimal point and two after
+it."""
 
 
 @runtime_checkable
@@ -78,13 +79,13 @@ class Composed(Protocol):
 
 
 def parse(text: str) -> Dimension:
-    """Dimension of a unit such as "N m/rad", "kg m^2" or "kN/mm". Raises UnitError."""
+    """Return the dimension of a unit such as "N m/rad", "kg m^2" or "kN/mm". Raises UnitError."""
     return _coherent(text) or _known_to_pint(text)[0]
 
 
 def size(text: str) -> float:
-    """Size of a unit relative to the coherent SI unit of the same dimension, such as 0.001 for "mm". Raises
-    UnitError."""
+    """Return the factor from a unit to the coherent SI unit of the same dimension, such as 0.001 for "mm".
+    Raises UnitError."""
     return 1.0 if _coherent(text) else _known_to_pint(text)[1]
 
 
@@ -98,7 +99,7 @@ def require_coherent(what: str, text: str) -> None:
 
 
 def _coherent(text: str) -> Dimension | None:
-    """Dimension of a coherent SI unit, read from left to right; None for other units."""
+    """Dimension of a coherent SI unit, whose factors are read from left to right; None for other units."""
     dimension = ONE
     for sign, factor in re.findall(r"\s*(/?)\s*([^\s/]*)", text.strip())[:-1] or [("", text)]:
         name, _, power = factor.partition("^")
@@ -112,7 +113,7 @@ def _coherent(text: str) -> Dimension | None:
 @lru_cache
 def _known_to_pint(text: str) -> tuple[Dimension, float]:
     registry, refused = _registry(), f'the unit "{text}" is not understood'
-    if len(text) > _LONGEST or _COMPUTED.search(text):
+    if len(text) > _MAX_CHARACTERS or _COMPUTED.search(text):
         raise UnitError(f"{refused}: powers are numbers such as 2, -1 or 1.5")
     try:
         units = registry.parse_units(text)
@@ -134,7 +135,8 @@ def _registry() -> Any:
 
 
 def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.Symbol, Dimension]) -> None:
-    """Raise UnitError unless `expression` is in `unit`; `what` names it in the message."""
+    """Raise UnitError unless `expression` has the dimension of `unit`. `what` describes the expression in the
+    message."""
     dimension = dimension_of(what, expression, known)
     if expression != 0 and dimension != parse(unit):
         raise UnitError(
@@ -143,8 +145,8 @@ def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.S
 
 
 def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
-    """Dimension of an expression, from its subexpressions. Raises UnitError, which names terms that cannot be
-    added."""
+    """Dimension of an expression, computed from its subexpressions. `what` describes the expression in
+    messages. Raises UnitError."""
     if isinstance(expression, sympy.Symbol):
         return known[expression]
     if isinstance(expression, sympy.Piecewise):
@@ -172,13 +174,13 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
 
 
 def _pieces(what: str, expression: sympy.Piecewise, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
-    """Common dimension of the pieces of a piecewise function. Both sides of each condition must also have a
+    """Common dimension of the pieces of a piecewise function. The two sides of a condition must also have a
     common dimension."""
-    compared, given = expression.atoms(Relational), [argument.args[0] for argument in expression.args]
-    pieces = sympy.Tuple(*given)
+    compared = sorted(expression.atoms(Relational), key=sympy.default_sort_key)
+    pieces = sympy.Tuple(*(argument.args[0] for argument in expression.args))
     *_, common = (
-        _common(what, each, [dimension_of(what, part, known) for part in each.args])
-        for each in (*sorted(compared, key=sympy.default_sort_key), pieces)
+        _common(what, group, [dimension_of(what, part, known) for part in group.args])
+        for group in (*compared, pieces)
     )
     return common
 
@@ -199,7 +201,7 @@ def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimensio
 
 
 def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimension:
-    """Common dimension of parts that are added or compared. Zero has any dimension."""
+    """Common dimension of arguments that are added or compared. Zero has any dimension."""
     pairs = [pair for pair in zip(expression.args, parts, strict=True) if pair[0] != 0]
     for argument, part in pairs:
         if part != pairs[0][1]:
@@ -211,10 +213,10 @@ def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimen
 
 
 def short(expression: sympy.Basic) -> str:
-    """Text of an expression for a message, truncated if it is long."""
+    """Expression as text for a message, truncated if it is long."""
     return cut(str(expression))
 
 
 def cut(text: str) -> str:
     """Text for a message, truncated if it is long."""
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+    return text if len(text) <= _MAX_CHARACTERS else text[: _MAX_CHARACTERS - 3] + "..."

@@ -1,7 +1,8 @@
-"""Limits of validity of the generated equations: domains of the motion, and terms that the linearisation
+"""Limits of validity of the generated equations: domains of functions, and terms that the linearisation
 neglects.
 
-Roots and arccosines may cancel in the equations. The equations may then be real where the motion is not.
+Roots and arccosines of a motion may cancel in the equations. The equations may then be real at phases at
+which the motion is not.
 """
 
 from collections.abc import Iterable, Iterator
@@ -23,7 +24,11 @@ from derive.units import cut, short
 
 
 class Demand(NamedTuple):
-    """Domain condition of a function in the mechanism (`margin` must satisfy `relation`), and its text."""
+    """Domain condition of a function in the mechanism: `margin` must satisfy `relation`.
+
+    what: description of the expression that contains the function. function, margin_text: function and margin
+    as text.
+    """
 
     what: str
     function: str
@@ -33,7 +38,7 @@ class Demand(NamedTuple):
 
 
 def demands(mechanism: MechanismStatement) -> list[Demand]:
-    """Domain conditions that the signs of the parameters do not imply.
+    """Return the domain conditions that the signs of the parameters do not imply.
 
     Raises DeclarationError if a condition can never hold.
     """
@@ -61,7 +66,7 @@ def demands(mechanism: MechanismStatement) -> list[Demand]:
 
 
 def conditions(mechanism: MechanismStatement) -> list[Condition]:
-    """Declared conditions, evaluated in the fundamental motion, that do not depend on the speed."""
+    """Return the declared conditions that do not depend on the speed, evaluated in the fundamental motion."""
     return [condition for condition in _conditions(mechanism) if not condition.margin.has(SPEED)]
 
 
@@ -78,8 +83,10 @@ def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
 
 
 def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
-    """Descriptions of the expressions that are evaluated along the fundamental motion, the expressions, and
-    whether they are motions."""
+    """Yield the expressions that are evaluated in the fundamental motion.
+
+    Each is preceded by its description and followed by whether it is itself a motion.
+    """
     for symbol, motion in mechanism.fundamental_motion.items():
         yield f"the fundamental motion of {symbol}", motion, True
     for name in ("kinetic", "potential"):
@@ -114,20 +121,18 @@ def _sentence(node: Any) -> str:
 
 
 def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
-    """Sentences on the terms that M, C, K and d ignore, one for each parameter and series that they do not
-    contain."""
-    kept = _names(mechanism, linearised)
-    return [_ignored(name) for name in _names(mechanism, residual) if name not in kept]
+    """Return one sentence per parameter or series that the residual contains but M, C, K and d do not."""
+    linear = _names(mechanism, linearised)
+    return [_ignored(name) for name in _names(mechanism, residual) if name not in linear]
 
 
 def switched(mechanism: MechanismStatement) -> list[str]:
-    """Sentences, one for each step and kink that the vibration may pass."""
+    """Return one sentence per step or kink that the vibration may cross."""
     return [_one_sided(function) for function in _steps(mechanism, _energies(mechanism))]
 
 
 def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
-    """Sentences on terms without effect, one for each parameter and series of the energies that no result
-    contains."""
+    """Return one sentence per parameter or series that the energies contain but no result does."""
     used = _names(mechanism, results)
     return [_idle(name) for name in _names(mechanism, _energies(mechanism)) if name not in used]
 
@@ -149,19 +154,17 @@ def _idle(name: str) -> str:
 def _one_sided(function: Any) -> str:
     return (
         f"{short(function)} is in the energies; linear results use its slope at the fundamental motion and "
-        "ignore steps and kinks that the vibration passes"
+        "ignore steps and kinks that the vibration crosses"
     )
 
 
 def _names(mechanism: MechanismStatement, expressions: Iterable[Any]) -> list[str]:
     """Names of the parameters and series in the expressions, in the order of declaration."""
-    given = [sympy.sympify(expression) for expression in expressions]
-    symbols = set().union(*(each.free_symbols for each in given))
-    series = set().union(*({type(part) for part in each.atoms(PeriodicFunction)} for each in given))
-    names = [
-        parameter.symbol.name for parameter in mechanism.declared_parameters if parameter.symbol in symbols
-    ]
-    return names + [each.__name__ for each in mechanism.declared_series if each in series]
+    combined = sympy.Tuple(*expressions)
+    symbols, series = combined.free_symbols, {type(part) for part in combined.atoms(PeriodicFunction)}
+    parameters = [declared.symbol for declared in mechanism.declared_parameters]
+    names = [symbol.name for symbol in parameters if symbol in symbols]
+    return names + [declared.__name__ for declared in mechanism.declared_series if declared in series]
 
 
 def _steps(mechanism: MechanismStatement, energies: Iterable[Any]) -> list[Any]:

@@ -5,16 +5,16 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "0d481c577bc9e3cf9e00e73e719c4e19da3b47993ba059fc9693d9b0cd452990"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "5e4aacd7f48b0aa33880cd02a4a212d586037d4645ad83ae53687739c5dc5d8d"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e80348a27736f2367ffff1fc51c0fd3e773ff1872bf758cad7b3d2037eee7ace"
+FILE_SHA256 = "b229ed2db9a83f7270f8f07b4894b84a57d2519bff24ac83f7d0d61e119555f9"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension
-# positive (geometric); L (loads[k], for a load per length that varies as ξᵏ); ρA L (coupling[i][j], axial
-# freedom i and bending freedom j); 1/L for elongation u′ or 1/L² for curvature v″ (strains). Row i of shapes
-# and strains contains the coefficients of 1, ξ, ξ², ….
+# positive (geometric); L (loads[k], for a load per unit length that varies as ξᵏ); ρA L (coupling[i][j],
+# axial freedom i and bending freedom j); 1/L for elongation u′ or 1/L² for curvature v″ (strains). Row i of
+# shapes and strains contains the coefficients of 1, ξ, ξ², ….
 
 FAMILIES = {
     "linear": {

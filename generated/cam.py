@@ -9,29 +9,29 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "de3dfa8400e74f2a0c185f8f347ac1fef8ce05006265191de13bf481ebc0da72"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "60778e6fa0e0fef3c52bd858d071d87b4bcb71ebc2fa174a810a61214d57dd48"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4b62826c4b3739db8dfec352fd9e454fec4b130698465e45846c29dde9b78c37"
+FILE_SHA256 = "c6701daba7c83270954ba9b41cacfd16bbbddf3bd060d653ad2637dca5b6f5ba"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
     ("q1", "rad", "twist of the shaft"),
-    ("q2", "m", "follower against cam"),
-    ("q3", "m", "output link against follower"),
+    ("q2", "m", "displacement of the follower relative to the cam"),
+    ("q3", "m", "displacement of the output link relative to the follower"),
 )
 PARAMETERS = (
-    ("I0", "kg m^2", "motor side of the shaft; at constant speed it has no effect", ">= 0"),
-    ("I1", "kg m^2", "cam and its side of the shaft", "> 0"),
-    ("m2", "kg", "follower", "> 0"),
-    ("m3", "kg", "output link", "> 0"),
-    ("k1", "N m/rad", "torsion of the shaft", "> 0"),
-    ("k2", "N/m", "follower, contact and cam bearing", "> 0"),
-    ("k3", "N/m", "return spring and support of the output link", "> 0"),
+    ("I0", "kg m^2", "moment of inertia of the motor side; no effect at constant speed", ">= 0"),
+    ("I1", "kg m^2", "moment of inertia of the cam and its side of the shaft", "> 0"),
+    ("m2", "kg", "mass of the follower", "> 0"),
+    ("m3", "kg", "mass of the output link", "> 0"),
+    ("k1", "N m/rad", "torsional stiffness of the shaft", "> 0"),
+    ("k2", "N/m", "stiffness of follower, contact and cam bearing", "> 0"),
+    ("k3", "N/m", "stiffness of the return spring and the support of the output link", "> 0"),
     ("c1", "N m s/rad", "damping of the shaft", ">= 0"),
     ("c2", "N s/m", "damping of the follower", ">= 0"),
     ("c3", "N s/m", "damping of the output link", ">= 0"),
-    ("P", "N", "preload if contact is unilateral: a soft spring holds the follower on the cam", "> 0"),
+    ("P", "N", "preload of the soft spring that closes the contact, if this is unilateral", "> 0"),
     ("R0", "m", "base radius of the cam, for the sliding speed", "> 0"),
     ("a1", "m", "derivative of the transmission function U: cosine coefficient, order 1", ""),
     ("a2", "m", "derivative of the transmission function U: cosine coefficient, order 2", ""),
@@ -57,32 +57,32 @@ PARAMETERS = (
     ("b10", "m", "derivative of the transmission function U: sine coefficient, order 10", ""),
     ("b11", "m", "derivative of the transmission function U: sine coefficient, order 11", ""),
     ("b12", "m", "derivative of the transmission function U: sine coefficient, order 12", ""),
-    ("F", "N", "load against the output link: mean", ""),
-    ("Fa1", "N", "load against the output link: cosine coefficient, order 1", ""),
-    ("Fa2", "N", "load against the output link: cosine coefficient, order 2", ""),
-    ("Fa3", "N", "load against the output link: cosine coefficient, order 3", ""),
-    ("Fa4", "N", "load against the output link: cosine coefficient, order 4", ""),
-    ("Fa5", "N", "load against the output link: cosine coefficient, order 5", ""),
-    ("Fa6", "N", "load against the output link: cosine coefficient, order 6", ""),
-    ("Fb1", "N", "load against the output link: sine coefficient, order 1", ""),
-    ("Fb2", "N", "load against the output link: sine coefficient, order 2", ""),
-    ("Fb3", "N", "load against the output link: sine coefficient, order 3", ""),
-    ("Fb4", "N", "load against the output link: sine coefficient, order 4", ""),
-    ("Fb5", "N", "load against the output link: sine coefficient, order 5", ""),
-    ("Fb6", "N", "load against the output link: sine coefficient, order 6", ""),
+    ("F", "N", "load on the output link, opposite to y3: mean", ""),
+    ("Fa1", "N", "load on the output link, opposite to y3: cosine coefficient, order 1", ""),
+    ("Fa2", "N", "load on the output link, opposite to y3: cosine coefficient, order 2", ""),
+    ("Fa3", "N", "load on the output link, opposite to y3: cosine coefficient, order 3", ""),
+    ("Fa4", "N", "load on the output link, opposite to y3: cosine coefficient, order 4", ""),
+    ("Fa5", "N", "load on the output link, opposite to y3: cosine coefficient, order 5", ""),
+    ("Fa6", "N", "load on the output link, opposite to y3: cosine coefficient, order 6", ""),
+    ("Fb1", "N", "load on the output link, opposite to y3: sine coefficient, order 1", ""),
+    ("Fb2", "N", "load on the output link, opposite to y3: sine coefficient, order 2", ""),
+    ("Fb3", "N", "load on the output link, opposite to y3: sine coefficient, order 3", ""),
+    ("Fb4", "N", "load on the output link, opposite to y3: sine coefficient, order 4", ""),
+    ("Fb5", "N", "load on the output link, opposite to y3: sine coefficient, order 5", ""),
+    ("Fb6", "N", "load on the output link, opposite to y3: sine coefficient, order 6", ""),
 )
 OPTIONS = (
     ("contact", ("bilateral", "unilateral"), "bilateral"),
 )
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
-    ("shaft_torque", "N m", "torque in the shaft, positive where the cam leads"),
-    ("contact_force", "N", "follower against cam, compression positive"),
-    ("gap", "m", "follower above the undeformed cam, negative if pressed"),
-    ("in_contact", "1", "1 in contact, 0 apart; mean: fraction of the period in contact"),
-    ("wear", "W", "contact force times sliding speed of a flat face"),
+    ("shaft_torque", "N m", "torque in the shaft, positive if the cam leads"),
+    ("contact_force", "N", "force of the follower on the cam, compression positive"),
+    ("gap", "m", "height of the follower above the undeformed cam, negative if pressed"),
+    ("in_contact", "1", "1 during contact, otherwise 0; mean: fraction of time in contact"),
+    ("wear", "W", "contact force times sliding speed, flat-faced follower"),
     ("output_displacement", "m", "position y3 of the output link"),
-    ("lift", "m", "lift U(φ) of the cam at the desired motion"),
+    ("lift", "m", "lift U(φ) of the uniformly rotating cam"),
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
@@ -108,14 +108,14 @@ VALIDITY = {"q1": 0.05}
 PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 364, "residual": 327, "outputs": 297}
 SWITCHED = (
-    "Min(P, q2*k2 + q2d*c2) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Min(P, q2*k2 + q2d*c2) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
 )
 
 
 def _fourier(angle, mean, cosine, sine, orders):
-    """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
+    """Derivatives of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ..., one for each of the given orders.
 
-    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    Order -1 is the integral with zero mean. Cosines and sines of kx are computed from those of x by angle
     addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
@@ -130,7 +130,7 @@ def _fourier(angle, mean, cosine, sine, orders):
 
 
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -138,8 +138,8 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -298,7 +298,7 @@ def residual(*, contact="bilateral"):
 
 
 def residual_accelerated(*, contact="bilateral"):
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -339,7 +339,7 @@ def residual_accelerated(*, contact="bilateral"):
 
 
 def outputs(*, contact="bilateral"):
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -390,7 +390,7 @@ def outputs(*, contact="bilateral"):
 
 
 def outputs_accelerated(*, contact="bilateral"):
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -497,7 +497,7 @@ def sketch(*, contact="bilateral"):
 
 
 def conditions(*, contact="bilateral"):
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 49)

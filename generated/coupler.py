@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "bda873cfe2f0ff7c2404f03481d33fa7e85de84c2f568762b4dea459d02980b4"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "875b8ad64c3de8b3d4b9f29db3ad45d65a183cc4b553a091ae3ed93b0dfa2678"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "175ab8fe8b36544276247ad148663c9944e1c0eb332e6897bb3931be1d713c15"
+FILE_SHA256 = "f6359df5c2eb06024df3b1a5e2ef5f735e26ff4b627508502e60e77ca4cdbe5d"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (
@@ -38,24 +38,24 @@ COORDINATES = (
     ("q20", "m", "deflection of the coupler: amplitude of mode 20"),
 )
 PARAMETERS = (
-    ("l1", "m", "ground line, from the crank's pivot to the follower's", "> 0"),
-    ("l2", "m", "crank", "> 0"),
-    ("l3", "m", "coupler", "> 0"),
-    ("l4", "m", "follower", "> 0"),
-    ("s4", "m", "follower's centre of mass from its pivot", ">= 0"),
-    ("m4", "kg", "follower", ">= 0"),
-    ("E", "Pa", "coupler's modulus of elasticity", "> 0"),
-    ("A", "m^2", "coupler's cross-section", "> 0"),
-    ("I", "m^4", "coupler's second moment of area", "> 0"),
-    ("rho", "kg/m^3", "coupler's density", "> 0"),
-    ("cx", "N s/m^2", "drag per length on the motion of the coupler along its axis", ">= 0"),
-    ("cy", "N s/m^2", "drag per length on the motion of the coupler normal to its axis", ">= 0"),
-    ("JC", "kg m^2", "follower about its pivot", ">= 0"),
+    ("l1", "m", "length of the ground line between the pivots of crank and follower", "> 0"),
+    ("l2", "m", "length of the crank", "> 0"),
+    ("l3", "m", "length of the coupler", "> 0"),
+    ("l4", "m", "length of the follower", "> 0"),
+    ("s4", "m", "distance of the follower's centre of mass from the pivot of the follower", ">= 0"),
+    ("m4", "kg", "mass of the follower", ">= 0"),
+    ("E", "Pa", "modulus of elasticity of the coupler", "> 0"),
+    ("A", "m^2", "cross-sectional area of the coupler", "> 0"),
+    ("I", "m^4", "second moment of area of the coupler", "> 0"),
+    ("rho", "kg/m^3", "density of the coupler", "> 0"),
+    ("cx", "N s/m^2", "drag coefficient per unit length for motion along the coupler", ">= 0"),
+    ("cy", "N s/m^2", "drag coefficient per unit length for motion normal to the coupler", ">= 0"),
+    ("JC", "kg m^2", "moment of inertia of the follower about its pivot", ">= 0"),
     ("alpha", "s", "material damping: stress is E (strain + alpha strain rate)", ">= 0"),
-    ("alpha4", "rad", "direction of the follower's centre of mass, from its line to the joint", ""),
+    ("alpha4", "rad", "angle from the follower's line of joints to the follower's centre of mass", ""),
     ("theta", "rad", "inclination of the ground line", ""),
-    ("g", "m/s^2", "gravity, downwards", ""),
-    ("Me", "N m", "external moment on the follower, against its angle", ""),
+    ("g", "m/s^2", "gravitational acceleration, downwards", ""),
+    ("Me", "N m", "external moment on the follower, opposite to phi4", ""),
 )
 OPTIONS = (
     ("modes", range(1, 21), 3),
@@ -64,14 +64,14 @@ OPTIONS = (
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
     ("midpoint_deflection", "m", "deflection at midspan"),
-    ("axial_force", "N", "of the straight coupler at the crank pin, tension positive"),
-    ("bending_moment", "N m", "E I w'' at midspan"),
-    ("stress", "Pa", "at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"),
-    ("deflection_ratio", "1", "deflection at midspan over l3"),
-    ("euler_ratio", "1", "axial force over Euler's load"),
+    ("axial_force", "N", "axial force of the straight coupler at the crank pin, tension positive"),
+    ("bending_moment", "N m", "bending moment E I w'' at midspan"),
+    ("stress", "Pa", "axial stress at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"),
+    ("deflection_ratio", "1", "deflection at midspan divided by l3"),
+    ("euler_ratio", "1", "axial force divided by Euler's load"),
 )
 LIMITS = (
-    ("deflection_ratio", "<= 0.02", "the deflection is not small against the length"),
+    ("deflection_ratio", "<= 0.02", "the deflection is not small relative to the length"),
     ("euler_ratio", "<= 0.5", "the axial force is close to the buckling load of the coupler"),
 )
 CONDITIONS = (
@@ -92,7 +92,7 @@ OPERATIONS = {"linearised": 210, "residual": 210, "outputs": 308}
 
 
 def _count(option, value):
-    """Value of an option that is a number."""
+    """Value of an option whose values are integers."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {allowed[0]} to {allowed[-1]}")
@@ -100,7 +100,7 @@ def _count(option, value):
 
 
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -108,8 +108,8 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -134,18 +134,18 @@ def _w(xi, derivative, count):
 
 
 def _pairs(integral, count):
-    """Matrix of an integral of two modes, i in rows and j in columns."""
+    """Matrix of an integral of two mode functions, with row i and column j."""
     numbers = range(1, count + 1)
     return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])
 
 
 def _column(integral, count):
-    """Column of an integral of one mode j."""
+    """Column of an integral of one mode function, with row j."""
     return casadi.DM([integral(j) for j in range(1, count + 1)])
 
 
 def _residual(name, matrices):
-    """Residual r of the equations with these matrices, a function of the drive and the parameters."""
+    """Function that returns the residual r of the linear equations with the given matrices."""
     *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
     q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
     M, C, K, d = matrices(*drive, p)
@@ -301,7 +301,7 @@ def linearised(*, modes=3, branch="open"):
 
 
 def outputs(*, modes=3, branch="open"):
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -389,7 +389,7 @@ def outputs(*, modes=3, branch="open"):
 
 
 def outputs_accelerated(*, modes=3, branch="open"):
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -572,7 +572,7 @@ def sketch(*, modes=3, branch="open"):
 
 
 def conditions(*, modes=3, branch="open"):
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     modes = _count("modes", modes)
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
@@ -601,17 +601,17 @@ def outputs_varying(*, modes=3, branch="open"):
 
 
 def residual(*, modes=3, branch="open"):
-    """r of the equation of motion r = 0; linear, like the projected equations."""
+    """Residual r of the linear equation of motion r = 0."""
     return _residual("residual", linearised(modes=modes, branch=branch))
 
 
 def residual_varying(*, modes=3, branch="open"):
-    """r at varying speed; linear, like the projected equations."""
+    """Residual r of the linear equation of motion at varying speed."""
     return _residual("residual_varying", linearised_varying(modes=modes, branch=branch))
 
 
 def fields(*, modes=3, branch="open"):
-    """Mode functions of each entry of FIELDS at a fraction xi of the length."""
+    """Mode functions of the entry of FIELDS at the fraction xi of the length."""
     modes = _count("modes", modes)
     xi = casadi.SX.sym("xi")
     shapes = _w(xi, 0, modes)

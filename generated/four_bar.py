@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "3969a5893cc1f7accfd772a882b5bf1919a9d550bd687fc36c05315d7e63970c"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "aa2f973e67a241bbabf0d094294fc20422114482b56c34373a30615143e258e8"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b5fb64b7d497d7929e2f59bef937d4461171011b949fcbbf6e28dcb4384ef14d"
+FILE_SHA256 = "ed786b322444021d0b28aa2a17b3d2e2c84faa563eba7c9cbe8400fc020eebaa"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()
@@ -21,9 +21,9 @@ PARAMETERS = (
     ("L2", "m", "length of the coupler", "> 0"),
     ("L3", "m", "length of the follower", "> 0"),
     ("L4", "m", "length of the ground link", "> 0"),
-    ("A1", "m^2", "cross section of the crank", "> 0"),
-    ("A2", "m^2", "cross section of the coupler", "> 0"),
-    ("A3", "m^2", "cross section of the follower", "> 0"),
+    ("A1", "m^2", "cross-sectional area of the crank", "> 0"),
+    ("A2", "m^2", "cross-sectional area of the coupler", "> 0"),
+    ("A3", "m^2", "cross-sectional area of the follower", "> 0"),
     ("I1", "m^4", "second moment of area of the crank", "> 0"),
     ("I2", "m^4", "second moment of area of the coupler", "> 0"),
     ("I3", "m^4", "second moment of area of the follower", "> 0"),
@@ -72,9 +72,9 @@ PERIOD = 2*math.pi
 OPERATIONS = {"properties": 50}
 
 
-# A link: name, first joint, last joint, names of the rotations of its two ends ("" where clamped, shared
-# where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
-# dashpots to the ground: the degrees of freedom on which they act.
+# A link: name, first joint, last joint, names of the rotations of its two ends ("" if clamped, the same name
+# if welded), whether it is inextensible. A joint: name, whether its position is fixed. SPRINGS and DASHPOTS,
+# if there are any: degrees of freedom on which springs and dashpots to the ground act.
 LINKS = (
     ("crank", "O", "A", "", "crank_A", False),
     ("coupler", "A", "B", "coupler_A", "coupler_B", False),
@@ -86,14 +86,14 @@ JOINTS = (
     ("B", False),
     ("C", True),
 )
-# Options for all links or link by link.
+# Options that may be given for all links together or for each link.
 LINK_OPTIONS = (
     ("elements", range(1, 101), 1),
     ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic"),
 )
-# Whether Coriolis, centripetal and tangential accelerations of the displacements are included; whether axial
-# forces change the stiffness; whether ζ applies to every mode at every position, or to the two lowest modes
-# on average.
+# terms: whether Coriolis, centripetal and tangential accelerations of the displacements are included.
+# stiffening: whether axial forces change the stiffness. damping: whether ζ applies to every mode at every
+# position, or on average to the two lowest modes.
 MOTION_OPTIONS = (
     ("terms", ("instantaneous", "full"), "instantaneous"),
     ("stiffening", ("off", "on"), "off"),
@@ -128,7 +128,7 @@ MOVES = True
 
 
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -156,8 +156,8 @@ def _t2_t3(angle, L1, L2, L3, L4, branch_crossed, branch_open):
 
 
 def properties(*, branch="open"):
-    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-    springs and dashpots if there are any, and the damping ratio of all modes."""
+    """Columns with one row per link (angle from x, length, E, EA, EI, mass mu per unit length, height), per joint
+    (mass), and per spring and dashpot if there are any; and the damping ratio of all modes."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 18)
@@ -220,7 +220,7 @@ def properties(*, branch="open"):
 
 
 def conditions(*, branch="open"):
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     branch_open, branch_crossed = _choice("branch", branch)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 18)

@@ -9,18 +9,18 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "645a6e35269787086a6e3355ba6e724e3603abc8f9acf7df76f89975e4481d7e"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "c69ee2e7d873001c932745111cca5bd5bbb1c95608375a03c8fc6968590d7cd2"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d3cb5e33d8edd60fc70facca73de7f775dea4ca859344dfa93e06565ada8f124"
+FILE_SHA256 = "792a39192f42581ada75c90f550ee3a6c4f27c810ec6948e8c489c960c97fc0e"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
-    ("q", "m", "deflection of the mesh, relative to that under the mean load"),
+    ("q", "m", "deflection of the mesh minus its value under the mean load"),
 )
 PARAMETERS = (
     ("m", "kg", "equivalent mass along the line of action", "> 0"),
-    ("c", "N s/m", "damping", ">= 0"),
+    ("c", "N s/m", "damping coefficient of the mesh", ">= 0"),
     ("k", "N/m", "mean mesh stiffness", "> 0"),
     ("F", "N", "mean load along the line of action", "> 0"),
     ("e", "1", "relative amplitude of the mesh stiffness", "> -1, < 1"),
@@ -28,17 +28,17 @@ PARAMETERS = (
     ("b", "m", "half of the backlash", ">= 0"),
     ("s", "1", "fraction of the period with two pairs of teeth, for rectangular stiffness", "> 0, < 1"),
     ("p", "m", "base pitch, for the sliding speed", "> 0"),
-    ("z1", "1", "teeth of the pinion, for the sliding speed", "integer, >= 1"),
-    ("z2", "1", "teeth of the wheel, for the sliding speed", "integer, >= 1"),
+    ("z1", "1", "number of teeth of the pinion, for the sliding speed", "integer, >= 1"),
+    ("z2", "1", "number of teeth of the wheel, for the sliding speed", "integer, >= 1"),
 )
 OPTIONS = (
     ("mesh", ("harmonic", "rectangular"), "harmonic"),
 )
 OUTPUTS = (
-    ("mesh_force", "N", "elastic force between the teeth, driving flanks positive"),
-    ("gap", "m", "between the driving flanks, at most 2b"),
+    ("mesh_force", "N", "elastic mesh force, positive on the driving flanks"),
+    ("gap", "m", "distance between the driving flanks, at most 2b"),
     ("driving_contact", "1", "1 while the driving flanks touch; mean: fraction of time"),
-    ("back_contact", "1", "1 while the rear flanks touch: contact is then double-sided"),
+    ("back_contact", "1", "1 while the rear flanks touch; mean: fraction of time"),
     ("wear", "W", "mesh force times sliding speed"),
 )
 LIMITS = ()
@@ -55,13 +55,13 @@ PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 61, "residual": 47, "outputs": 70}
 NO_DRIVE_TORQUE = "the rotation of the gears is not in the model"
 SWITCHED = (
-    "Max(0, q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
-    "Min(0, q + F/k + 2*b) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Max(0, q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
+    "Min(0, q + F/k + 2*b) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
 )
 
 
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -70,20 +70,20 @@ def _choice(option, value):
 
 def _passes(known):
     """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
-    these are not numbers, as on a branch that is not taken."""
-    found = []
+    one of these values is not a number, for example on an inactive branch."""
+    phases = []
     try:
         slope, offset, targets, turn = known()
         targets = [float(target) for target in targets]
     except (TypeError, ValueError, ZeroDivisionError):
-        return found
+        return phases
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
             raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
-        found += [(target + k*turn - offset)/slope for k in turns]
-    return [phase for phase in found if 0 <= phase < PERIOD]
+        phases += [(target + k*turn - offset)/slope for k in turns]
+    return [phase for phase in phases if 0 <= phase < PERIOD]
 
 
 def _angles(cosine, sine, rest):
@@ -96,8 +96,8 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -183,7 +183,7 @@ def residual(*, mesh="harmonic"):
 
 
 def residual_accelerated(*, mesh="harmonic"):
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -210,7 +210,7 @@ def residual_accelerated(*, mesh="harmonic"):
 
 
 def outputs(*, mesh="harmonic"):
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -257,7 +257,7 @@ def outputs(*, mesh="harmonic"):
 
 
 def outputs_accelerated(*, mesh="harmonic"):
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -323,7 +323,7 @@ def sketch(*, mesh="harmonic"):
 
 
 def conditions(*, mesh="harmonic"):
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     mesh_harmonic, mesh_rectangular = _choice("mesh", mesh)
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 11)

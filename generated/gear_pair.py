@@ -9,22 +9,22 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "e6d41bc932a5ee0a419ae55f4b4e58c22df44906c767e1ba5bfd4ff8b6c2cd71"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "4d609a357b00c3747a2a507ede05e067c07aa2715e6a93a0066bf6b92e1e8d5f"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "71ad5251e0efbd72a891514f9a945e1a3930cb08ced78c82b8f9f4466531efb1"
+FILE_SHA256 = "ba5080c455547847e719f31126e7492f2fb45948b30cdd9311625c7bc0e392fa"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (
     ("q", "m", "dynamic transmission error, along the line of contact"),
 )
 PARAMETERS = (
-    ("J1", "kg m^2", "pinion", "> 0"),
-    ("J2", "kg m^2", "wheel", "> 0"),
+    ("J1", "kg m^2", "moment of inertia of the pinion", "> 0"),
+    ("J2", "kg m^2", "moment of inertia of the wheel", "> 0"),
     ("rb1", "m", "base radius of the pinion", "> 0"),
     ("rb2", "m", "base radius of the wheel", "> 0"),
     ("z1", "1", "number of teeth of the pinion", "integer, >= 1"),
-    ("zeta", "1", "mean damping ratio (Lehr) of the mesh", ">= 0"),
+    ("zeta", "1", "damping ratio (Lehr) of the mesh with mean stiffness", ">= 0"),
     ("q0", "m", "static tooth deflection under the constant load", ""),
     ("k0", "N/m", "mesh stiffness: mean", "> 0"),
     ("k1", "N/m", "mesh stiffness: amplitude, order 1", ""),
@@ -66,8 +66,8 @@ OPTIONS = (
 OUTPUTS = (
     ("transmission_error_rate", "m/s", "rate of the dynamic transmission error"),
     ("mesh_force", "N", "force between the teeth, compression positive"),
-    ("pinion_speed_ripple", "rad/s", "pinion's speed relative to its mean"),
-    ("wheel_speed_ripple", "rad/s", "wheel's speed relative to its mean"),
+    ("pinion_speed_ripple", "rad/s", "speed of the pinion minus its mean"),
+    ("wheel_speed_ripple", "rad/s", "speed of the wheel minus its mean"),
 )
 LIMITS = (
     ("mesh_force", ">= 0", "the teeth separate; backlash is not in the model"),
@@ -89,9 +89,9 @@ NO_DRIVE_TORQUE = "the loads' work on the uniform rotation of the gears is not i
 
 
 def _fourier(angle, mean, cosine, sine, orders):
-    """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
+    """Derivatives of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ..., one for each of the given orders.
 
-    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    Order -1 is the integral with zero mean. Cosines and sines of kx are computed from those of x by angle
     addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
@@ -106,13 +106,13 @@ def _fourier(angle, mean, cosine, sine, orders):
 
 
 def _components(amplitudes, angles):
-    """Cosine and sine coefficients of a sum of A cos(kx + angle)."""
+    """Cosine and sine coefficients of the sum of A_k cos(kx + angle_k)."""
     pairs = list(zip(amplitudes, angles))
     return [a * casadi.cos(g) for a, g in pairs], [-a * casadi.sin(g) for a, g in pairs]
 
 
 def _choice(option, value):
-    """Indicators, 1.0 for the chosen value of an option and 0.0 for its other allowed values."""
+    """List with 1.0 for the chosen value of an option and 0.0 for each other allowed value."""
     allowed = next(values for name, values, _ in OPTIONS if name == option)
     if value not in allowed:
         raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
@@ -120,8 +120,8 @@ def _choice(option, value):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -221,7 +221,7 @@ def residual(*, load="tracking"):
 
 
 def residual_accelerated(*, load="tracking"):
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -250,7 +250,7 @@ def residual_accelerated(*, load="tracking"):
 
 
 def outputs(*, load="tracking"):
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
@@ -299,7 +299,7 @@ def outputs(*, load="tracking"):
 
 
 def outputs_accelerated(*, load="tracking"):
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     load_tracking, load_constant = _choice("load", load)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")

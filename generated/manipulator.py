@@ -9,25 +9,25 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "0d5bfd975fdb9a6488ded39ff3307831f5de93a26c5177794a6c79a9d6495706"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "c48d21b1c43b00642919b95fca0aad7fe3c0cc91a16b9cf5b9accea478f79095"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8638ab1d0de96276817bd69acdbbd9b9176136f0670a9052c1e395197b4f9413"
+FILE_SHA256 = "cb3b9ef404d99b789b2255abe0c5e0ca4bca30a3896982544c6dc37d514566d7"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
     ("q1", "rad", "twist of the driving shaft"),
-    ("q2", "m", "hammer against its cam"),
+    ("q2", "m", "displacement of the hammer relative to the cam"),
 )
 PARAMETERS = (
-    ("I0", "kg m^2", "motor side of the shaft; at constant speed it has no effect", ">= 0"),
-    ("I1", "kg m^2", "cam and its side of the shaft", "> 0"),
-    ("m2", "kg", "operating mechanism (hammer)", "> 0"),
-    ("k1", "N m/rad", "torsion of the driving shaft", "> 0"),
-    ("k2", "N/m", "transmission between cam and hammer", "> 0"),
+    ("I0", "kg m^2", "moment of inertia of the motor side; no effect at constant speed", ">= 0"),
+    ("I1", "kg m^2", "moment of inertia of the cam and its side of the shaft", "> 0"),
+    ("m2", "kg", "mass of the operating mechanism (hammer)", "> 0"),
+    ("k1", "N m/rad", "torsional stiffness of the driving shaft", "> 0"),
+    ("k2", "N/m", "stiffness between cam and hammer", "> 0"),
     ("c1", "N m s/rad", "damping of the driving shaft", ">= 0"),
     ("c2", "N s/m", "damping between cam and hammer", ">= 0"),
-    ("F", "N", "load against the hammer", ""),
+    ("F", "N", "load on the hammer, opposite to its displacement", ""),
     ("a1", "m", "derivative of the transmission function U: cosine coefficient, order 1", ""),
     ("a2", "m", "derivative of the transmission function U: cosine coefficient, order 2", ""),
     ("a3", "m", "derivative of the transmission function U: cosine coefficient, order 3", ""),
@@ -56,7 +56,7 @@ PARAMETERS = (
 OPTIONS = ()
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
-    ("load_torque", "N m", "load on the driving shaft, positive where the cam lags"),
+    ("load_torque", "N m", "torque in the driving shaft, positive if the cam lags"),
     ("hammer_displacement", "m", "position of the hammer"),
 )
 LIMITS = ()
@@ -77,9 +77,9 @@ OPERATIONS = {"linearised": 279, "residual": 232, "outputs": 139}
 
 
 def _fourier(angle, mean, cosine, sine, orders):
-    """Derivatives of the given orders of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ...
+    """Derivatives of mean + sum of a_k cos kx + b_k sin kx, k = 1, 2, ..., one for each of the given orders.
 
-    Order -1 is the integral of zero mean. Cosines and sines of kx are computed from those of x by angle
+    Order -1 is the integral with zero mean. Cosines and sines of kx are computed from those of x by angle
     addition.
     """
     cos_x, sin_x = casadi.cos(angle), casadi.sin(angle)
@@ -94,8 +94,8 @@ def _fourier(angle, mean, cosine, sine, orders):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -217,7 +217,7 @@ def residual():
 
 
 def residual_accelerated():
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -253,7 +253,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 2)
@@ -288,7 +288,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")

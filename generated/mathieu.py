@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "3c15e681f34222083715e3493884ccc22afab873390ff20aa3923f7cd8aa62c8"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "657c28b5c4f82bcaedc1b7f2de1c7131924da084a9064cdd7b87e7f24a3d2098"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1ce7dbabeadae705aae5a5641966b6e02d0385172e825e24499b37838cedaf70"
+FILE_SHA256 = "3f694e0b12286f8508e337bea6202375e13d892954df2d774159e23e20d7f82a"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (
@@ -20,8 +20,8 @@ COORDINATES = (
 )
 PARAMETERS = (
     ("delta", "1/s^2", "mean stiffness for a mass of 1", ""),
-    ("epsilon", "1/s^2", "amplitude of the stiffness, twice a turn", ""),
-    ("zeta", "1", "damping ratio (Lehr) of the mean stiffness", ">= 0"),
+    ("epsilon", "1/s^2", "amplitude of the stiffness, which varies twice per revolution", ""),
+    ("zeta", "1", "damping ratio (Lehr) with the mean stiffness", ">= 0"),
 )
 OPTIONS = ()
 OUTPUTS = ()
@@ -38,8 +38,8 @@ NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -94,7 +94,7 @@ def residual():
 
 
 def residual_accelerated():
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -118,7 +118,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -140,7 +140,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")

@@ -9,19 +9,19 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "c73ae259e0346a85dfbefa00d5ccadc3f98fa5044e52133ead53410043530609"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "2083146cb9c303f5840d8db4d50f1346f04ef2b54c2c6c479fe46f796c440b88"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "911e704f65b08868e82201211b0042d60bd7d86c1a1a265748c3efcd994b9c86"
+FILE_SHA256 = "327483bdef8fbf3da7c53dfe9b3e96714d0b2e7d84cb93ec6c2f54ee2ec11ba5"
 NAME = "meissner"
 TITLE = "Meissner's equation (thesis 7.2.3)"
 COORDINATES = (
     ("q", "1", "deflection, for a mass of 1"),
 )
 PARAMETERS = (
-    ("w1", "rad/s", "frequency in the first interval", ">= 0"),
-    ("w2", "rad/s", "frequency in the second interval", ">= 0"),
-    ("share", "1", "fraction of the turn that the first interval takes", "> 0, < 1"),
+    ("w1", "rad/s", "natural frequency in the first interval", ">= 0"),
+    ("w2", "rad/s", "natural frequency in the second interval", ">= 0"),
+    ("share", "1", "duration of the first interval in revolutions", "> 0, < 1"),
 )
 OPTIONS = ()
 OUTPUTS = ()
@@ -38,20 +38,20 @@ NO_DRIVE_TORQUE = "an equation without physical units has no torque"
 
 def _passes(known):
     """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
-    these are not numbers, as on a branch that is not taken."""
-    found = []
+    one of these values is not a number, for example on an inactive branch."""
+    phases = []
     try:
         slope, offset, targets, turn = known()
         targets = [float(target) for target in targets]
     except (TypeError, ValueError, ZeroDivisionError):
-        return found
+        return phases
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
             raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
-        found += [(target + k*turn - offset)/slope for k in turns]
-    return [phase for phase in found if 0 <= phase < PERIOD]
+        phases += [(target + k*turn - offset)/slope for k in turns]
+    return [phase for phase in phases if 0 <= phase < PERIOD]
 
 
 def _angles(cosine, sine, rest):
@@ -64,8 +64,8 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -124,7 +124,7 @@ def residual():
 
 
 def residual_accelerated():
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -148,7 +148,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -170,7 +170,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")

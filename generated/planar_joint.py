@@ -9,38 +9,38 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "759456beb1868c8fe5168284c9597ca2b34f4a47e5584026ebaede19704dcd1e"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "2ac2eddd29f7bf45af84a7ac9b8a100ea9b9a3945b60c8aa8edf763b93f5bb17"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c2bb6c539b13f321ec82831574ce7ec55c0ca7960243ef555b6d2b7fc36ec3e3"
+FILE_SHA256 = "0397a5d5c8809acd67ecbd0149ca4d0c1ea000a0584f60ef4543abb1c3ed876a"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
-    ("u", "m", "pin in the bearing along the stroke, from the position under the load"),
-    ("v", "m", "pin in the bearing perpendicular to the stroke"),
+    ("u", "m", "displacement of the pin in the bearing along the stroke, from static equilibrium under F"),
+    ("v", "m", "displacement of the pin from the centre of the bearing, perpendicular to the stroke"),
 )
 PARAMETERS = (
-    ("r", "m", "crank", "> 0"),
-    ("L", "m", "connecting rod", "> 0"),
-    ("m", "kg", "slider", "> 0"),
-    ("mr", "kg", "rod, with its centre of mass in the middle", "> 0"),
-    ("J", "kg m^2", "rod, about its centre of mass", "> 0"),
+    ("r", "m", "length of the crank", "> 0"),
+    ("L", "m", "length of the connecting rod", "> 0"),
+    ("m", "kg", "mass of the slider", "> 0"),
+    ("mr", "kg", "mass of the rod, whose centre of mass is in the middle", "> 0"),
+    ("J", "kg m^2", "moment of inertia of the rod about its centre of mass", "> 0"),
     ("F", "N", "constant load on the slider towards the crank", "> 0"),
-    ("k", "N/m", "contact of pin and bearing", "> 0"),
-    ("chi", "s/m", "damping of the contact, relative to its force", ">= 0"),
-    ("c", "N s/m", "damping of the pin in the bearing by the oil", ">= 0"),
+    ("k", "N/m", "contact stiffness of pin and bearing", "> 0"),
+    ("chi", "s/m", "factor χ of the contact damping", ">= 0"),
+    ("c", "N s/m", "damping coefficient of the oil between pin and bearing", ">= 0"),
     ("g", "m", "radial clearance", "> 0"),
     ("R", "m", "radius of the pin, for the sliding speed", "> 0"),
 )
 OPTIONS = ()
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
-    ("contact_force", "N", "pin on bearing, along the normal"),
-    ("gap", "m", "between pin and bearing, at most g"),
+    ("contact_force", "N", "normal force of the pin on the bearing"),
+    ("gap", "m", "distance between pin and bearing, at most g"),
     ("contact", "1", "1 while pin and bearing touch; mean: fraction of time"),
     ("wear", "W", "contact force times sliding speed"),
-    ("pin_along", "m", "pin from the centre of the bearing, along the stroke"),
-    ("position", "m", "centre of the bearing along the stroke"),
+    ("pin_along", "m", "position of the pin relative to the centre of the bearing, along the stroke"),
+    ("position", "m", "position of the centre of the bearing along the stroke"),
 )
 LIMITS = ()
 CONDITIONS = (
@@ -60,13 +60,13 @@ DOMAIN = (
     ("the displacement of a force", "sqrt(L**2 - (v - r*sin(phase))**2)", "L**2 - (v - r*sin(phase))**2", ">= 0"),
 )
 SWITCHED = (
-    "Max(0, -g + sqrt(v**2 + (u + F/k + g)**2)) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Max(0, -g + sqrt(v**2 + (u + F/k + g)**2)) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
 )
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -246,7 +246,7 @@ def residual():
 
 
 def residual_accelerated():
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -294,7 +294,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 2)
@@ -382,7 +382,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -483,7 +483,7 @@ def sketch():
 
 
 def domain():
-    """One number for each entry of DOMAIN, which must satisfy the relation over the whole period."""
+    """One number per entry of DOMAIN, which must satisfy the relation of the entry at every phase."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     parameters = casadi.SX.sym("p", 11)
@@ -507,7 +507,7 @@ def domain():
 
 
 def conditions():
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 11)
     (

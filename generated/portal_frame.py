@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "e3a8c719455921501983d3ef8a1b4de61bc4eaab2a1c008aa496b28f22c0fb91"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "5697a93aa5cf1053c102a94d7895f96941d26f35001b2060e5fc24ae2dfa5c19"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "7e5eea66224273347dc59e5437eabc1b54ee493d9d643dfd75121deab0d50379"
+FILE_SHA256 = "158646d683eec7abd9999c4ed428ecd4208a98c20b4b987446d981d51e3f57fc"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
@@ -20,7 +20,7 @@ PARAMETERS = (
     ("E", "Pa", "modulus of elasticity", "> 0"),
     ("I", "m^4", "second moment of area of each bar", "> 0"),
     ("rho", "kg/m^3", "density", "> 0"),
-    ("A", "m^2", "cross section of each bar", "> 0"),
+    ("A", "m^2", "cross-sectional area of each bar", "> 0"),
     ("L", "m", "length of each bar", "> 0"),
 )
 OPTIONS = ()
@@ -31,9 +31,9 @@ PERIOD = 2*math.pi
 OPERATIONS = {"properties": 4}
 
 
-# A link: name, first joint, last joint, names of the rotations of its two ends ("" where clamped, shared
-# where welded), whether it is inextensible. A joint: name, whether its position is fixed. Springs and
-# dashpots to the ground: the degrees of freedom on which they act.
+# A link: name, first joint, last joint, names of the rotations of its two ends ("" if clamped, the same name
+# if welded), whether it is inextensible. A joint: name, whether its position is fixed. SPRINGS and DASHPOTS,
+# if there are any: degrees of freedom on which springs and dashpots to the ground act.
 LINKS = (
     ("left", "foot_left", "corner_left", "", "left_corner_left", True),
     ("beam", "corner_left", "corner_right", "left_corner_left", "beam_corner_right", True),
@@ -45,14 +45,14 @@ JOINTS = (
     ("corner_right", False),
     ("foot_right", True),
 )
-# Options for all links or link by link.
+# Options that may be given for all links together or for each link.
 LINK_OPTIONS = (
     ("elements", range(1, 101), 1),
     ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic"),
 )
-# Whether Coriolis, centripetal and tangential accelerations of the displacements are included; whether axial
-# forces change the stiffness; whether ζ applies to every mode at every position, or to the two lowest modes
-# on average.
+# terms: whether Coriolis, centripetal and tangential accelerations of the displacements are included.
+# stiffening: whether axial forces change the stiffness. damping: whether ζ applies to every mode at every
+# position, or on average to the two lowest modes.
 MOTION_OPTIONS = ()
 # Kind of each entry of OUTPUTS, its link, and its position on the link, from 0 at the start to 1 at the
 # end.
@@ -61,8 +61,8 @@ MOVES = False
 
 
 def properties():
-    """Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), of joints (mass), of
-    springs and dashpots if there are any, and the damping ratio of all modes."""
+    """Columns with one row per link (angle from x, length, E, EA, EI, mass mu per unit length, height), per joint
+    (mass), and per spring and dashpot if there are any; and the damping ratio of all modes."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 5)
     (E, I, rho, A, L) = casadi.vertsplit(parameters)

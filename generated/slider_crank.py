@@ -9,33 +9,33 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "6e4d84666ecfc90a023113c83088112dcad3d1aea49ec1fc5efba4e9fe171e97"
-DERIVE_SHA256 = "41bd6d0ed7f95d355a40476350ca5b5601166b395b8d4b31662024a2ae7db52a"
+MECHANISM_SHA256 = "2efb10b85d3db90713a4fe52ef957ca352fa654af0465c7c77772de774619cc9"
+DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0abefa960eaf90bd3e6329d538af7efe6df64df2f7126768a244d986e92e5cde"
+FILE_SHA256 = "8b3074dcf3e730e2d504abd4bff726f0213a715e09007636861ec9d9893c830a"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
-    ("q", "m", "slider against pin, from the position under the load"),
+    ("q", "m", "displacement of the slider relative to the pin, from static equilibrium under F"),
 )
 PARAMETERS = (
-    ("r", "m", "crank", "> 0"),
-    ("L", "m", "connecting rod", "> 0"),
-    ("m", "kg", "slider", "> 0"),
+    ("r", "m", "length of the crank", "> 0"),
+    ("L", "m", "length of the connecting rod", "> 0"),
+    ("m", "kg", "mass of the slider", "> 0"),
     ("F", "N", "constant load on the slider towards the crank", "> 0"),
-    ("k", "N/m", "contact of pin and bearing", "> 0"),
-    ("chi", "s/m", "damping of the contact, relative to its force", ">= 0"),
-    ("c", "N s/m", "damping of the slider against the pin by the oil", ">= 0"),
+    ("k", "N/m", "contact stiffness of pin and bearing", "> 0"),
+    ("chi", "s/m", "factor χ of the contact damping", ">= 0"),
+    ("c", "N s/m", "damping coefficient of the oil between pin and bearing", ">= 0"),
     ("g", "m", "clearance along the stroke", ">= 0"),
     ("R", "m", "radius of the pin, for the sliding speed", "> 0"),
 )
 OPTIONS = ()
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
-    ("contact_force", "N", "pin on bearing, positive away from the crank"),
-    ("gap", "m", "pin from its side of the bearing, at most g"),
-    ("front_contact", "1", "1 while the load presses; mean: fraction of time"),
-    ("rear_contact", "1", "1 while the other side touches"),
+    ("contact_force", "N", "force of the pin on the bearing, away from the crank"),
+    ("gap", "m", "distance of the pin from the loaded side of the bearing, at most g"),
+    ("front_contact", "1", "1 while the loaded side of the bearing touches the pin; mean: fraction of time"),
+    ("rear_contact", "1", "1 while the other side touches the pin"),
     ("wear", "W", "contact force times sliding speed"),
     ("position", "m", "position of the slider along the stroke"),
 )
@@ -57,27 +57,27 @@ DOMAIN = (
     ("the displacement of a force", "sqrt(L**2 - r**2*sin(phase)**2)", "L**2 - r**2*sin(phase)**2", ">= 0"),
 )
 SWITCHED = (
-    "Max(0, -q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
-    "Min(0, -q + F/k + g) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Max(0, -q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
+    "Min(0, -q + F/k + g) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration crosses",
 )
 
 
 def _passes(known):
     """Phases from 0 to PERIOD at which slope*phase + offset equals a target plus a multiple of turn. Empty if
-    these are not numbers, as on a branch that is not taken."""
-    found = []
+    one of these values is not a number, for example on an inactive branch."""
+    phases = []
     try:
         slope, offset, targets, turn = known()
         targets = [float(target) for target in targets]
     except (TypeError, ValueError, ZeroDivisionError):
-        return found
+        return phases
     for target in targets if slope else ():
         first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
         if last - first > 10000:
             raise ValueError(f"there are {last - first:.3g} jumps per period; allowed: up to 10000")
         turns = range(math.floor(first), math.ceil(last) + 1)
-        found += [(target + k*turn - offset)/slope for k in turns]
-    return [phase for phase in found if 0 <= phase < PERIOD]
+        phases += [(target + k*turn - offset)/slope for k in turns]
+    return [phase for phase in phases if 0 <= phase < PERIOD]
 
 
 def _angles(cosine, sine, rest):
@@ -90,8 +90,8 @@ def _angles(cosine, sine, rest):
 
 
 def _varying(steady, added):
-    """Function at varying speed: the sum of the function at constant speed and the contribution of the
-    acceleration."""
+    """Function at varying speed: `steady`, the function at constant speed, plus `added`, the contribution of
+    the acceleration."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
     phase, speed, _, *state = inputs
     parts = zip(steady.call([phase, speed, *state]), added.call(inputs))
@@ -162,7 +162,7 @@ def residual():
 
 
 def residual_accelerated():
-    """Contribution of an acceleration of the drive to residual."""
+    """Contribution to residual of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -187,7 +187,7 @@ def residual_accelerated():
 
 
 def outputs():
-    """One scalar for each entry of OUTPUTS."""
+    """One scalar per entry of OUTPUTS."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 1)
@@ -236,7 +236,7 @@ def outputs():
 
 
 def outputs_accelerated():
-    """Contribution of an acceleration of the drive to outputs."""
+    """Contribution to outputs of an acceleration of the drive."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -318,7 +318,7 @@ def sketch():
 
 
 def domain():
-    """One number for each entry of DOMAIN, which must satisfy the relation over the whole period."""
+    """One number per entry of DOMAIN, which must satisfy the relation of the entry at every phase."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     parameters = casadi.SX.sym("p", 9)
@@ -339,7 +339,7 @@ def domain():
 
 
 def conditions():
-    """One number for each entry of CONDITIONS, positive where the condition holds."""
+    """One number per entry of CONDITIONS, positive where the condition holds."""
     phase = casadi.SX.sym("phase")
     parameters = casadi.SX.sym("p", 9)
     (r, L, m, F, k, chi, c, g, R) = casadi.vertsplit(parameters)

@@ -9,19 +9,19 @@ def mechanism() -> Mechanism:
     cam = Mechanism("cam", "Cam follower driven through an elastic shaft (chapter 4.1)")
     q1, q2, q3 = cam.coordinates(
         q1=("rad", "twist of the shaft"),
-        q2=("m", "follower against cam"),
-        q3=("m", "output link against follower"),
+        q2=("m", "displacement of the follower relative to the cam"),
+        q3=("m", "displacement of the output link relative to the follower"),
     )
     I0, I1, m2, m3 = cam.parameters(
-        I0=("kg m^2", "motor side of the shaft; at constant speed it has no effect", ">= 0"),
-        I1=("kg m^2", "cam and its side of the shaft", "> 0"),
-        m2=("kg", "follower", "> 0"),
-        m3=("kg", "output link", "> 0"),
+        I0=("kg m^2", "moment of inertia of the motor side; no effect at constant speed", ">= 0"),
+        I1=("kg m^2", "moment of inertia of the cam and its side of the shaft", "> 0"),
+        m2=("kg", "mass of the follower", "> 0"),
+        m3=("kg", "mass of the output link", "> 0"),
     )
     k1, k2, k3 = cam.parameters(
-        k1=("N m/rad", "torsion of the shaft", "> 0"),
-        k2=("N/m", "follower, contact and cam bearing", "> 0"),
-        k3=("N/m", "return spring and support of the output link", "> 0"),
+        k1=("N m/rad", "torsional stiffness of the shaft", "> 0"),
+        k2=("N/m", "stiffness of follower, contact and cam bearing", "> 0"),
+        k3=("N/m", "stiffness of the return spring and the support of the output link", "> 0"),
     )
     c1, c2, c3 = cam.parameters(
         c1=("N m s/rad", "damping of the shaft", ">= 0"),
@@ -29,11 +29,11 @@ def mechanism() -> Mechanism:
         c3=("N s/m", "damping of the output link", ">= 0"),
     )
     P, R0 = cam.parameters(
-        P=("N", "preload if contact is unilateral: a soft spring holds the follower on the cam", "> 0"),
+        P=("N", "preload of the soft spring that closes the contact, if this is unilateral", "> 0"),
         R0=("m", "base radius of the cam, for the sliding speed", "> 0"),
     )
     U = cam.transmission("U", harmonics=12, unit="m")
-    F = cam.series("F", harmonics=6, unit="N", meaning="load against the output link")
+    F = cam.series("F", harmonics=6, unit="N", meaning="load on the output link, opposite to y3")
 
     contact = cam.option("contact", ("bilateral", "unilateral"))
 
@@ -56,20 +56,20 @@ def mechanism() -> Mechanism:
 
     shaft_torque = k1 * q1 + c1 * rate(q1)
     contact_force = contact.choose(bilateral=-extension, unilateral=Max(0, P - extension))
-    cam.output("shaft_torque", shaft_torque, "N m", "torque in the shaft, positive where the cam leads")
-    cam.output("contact_force", contact_force, "N", "follower against cam, compression positive")
+    cam.output("shaft_torque", shaft_torque, "N m", "torque in the shaft, positive if the cam leads")
+    cam.output("contact_force", contact_force, "N", "force of the follower on the cam, compression positive")
     cam.limit("contact_force", ">= 0", beyond="the follower lifts off the cam")
     opening = contact.choose(bilateral=Min(0, q2), unilateral=q2 - P / k2)
     closed = contact.choose(bilateral=1, unilateral=Heaviside(P - extension))
     sliding = (R0 + y1) * rate(phi1)
-    cam.output("gap", opening, "m", "follower above the undeformed cam, negative if pressed")
+    cam.output("gap", opening, "m", "height of the follower above the undeformed cam, negative if pressed")
     cam.limit("gap", "<= 0", beyond="the follower lifts off the cam")
-    cam.output("in_contact", closed, "1", "1 in contact, 0 apart; mean: fraction of the period in contact")
+    cam.output("in_contact", closed, "1", "1 during contact, otherwise 0; mean: fraction of time in contact")
     cam.output(
-        "wear", Max(0, contact_force) * sliding, "W", "contact force times sliding speed of a flat face"
+        "wear", Max(0, contact_force) * sliding, "W", "contact force times sliding speed, flat-faced follower"
     )
     cam.output("output_displacement", y3, "m", "position y3 of the output link")
-    cam.output("lift", U(cam.phase), "m", "lift U(φ) of the cam at the desired motion")
+    cam.output("lift", U(cam.phase), "m", "lift U(φ) of the uniformly rotating cam")
     cam.trust(q1=0.05)
 
     radius, around = 0.5 * cam.metre, cam.around

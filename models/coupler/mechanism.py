@@ -12,30 +12,30 @@ def mechanism() -> Mechanism:
     """
     linkage = Mechanism("coupler", "Flexible coupler of a four-bar linkage (paper, Section 3)")
     l1, l2, l3, l4 = linkage.parameters(
-        l1=("m", "ground line, from the crank's pivot to the follower's", "> 0"),
-        l2=("m", "crank", "> 0"),
-        l3=("m", "coupler", "> 0"),
-        l4=("m", "follower", "> 0"),
+        l1=("m", "length of the ground line between the pivots of crank and follower", "> 0"),
+        l2=("m", "length of the crank", "> 0"),
+        l3=("m", "length of the coupler", "> 0"),
+        l4=("m", "length of the follower", "> 0"),
     )
     s4, m4, E, A, I = linkage.parameters(  # noqa: E741 - the field's symbol
-        s4=("m", "follower's centre of mass from its pivot", ">= 0"),
-        m4=("kg", "follower", ">= 0"),
-        E=("Pa", "coupler's modulus of elasticity", "> 0"),
-        A=("m^2", "coupler's cross-section", "> 0"),
-        I=("m^4", "coupler's second moment of area", "> 0"),
+        s4=("m", "distance of the follower's centre of mass from the pivot of the follower", ">= 0"),
+        m4=("kg", "mass of the follower", ">= 0"),
+        E=("Pa", "modulus of elasticity of the coupler", "> 0"),
+        A=("m^2", "cross-sectional area of the coupler", "> 0"),
+        I=("m^4", "second moment of area of the coupler", "> 0"),
     )
     rho, cx, cy, JC = linkage.parameters(
-        rho=("kg/m^3", "coupler's density", "> 0"),
-        cx=("N s/m^2", "drag per length on the motion of the coupler along its axis", ">= 0"),
-        cy=("N s/m^2", "drag per length on the motion of the coupler normal to its axis", ">= 0"),
-        JC=("kg m^2", "follower about its pivot", ">= 0"),
+        rho=("kg/m^3", "density of the coupler", "> 0"),
+        cx=("N s/m^2", "drag coefficient per unit length for motion along the coupler", ">= 0"),
+        cy=("N s/m^2", "drag coefficient per unit length for motion normal to the coupler", ">= 0"),
+        JC=("kg m^2", "moment of inertia of the follower about its pivot", ">= 0"),
     )
     alpha, alpha4, theta, g, Me = linkage.parameters(
         alpha=("s", "material damping: stress is E (strain + alpha strain rate)", ">= 0"),
-        alpha4=("rad", "direction of the follower's centre of mass, from its line to the joint"),
+        alpha4=("rad", "angle from the follower's line of joints to the follower's centre of mass"),
         theta=("rad", "inclination of the ground line"),
-        g=("m/s^2", "gravity, downwards"),
-        Me=("N m", "external moment on the follower, against its angle"),
+        g=("m/s^2", "gravitational acceleration, downwards"),
+        Me=("N m", "external moment on the follower, opposite to phi4"),
     )
     modes = linkage.option("modes", range(1, 21), default=3)
     branch = linkage.option("branch", ("open", "crossed"))
@@ -86,13 +86,14 @@ def _state_outputs(linkage: Mechanism, beam, A, I, EI) -> None:  # noqa: E741 - 
     stress = beam.at(beam.tension, length / 2) / A - moment / I * sqrt(12 * I / A) / 2
     euler = pi**2 * EI / length**2
     linkage.output("midpoint_deflection", middle, "m", "deflection at midspan")
-    linkage.output("axial_force", force, "N", "of the straight coupler at the crank pin, tension positive")
-    linkage.output("bending_moment", moment, "N m", "E I w'' at midspan")
+    axial = "axial force of the straight coupler at the crank pin, tension positive"
+    linkage.output("axial_force", force, "N", axial)
+    linkage.output("bending_moment", moment, "N m", "bending moment E I w'' at midspan")
     surface = "at midspan, on the side to which w is positive; rectangular section of height sqrt(12 I/A)"
-    linkage.output("stress", stress, "Pa", surface)
-    linkage.output("deflection_ratio", Abs(middle) / length, "1", "deflection at midspan over l3")
-    linkage.output("euler_ratio", Abs(force) / euler, "1", "axial force over Euler's load")
-    linkage.limit("deflection_ratio", "<= 0.02", beyond="the deflection is not small against the length")
+    linkage.output("stress", stress, "Pa", f"axial stress {surface}")
+    linkage.output("deflection_ratio", Abs(middle) / length, "1", "deflection at midspan divided by l3")
+    linkage.output("euler_ratio", Abs(force) / euler, "1", "axial force divided by Euler's load")
+    linkage.limit("deflection_ratio", "<= 0.02", beyond="the deflection is not small relative to the length")
     linkage.limit(
         "euler_ratio", "<= 0.5", beyond="the axial force is close to the buckling load of the coupler"
     )

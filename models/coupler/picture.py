@@ -57,7 +57,7 @@ def checked_magnification(magnification: float) -> float:
     """Return the magnification. Raises ValueOutOfBoundsError."""
     if not (math.isfinite(magnification) and magnification > 0):
         raise ValueOutOfBoundsError(
-            f"--magnification is {magnification:g}; allowed: a number > 0, such as 100; leave out "
+            f"--magnification is {magnification:g}; allowed: a number > 0, such as 100; omit "
             "--magnification for automatic selection"
         )
     return magnification

@@ -18,9 +18,9 @@ def mechanism() -> Structure:
         L4=("m", "length of the ground link", "> 0"),
     )
     A1, A2, A3, I1, I2, I3 = linkage.parameters(
-        A1=("m^2", "cross section of the crank", "> 0"),
-        A2=("m^2", "cross section of the coupler", "> 0"),
-        A3=("m^2", "cross section of the follower", "> 0"),
+        A1=("m^2", "cross-sectional area of the crank", "> 0"),
+        A2=("m^2", "cross-sectional area of the coupler", "> 0"),
+        A3=("m^2", "cross-sectional area of the follower", "> 0"),
         I1=("m^4", "second moment of area of the crank", "> 0"),
         I2=("m^4", "second moment of area of the coupler", "> 0"),
         I3=("m^4", "second moment of area of the follower", "> 0"),

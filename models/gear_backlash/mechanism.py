@@ -11,10 +11,10 @@ def mechanism() -> Mechanism:
     function g is 0 while the teeth are within the clearance 2b.
     """
     pair = Mechanism("gear_backlash", "Gear pair with backlash and varying mesh stiffness")
-    (q,) = pair.coordinates(q=("m", "deflection of the mesh, relative to that under the mean load"))
+    (q,) = pair.coordinates(q=("m", "deflection of the mesh minus its value under the mean load"))
     m, c, k, F = pair.parameters(
         m=("kg", "equivalent mass along the line of action", "> 0"),
-        c=("N s/m", "damping", ">= 0"),
+        c=("N s/m", "damping coefficient of the mesh", ">= 0"),
         k=("N/m", "mean mesh stiffness", "> 0"),
         F=("N", "mean load along the line of action", "> 0"),
     )
@@ -26,8 +26,8 @@ def mechanism() -> Mechanism:
     )
     p, z1, z2 = pair.parameters(
         p=("m", "base pitch, for the sliding speed", "> 0"),
-        z1=("1", "teeth of the pinion, for the sliding speed", "integer, >= 1"),
-        z2=("1", "teeth of the wheel, for the sliding speed", "integer, >= 1"),
+        z1=("1", "number of teeth of the pinion, for the sliding speed", "integer, >= 1"),
+        z2=("1", "number of teeth of the wheel, for the sliding speed", "integer, >= 1"),
     )
     mesh = pair.option("mesh", ("harmonic", "rectangular"))
 
@@ -42,11 +42,12 @@ def mechanism() -> Mechanism:
 
     position = p * (wrapped(pair.phase + pi) / (2 * pi) - 1 / 2)
     sliding = pair.speed * (1 / z1 + 1 / z2) * Abs(position)
-    pair.output("mesh_force", mesh_force, "N", "elastic force between the teeth, driving flanks positive")
-    pair.output("gap", Max(0, -deflection) - Max(0, -behind), "m", "between the driving flanks, at most 2b")
+    pair.output("mesh_force", mesh_force, "N", "elastic mesh force, positive on the driving flanks")
+    opening = Max(0, -deflection) - Max(0, -behind)
+    pair.output("gap", opening, "m", "distance between the driving flanks, at most 2b")
     drive, back = Heaviside(deflection), Heaviside(-behind)
     pair.output("driving_contact", drive, "1", "1 while the driving flanks touch; mean: fraction of time")
-    pair.output("back_contact", back, "1", "1 while the rear flanks touch: contact is then double-sided")
+    pair.output("back_contact", back, "1", "1 while the rear flanks touch; mean: fraction of time")
     pair.output("wear", Abs(mesh_force) * sliding, "W", "mesh force times sliding speed")
 
     size = 0.05 * pair.metre

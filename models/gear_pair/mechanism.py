@@ -7,20 +7,20 @@ def mechanism() -> Mechanism:
     """Return the mechanism of Eqs. (66)–(74) of the chapter. The rotation of each gear is the sum of a
     uniform rotation and a multiple of q.
 
-    The multiples are chosen so that r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and so that q is decoupled from the
-    uniform rotation.
+    The factors of q are such that r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and that q is decoupled from the uniform
+    rotation.
     """
     pair = Mechanism("gear_pair", "Gear pair with tooth errors (chapter 4.2)")
     (q,) = pair.coordinates(q=("m", "dynamic transmission error, along the line of contact"))
     J1, J2, rb1, rb2 = pair.parameters(
-        J1=("kg m^2", "pinion", "> 0"),
-        J2=("kg m^2", "wheel", "> 0"),
+        J1=("kg m^2", "moment of inertia of the pinion", "> 0"),
+        J2=("kg m^2", "moment of inertia of the wheel", "> 0"),
         rb1=("m", "base radius of the pinion", "> 0"),
         rb2=("m", "base radius of the wheel", "> 0"),
     )
     z1, zeta, q0 = pair.parameters(
         z1=("1", "number of teeth of the pinion", "integer, >= 1"),
-        zeta=("1", "mean damping ratio (Lehr) of the mesh", ">= 0"),
+        zeta=("1", "damping ratio (Lehr) of the mesh with mean stiffness", ">= 0"),
         q0=("m", "static tooth deflection under the constant load"),
     )
     k = pair.harmonic_series("k", 10, unit="N/m", meaning="mesh stiffness", angles="gamma", bound="> 0")
@@ -43,10 +43,8 @@ def mechanism() -> Mechanism:
     pair.output("transmission_error_rate", rate(q), "m/s", "rate of the dynamic transmission error")
     pair.output("mesh_force", mesh_force, "N", "force between the teeth, compression positive")
     pair.limit("mesh_force", ">= 0", beyond="the teeth separate; backlash is not in the model")
-    pair.output(
-        "pinion_speed_ripple", rate(phi1 - pair.phase), "rad/s", "pinion's speed relative to its mean"
-    )
-    pair.output("wheel_speed_ripple", wheel_ripple, "rad/s", "wheel's speed relative to its mean")
+    pair.output("pinion_speed_ripple", rate(phi1 - pair.phase), "rad/s", "speed of the pinion minus its mean")
+    pair.output("wheel_speed_ripple", wheel_ripple, "rad/s", "speed of the wheel minus its mean")
 
     # Radii of the pitch circles, for a pressure angle of 20°.
     r1, r2, z2 = rb1 / cos(pi / 9), rb2 / cos(pi / 9), z1 * rb2 / rb1

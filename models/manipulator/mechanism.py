@@ -9,22 +9,22 @@ def mechanism() -> Mechanism:
     press = Mechanism("manipulator", "Transport manipulator of a forging press (chapter 4.3)")
     q1, q2 = press.coordinates(
         q1=("rad", "twist of the driving shaft"),
-        q2=("m", "hammer against its cam"),
+        q2=("m", "displacement of the hammer relative to the cam"),
     )
     I0, I1, m2 = press.parameters(
-        I0=("kg m^2", "motor side of the shaft; at constant speed it has no effect", ">= 0"),
-        I1=("kg m^2", "cam and its side of the shaft", "> 0"),
-        m2=("kg", "operating mechanism (hammer)", "> 0"),
+        I0=("kg m^2", "moment of inertia of the motor side; no effect at constant speed", ">= 0"),
+        I1=("kg m^2", "moment of inertia of the cam and its side of the shaft", "> 0"),
+        m2=("kg", "mass of the operating mechanism (hammer)", "> 0"),
     )
     k1, k2 = press.parameters(
-        k1=("N m/rad", "torsion of the driving shaft", "> 0"),
-        k2=("N/m", "transmission between cam and hammer", "> 0"),
+        k1=("N m/rad", "torsional stiffness of the driving shaft", "> 0"),
+        k2=("N/m", "stiffness between cam and hammer", "> 0"),
     )
     c1, c2 = press.parameters(
         c1=("N m s/rad", "damping of the driving shaft", ">= 0"),
         c2=("N s/m", "damping between cam and hammer", ">= 0"),
     )
-    (F,) = press.parameters(F=("N", "load against the hammer"))
+    (F,) = press.parameters(F=("N", "load on the hammer, opposite to its displacement"))
     U = press.transmission("U", harmonics=12, unit="m")
 
     phi1 = press.phase + q1
@@ -36,7 +36,7 @@ def mechanism() -> Mechanism:
     press.input("u", "N m", along=phi1, meaning="torque on the cam in addition to that of the shaft")
 
     load_torque = -(k1 * q1 + c1 * rate(q1))
-    press.output("load_torque", load_torque, "N m", "load on the driving shaft, positive where the cam lags")
+    press.output("load_torque", load_torque, "N m", "torque in the driving shaft, positive if the cam lags")
     press.output("hammer_displacement", y, "m", "position of the hammer")
     # Linear and nonlinear amplitudes differ by up to 3.3 % at 0.115 rad and by 6 % at 0.16 rad.
     press.trust(q1=0.12)

@@ -15,8 +15,8 @@ def mechanism() -> Mechanism:
     (q,) = mathieu.coordinates(q=("1", "deflection, for a mass of 1"))
     delta, epsilon, zeta = mathieu.parameters(
         delta=("1/s^2", "mean stiffness for a mass of 1"),
-        epsilon=("1/s^2", "amplitude of the stiffness, twice a turn"),
-        zeta=("1", "damping ratio (Lehr) of the mean stiffness", ">= 0"),
+        epsilon=("1/s^2", "amplitude of the stiffness, which varies twice per revolution"),
+        zeta=("1", "damping ratio (Lehr) with the mean stiffness", ">= 0"),
     )
     mathieu.kinetic = rate(q) ** 2 / 2
     mathieu.potential = (delta + epsilon * cos(2 * mathieu.phase)) * q**2 / 2

@@ -13,10 +13,10 @@ def mechanism() -> Mechanism:
     meissner = Mechanism("meissner", "Meissner's equation (thesis 7.2.3)", energy="1/s^2")
     (q,) = meissner.coordinates(q=("1", "deflection, for a mass of 1"))
     w1, w2 = meissner.parameters(
-        w1=("rad/s", "frequency in the first interval", ">= 0"),
-        w2=("rad/s", "frequency in the second interval", ">= 0"),
+        w1=("rad/s", "natural frequency in the first interval", ">= 0"),
+        w2=("rad/s", "natural frequency in the second interval", ">= 0"),
     )
-    share = meissner.parameter("share", "1", "fraction of the turn that the first interval takes", "> 0, < 1")
+    share = meissner.parameter("share", "1", "duration of the first interval in revolutions", "> 0, < 1")
     first = rectangle(meissner.phase, 0, 2 * pi * share)
     meissner.kinetic = rate(q) ** 2 / 2
     meissner.potential = (w2**2 + (w1**2 - w2**2) * first) * q**2 / 2

@@ -11,7 +11,7 @@ def mechanism():
         E=("Pa", "modulus of elasticity", "> 0"),
         I=("m^4", "second moment of area of each bar", "> 0"),
         rho=("kg/m^3", "density", "> 0"),
-        A=("m^2", "cross section of each bar", "> 0"),
+        A=("m^2", "cross-sectional area of each bar", "> 0"),
         L=("m", "length of each bar", "> 0"),
     )
     bar = {"length": L, "section": Section(E, A, I, rho), "inextensible": True}

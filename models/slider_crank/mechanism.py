@@ -12,16 +12,21 @@ def mechanism() -> Mechanism:
     q = 0.
     """
     crank = Mechanism("slider_crank", "Slider-crank mechanism with a clearance joint")
-    (q,) = crank.coordinates(q=("m", "slider against pin, from the position under the load"))
-    r, L = crank.parameters(r=("m", "crank", "> 0"), L=("m", "connecting rod", "> 0"))
+    (q,) = crank.coordinates(
+        q=("m", "displacement of the slider relative to the pin, from static equilibrium under F")
+    )
+    r, L = crank.parameters(
+        r=("m", "length of the crank", "> 0"), L=("m", "length of the connecting rod", "> 0")
+    )
     crank.require(r < L, "the crank cannot turn fully")
     m, F = crank.parameters(
-        m=("kg", "slider", "> 0"), F=("N", "constant load on the slider towards the crank", "> 0")
+        m=("kg", "mass of the slider", "> 0"),
+        F=("N", "constant load on the slider towards the crank", "> 0"),
     )
     k, chi, c = crank.parameters(
-        k=("N/m", "contact of pin and bearing", "> 0"),
-        chi=("s/m", "damping of the contact, relative to its force", ">= 0"),
-        c=("N s/m", "damping of the slider against the pin by the oil", ">= 0"),
+        k=("N/m", "contact stiffness of pin and bearing", "> 0"),
+        chi=("s/m", "factor χ of the contact damping", ">= 0"),
+        c=("N s/m", "damping coefficient of the oil between pin and bearing", ">= 0"),
     )
     g, R = crank.parameters(
         g=("m", "clearance along the stroke", ">= 0"),
@@ -39,13 +44,12 @@ def mechanism() -> Mechanism:
     crank.force(-F, along=slider)
 
     swing = crank.speed * r * Abs(cos(crank.phase)) / sqrt(L**2 - r**2 * sin(crank.phase) ** 2)
-    crank.output("contact_force", contact_force, "N", "pin on bearing, positive away from the crank")
+    crank.output("contact_force", contact_force, "N", "force of the pin on the bearing, away from the crank")
     opening = Max(0, -penetration) - Max(0, -penetration - g)
-    crank.output("gap", opening, "m", "pin from its side of the bearing, at most g")
-    crank.output(
-        "front_contact", Heaviside(penetration), "1", "1 while the load presses; mean: fraction of time"
-    )
-    crank.output("rear_contact", Heaviside(-penetration - g), "1", "1 while the other side touches")
+    crank.output("gap", opening, "m", "distance of the pin from the loaded side of the bearing, at most g")
+    front = "1 while the loaded side of the bearing touches the pin; mean: fraction of time"
+    crank.output("front_contact", Heaviside(penetration), "1", front)
+    crank.output("rear_contact", Heaviside(-penetration - g), "1", "1 while the other side touches the pin")
     crank.output("wear", Abs(contact_force) * R * swing, "W", "contact force times sliding speed")
     crank.output("position", slider, "m", "position of the slider along the stroke")
 

@@ -47,15 +47,19 @@ def first_value(
     system, name, ends = parameters.task.system, parameters.names[0], parameters.ranges[0]
     if isinstance(start, Scatter):
         if begin is not None:
-            raise ValueOutOfBoundsError("'begin' is given together with scattered starts; omit 'begin'")
+            raise ValueOutOfBoundsError(
+                "'begin' is given together with scattered starting points; omit 'begin'"
+            )
         one, other = ({**each.labels.parameters, name: 0.0} for each in (start.system, system))
         if one != other or (name != SPEED and start.speed != parameters.task.speed):
             raise ValueOutOfBoundsError(
-                f"the scattered starts belong to other parameters or another speed; vary only {name}"
+                "the scattered starting points were computed for other parameter values or another speed; "
+                f"vary only {name}"
             )
         if not start.orbits:
             raise NoOrbitError(
-                "no motion from the scattered starts settled on an orbit; use more starts or another seed"
+                "no motion from the scattered starting points settled on an orbit; use more points or "
+                "another seed"
             )
         value = start.speed if name == SPEED else start.system.labels.parameters[name]
     elif begin is None:

@@ -129,7 +129,7 @@ def branch(
     parameters, notes = continuation(system, speeds, over, periods, rtol, engine)
     if unforced and (over is not None or switch or start is not None or begin is not None or periods != 1):
         raise ValueOutOfBoundsError(
-            "unforced modes are followed over the speed; omit 'over', 'switch', 'start', 'begin' and "
+            "unforced modes are followed as functions of speed; omit 'over', 'switch', 'start', 'begin' and "
             "'periods'"
         )
     if switch and _is_linear(parameters.task):

@@ -338,7 +338,7 @@ def _chatter(task: Task, phases: Array) -> ChatterError:
     densest = float(phases[np.diff(phases, append=phases[0] + task.period).argmin()])
     number = f"{len(phases)} times" + (f" in {task.periods} periods" if task.periods > 1 else " per period")
     return ChatterError(
-        f"the motion passes switches of the equations {number}, most densely near phase {densest:.4g} rad; "
+        f"the motion crosses switches of the equations {number}, most densely near phase {densest:.4g} rad; "
         f"allowed: {_MOST_EVENTS} times per period; it may chatter: give the contact more damping or less "
         "stiffness"
     )

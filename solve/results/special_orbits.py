@@ -119,7 +119,7 @@ class NonlinearOrbit(Orbit):
             )
         if len(self.events) > _MOST_EVENTS * self.periods:
             sentences.append(
-                f"the orbit passes switches of the equations {len(self.events)} times: it may chatter, and "
+                f"the orbit crosses switches of the equations {len(self.events)} times: it may chatter, and "
                 "events may be missing"
             )
         if not self.settled:

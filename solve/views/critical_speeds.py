@@ -21,7 +21,7 @@ _CAPTIONS = {
     "?": "mode ?: several combinations of modes match the speed of the row equally well",
     "+": "mode i+j: (ω̄i + ω̄j)/k",
     "−": "mode i−j: (ω̄i − ω̄j)/k",
-    "|ρ|": "a row with |ρ| alone shows the multiplier at the maximum of |ρ|",
+    "|ρ|": "multiplier: speed of the maximum of Re ρ or, in rows without Re ρ, of |ρ|",
 }
 
 _ROOM = 1.6

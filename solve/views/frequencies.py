@@ -53,8 +53,8 @@ def frequencies_figure(found: Frequencies) -> Figure:
         return positions_figure(system, found.positions, found.signed)
     if not system.labels.links:
         raise ValueOutOfBoundsError(
-            f"{system.labels.name} at one position has no mode shapes to draw; draw the frequencies over "
-            "the turn with --turn 36"
+            f"{system.labels.name} at one position has no mode shapes to draw; draw the frequencies "
+            "for a revolution with --turn 36"
         )
     return shapes_figure(system, float(found.positions[0]), found.shapes())
 

@@ -109,7 +109,7 @@ def require_turn(system: PeriodicSystem, name: str, curves: int) -> None:
     known_quantities(system, [name])
     if curves > MOST_CURVES:
         raise ValueOutOfBoundsError(
-            f"{curves} curves to draw over the turn; allowed: up to {MOST_CURVES}, such as "
+            f"{curves} curves to draw in one picture; allowed: up to {MOST_CURVES}, such as "
             '--speeds "600 900 1200 rpm"'
         )
 

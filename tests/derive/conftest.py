@@ -1,4 +1,4 @@
-"""Fixtures: the command, run in the test process, and a mechanism file."""
+"""Fixtures: the command `derive` in the test process, and a mechanism file."""
 
 import shutil
 import sys
@@ -18,7 +18,8 @@ def rotor(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def derive(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """Run the command in this process: exit status, standard output, standard error."""
+    """Function that runs the command in this process and returns its exit status, standard output and
+    standard error."""
 
     def run(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["derive", *map(str, arguments)])

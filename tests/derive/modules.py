@@ -1,4 +1,4 @@
-"""Generated modules for the tests, in memory or from a file."""
+"""Generated modules for the tests, executed in memory or from a file."""
 
 import importlib.util
 from pathlib import Path
@@ -13,7 +13,7 @@ from derive.emit import module_text
 
 
 def module_of(mechanism: Mechanism) -> ModuleType:
-    """The module that would be written for a mechanism, executed."""
+    """Execute the generated module of a mechanism and return it."""
     check(mechanism)
     module = ModuleType(mechanism.name)
     exec(module_text(mechanism, "0" * 64, mechanism.name), module.__dict__)
@@ -21,7 +21,7 @@ def module_of(mechanism: Mechanism) -> ModuleType:
 
 
 def module_in(file: Path) -> ModuleType:
-    """The module that is written there, executed."""
+    """Execute the generated module in a file and return it."""
     spec = importlib.util.spec_from_file_location(file.stem, file)
     assert spec is not None
     assert spec.loader is not None

@@ -1,4 +1,4 @@
-"""The mechanism that the tests of the command derive, change and break."""
+"""Mechanism for the tests of the command, which derive it, edit it and add faults."""
 
 from derive import Mechanism, rate
 

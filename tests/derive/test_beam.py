@@ -1,4 +1,4 @@
-"""Beam elements against their definition, quadrature, scikit-fem, and Appendix A of the thesis."""
+"""Beam elements compared with their definition, quadrature, scikit-fem, and Appendix A of the thesis."""
 
 from functools import cache
 from types import ModuleType
@@ -53,7 +53,7 @@ def quadrature(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_shape_functions_interpolate_their_freedoms(name):
+def test_each_shape_function_belongs_to_one_freedom(name):
     for i, row in enumerate(table(name, "shapes")):
         at_freedoms = [
             (Polynomial(row).deriv(order) if order else Polynomial(row))(at)
@@ -100,7 +100,7 @@ def test_rigid_motions_have_zero_strain_energy_and_rod_inertia(name):
 
 
 @pytest.mark.parametrize("name", BENDS)
-def test_a_cantilever_under_an_end_force_is_solved_exactly(name):
+def test_cantilever_under_end_force_is_exact(name):
     freedoms = generated().FAMILIES[name]["freedoms"]
     free = [i for i, (order, at) in enumerate(freedoms) if not (at == 0 and order < 2)]
     load = np.array([float(freedom == (0, 1)) for freedom in freedoms])
@@ -136,7 +136,7 @@ def test_standard_elements_match_scikit_fem():
         np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-9 * abs(theirs).max())
 
 
-def test_geometric_stiffness_of_the_cubic_element_is_the_textbooks():
+def test_geometric_stiffness_of_cubic_element_matches_textbook():
     expected = np.array([[36, 3, -36, 3], [3, 4, -3, -1], [-36, -3, 36, -3], [3, -1, -3, 4]]) / 30
     np.testing.assert_allclose(table("hermite", "geometric"), expected, rtol=1e-14)
 
@@ -150,7 +150,7 @@ def test_internal_node_element_equals_appendix_a1():
     np.testing.assert_allclose(table("quintic_node", "stiffness"), K, rtol=1e-14)
 
 
-def test_a1_prints_322_where_a_rigid_turn_demands_332():
+def test_printed_entry_322_violates_rigid_rotation():
     _, printed = published.internal_matrices(1.0, {Misprint.INTERNAL_STIFFNESS})
     derived = table("quintic_node", "stiffness")
     assert np.argwhere(~np.isclose(printed, derived, rtol=1e-12)).tolist() == [[1, 1]]
@@ -160,18 +160,18 @@ def test_a1_prints_322_where_a_rigid_turn_demands_332():
     assert turn @ printed @ turn == pytest.approx(-10 / 35)
 
 
-def test_a2_prints_a1_again_and_not_the_element_with_end_curvatures():
+def test_appendix_a2_repeats_a1():
     M, K = published.curvature_matrices(1.0)
     np.testing.assert_allclose(table("quintic_curvature", "mass"), M, rtol=1e-14)
     np.testing.assert_allclose(table("quintic_curvature", "stiffness"), K, rtol=1e-14)
     printed, _ = published.curvature_matrices(1.0, {Misprint.CURVATURE_ELEMENT})
     shift = np.array([1, 0, 0, 1, 0, 0])
     assert shift @ M @ shift == pytest.approx(1)
-    # 523/3465 + 2 (−8/693) + 32/3465: an element that is moved as a whole would weigh a seventh.
+    # 523/3465 + 2 (−8/693) + 32/3465: a translating element would have a seventh of its mass.
     assert shift @ printed @ shift == pytest.approx(475 / 3465)
 
 
-def test_hand_matrices_of_chapter_4_for_any_length():
+def test_hand_coded_matrices_of_chapter_4_for_any_length():
     L = 0.41
     powers = L ** np.array([0.0, 1.0, 0.0, 1.0])
     ours = table("hermite", "stiffness") * np.outer(powers, powers) / L**3
@@ -180,7 +180,7 @@ def test_hand_matrices_of_chapter_4_for_any_length():
 
 
 def test_new_beam_element_is_declared_by_its_shape_functions():
-    """A cubic rod with nodes at its thirds, which the package does not have."""
+    """A cubic rod element with nodes at its thirds, which the package does not contain."""
     third = sympy.Rational(1, 3)
     rod = Family("cubic_rod", AXIAL, ((0, 0), (0, third), (0, 2 * third), (0, 1)))
     assert sum(rod.shape) == 1

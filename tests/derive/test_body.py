@@ -1,4 +1,4 @@
-"""Elastic bodies of which a mechanism declares the interface and the number of modes."""
+"""Elastic bodies, declared by their interface and number of modes."""
 
 import pytest
 
@@ -15,7 +15,7 @@ def rig(**changes):
     return made, body
 
 
-def test_energies_are_those_of_the_reduced_matrices():
+def test_energies_contain_the_reduced_matrices():
     made, body = rig()
     p = {str(parameter.symbol): parameter.symbol for parameter in made.declared_parameters}
     y, turn, one, two = (coordinate.symbol for coordinate in made.declared_coordinates)
@@ -28,7 +28,7 @@ def test_energies_are_those_of_the_reduced_matrices():
     assert body.kinetic.coeff(rate(y)).coeff(rate(two)) == p["beam_M1_4"]
 
 
-def test_units_follow_from_those_of_the_interface():
+def test_units_of_entries_follow_from_the_interface():
     made, _ = rig(damping=True)
     units = {str(parameter.symbol): parameter.unit for parameter in made.declared_parameters}
     assert [units[f"beam_M{k}"] for k in ("1_1", "1_2", "2_2", "3_3")] == ["kg", "kg m", "kg m^2", "kg m^2"]
@@ -36,7 +36,7 @@ def test_units_follow_from_those_of_the_interface():
     assert units["beam_C3_4"] == "N m s/rad"
 
 
-def test_generated_module_lists_the_entries_and_only_with_a_body():
+def test_generated_module_lists_entries_only_if_there_is_a_body():
     made, body = rig()
     namespace = {}
     exec(made.code(), namespace)
@@ -60,7 +60,7 @@ def test_generated_module_lists_the_entries_and_only_with_a_body():
         ({"name": "phase"}, "reserved"),
     ],
 )
-def test_unsuitable_bodies_are_refused(changes, expected):
+def test_invalid_bodies_are_refused(changes, expected):
     with pytest.raises(DeclarationError) as refused:
         rig(**changes)
     assert expected in str(refused.value)

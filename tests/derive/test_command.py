@@ -59,7 +59,7 @@ def test_generated_text_is_independent_of_the_folder(derive, rotor, tmp_path, mo
     assert str(tmp_path).encode() not in first
 
 
-def test_check_notices_a_changed_mechanism(derive, rotor):
+def test_check_detects_a_changed_mechanism(derive, rotor):
     derive(rotor)
     rotor.write_text(ROTOR.replace("k * q**2 / 2", "k * q**2"), encoding="utf-8")
     status, out, _ = derive("--check", rotor)
@@ -76,7 +76,7 @@ def test_line_endings_are_irrelevant(derive, rotor):
     assert derive("--check", rotor)[0] == 0
 
 
-def test_check_notices_an_edited_module_and_full_shows_the_difference(derive, rotor):
+def test_full_check_shows_the_difference_of_an_edited_module(derive, rotor):
     derive(rotor)
     target = rotor.parent / "generated" / "rotor.py"
     target.write_text(target.read_text(encoding="utf-8").replace("casadi.SX(k)", "casadi.SX(k + 1)"), "utf-8")
@@ -176,7 +176,7 @@ def test_interrupted_write_keeps_the_old_module(derive, rotor, monkeypatch, brok
     assert [path.name for path in target.parent.iterdir()] == ["rotor.py"]
 
 
-def test_an_unwritable_folder(derive, rotor, tmp_path):
+def test_unwritable_folder_is_refused(derive, rotor, tmp_path):
     (tmp_path / "file").write_text("", encoding="utf-8")
     status, _, err = derive(rotor, "--out", tmp_path / "file")
     assert status == 2
@@ -191,7 +191,7 @@ def test_show_prints_latex_and_writes_no_file(derive, rotor):
     assert not (rotor.parent / "generated").exists()
 
 
-def test_show_of_the_cam_reads_like_the_chapter(derive):
+def test_equations_of_the_cam_are_printed_as_in_the_chapter(derive):
     _, out, _ = derive("--show", "cam")
     assert "M_{11} = I_1 + (m_2 + m_3) (U')^2\nM_{12} = M_{21} = (m_2 + m_3) U'\n" in out
     assert "C_{11} = c_1 + 2 \\Omega (m_2 + m_3) U' U''\n" in out
@@ -200,7 +200,7 @@ def test_show_of_the_cam_reads_like_the_chapter(derive):
 
 
 def test_show_with_the_numbers_of_a_case(derive):
-    """Of the chapter's Table 1: m2 + m3 = 28 kg + 50 kg."""
+    """The masses of the chapter's Table 1: m2 + m3 = 28 kg + 50 kg."""
     _, out, _ = derive("--show", "--numbers", "1", "cam")
     assert "M_{11} = 78 (U')^2 + 0.12\nM_{12} = M_{21} = 78 U'\n" in out
     assert "K_{22} = 8.2 \\cdot 10^8\n" in out
@@ -210,7 +210,8 @@ def test_show_with_the_numbers_of_a_case(derive):
 
 
 def test_installed_packages_are_not_overwritten(derive, tmp_path, monkeypatch):
-    """A package without the checkout's pyproject.toml: `derive cam` needs --out, `--check` does not."""
+    """In an installed package, which has no pyproject.toml, `derive cam` requires --out, but `--check` does
+    not."""
     home = tmp_path / "site-packages"
     for folder in ("models/cam", "generated"):
         shutil.copytree(ROOT / folder, home / folder)
@@ -227,7 +228,7 @@ def test_installed_packages_are_not_overwritten(derive, tmp_path, monkeypatch):
 
 
 def test_help_and_check_need_no_sympy():
-    """Both answer at once: SymPy is loaded only to derive."""
+    """SymPy is imported only for a derivation, because its import is slow."""
     code = (
         "import sys; from derive.command import app; "
         "[app(a, standalone_mode=False) for a in (['--help'], ['--check', 'cam'])]; "
@@ -236,8 +237,8 @@ def test_help_and_check_need_no_sympy():
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True).returncode == 0
 
 
-def test_working_folder_with_models_or_derive(rotor, tmp_path):
-    """Mechanisms are found from the package, not from the current folder."""
+def test_folders_called_models_or_derive_are_ignored(rotor, tmp_path):
+    """Mechanisms are found in the package, not in the current folder."""
     (tmp_path / "models" / "cam").mkdir(parents=True)
     (tmp_path / "models" / "cam" / "mechanism.py").write_text("raise SystemExit(9)\n", encoding="utf-8")
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

@@ -86,7 +86,7 @@ def test_inconsistent_units_are_named(expression, message):
         dimension(expression)
 
 
-def test_a_wrong_unit_is_named_with_both_units():
+def test_message_about_a_wrong_unit_states_both_units():
     with pytest.raises(
         UnitError, match=r'torque must be in "N" \(kg m/s\^2\) but force\*length is in kg m\^2/s\^2'
     ):
@@ -95,7 +95,8 @@ def test_a_wrong_unit_is_named_with_both_units():
 
 
 def scale(unit: str, base: tuple[float, ...]) -> float:
-    """Factor of a quantity's number where kg, m and s become 1/base of themselves."""
+    """Factor of the number of a quantity if the units of mass, length and time are kg, m and s divided by
+    `base`."""
     return float(np.prod([b ** float(e) for b, e in zip(base, parse(unit).exponents[:3], strict=True)]))
 
 
@@ -103,7 +104,8 @@ def scale(unit: str, base: tuple[float, ...]) -> float:
 @settings(max_examples=10, deadline=None)
 @given(base=st.tuples(*[st.sampled_from([0.25, 0.5, 2.0, 8.0])] * 3), seed=st.integers(0, 2**32 - 1))
 def test_generated_equations_are_homogeneous_in_every_unit(name, base, seed):
-    """An independent check of the units: numbers in other base units give the same mechanics."""
+    """Independent check of the units: with numbers in other base units, the equations yield the same
+    motion."""
     module = importlib.import_module(f"generated.{name}")
     generator = np.random.default_rng(seed)
     p = generator.uniform(0.5, 2, len(module.PARAMETERS))

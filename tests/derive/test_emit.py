@@ -1,4 +1,4 @@
-"""Generated modules: contract, reproducible text, and operation counts."""
+"""Generated modules: required contents, reproducible text, and operation counts."""
 
 import math
 import os
@@ -32,7 +32,7 @@ EQUATIONS = [name for name in MODELS if hasattr(generated(name), "linearised")]
 
 
 def choices(module: ModuleType) -> list[dict[str, str]]:
-    """Every single option value, the others at their defaults."""
+    """Option values, one dict per allowed value, with default values of the other options."""
     return [{}] + [{name: value} for name, values, _ in module.OPTIONS for value in values]
 
 
@@ -47,7 +47,7 @@ def test_every_generated_module_has_a_valid_hash(name):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_every_generated_model_keeps_the_contract(name):
+def test_every_generated_model_has_the_required_contents(name):
     module = generated(name)
     assert name == module.NAME
     assert module.TITLE in module.__doc__
@@ -86,13 +86,13 @@ def test_every_generated_function_has_named_inputs_and_outputs(name):
         assert all(outputs.size_out(i) == (1, 1) for i in range(outputs.n_out()))
 
 
-def test_an_option_value_that_is_not_allowed():
+def test_option_value_that_is_not_allowed_raises_an_error():
     with pytest.raises(ValueError, match="option load is 'heavy'; allowed: tracking, constant"):
         generated("gear_pair").linearised(load="heavy")
 
 
 @pytest.mark.slow
-def test_the_same_bytes_for_two_hash_seeds(tmp_path):
+def test_generated_text_does_not_depend_on_the_hash_seed(tmp_path):
     runs = [
         subprocess.Popen(
             [sys.executable, "-m", "derive", *NAMES, "--out", str(tmp_path / str(seed))],
@@ -122,7 +122,8 @@ def test_operation_counts_do_not_grow(name):
 
 
 def test_names_in_generated_code_do_not_collide():
-    """Parameters called like the temporaries of generated code, and a coordinate called like its vector."""
+    """Parameters have the names of temporary variables in generated code, and a coordinate has the name of
+    the vector."""
     odd = Mechanism("odd", 'Odd "names" \\ in a title')
     (q,) = odd.coordinates(q=("rad", "twist"))
     p, x0, U_1, r, zip_ = odd.parameters(
@@ -143,7 +144,7 @@ def test_names_in_generated_code_do_not_collide():
     assert module.__doc__.startswith('Odd "names" \\ in a title.')
 
 
-def test_a_mechanism_without_parameters_and_excitation():
+def test_mechanism_without_parameters_or_excitation():
     bare = Mechanism("bare", "Equation without units", energy="1/s^2")
     (q,) = bare.coordinates(q=("1", "number"))
     bare.kinetic = rate(q) ** 2 / 2
@@ -157,7 +158,7 @@ def test_a_mechanism_without_parameters_and_excitation():
 
 
 def shaken(length: str, stiffness: str, angle: str, force: str) -> Mechanism:
-    """A mass on a spring whose foot is shaken, with a step in its load, in units of any size."""
+    """Mass on a spring with base excitation and a step in its load, in units of any size."""
     one = Mechanism("shaken", "A mass on a shaken spring")
     q = one.coordinate("q", "m", "deflection")
     r, m = one.parameter("r", length, "amplitude"), one.parameter("m", "kg", "mass", "> 0")
@@ -195,6 +196,6 @@ def test_parameters_and_outputs_in_units_of_other_sizes():
 
 
 @pytest.mark.parametrize("unit", ["mm", "deg"])
-def test_coordinates_are_in_si(unit):
+def test_coordinates_must_be_in_si_units(unit):
     with pytest.raises(UnitError, match=rf'q is in "{unit}", which is 0.0.* times the SI unit'):
         Mechanism("one", "One").coordinate("q", unit, "deflection")

@@ -1,4 +1,4 @@
-"""Projection on mode functions: integrals against quadrature, beams and columns against classical numbers."""
+"""Projection onto mode functions: integrals compared with quadrature, beams and columns with closed forms."""
 
 from itertools import product
 
@@ -29,22 +29,23 @@ NUMBERS = range(1, MOST + 1)
 
 
 def sine(k, xi):
-    """Pinned at both ends."""
+    """Mode functions of a beam that is pinned at both ends."""
     return sin(k * pi * xi)
 
 
 def cantilever(k, xi):
-    """Clamped at 0, free at 1: deflection and slope vanish at 0, the curvature at 1."""
+    """Clamped at 0 and free at 1: deflection and slope vanish at 0, and the curvature vanishes at 1."""
     return 1 - cos((2 * k - 1) * pi * xi / 2)
 
 
 def guided(k, xi):
-    """Clamped against rotation at both ends, free to move there."""
+    """Rotation is prevented at both ends, deflection is free."""
     return cos(k * pi * xi)
 
 
 def weighted_sine(k, xi):
-    """A sine times a power: no boundary condition of practice, but within the declared kind."""
+    """Sine multiplied by a power of ξ: of the permitted form, although no practical boundary condition leads
+    to it."""
     return xi * sin(k * pi * xi)
 
 
@@ -54,7 +55,7 @@ NODE, WEIGHT = (NODE + 1) / 2, WEIGHT / 2
 
 
 def sampled(shape, order):
-    """Derivative of each mode function at the quadrature nodes (MOST, 80)."""
+    """Derivatives of the mode functions at the quadrature nodes (MOST, 80)."""
     k = sympy.Symbol("k", integer=True, positive=True)
     function = sympy.lambdify((k, XI), shape(k, XI).diff(XI, order))
     return np.array([np.broadcast_to(function(number, NODE), NODE.shape) for number in NUMBERS])
@@ -105,13 +106,14 @@ def test_orthogonal_modes_have_exact_zeros():
         ),
     ],
 )
-def test_mode_functions_of_another_kind_are_refused(shape, message):
+def test_mode_functions_of_another_form_are_refused(shape, message):
     with pytest.raises(UnsupportedExpressionError, match=message):
         modal_integral(shape, 0, 0, 0, MOST)
 
 
 def column(shape, load="none", most=MOST) -> Mechanism:
-    """A uniform beam: along a turning hub, under its weight along the axis, or compressed at its end."""
+    """Uniform beam with one of three loads: on a rotating hub, under its axial weight, or compressed at its
+    end."""
     beam = Mechanism("column", "Uniform beam")
     L, mu, EI, alpha = beam.parameters(
         L=("m", "length", "> 0"), mu=("kg/m", "mass a length", "> 0"),
@@ -151,7 +153,7 @@ def matrices(module, *extra, modes=3, speed=1.0):
 
 
 @pytest.mark.parametrize("modes", [1, 3, MOST])
-def test_a_pinned_beam_has_its_exact_frequencies(modes):
+def test_frequencies_of_a_pinned_beam_are_exact(modes):
     M, C, K, d = matrices(module_of(column(sine)), modes=modes)
     exact = (np.arange(1, modes + 1) * np.pi / L) ** 2 * np.sqrt(EI / MU)
     np.testing.assert_allclose(np.sqrt(scipy.linalg.eigh(K, M)[0]), exact, rtol=1e-12)
@@ -159,8 +161,9 @@ def test_a_pinned_beam_has_its_exact_frequencies(modes):
     assert not d.any()
 
 
-def test_a_cantilever_is_another_declaration_of_its_shape():
-    """(β l)² of the clamped–free beam, from above: an upper bound with any number of modes."""
+def test_frequencies_of_a_cantilever_converge_from_above():
+    """The reference is (βl)² of the clamped–free beam. With any number of modes, the result is an upper
+    bound."""
     module = module_of(column(cantilever))
     computed = []
     for modes in (4, 10, MOST):
@@ -174,7 +177,8 @@ def test_a_cantilever_is_another_declaration_of_its_shape():
 
 
 def test_a_column_under_its_own_weight_buckles_at_greenhills_length():
-    """Clamped below: μ g l³/EI = (9/4) j² with the first zero j of Bessel's function of order −1/3."""
+    """The column is clamped at the bottom: μ g l³/EI = (9/4) j², where j is the first zero of Bessel's
+    function of order −1/3."""
     zero = scipy.optimize.brentq(lambda z: scipy.special.jv(-1 / 3, z), 1.5, 2.2)
     module = module_of(column(cantilever, "weight"))
     critical = scipy.optimize.brentq(
@@ -192,8 +196,8 @@ def test_a_pinned_column_buckles_at_eulers_load():
     np.testing.assert_allclose(K, np.diag(EI * L / 2 * (k * np.pi / L) ** 4 * (1 - 0.4 / k**2)), rtol=1e-12)
 
 
-def test_a_turning_beam_is_stiffened_by_its_tension():
-    """Thrown outwards: N = μ Ω² (l² − x²)/2, and −μ Ω² w across; both by quadrature."""
+def test_rotating_beam_is_stiffened_by_its_tension():
+    """Tension N = μ Ω² (l² − x²)/2 and transverse load −μ Ω² w, both integrated by quadrature."""
     module, speed = module_of(column(cantilever, "hub")), 40.0
     M, C, K, d = matrices(module, modes=6, speed=speed)
     w, slope, curvature = (sampled(cantilever, order)[:6] / L**order for order in range(3))
@@ -213,7 +217,7 @@ def test_a_turning_beam_is_stiffened_by_its_tension():
 
 
 def test_drive_torque_is_the_rate_of_angular_momentum():
-    """To first order of the deflection the angular momentum is μ∫(x² Ω + x ẇ) dx."""
+    """To first order in the deflection, the angular momentum is μ∫(x² Ω + x ẇ) dx."""
     module, modes = module_of(column(cantilever, "hub")), 5
     q, qd, qdd = np.random.default_rng(1).normal(size=(3, modes))
     torque = module.outputs(modes=modes)(0.3, 40.0, q, qd, qdd, [L, MU, EI, ALPHA])[0]
@@ -221,7 +225,7 @@ def test_drive_torque_is_the_rate_of_angular_momentum():
     assert float(torque) == pytest.approx(MU * moment @ qdd, rel=1e-12)
 
 
-def test_field_values_at_points_match_the_mode_sum():
+def test_field_values_at_positions_match_the_mode_sum():
     module, modes = module_of(column(sine)), 7
     q, qd = np.random.default_rng(2).normal(size=(2, modes))
     values = module.outputs(modes=modes)(0.3, 1.0, q, qd, 0 * q, [L, MU, EI, ALPHA])[1:]
@@ -231,7 +235,7 @@ def test_field_values_at_points_match_the_mode_sum():
     np.testing.assert_allclose([float(value) for value in values], expected, rtol=1e-12)
 
 
-def test_mode_functions_anywhere():
+def test_generated_mode_functions_match_their_definition():
     module = module_of(column(cantilever))
     assert module.FIELDS == (("w", "m", "deflection"),)
     shapes = np.array(module.fields(modes=4)(0.3)).ravel()
@@ -252,7 +256,7 @@ def test_generated_text_is_independent_of_the_number_of_modes():
     assert len(many) == len(few) + len(listed) + len("1, 21") - len("1, 4")
 
 
-def test_equations_for_reading():
+def test_printed_equations_contain_modal_integrals():
     shown = equations(column(sine, "hub"))
     assert r"M_{ij} = L \mu \int \psi_i \psi_j d\xi" in shown
     assert r"\int \xi^2 \psi_i' \psi_j' d\xi" in shown
@@ -281,7 +285,7 @@ def test_field_excludes_other_coordinates_and_fields():
         beam.field("w", "m", "deflection", length=length, shape=sine, modes=beam.option("modes", range(1, 4)))
 
 
-def test_the_number_of_modes_is_an_option_of_numbers():
+def test_number_of_modes_must_be_an_integer_option():
     with pytest.raises(DeclarationError, match="an option with a range from 1 on"):
         declared(values=("few", "many"))
     with pytest.raises(DeclarationError, match="an option with a range from 1 on"):
@@ -291,7 +295,7 @@ def test_the_number_of_modes_is_an_option_of_numbers():
         beam.field("w", "m", "deflection", length=length, shape=sine, modes=2)
 
 
-def test_a_shape_depends_on_number_and_place_alone():
+def test_mode_function_must_depend_on_number_and_position_only():
     stray = sympy.Symbol("beta", real=True)
     with pytest.raises(DeclarationError, match="must depend on both k and xi, and on nothing else"):
         declared(shape=lambda k, xi: sin(k * stray * xi))
@@ -299,14 +303,14 @@ def test_a_shape_depends_on_number_and_place_alone():
         declared(shape=lambda k, xi: sin(pi * xi))
 
 
-def test_names_of_a_field_are_taken():
+def test_names_derived_from_a_field_are_reserved():
     beam, *_ = declared()
     for name in ("w", "w_slope", "q3", "q1d"):
         with pytest.raises(DeclarationError, match="is declared twice"):
             beam.parameters(**{name: ("m", "length")})
 
 
-def test_names_of_the_functions_of_a_module_are_taken():
+def test_names_of_generated_functions_are_reserved():
     beam, length, mu = statement()
     modes = beam.option("modes", range(1, 4))
     line = beam.field("pairs", "m", "deflection", length=length, shape=sine, modes=modes)
@@ -315,7 +319,7 @@ def test_names_of_the_functions_of_a_module_are_taken():
         module_of(beam)
 
 
-def test_names_of_modal_integrals_are_taken():
+def test_names_of_modal_integrals_are_reserved():
     beam, line, _ = declared()
     (mass,) = beam.parameters(w_00_0=("kg/m", "mass a length", "> 0"))
     beam.kinetic = line.integral(mass * rate(line.deflection) ** 2 / 2)
@@ -323,28 +327,28 @@ def test_names_of_modal_integrals_are_taken():
         project(beam, line)
 
 
-def test_density_outside_an_integral():
+def test_density_outside_an_integral_is_refused():
     beam, line, mu = declared()
     beam.kinetic = mu * rate(line.deflection) ** 2 / 2
     with pytest.raises(UnknownSymbolError, match="kinetic energy contains wd, which is not allowed there"):
         check(beam)
 
 
-def test_units_of_a_density():
+def test_wrong_unit_of_a_density_is_refused():
     beam, line, mu = declared()
     beam.kinetic = line.integral(mu * line.deflection**2)
     with pytest.raises(UnitError, match="kinetic energy"):
         check(beam)
 
 
-def test_values_at_points_are_allowed_in_outputs_only():
+def test_values_at_positions_are_allowed_in_outputs_only():
     beam, line, mu = declared()
     beam.kinetic = line.integral(mu * rate(line.deflection) ** 2 / 2) + mu * line.at(line.deflection, 0) ** 2
     with pytest.raises(UnknownSymbolError, match="energy contains w_at_1, which is not allowed there"):
         check(beam)
 
 
-def test_local_quantities_are_not_outputs():
+def test_outputs_cannot_depend_on_the_position():
     beam, line, mu = declared()
     beam.kinetic = line.integral(mu * rate(line.deflection) ** 2 / 2)
     beam.output("somewhere", line.deflection, "m", "deflection")
@@ -364,7 +368,7 @@ def test_field_without_inertia_is_refused():
         projected(beam)
 
 
-def test_densities_are_polynomials_of_the_position():
+def test_densities_must_be_polynomials_in_the_position():
     beam, line, mu = declared()
     beam.kinetic = line.integral(mu * sin(line.position / line.length) * rate(line.deflection) ** 2 / 2)
     with pytest.raises(UnsupportedExpressionError, match="must be polynomials in w_position"):
@@ -382,8 +386,8 @@ def test_nested_integrals_are_refused():
         projected(beam)
 
 
-def test_every_pair_of_derivatives_may_couple():
-    """A follower force and the like: rows and columns of K keep their places."""
+def test_every_pair_of_derivatives_couples_in_the_correct_entry():
+    """Nonconservative forces such as follower forces make K nonsymmetric."""
     beam, line, mu = declared()
     beam.kinetic = line.integral(mu * rate(line.deflection) ** 2 / 2)
     w, slope = line.deflection, line.slope

@@ -1,4 +1,4 @@
-"""Inputs of mechanisms: the matrix B of the generated module, and refused statements."""
+"""Inputs of mechanisms: the matrix B of the generated module, and invalid statements."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from solve.errors import ValueOutOfBoundsError
 
 
 def beam_on_a_wheel(**inputs):
-    """Mass at the radius r + q on a wheel, with a load."""
+    """Mass at the radius r + q on a rotating wheel, with a load."""
     wheel = Mechanism("wheel", "Mass on a wheel")
     (q,) = wheel.coordinates(q=("m", "deflection"))
     m, k, r = wheel.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"), r=("m", "radius", "> 0"))
@@ -37,7 +37,7 @@ def test_force_acts_along_the_derivative_of_its_displacement():
     assert found.gain(0.3).shape == (1, 2, 2)
 
 
-def test_outputs_with_accelerations_cannot_be_weighted():
+def test_outputs_with_accelerations_are_refused_as_weights():
     wheel = beam_on_a_wheel(push=("N", lambda q, x, r: x))
     (q,) = (each.symbol for each in wheel.declared_coordinates)
     wheel.output("acceleration_of_q", rate(rate(q)), "m/s^2", "acceleration")
@@ -51,7 +51,7 @@ def test_outputs_with_accelerations_cannot_be_weighted():
     assert np.allclose(by_output.riccati(0.5), by_state.riccati(0.5), rtol=1e-9)
 
 
-def test_mechanism_without_inputs_has_the_code_that_it_had():
+def test_mechanism_without_inputs_generates_no_input_code():
     code = beam_on_a_wheel().code()
     assert "INPUTS" not in code
     assert "def inputs" not in code
@@ -60,7 +60,7 @@ def test_mechanism_without_inputs_has_the_code_that_it_had():
     assert input_matrix(model, np.zeros(3), 1.0).shape == (3, 1, 0)
 
 
-def test_input_changes_no_other_line_of_the_code():
+def test_input_only_adds_lines_to_the_code():
     with_input = beam_on_a_wheel(push=("N", lambda q, x, r: x)).code().splitlines()
     hashes = [line for line in beam_on_a_wheel().code().splitlines() if "SHA256" not in line]
     lines = iter(with_input)
@@ -77,6 +77,6 @@ def test_input_changes_no_other_line_of_the_code():
         ({"push": ("N", lambda q, x, r: rate(q))}, UnknownSymbolError, "not allowed"),
     ],
 )
-def test_inputs_that_make_no_sense_are_refused(inputs, error, words):
+def test_invalid_inputs_are_refused(inputs, error, words):
     with pytest.raises(error, match=words):
         beam_on_a_wheel(**inputs).code()

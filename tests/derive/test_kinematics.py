@@ -1,4 +1,4 @@
-"""Closed loops: assemblies and derivatives against complex numbers, spectra, and CasADi's root finder."""
+"""Closed loops compared with complex numbers, spectral derivatives, and CasADi's root finder."""
 
 from functools import cache
 
@@ -25,7 +25,8 @@ LINKAGES = [CRANK_ROCKER, DOUBLE_CRANK, DOUBLE_ROCKER_NEARLY]
 
 
 def four_bar(newton: bool = False) -> Mechanism:
-    """A disc on the follower's shaft, and the linkage's angles with three derivatives of each as outputs."""
+    """Disc on the shaft of the follower. The outputs are the angles of the linkage and three derivatives of
+    each."""
     linkage = Mechanism("linkage", "Four-bar linkage")
     (q,) = linkage.coordinates(q=("rad", "twist of the crank's shaft"))
     a, b, c, d, tilt = linkage.parameters(
@@ -69,7 +70,7 @@ def by_newton():
 
 
 def angles(module, lengths, branch="open"):
-    """φ3 and its three derivatives, then φ4 and its, at PHASES: (8, COUNT)."""
+    """Array (8, COUNT) at PHASES: φ3 and its three derivatives, then φ4 and its three derivatives."""
     at_rest = np.zeros(1)
     p = np.array([*lengths, 1.0, 1.0])
     values = module.outputs(branch=branch)(PHASES[None], 1.0, at_rest, at_rest, at_rest, p)
@@ -77,14 +78,14 @@ def angles(module, lengths, branch="open"):
 
 
 def spectral_derivatives(angle, orders=3):
-    """Of exp(i angle), a periodic function even where the angle turns fully, by FFT."""
+    """Derivatives of exp(i angle) by FFT. This function is periodic even if the angle makes full turns."""
     spectrum = np.fft.fft(np.exp(1j * angle))
     return [np.fft.ifft((1j * HARMONIC) ** order * spectrum) for order in range(1, orders + 1)]
 
 
 @st.composite
 def turning_linkages(draw):
-    """Lengths with room to turn: a margin of 0.05 m in both inequalities."""
+    """Lengths with which the crank can turn fully, with a margin of 0.05 m in both inequalities."""
     short, longer = draw(st.floats(0.1, 1.0)), draw(st.floats(0.1, 1.0))
     a, b = draw(st.permutations([short, short + longer]))
     together = a + b + 0.05 + draw(st.floats(0, 2.0))
@@ -95,7 +96,7 @@ def turning_linkages(draw):
 @pytest.mark.parametrize("branch", SIDES)
 @settings(max_examples=100, deadline=None)
 @given(lengths=turning_linkages())
-def test_the_loop_closes_on_its_side(lengths, branch):
+def test_loop_closes_on_the_selected_side(lengths, branch):
     a, b, c, d, tilt = lengths
     values = angles(in_closed_form(), lengths, branch)
     pin, pivot = b * np.exp(1j * PHASES), a * np.exp(1j * tilt)
@@ -121,7 +122,7 @@ def test_three_derivatives_match_spectral_derivatives(lengths, branch):
 
 
 @pytest.mark.parametrize("branch", SIDES)
-def test_newton_gives_the_closed_form_and_its_derivatives(branch):
+def test_newtons_method_agrees_with_the_closed_form(branch):
     np.testing.assert_allclose(
         angles(by_newton(), CRANK_ROCKER, branch),
         angles(in_closed_form(), CRANK_ROCKER, branch),
@@ -130,7 +131,7 @@ def test_newton_gives_the_closed_form_and_its_derivatives(branch):
     )
 
 
-def test_the_root_finder_of_casadi_agrees():
+def test_loop_agrees_with_the_root_finder_of_casadi():
     a, b, c, d, tilt = CRANK_ROCKER
     x, z = casadi.SX.sym("x"), casadi.SX.sym("z", 2)
     gap = casadi.vertcat(
@@ -143,8 +144,9 @@ def test_the_root_finder_of_casadi_agrees():
 
 
 @pytest.mark.parametrize("branch", SIDES)
-def test_a_linkage_behind_an_elastic_shaft_is_linearised_through_the_loop(branch):
-    """φ4 depends on the phase plus the twist; M, C, K, d are those of the differentiated residual."""
+def test_linkage_with_an_elastic_shaft_is_linearised_through_the_loop(branch):
+    """φ4 depends on the phase plus the twist of the shaft. M, C, K and d are compared with derivatives of the
+    residual."""
     module, p = in_closed_form(), np.array([*CRANK_ROCKER, 2.0, 300.0])
     residual = module.residual(branch=branch)
     phase, speed, q, qd, qdd = (casadi.SX.sym(name) for name in ("phase", "speed", "q", "qd", "qdd"))
@@ -159,8 +161,8 @@ def test_a_linkage_behind_an_elastic_shaft_is_linearised_through_the_loop(branch
         assert abs(first - second).max() < 1e-12 * abs(second).max()
 
 
-def test_a_slider_crank_of_ones_own():
-    """The slider's position in closed form: s = r cos φ + sqrt(L² − (e − r sin φ)²)."""
+def test_slider_crank_loop_matches_the_closed_form():
+    """Position of the slider: s = r cos φ + sqrt(L² − (e − r sin φ)²)."""
     press = Mechanism("press", "Slider-crank")
     (q,) = press.coordinates(q=("m", "spring on the slider"))
     r, L, e, m, k = press.parameters(
@@ -184,9 +186,9 @@ def test_a_slider_crank_of_ones_own():
 
 
 @pytest.mark.parametrize("drive", ["linkage", "loop", "series", "series of a loop"])
-def test_a_loop_is_driven_by_others(drive):
-    """The rocker of a six-bar pushes a slider: s = r cos φ4 + sqrt(L² − (e − r sin φ4)²), behind a shaft that
-    twists; or another loop or a series takes the rocker's place."""
+def test_loop_driven_by_other_motions_matches_the_closed_form(drive):
+    """The rocker of a six-bar linkage pushes a slider: s = r cos φ4 + sqrt(L² − (e − r sin φ4)²), behind an
+    elastic shaft. In other cases, another loop or a series replaces the rocker."""
     press = Mechanism("press", "Six-bar")
     (q,) = press.coordinates(q=("rad", "twist of the crank's shaft"))
     r, L, e, J, k = press.parameters(
@@ -239,7 +241,7 @@ def margins(module, lengths, **options):
         ([1.0, 1.0, 1.0, 1.0, 0.0], [False, False]),
     ],
 )
-def test_conditions_of_a_full_turn(lengths, turns):
+def test_conditions_hold_if_the_crank_turns_fully(lengths, turns):
     expected = [
         ("a + b < c + d", "the crank cannot turn fully", ("a", "b", "c", "d")),
         ("|a - b| > |c - d|", "the crank cannot turn fully", ("a", "b", "c", "d")),
@@ -248,8 +250,8 @@ def test_conditions_of_a_full_turn(lengths, turns):
     assert [bool(holds) for holds in (margins(in_closed_form(), lengths) > 0).all(axis=1)] == turns
 
 
-def test_conditions_of_a_loop_of_ones_own():
-    """Newton's method leaves a gap at those phases at which the loop cannot be closed, and only there."""
+def test_condition_of_a_loop_fails_where_it_cannot_close():
+    """Newton's method leaves a gap only at those phases at which the loop cannot be closed."""
     (text, meaning, names), second = by_newton().CONDITIONS
     assert (text, meaning) == (
         "gap of phi3, phi4 < 1e-9",
@@ -264,7 +266,7 @@ def test_conditions_of_a_loop_of_ones_own():
     assert 0 < reachable.sum() < COUNT
 
 
-def test_a_linkage_of_numbers_that_cannot_turn_is_refused_at_once():
+def test_linkage_with_impossible_numbers_is_refused_at_once():
     linkage = Mechanism("linkage", "Four-bar linkage")
     with pytest.raises(DeclarationError, match="the crank cannot turn fully"):
         linkage.four_bar("phi3", "phi4", ground=1, crank=2, coupler=1, follower=1)
@@ -309,7 +311,7 @@ def test_loop_requires_an_equation_and_a_guess_per_unknown(wrong):
         loop_of(**wrong)
 
 
-def test_units_in_a_loop():
+def test_wrong_units_in_a_loop_are_refused():
     with pytest.raises(UnitError, match="loop of s, beta"):
         check(loop_of(lambda r, x, s, beta: (s - r * cos(x), beta - r)))
 

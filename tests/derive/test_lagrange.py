@@ -1,4 +1,4 @@
-"""Equations of motion against textbook forms."""
+"""Equations of motion compared with textbook forms."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_equation_of_a_pendulum_matches_the_textbook():
     assert torque(pendulum()) == 0
 
 
-def test_rate_goes_through_phase_coordinates_and_rates():
+def test_rate_includes_phase_coordinates_and_their_rates():
     q, qd, qdd = (Moving("q" + order) for order in ("", "d", "dd"))
     assert rate(q**2 * sympy.sin(2 * PHASE)) == 2 * q * qd * sympy.sin(
         2 * PHASE
@@ -50,7 +50,8 @@ def test_rate_goes_through_phase_coordinates_and_rates():
 
 
 def bead() -> Mechanism:
-    """A bead on a straight wire that turns about its end with the drive; k to the axis, gravity off."""
+    """Bead on a straight wire that rotates about its end with the drive. A spring k acts towards the axis;
+    there is no gravity."""
     wire = Mechanism("bead", "Bead on a turning wire")
     (r,) = wire.coordinates(r=("m", "distance from the axis"))
     m, k, J, P = wire.parameters(
@@ -64,9 +65,9 @@ def bead() -> Mechanism:
     return wire
 
 
-def test_bead_on_a_turning_wire():
-    """m r̈ − m Ω² r + k r = 0; the drive bears the Coriolis force, the one across, and all inertia about the
-    axis: 2 m r ṙ Ω − P r + (J + m r²) Ω̇."""
+def test_equation_and_torque_of_a_bead_on_a_rotating_wire():
+    """The equation is m r̈ − m Ω² r + k r = 0. The drive torque balances the Coriolis force, the transverse
+    force and the inertia about the axis: 2 m r ṙ Ω − P r + (J + m r²) Ω̇."""
     m, k, P, J = symbols("m k P J")
     r, rd, rdd = (Moving("r" + order) for order in ("", "d", "dd"))
     assert sympy.simplify(residuals(bead())[0] - (m * rdd - m * SPEED**2 * r + k * r)) == 0
@@ -75,7 +76,7 @@ def test_bead_on_a_turning_wire():
 
 
 def test_torque_in_a_shaft_is_the_drive_torque():
-    """Chapter Eq. (51): for a rotor on an elastic shaft the drive gives what the shaft passes on."""
+    """Chapter Eq. (51): for a rotor on an elastic shaft, the drive torque equals the torque in the shaft."""
     rotor = Mechanism("rotor", "Rotor on an elastic shaft")
     (q,) = rotor.coordinates(q=("rad", "twist"))
     J, k, c, m, e, g = rotor.parameters(
@@ -88,8 +89,8 @@ def test_torque_in_a_shaft_is_the_drive_torque():
     assert sympy.expand(torque(rotor) + k * q + c * rate(q)) == 0
 
 
-def test_fundamental_motion_is_substituted_before_everything_else():
-    """A pendulum with θ = A sin φ + θ′ obeys the plain pendulum's equation in θ."""
+def test_fundamental_motion_is_substituted_before_differentiation():
+    """A pendulum with θ = A sin φ + θ′ satisfies the equation of the pendulum for θ."""
     plain, moved = pendulum(), pendulum()
     theta = Moving("theta")
     (A,) = moved.parameters(A=("rad", "desired amplitude"))

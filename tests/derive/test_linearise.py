@@ -1,4 +1,4 @@
-"""M, C, K, d about fundamental motions that do not vanish, against formulas by hand."""
+"""M, C, K and d about nonzero fundamental motions, compared with formulas derived by hand."""
 
 import numpy as np
 import pytest
@@ -12,9 +12,10 @@ from derive.symbols import SPEED, steady
 
 
 def pendulum_on_an_arm() -> Mechanism:
-    """An arm of length R turns with the drive; the pendulum at its tip is to point along the arm.
+    """Pendulum at the tip of an arm of length R, which rotates with the drive.
 
-    Coordinate: the pendulum's angle in space, whose fundamental motion is the phase itself.
+    The coordinate is the angle of the pendulum in space. In the fundamental motion, the pendulum points along
+    the arm, so that the angle equals the phase.
     """
     absorber = Mechanism("absorber", "Pendulum on a turning arm")
     (theta,) = absorber.coordinates(theta=("rad", "pendulum's angle in space"))
@@ -31,8 +32,9 @@ def pendulum_on_an_arm() -> Mechanism:
     return absorber
 
 
-def test_pendulum_on_a_turning_arm():
-    """Taken about the arm: m l² θ̈ + c θ̇ + (m R L Ω² − m g L sin φ) θ = −m g L cos φ."""
+def test_pendulum_on_a_rotating_arm():
+    """Linearised about the direction of the arm: m l² θ̈ + c θ̇ + (m R L Ω² − m g L sin φ) θ = −m g L cos
+    φ."""
     m, L, R, g, c = p = [1.3, 0.4, 0.9, 9.81, 0.02]
     for phase, speed in [(0.3, 4.0), (2.5, 11.0), (5.9, 0.5)]:
         computed = [float(part) for part in module_of(pendulum_on_an_arm()).linearised()(phase, speed, p)]
@@ -41,7 +43,7 @@ def test_pendulum_on_a_turning_arm():
 
 
 def crane() -> Mechanism:
-    """A pendulum whose pivot moves to and fro by A sin φ and which is to swing with B sin φ."""
+    """Pendulum whose pivot moves horizontally by A sin φ. Its fundamental motion is B sin φ."""
     hook = Mechanism("crane", "Pendulum on a moving pivot")
     (theta,) = hook.coordinates(theta=("rad", "angle from the vertical"))
     m, L, g, A, B = hook.parameters(
@@ -75,21 +77,21 @@ def two_masses() -> tuple[Mechanism, tuple]:
     return pair, (q1, q2, m)
 
 
-def test_a_coordinate_without_kinetic_energy_is_named():
+def test_coordinate_without_kinetic_energy_is_refused():
     pair, (q1, _, m) = two_masses()
     pair.kinetic = m * rate(q1) ** 2 / 2
     with pytest.raises(SingularMassError, match="no inertia to q2: M is singular"):
         module_of(pair)
 
 
-def test_a_combination_without_kinetic_energy_is_named():
+def test_combination_without_kinetic_energy_is_refused():
     pair, (q1, q2, m) = two_masses()
     pair.kinetic = m * rate(q1 + q2) ** 2 / 2
     with pytest.raises(SingularMassError, match="no inertia to q1 with q2"):
         module_of(pair)
 
 
-def test_a_force_without_a_tangent_is_named():
+def test_force_without_a_tangent_is_refused():
     pair, (q1, q2, m) = two_masses()
     (length,) = pair.parameters(length=("m", "length", "> 0"))
     pair.kinetic = m * (rate(q1) ** 2 + rate(q2) ** 2) / 2
@@ -104,8 +106,8 @@ def test_cancelling_terms_are_removed():
     assert gathered(a * SPEED + b * SPEED) == (a + b) * SPEED
 
 
-def test_blades_evenly_around_the_hub_leave_no_force():
-    """Σ cos(φ + 2πk/3) = 0, exactly."""
+def test_forces_of_equally_spaced_blades_cancel():
+    """Σ cos(φ + 2πk/3) = 0 exactly."""
     rotor = Mechanism("rotor", "Three blades on a hub that gives")
     x = rotor.coordinate("x", "m", "hub")
     m, r = rotor.parameters(m=("kg", "mass of a blade", "> 0"), r=("m", "radius", "> 0"))

@@ -1,4 +1,4 @@
-"""`derive --new`: a mechanism with its case file that derives and solves as it stands."""
+"""`derive --new`: the example mechanism and its case file can be derived and solved unchanged."""
 
 import os
 import sys
@@ -13,7 +13,7 @@ from solve.equations import sketched
 
 @pytest.fixture
 def derive(tmp_path, monkeypatch):
-    """Run `derive` in an empty folder and return its exit status."""
+    """Function that runs `derive` in an empty folder and returns its exit status."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments):
@@ -27,7 +27,7 @@ def derive(tmp_path, monkeypatch):
 
 @pytest.fixture
 def mine(derive, capsys):
-    """Path of a new mechanism, derived."""
+    """Path of a new mechanism that has been derived."""
     assert derive("--new", "mine.py") == 0
     assert capsys.readouterr().err == (
         "wrote mine.py and mine.toml; next: python -m derive mine.py && python -m solve periodic mine.py\n"
@@ -46,7 +46,7 @@ def test_new_mechanism_solves_without_a_warning(mine, case):
 
 
 def test_new_mechanism_has_the_orbit_of_the_table_alone(mine):
-    """With a shaft of no inertia and no elasticity to speak of, the table is a driven oscillator."""
+    """With a shaft of negligible inertia and large stiffness, the table is a driven oscillator."""
     model = solve.load(mine, "idle", J=1e3, k1=1e9)
     p, speed = model.parameters, 62.8
     expected = p["m"] * p["r"] * speed**2 / np.hypot(p["k2"] - p["m"] * speed**2, p["c2"] * speed)
@@ -62,7 +62,7 @@ def test_new_mechanism_is_drawn(mine):
 
 
 @pytest.mark.parametrize("existing", ["mine.py", "mine.toml"])
-def test_no_file_is_replaced(derive, capsys, tmp_path, existing):
+def test_existing_file_is_not_replaced(derive, capsys, tmp_path, existing):
     (tmp_path / existing).write_text("kept")
     assert derive("--new", "mine.py") == 2
     refusal = f"derive: {existing} exists, and --new does not replace files; give another name\n"
@@ -71,7 +71,7 @@ def test_no_file_is_replaced(derive, capsys, tmp_path, existing):
     assert (tmp_path / existing).read_text() == "kept"
 
 
-def test_link_that_leads_nowhere_is_not_followed(derive, tmp_path):
+def test_broken_symbolic_link_is_not_followed(derive, tmp_path):
     os.symlink(tmp_path / "elsewhere", tmp_path / "mine.py")
     assert derive("--new", "mine.py") == 2
     assert not (tmp_path / "elsewhere").exists()

@@ -1,4 +1,4 @@
-"""The page on a user's own mechanism: its files are derived as printed."""
+"""The page "A mechanism of your own": its files are derived as printed."""
 
 import re
 import shlex
@@ -20,14 +20,14 @@ PAGE = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
 
 
 def block(name: str) -> str:
-    """The code block whose first line names the file."""
+    """Code block of the page whose first line contains the name of the file."""
     match = re.search(rf"```\w+\n# {re.escape(name)}\n(.*?)```", PAGE, re.DOTALL)
     assert match, f"the page has no block for {name}"
     return match.group(1)
 
 
 def derived(folder: Path, name: str):
-    """The derived module of an example of the page, by its name, made by the page's own command."""
+    """Generated module of an example on the page, produced by the command on the page."""
     (folder / f"{name}.py").write_text(block(f"{name}.py"), encoding="utf-8")
     assert f"python -m derive {name}.py\n" in PAGE
     with pytest.MonkeyPatch.context() as patch:
@@ -41,13 +41,13 @@ def derived(folder: Path, name: str):
 
 @pytest.fixture(scope="module")
 def pump(tmp_path_factory):
-    """The module, in its folder."""
+    """Generated module of the pump, in its folder."""
     return derived(tmp_path_factory.mktemp("pump"), "pump")
 
 
 @pytest.fixture
-def beside_the_pump(pump, tmp_path, monkeypatch):
-    """The current folder has the pump's files."""
+def in_pump_folder(pump, tmp_path, monkeypatch):
+    """Make the folder of the pump the current folder."""
     shutil.copytree(Path(pump.__file__).parents[1], tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
 
@@ -60,13 +60,13 @@ def test_terms_ignored_by_the_linearisation_are_named(tmp_path, capsys):
     assert (len(module.NONLINEAR), len(module.SWITCHED)) == (1, 1)
 
 
-def test_the_statement_takes_about_thirty_lines():
+def test_statement_of_the_pump_has_about_thirty_lines():
     lines = [line for line in block("pump.py").splitlines() if line.strip()]
     assert len(lines) <= 30
 
 
-def test_the_page_derives_the_pump(pump):
-    """M, C, K, d of a crank drive at mid-stroke, where y′ = −r, y″ = r²/√(L² − r²) and y‴ = r."""
+def test_linearised_pump_matches_hand_calculation(pump):
+    """M, C, K and d of a crank drive at mid-stroke, where y′ = −r, y″ = r²/√(L² − r²) and y‴ = r."""
     J, m, r, L, A, k1, k2, c1, c2, P = p = [0.05, 4.5, 0.03, 0.14, 1.2e-3, 25e3, 6e7, 3.0, 900.0, 2e6]
     speed, load, curve = 20 * np.pi, P * A, r**2 / np.sqrt(L**2 - r**2)
     M, C, K, d = (part.full() for part in pump.linearised()(np.pi / 2, speed, [*p, 0, 0, 0, 0]))
@@ -79,7 +79,7 @@ def test_the_page_derives_the_pump(pump):
     np.testing.assert_allclose(d[:, 0], [push * r, -push], rtol=1e-12)
 
 
-def test_the_case_file_gives_every_parameter(pump):
+def test_case_file_contains_every_parameter(pump):
     cases = tomllib.loads(block("pump.toml"))
     for case in cases["case"].values():
         entries = cases["common"]["parameters"] | case["parameters"]
@@ -93,7 +93,7 @@ def test_the_case_file_gives_every_parameter(pump):
         assert given == {name for name, *_ in pump.PARAMETERS}
 
 
-def test_the_page_shows_the_pumps_equations(beside_the_pump, capsys, monkeypatch):
+def test_page_shows_the_equations_of_the_pump(in_pump_folder, capsys, monkeypatch):
     for arguments in (["--show", "pump.py"], ["--show", "--numbers", "delivering", "pump.py"]):
         assert " ".join(arguments[:-1]) in PAGE
         Path("pump.toml").write_text(block("pump.toml"), encoding="utf-8")
@@ -108,7 +108,7 @@ def test_the_page_shows_the_pumps_equations(beside_the_pump, capsys, monkeypatch
     assert "M_{11} = 4.5 l_b^2 + 0.05" in PAGE
 
 
-def test_the_pages_measured_pressure(beside_the_pump, capsys):
+def test_measured_pressure_of_the_page(in_pump_folder, capsys):
     rows, case = (re.findall(rf"```{kind}\n({start}.*?)```", PAGE, re.DOTALL)[0] for kind, start in MEASURED)
     Path("pressure.csv").write_text(rows, encoding="utf-8")
     Path("pump.toml").write_text(block("pump.toml") + case, encoding="utf-8")

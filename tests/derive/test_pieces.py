@@ -1,4 +1,4 @@
-"""Inactive pieces contribute nothing to values and to automatic derivatives of any order."""
+"""Inactive pieces do not contribute to values or to automatic derivatives of any order."""
 
 import casadi
 import numpy as np
@@ -15,7 +15,7 @@ K, KR, GAP = 1e4, 4e4, 2e-4
 
 
 def rotor(gap_bound="> 0"):
-    """Mass on a shaft, its coordinates and the parameters of the ring."""
+    """Mass on a shaft, with its coordinates and the parameters of the ring."""
     made = Mechanism("rotor", "Rotor in a ring")
     x, y = made.coordinates(x=("m", "across"), y=("m", "up"))
     m, k = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "shaft", "> 0"))
@@ -61,9 +61,9 @@ RINGS = {
 
 
 @pytest.mark.parametrize("state", RINGS.values(), ids=RINGS)
-def test_a_ring_that_is_not_touched_at_rest(state):
-    """K is that of the shaft at rest. The residual and its derivatives are those of the ring force kr (1 -
-    gap/r) (x, y) beyond the gap and those of the shaft within it, also at the centre."""
+def test_ring_without_contact_at_rest_contributes_nothing(state):
+    """At rest, K is that of the shaft. Beyond the gap, the residual and its derivatives contain the ring
+    force kr (1 - gap/r) (x, y); within the gap, also at the centre, they are those of the shaft."""
     module = module_of(state())
     _, _, stiffness, d = values(module.linearised(), 0.0, 1.0, [1.0, K, KR, GAP])
     assert np.array_equal(stiffness, K * np.eye(2))
@@ -93,7 +93,7 @@ def test_second_derivatives_are_finite_where_the_piece_is_inactive():
     assert np.isfinite(computed).all()
 
 
-def test_a_gap_of_unknown_sign_gives_a_condition():
+def test_gap_of_unknown_sign_adds_a_condition():
     made, x, y, kr, gap = rotor(gap_bound="")
     made.potential += kr * Max(0, sqrt(x**2 + y**2) - gap) ** 2 / 2
     module = module_of(made)
@@ -103,7 +103,7 @@ def test_a_gap_of_unknown_sign_gives_a_condition():
 
 
 def _log_energy(normal):
-    """Energy kr gap² log(r/gap)²/2 beyond the gap, as a function of the argument r/gap."""
+    """Energy kr gap² log(r/gap)²/2 beyond the gap; `normal` is its factor that depends on r/gap."""
     return by_energy(lambda r, gap: gap**2 * normal(r, gap))
 
 
@@ -117,8 +117,8 @@ INFINITE_AT_REST = {
 
 
 @pytest.mark.parametrize("state", INFINITE_AT_REST.values(), ids=INFINITE_AT_REST)
-def test_an_inactive_piece_whose_argument_is_infinite_at_rest(state):
-    """log(r/gap) is -∞ at rest. The ring force is kr gap² log(r/gap)/r beyond the gap."""
+def test_inactive_piece_may_be_infinite_at_rest(state):
+    """log(r/gap) is -∞ at rest. Beyond the gap, the ring force is kr gap² log(r/gap)/r."""
     module = module_of(state())
     p = [1.0, K, KR, GAP]
     _, _, stiffness, _ = values(module.linearised(), 0.0, 1.0, p)
@@ -162,8 +162,8 @@ def test_a_singular_piece_active_at_rest_has_no_linearisation():
         module_of(made)
 
 
-def test_a_logarithm_within_a_piece():
-    """Gas compressed beyond a gap: F log(q/gap) has an infinite slope at q = 0, where it is inactive."""
+def test_logarithm_in_an_inactive_piece_is_finite():
+    """Gas is compressed beyond a gap: F log(q/gap) has an infinite slope at q = 0, where it is inactive."""
     made = Mechanism("gas", "Mass before a cushion")
     q = made.coordinate("q", "m", "deflection")
     m, k, F, gap = made.parameters(
@@ -182,7 +182,7 @@ def test_a_logarithm_within_a_piece():
 
 
 def test_code_without_singular_pieces_is_unchanged():
-    """A stop is printed as a kink, since nothing in it is singular."""
+    """A stop is printed as a kink, because none of its terms is singular."""
     made, x, _, kr, gap = rotor()
     made.potential += kr * Max(0, x - gap) ** 2 / 2
     check(made)

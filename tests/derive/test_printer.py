@@ -1,4 +1,4 @@
-"""SymPy expressions as CasADi text: every function that can be generated has SymPy's value."""
+"""SymPy expressions as CasADi code: every supported function has the value of SymPy's function."""
 
 import math
 
@@ -14,7 +14,7 @@ WITHIN = {"acosh": 1.7, "log": 0.3}
 
 
 def evaluated(expression: sympy.Expr, x_value: float, y_value: float) -> float:
-    """The printed text, run with CasADi symbols."""
+    """Value of the printed code with CasADi symbols."""
     symbols = {"x": casadi.SX.sym("x"), "y": casadi.SX.sym("y"), "casadi": casadi, "math": math}
     text = CasadiPrinter().doprint(expression)
     function = casadi.Function("f", [symbols["x"], symbols["y"]], [eval(text, symbols)])
@@ -53,7 +53,7 @@ def test_arithmetic_is_printed_with_its_value(expression):
     assert evaluated(expression, 1.25, 0.75) == pytest.approx(expected, rel=4e-16)
 
 
-def test_rationals_are_not_rounded_in_the_text():
+def test_rational_numbers_are_printed_exactly():
     assert CasadiPrinter().doprint(x / 3) == "(1/3)*x"
 
 

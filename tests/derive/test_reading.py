@@ -1,4 +1,4 @@
-"""Printed equations: equality with the solved ones, and layout."""
+"""Printed equations: agreement with the equations that are solved, and layout."""
 
 from xml.etree import ElementTree
 
@@ -20,7 +20,7 @@ NAMES = [name for name in loader.names() if name != loader.BEAM_ELEMENTS]
 
 
 def slider():
-    """Its M, written out, would fill a page. It has a parameter l_a already."""
+    """Mechanism whose M would fill a page if written out. It already has a parameter l_a."""
     crank = Mechanism("slider", "Slider-crank with elastic shaft and rod")
     q, u = crank.coordinates(q=("rad", "twist"), u=("m", "stretch"))
     m, r, L, k, l_a = crank.parameters(
@@ -34,7 +34,7 @@ def slider():
 
 
 def shaken(name="S"):
-    """With every function that has a way of its own to be printed; name: of its series."""
+    """Mechanism with every function that is printed in its own way. `name` is the name of its series."""
     mine = Mechanism("shaken", "With pieces of the phase")
     q = mine.coordinate("q", "m", "deflection")
     m, k, c = mine.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring"), c=("N/m", "less spring"))
@@ -46,7 +46,7 @@ def shaken(name="S"):
 
 
 def value(expression, point):
-    """At an arbitrary point, with stand-ins for series."""
+    """Value of an expression at an arbitrary point. Series are replaced by other functions."""
     stood_in = expression.replace(
         lambda part: isinstance(part, PeriodicFunction), lambda part: cos(part.args[0] + part.order)
     )
@@ -79,13 +79,13 @@ def test_repeated_kinematic_expressions_have_names():
     assert len(shown) < 2000
 
 
-# Deriving the joint takes longer than all others together.
+# The derivation of the joint takes longer than that of all other models together.
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "planar_joint"])
 def test_lines_fit_a_terminal(name):
     assert max(map(len, equations(loader.load(loader.find(name))).splitlines())) <= 80
 
 
-def test_fractions_in_a_line_mean_the_same():
+def test_inline_fractions_have_the_same_value():
     x, y, z = sympy.symbols("x y z")
     assert latex((x + y) / z**2) == "(x + y) / z^2"
     assert latex(x / (y + z) ** 2) == r"\frac{x}{\left(y + z\right)^2}"
@@ -93,7 +93,7 @@ def test_fractions_in_a_line_mean_the_same():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_derive_and_solve_read_equal_case_numbers(name):
-    """What derive reads of a case is what solve reads, in whatever units they are given."""
+    """Both packages read the same numbers from a case, whatever their units."""
     source = loader.find(name)
     mechanism = loader.load(source)
     for case in [line[6:-1] for line in source.cases.read_text("utf-8").splitlines() if line[:6] == "[case."]:
@@ -113,7 +113,7 @@ def test_derive_and_solve_read_equal_case_numbers(name):
         ("value = 28", "values = 5"),
     ],
 )
-def test_a_faulty_case_is_refused_and_no_fault_of_the_program(edit, tmp_path):
+def test_invalid_case_file_is_refused_without_internal_error(edit, tmp_path):
     source = loader.find("cam")
     text = source.cases.read_text("utf-8")
     assert edit[0] in text
@@ -123,7 +123,7 @@ def test_a_faulty_case_is_refused_and_no_fault_of_the_program(edit, tmp_path):
 
 
 def text(element):
-    """Visible text of a formula, without invisible signs."""
+    """Visible text of a formula, without invisible operators."""
     return "".join(ElementTree.fromstring(element).itertext()).replace("\u2062", "").replace("\u2061", "")
 
 
@@ -139,7 +139,7 @@ def test_mathml_agrees_with_latex():
     assert "θcrank=φ" in [text(equation) for equation in load("four_bar").module.EQUATIONS]
 
 
-def test_a_series_may_be_called_like_a_function():
+def test_series_may_have_the_name_of_a_function():
     assert [text(equation) for equation in module_of(shaken("Ei")).EQUATIONS][-1] == "d=-4mΩ2Ei\u2033(2φ)"
 
 

@@ -1,4 +1,4 @@
-"""Errors of the command, one line each: arguments, mechanism files, case files."""
+"""Errors of the command, each with a message of one line: arguments, mechanism files, case files."""
 
 from pathlib import Path
 
@@ -150,7 +150,7 @@ def mechanism():
         ("rate(one.coordinates(y=('m', 'other')))", "write coordinate(...), or (q,) = coordinates(...)"),
     ],
 )
-def test_late_errors_name_their_line(derive, rotor, fault, message):
+def test_errors_during_derivation_state_the_line(derive, rotor, fault, message):
     rotor.write_text(LATE.format(fault=fault), "utf-8")
     status, out, err = derive(rotor)
     assert (status, out) == (2, "")
@@ -168,7 +168,7 @@ def test_more_damping_ratios_than_modes_are_refused(derive, rotor):
 
 
 @pytest.mark.parametrize("name", ["math", "casadi", "class", "__init__", "solve", "random"])
-def test_names_that_would_shadow_a_module(derive, tmp_path, name):
+def test_names_that_would_shadow_a_module_are_refused(derive, tmp_path, name):
     path = tmp_path / f"{name}.py"
     path.write_text(ROTOR.replace('"rotor", "Rotor', f'"{name}", "Rotor'), encoding="utf-8")
     status, out, err = derive(path)
@@ -178,7 +178,7 @@ def test_names_that_would_shadow_a_module(derive, tmp_path, name):
     assert not (tmp_path / "generated").exists()
 
 
-def test_a_file_that_is_no_text(derive, rotor):
+def test_binary_file_is_refused(derive, rotor):
     rotor.write_bytes(b"\xff\xfe\x00")
     status, _, err = derive(rotor)
     assert status == 2

@@ -11,7 +11,7 @@ from tests.derive.modules import module_of, values
 
 
 def slider():
-    """A crank of radius r on a twisting shaft, a rod of length L, a slider on the x axis."""
+    """Crank of radius r on an elastic shaft, rod of length L, and slider on the x axis."""
     made = Mechanism("slider", "Slider crank")
     q = made.coordinate("q", "rad", "twist")
     J, k, r, L = made.parameters(
@@ -65,7 +65,7 @@ def test_mechanism_without_lines_generates_no_sketch():
     assert not hasattr(module, "sketch")
 
 
-def test_a_structure_states_lines_besides_its_links():
+def test_structure_may_have_lines_in_addition_to_its_links():
     beam = Structure("beam", "A beam")
     E, L = beam.parameters(E=("Pa", "modulus"), L=("m", "length"))
     metre = beam.metre
@@ -86,7 +86,7 @@ def test_a_structure_states_lines_besides_its_links():
         (lambda m, q, r: [(0, 0), (r, "r")], DeclarationError, "two or more"),
         (lambda m, q, r: r, DeclarationError, "two or more"),
         (lambda m, q, r: [(0, 0), (sympy.I * r, 0)], DeclarationError, "two or more"),
-        (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "one moving point of a curve"),
+        (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "the moving point of a curve"),
         (lambda m, q, r: [(0, 0), (r, 0.2)], UnitError, "a number multiplied by metre"),
         (lambda m, q, r: [(0, 0), (r, r + 0.2)], UnitError, "sketch line"),
         (lambda m, q, r: [(0, 0), (r * rate(q), 0)], UnknownSymbolError, "sketch line contains qd"),
@@ -94,7 +94,7 @@ def test_a_structure_states_lines_besides_its_links():
         (lambda m, q, r: [(0, 0), (r / 0, 0)], DeclarationError, "sketch line is not finite"),
     ],
 )
-def test_points_that_cannot_be_drawn(points, error, message):
+def test_points_that_cannot_be_drawn_are_refused(points, error, message):
     made, q, r, _ = slider()
 
     def stated():
@@ -105,7 +105,7 @@ def test_points_that_cannot_be_drawn(points, error, message):
         stated()
 
 
-def test_names_and_units_that_do_not_fit():
+def test_invalid_names_and_units_are_refused():
     made, *_ = slider()
     made.sketch("line", [(0, 0), (0, made.metre)])
     with pytest.raises(DeclarationError, match="sketch line is declared twice"):
@@ -123,7 +123,7 @@ def test_names_and_units_that_do_not_fit():
 
 
 @pytest.mark.parametrize("symbol", ["around", "metre"])
-def test_symbols_of_lines_stay_out_of_energies(symbol):
+def test_sketch_symbols_in_energies_are_refused(symbol):
     made, q, *_ = slider()
     made.sketch("line", [(0, 0), (made.metre * cos(made.around * 0), made.metre)])
     made.potential = made.potential + getattr(made, symbol) * q**2

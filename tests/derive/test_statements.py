@@ -33,7 +33,7 @@ def test_a_complete_statement_passes():
 @pytest.mark.parametrize(
     "described", [("", "mass"), ("kg", ""), ("kg",), "kg", ("kg", "mass", "> 0", "more")]
 )
-def test_unit_and_meaning_are_needed(described):
+def test_unit_and_meaning_are_required(described):
     with pytest.raises(DeclarationError, match="m2 requires a unit and a meaning"):
         oscillator()[0].parameters(m2=described)
     with pytest.raises(DeclarationError, match="q2 requires a unit and a meaning"):
@@ -43,13 +43,13 @@ def test_unit_and_meaning_are_needed(described):
 @pytest.mark.parametrize(
     "bound", ["positive", ">", "> x", "0 <", "> 0 < 1", "> 0,", "integers", "> 1.2.3", 3]
 )
-def test_bounds_that_are_not_understood(bound):
+def test_malformed_bounds_are_refused(bound):
     with pytest.raises(DeclarationError, match=r"the bound .* is not understood"):
         oscillator()[0].parameters(m2=("kg", "mass", bound))
 
 
 @pytest.mark.parametrize("bound", ["", "> 0", ">= -1.5", "< 1e-3", "integer", "integer, >= 1", "> 0, < 1"])
-def test_bounds_that_are_understood(bound):
+def test_valid_bounds_are_accepted(bound):
     one, *_ = oscillator()
     one.parameters(m2=("kg", "mass", bound))
     assert one.declared_parameters[-1].bound == bound
@@ -58,7 +58,7 @@ def test_bounds_that_are_understood(bound):
 @pytest.mark.parametrize(
     ("bound", "form"), [(">0", "> 0"), ("integer,>=1", "integer, >= 1"), (">-1E-3 ,<.5", "> -1E-3, < .5")]
 )
-def test_bounds_have_one_form_however_they_are_spaced(bound, form):
+def test_bounds_have_a_normal_form(bound, form):
     one, q, *_ = oscillator()
     one.parameters(m2=("kg", "mass", bound))
     assert one.declared_parameters[-1].bound == form
@@ -69,12 +69,12 @@ def test_bounds_have_one_form_however_they_are_spaced(bound, form):
 
 
 @pytest.mark.parametrize("bound", ["", "integer", "integer, >= 1"])
-def test_limits_need_a_bound_that_a_curve_can_keep(bound):
+def test_limits_require_a_bound_without_integer(bound):
     with pytest.raises(DeclarationError, match="limit: drive_torque requires a bound such as"):
         oscillator()[0].limit("drive_torque", bound, beyond="the motor stalls")
 
 
-def test_coordinates_have_no_bound():
+def test_bound_of_a_coordinate_is_refused():
     with pytest.raises(DeclarationError, match=r"q2: a coordinate has no bound; use trust"):
         oscillator()[0].coordinates(q2=("m", "displacement", "> 0"))
 
@@ -82,13 +82,13 @@ def test_coordinates_have_no_bound():
 @pytest.mark.parametrize(
     "name", ["phase", "speed", "parameters", "casadi", "lambda", "_x", "µ", "time", "multiplier_re"]
 )
-def test_reserved_names(name):
+def test_reserved_names_are_refused(name):
     with pytest.raises(DeclarationError, match=f'"{name}" cannot be a name'):
         oscillator()[0].parameters(**{name: ("kg", "mass")})
 
 
 @pytest.mark.parametrize("name", ["m", "q", "qd", "qdd"])
-def test_names_given_twice(name):
+def test_repeated_names_are_refused(name):
     with pytest.raises(DeclarationError, match=f'"{name}" is declared twice'):
         oscillator()[0].parameters(**{name: ("kg", "mass")})
 
@@ -118,7 +118,7 @@ def test_output_names_must_differ_from_all_other_names():
         check(one)
 
 
-def test_an_unknown_symbol_in_an_energy():
+def test_unknown_symbol_in_an_energy_is_refused():
     one, q, *_ = oscillator()
     one.potential = sympy.Symbol("kk") * q**2
     with pytest.raises(
@@ -127,22 +127,22 @@ def test_an_unknown_symbol_in_an_energy():
         check(one)
 
 
-def test_a_symbol_that_is_only_called_like_the_declared_one():
+def test_undeclared_symbol_with_a_declared_name_is_refused():
     one, q, *_ = oscillator()
     one.potential = sympy.Symbol("k") * q**2
     with pytest.raises(UnknownSymbolError, match="a symbol named k other than the declared one"):
         check(one)
 
 
-def test_an_acceleration_in_an_energy():
+def test_acceleration_in_an_energy_is_refused():
     one, q, m, _ = oscillator()
     one.kinetic = m * q * rate(rate(q)) / 2
     with pytest.raises(UnknownSymbolError, match="kinetic energy contains qdd, which is not allowed there"):
         check(one)
 
 
-def test_a_rate_in_the_potential_energy_or_in_a_displacement():
-    """Lagrange's equations as they are derived have no term for either."""
+def test_rate_in_potential_energy_or_displacement_is_refused():
+    """Lagrange's equations in the form used here have no term for such a rate."""
     one, q, m, k = oscillator()
     one.potential += m * q * rate(q) * one.speed
     with pytest.raises(UnknownSymbolError, match="potential energy contains qd, which is not allowed there"):
@@ -163,7 +163,7 @@ def test_attribute_without_an_expression_is_refused(attribute, given):
 
 
 @pytest.mark.parametrize("number", [sympy.nan, sympy.oo, sympy.zoo])
-def test_expressions_that_are_not_finite(number):
+def test_infinite_expressions_are_refused(number):
     one, q, _, k = oscillator()
     one.output("worst", k * q * number, "N", "force")
     with pytest.raises(DeclarationError, match=r"output worst is not finite: .*division by zero"):
@@ -171,7 +171,7 @@ def test_expressions_that_are_not_finite(number):
 
 
 @pytest.mark.parametrize("period", [0, -2 * sympy.pi])
-def test_periods_are_positive(period):
+def test_period_must_be_positive(period):
     one, *_ = oscillator()
     one.period = period
     with pytest.raises(DeclarationError, match=r"period is .*; give a positive angle"):
@@ -186,35 +186,35 @@ def test_period_with_a_parameter_is_refused():
         check(one)
 
 
-def test_a_fundamental_motion_that_moves_with_the_coordinates():
+def test_fundamental_motion_with_coordinates_is_refused():
     one, q, *_ = oscillator()
     one.fundamental(q=q * cos(one.phase))
     with pytest.raises(UnknownSymbolError, match="motion of q contains q, which is not allowed there"):
         check(one)
 
 
-def test_a_parameter_without_use():
+def test_unused_parameter_is_refused():
     one, *_ = oscillator()
     one.parameters(spare=("kg", "forgotten"))
     with pytest.raises(UnusedParameterError, match="parameter spare is not used"):
         check(one)
 
 
-def test_a_series_without_use():
+def test_unused_series_is_refused():
     one, *_ = oscillator()
     one.transmission("U", harmonics=2, unit="m")
     with pytest.raises(UnusedParameterError, match="parameter a1 is not used"):
         check(one)
 
 
-def test_an_option_without_use():
+def test_unused_option_is_refused():
     one, *_ = oscillator()
     one.option("law", ("soft", "hard"))
     with pytest.raises(UnusedParameterError, match="option law is not used"):
         check(one)
 
 
-def test_energies_forces_and_outputs_in_a_wrong_unit():
+def test_wrong_units_of_energies_forces_and_outputs_are_refused():
     for attribute, what in [
         ("kinetic", "kinetic energy"),
         ("potential", "potential"),
@@ -240,7 +240,7 @@ def test_energies_forces_and_outputs_in_a_wrong_unit():
         check(one)
 
 
-def test_a_transmission_function_of_a_length():
+def test_length_as_argument_of_a_transmission_is_refused():
     one, q, _, k = oscillator()
     U = one.transmission("U", harmonics=1, unit="m")
     one.potential = k * U(q) ** 2
@@ -248,7 +248,7 @@ def test_a_transmission_function_of_a_length():
         check(one)
 
 
-def test_a_mechanism_without_coordinates():
+def test_mechanism_without_coordinates_is_refused():
     with pytest.raises(DeclarationError, match="empty has no coordinates"):
         check(Mechanism("empty", "Nothing"))
 
@@ -263,7 +263,7 @@ def test_energies_in_another_unit_have_no_drive_torque():
     check(bare)
 
 
-def test_options_need_values_and_an_expression_for_each():
+def test_options_require_values_and_one_expression_per_value():
     one, *_ = oscillator()
     with pytest.raises(DeclarationError, match="option law has the values"):
         one.option("law", ("soft",))
@@ -274,7 +274,7 @@ def test_options_need_values_and_an_expression_for_each():
         one.parameters(law_soft=("1", "taken"))
 
 
-def test_names_that_are_no_coordinates_or_outputs():
+def test_names_other_than_coordinates_and_outputs_are_refused():
     one, *_ = oscillator()
     for declare in (lambda: one.trust(x=1.0), lambda: one.fundamental(x=one.phase)):
         with pytest.raises(DeclarationError, match="x is not a coordinate; declared: q"):
@@ -289,12 +289,12 @@ def test_bounds_of_the_linear_model_must_be_positive(bound):
         oscillator()[0].trust(q=bound)
 
 
-def test_series_need_harmonics():
+def test_series_require_at_least_one_harmonic():
     with pytest.raises(DeclarationError, match="U has no harmonics"):
         oscillator()[0].transmission("U", harmonics=0, unit="m")
 
 
-def test_expressions_that_cannot_be_generated():
+def test_expressions_without_generated_code_are_refused():
     from modules import module_of
 
     one, q, _, k = oscillator()
@@ -304,7 +304,7 @@ def test_expressions_that_cannot_be_generated():
         module_of(one)
 
 
-def test_one_coordinate_and_one_parameter():
+def test_one_coordinate_and_one_parameter_are_declared_without_tuples():
     one = Mechanism("one", "One mass")
     q, m = one.coordinate("q", "m", "displacement"), one.parameter("m", "kg", "mass", "> 0")
     k = one.parameter("k", "N/m", "spring")

@@ -1,4 +1,4 @@
-"""Statements of structures: errors, shared joints, and the generated module."""
+"""Statements of structures: errors, shared rotations at joints, and the generated module."""
 
 from types import ModuleType
 
@@ -14,7 +14,7 @@ from derive.structure_text import structure_text
 
 
 def stated() -> tuple[Structure, dict]:
-    """Two links between three joints, not yet held anywhere."""
+    """Two links between three joints, not yet supported."""
     frame = Structure("frame", "Two links")
     E, A, I, rho, L, m = frame.parameters(  # noqa: E741 - the field's symbol
         E=("Pa", "modulus"),
@@ -57,7 +57,7 @@ def test_joints_are_pins_unless_welded_or_clamped():
     ]
 
 
-def test_clamps_and_welds_of_selected_links():
+def test_clamps_and_welds_may_apply_to_selected_links():
     frame, of = stated()
     frame.link("brace", "foot", "knee", of["L"], pi / 2, of["section"])
     frame.weld("foot", "post", "brace")
@@ -91,7 +91,7 @@ def test_section_properties_match_the_declared_values():
     }
 
 
-def test_options_of_the_links_come_with_every_structure():
+def test_every_structure_has_the_options_of_the_links():
     frame, _ = stated()
     frame.clamp("foot")
     (elements_, element) = module_of(frame).LINK_OPTIONS
@@ -99,7 +99,7 @@ def test_options_of_the_links_come_with_every_structure():
     assert element == ("element", ("cubic", "internal", "curvature", "dynamic"), "cubic")
 
 
-def test_links_that_turn_with_the_phase():
+def test_structure_moves_if_a_link_rotates():
     frame, of = stated()
     frame.link("crank", "foot", "rim", of["L"], frame.phase, of["section"])
     frame.clamp("foot")
@@ -179,12 +179,12 @@ def test_invalid_structures_are_refused(build, kind, words):
         assert word in str(caught.value)
 
 
-def test_a_structure_without_links():
+def test_structure_without_links_is_refused():
     with pytest.raises(DeclarationError, match="bare has no links"):
         check(Structure("bare", "Nothing"))
 
 
-def test_the_four_bars_closed_loop_stands_in_the_module():
+def test_generated_four_bar_contains_its_closed_loop():
     linkage = Structure("linkage", "A four-bar")
     a, b, c, d, E, A, I, rho = linkage.parameters(  # noqa: E741 - the field's symbol
         a=("m", "crank"), b=("m", "coupler"), c=("m", "follower"), d=("m", "ground"),

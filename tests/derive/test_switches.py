@@ -1,5 +1,4 @@
-"""Steps and kinks: their slopes, the phases where they lie, what would be an impulse, what the linear
-answer loses."""
+"""Steps and kinks: slopes, phases, impulses, and terms that the linear equations omit."""
 
 import math
 
@@ -39,7 +38,8 @@ x, y = sympy.symbols("x y", real=True)
 
 
 def oscillator(**parameters):
-    """A mass on a spring k, with further parameters; its coordinate and all parameters by name."""
+    """Mass on a spring k, with further parameters. Returns the mechanism and a mapping from names to
+    symbols."""
     one = Mechanism("one", "One mass")
     (q,) = one.coordinates(q=("m", "deflection"))
     named = {"m": ("kg", "mass", "> 0"), "k": ("N/m", "spring"), **parameters}
@@ -64,7 +64,7 @@ STOP = {"s": ("N/m", "stop"), "gap": ("m", "clearance")}
     ],
 )
 @pytest.mark.parametrize("at", [-1.3, -0.2, 0.3, 1.7])
-def test_slopes_beside_kinks(expression, expected, at):
+def test_slopes_next_to_kinks(expression, expected, at):
     computed = float(slope(expression, x).subs({x: at, y: 0.4}))
     assert computed == pytest.approx(
         expected(1.0, at) if expected is math.copysign else expected(at), abs=1e-12
@@ -83,7 +83,7 @@ def test_slopes_beside_kinks(expression, expected, at):
         (Max(0, x) * Heaviside(x - y), "x - y = 0"),
     ],
 )
-def test_jumps_have_no_slope(expression, where):
+def test_slope_of_a_jump_is_refused(expression, where):
     with pytest.raises(
         ImpulseError,
         match=f"discontinuous where {where}, so its derivative with respect to x is an impulse",
@@ -92,7 +92,8 @@ def test_jumps_have_no_slope(expression, where):
 
 
 def test_stop_is_linearised_about_the_desired_motion():
-    """The stop is open for a clearance and closed for a preload; the residual includes it fully."""
+    """In the linear equations, the stop is inactive with a clearance and active with a preload. The residual
+    contains it in full."""
     one, q, p = oscillator(**STOP)
     one.potential += p["s"] * Max(0, q - p["gap"]) ** 2 / 2
     module = module_of(one)
@@ -111,8 +112,8 @@ def test_stop_is_linearised_about_the_desired_motion():
     assert margins == [[0.0]]
 
 
-def test_hertz_contact():
-    """F = h (δ0 + q)^(3/2) has the slope 3/2 h √δ0; without preload its slope is 0 on both sides."""
+def test_slope_of_a_hertzian_contact():
+    """The slope of F = h (δ0 + q)^(3/2) is 3/2 h √δ0. Without preload, it is 0 on both sides."""
     hertz = {"h": ("N/m^2", "contact"), "b": ("m", "width", "> 0"), "preload": ("m", "preload", "> 0")}
     one, q, p = oscillator(**hertz)
     one.force(-p["h"] * sqrt(p["b"]) * Max(0, q + p["preload"]) ** Rational(3, 2), along=q)
@@ -160,7 +161,7 @@ def test_cancelling_kinks_leave_a_linear_stiffness():
     assert K[0, 0] == 12
 
 
-def test_friction_needs_a_smoothing_velocity():
+def test_friction_requires_a_smoothing_velocity():
     one, q, p = oscillator(F=("N", "friction"), v0=("m/s", "smoothing velocity", "> 0"))
     one.force(-p["F"] * sign(rate(q)), along=q)
     with pytest.raises(ExpansionError, match=r"qd is 0 during the whole motion.*v/sqrt\(v\*\*2 \+ v0\*\*2\)"):
@@ -171,10 +172,10 @@ def test_friction_needs_a_smoothing_velocity():
     assert C[0, 0] == pytest.approx(14, rel=1e-15)
 
 
-def test_duffings_cubic_spring_is_named():
+def test_messages_name_the_omitted_terms():
     one, q, p = oscillator(k3=("N/m^3", "cubic"), W=("J", "weight"), J=("kg m^2", "flywheel"))
     one.potential += p["k3"] * q**4 / 4 + p["W"]
-    # It moves nothing either, but it loads the drive of a run-up.
+    # J has no effect on the vibration either, but it loads the drive during a run-up.
     one.kinetic += p["J"] * one.speed**2 / 2
     reported = []
     module_text(one, "", "one", reported.append)
@@ -184,7 +185,7 @@ def test_duffings_cubic_spring_is_named():
     ]
 
 
-def test_a_series_that_is_lost_is_named_once():
+def test_message_names_an_omitted_series_once():
     one, q, _ = oscillator()
     P = one.series("P", 2, "N/m^3", "cubic spring over the turn")
     one.potential += P(one.phase) * q**4
@@ -192,7 +193,7 @@ def test_a_series_that_is_lost_is_named_once():
     assert sentence.startswith("P is in the energies but not in the linearised equations")
 
 
-def test_breaks_that_parameters_move():
+def test_breaks_may_depend_on_parameters():
     one, q, p = oscillator(z=("1", "teeth", "integer, >= 1"), eps=("1", "contact ratio"), dk=("N/m", "step"))
     one.potential += p["dk"] * rectangle(p["z"] * one.phase + 1, 0, 2 * pi * p["eps"]) * q**2 / 2
     module = module_of(one)
@@ -223,15 +224,15 @@ def test_step_phases_on_undefined_branches_are_ignored():
         assert sorted(computed) == pytest.approx([0.0, start, math.pi - start], abs=1e-14)
 
 
-def test_a_parameter_may_be_called_like_a_function():
+def test_parameter_may_have_the_name_of_a_function():
     one, q, p = oscillator(sign=("N", "friction"))
     one.force(-p["sign"] * sign(rate(q)), along=q)
     with pytest.raises(ExpansionError, match="there is no linearisation at the fundamental motion"):
         module_of(one)
 
 
-def test_breaks_that_nothing_moves():
-    """√3 cos 2φ + sin 2φ = 2 cos(2φ − π/6) is 1 where 2φ = π/6 ± π/3."""
+def test_constant_breaks_match_the_closed_form():
+    """√3 cos 2φ + sin 2φ = 2 cos(2φ − π/6) equals 1 if 2φ = π/6 ± π/3."""
     one, q, p = oscillator(F=("N", "load"))
     phase = one.phase
     one.force(p["F"] * Max(0, sqrt(3) * cos(2 * phase) + sin(2 * phase) - 1), along=q)
@@ -242,7 +243,7 @@ def test_breaks_that_nothing_moves():
     assert np.unique(np.round(breaks, 12)) == pytest.approx(sorted([0, 2, 3, *expected]), abs=1e-11)
 
 
-def test_a_trapezoid_rises_and_falls():
+def test_values_of_a_trapezoid():
     one, q, p = oscillator(F=("N", "load"))
     one.force(p["F"] * trapezoid(one.phase, 5.5, 6, 1 + 2 * pi, 2 + 2 * pi), along=q)
     module = module_of(one)
@@ -263,7 +264,7 @@ def cubic(s):
 
 @pytest.mark.parametrize(("rise", "allowed"), [(cycloid, True), (cubic, True), (lambda s: s, False)])
 def test_a_prescribed_motion_may_jump_in_its_second_derivative(rise, allowed):
-    """Cycloid and parabola-like cubic rises of a dwell cam; a ramp would need an impulse."""
+    """Cycloidal and cubic rises of a dwell cam are permitted. A linear rise would require an impulse."""
     one, q, p = oscillator(h=("m", "lift"), b=("rad", "rise", "> 0"))
     angle = one.phase
     lift = p["h"] * Piecewise((rise(angle / p["b"]), angle < p["b"]), (1, angle < pi), (0, True))
@@ -281,8 +282,8 @@ def test_a_prescribed_motion_may_jump_in_its_second_derivative(rise, allowed):
     assert d == pytest.approx(-2 * 9 * 0.1 * curvature, rel=1e-12)
 
 
-def test_a_desired_motion_may_jump_in_its_second_derivative():
-    """q̄ = g max(0, sin φ)² has q̄″ = 2g cos 2φ on its first half; m (q̈ + Ω² q̄″) + k (q + q̄) = 0."""
+def test_fundamental_motion_may_jump_in_its_second_derivative():
+    """q̄ = g max(0, sin φ)² has q̄″ = 2g cos 2φ in its first half, and m (q̈ + Ω² q̄″) + k (q + q̄) = 0."""
     one, _, p = oscillator(g=("m", "lift"))
     one.fundamental(q=p["g"] * Max(0, sin(one.phase)) ** 2)
     module = module_of(one)
@@ -294,7 +295,7 @@ def test_a_desired_motion_may_jump_in_its_second_derivative():
     assert {0.0, math.pi} == set(module.BREAKS)
 
 
-def test_pieces_may_hold_coordinates_where_conditions_hold_the_phase():
+def test_pieces_may_contain_coordinates_if_conditions_contain_the_phase():
     one, q, p = oscillator(F=("N", "load"))
     one.force(p["F"], along=Piecewise((q, one.phase < 1), (2 * q, True)))
     module = module_of(one)

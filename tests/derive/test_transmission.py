@@ -1,4 +1,4 @@
-"""Series: symbolic derivatives, and the recurrence of generated code against sums term by term."""
+"""Series: symbolic derivatives, and generated recurrences compared with sums term by term."""
 
 import casadi
 import numpy as np
@@ -11,7 +11,7 @@ from derive.symbols import PHASE, SPEED, Moving
 
 
 def probe() -> tuple[Mechanism, Moving]:
-    """A unit mass whose outputs will be the values of series."""
+    """Unit mass; the outputs added to it are the values of series."""
     one = Mechanism("probe", "Values of series")
     (q,) = one.coordinates(q=("1", "angle"))
     one.energy = "1/s^2"
@@ -25,7 +25,7 @@ def outputs_at(mechanism: Mechanism, phase: float, q: float, p: list[float]) -> 
     return [float(result[0, 0]) for result in results]
 
 
-def test_derivatives_are_the_same_function_of_the_next_order():
+def test_derivative_of_a_series_has_the_next_order():
     one, q = probe()
     U = one.transmission("U", harmonics=3, unit="m")
     angle = PHASE + q
@@ -39,7 +39,7 @@ def test_derivatives_are_the_same_function_of_the_next_order():
 
 
 def test_transmission_is_the_zero_mean_integral_of_its_coefficients():
-    """U from U′ = Σ aₖ cos kφ + bₖ sin kφ, and its derivatives, orders 0 to 5."""
+    """U from U′ = Σ aₖ cos kφ + bₖ sin kφ, and the derivatives of U of orders 0 to 5."""
     one, q = probe()
     U = one.transmission("U", harmonics=12, unit="1")
     for order in range(6):
@@ -55,7 +55,7 @@ def test_transmission_is_the_zero_mean_integral_of_its_coefficients():
             assert abs(one_value - other) < 1e-13 * np.sum(k ** (order - 1.0)), f"order {order}"
 
 
-def test_series_and_harmonic_series_with_mean_and_multiplied_argument():
+def test_series_with_mean_and_multiplied_argument():
     one, q = probe()
     F = one.series("F", harmonics=3, unit="1", meaning="load")
     k = one.harmonic_series("k", 4, unit="1", meaning="stiffness", angles="gamma")
@@ -80,8 +80,8 @@ def test_series_and_harmonic_series_with_mean_and_multiplied_argument():
     assert outputs_at(one, 0.0, q_value, [*p, teeth]) == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_series_of_a_series():
-    """A second cam driven by the first: U(V(φ)) and its derivative, evaluated inside out."""
+def test_nested_series_match_the_chain_rule():
+    """A second cam is driven by the first: U(V(φ)) and its derivative."""
     one, _ = probe()
     V = one.transmission("V", harmonics=2, unit="1", coefficients=("c", "s"))
     U = one.transmission("U", harmonics=2, unit="1")
@@ -101,7 +101,7 @@ def test_a_series_of_a_series():
     assert outputs_at(one, 0.8, 0.0, [*c, *s, *a, *b]) == pytest.approx(expected, rel=1e-13)
 
 
-def test_two_trigonometric_calls_serve_all_derivatives():
+def test_all_derivatives_require_two_trigonometric_calls():
     slider = Mechanism("slider", "Mass behind a cam and a spring")
     (q,) = slider.coordinates(q=("rad", "twist"))
     m, k, J = slider.parameters(m=("kg", "mass"), k=("N m/rad", "shaft"), J=("kg m^2", "cam"))

@@ -74,7 +74,7 @@ def test_printed_table_1_exceeds_the_validity_at_1500_rpm():
     orbit = solve.periodic(solve.load("coupler", "table1"), "1500 rpm", "radau")
     assert maxima_mm(orbit)[0] == pytest.approx(35.01, abs=0.005)
     assert len(orbit.warnings) == 2
-    assert any("not small against the length: deflection_ratio" in text for text in orbit.warnings)
+    assert any("not small relative to the length: deflection_ratio" in text for text in orbit.warnings)
     assert any(
         "close to the buckling load of the coupler: euler_ratio reaches 0.842" in text
         for text in orbit.warnings
@@ -143,8 +143,8 @@ def test_deflection_at_any_point_matches_the_modes():
             r"the crank cannot turn fully: l1 \+ l2 < l3 \+ l4 does not hold for l1 = 1 m, l2 = 0.9 m",
         ),
         ({"l4": 1.8}, r"the crank cannot turn fully: \|l1 - l2\| > \|l3 - l4\| does not hold"),
-        ({"l3": 0}, r"l3 \(coupler\) is 0 m; allowed: > 0"),
-        ({"l2": -0.05}, r"l2 \(crank\) is -0.05 m; allowed: > 0"),
+        ({"l3": 0}, r"l3 \(length of the coupler\) is 0 m; allowed: > 0"),
+        ({"l2": -0.05}, r"l2 \(length of the crank\) is -0.05 m; allowed: > 0"),
         ({"options": {"modes": 0}}, "option modes of coupler is 0; allowed: a whole number from 1 to 20"),
     ],
 )

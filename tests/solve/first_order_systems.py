@@ -1,4 +1,4 @@
-"""First-order and mixed systems that the tests solve, with multipliers from matrix exponentials."""
+"""First-order and mixed systems for the tests, with multipliers from matrix exponentials."""
 
 import numpy as np
 
@@ -11,8 +11,8 @@ def names(kind, count):
 
 
 def rotated(rng, N, speed=1.0, most=3):
-    """A(phase, speed) of x = Q R(phase) z, where R rotates pairs of states 1 … `most` times per period and
-    ż = A0 z, and the multipliers exp(eig(A0) T)."""
+    """Return A(phase, speed) for x = Q R(phase) z, where R rotates pairs of states 1 … `most` times per
+    period and ż = A0 z, and the multipliers exp(eig(A0) T)."""
     K = np.zeros((N, N))
     for k in range(0, N - 1, 2):
         K[k, k + 1] = -(turns := int(rng.integers(1, most + 1)))
@@ -30,8 +30,8 @@ def rotated(rng, N, speed=1.0, most=3):
 
 
 def swaying(rng, N, amplitude):
-    """A(phase, speed) at speed 1 of x = exp(S sin φ) z with a skew S of this size and ż = A0 z, whose
-    harmonics fall without end, and the multipliers."""
+    """Return A(phase, speed) at speed 1 for x = exp(S sin φ) z with a skew-symmetric S of the given amplitude
+    and ż = A0 z, and the multipliers. All harmonics of A are nonzero."""
     S = rng.standard_normal((N, N))
     S = amplitude * (S - S.T) / 2
     A0 = 0.5 * rng.standard_normal((N, N)) - 0.3 * np.eye(N)
@@ -46,7 +46,7 @@ def swaying(rng, N, amplitude):
 
 
 def with_load(A, size=None):
-    """Matrices A and a load b with one harmonic."""
+    """Matrices A, and a load b with one harmonic."""
 
     def matrices(phase, speed):
         states = A(phase, speed)
@@ -60,8 +60,8 @@ def first_order(A, N, **settings):
 
 
 def restated(seed, n):
-    """A system of second order with n coordinates, the same with 2n states, and with its last coordinate and
-    velocity as states."""
+    """Return a second-order system with n coordinates, the same system with 2n states, and the same system
+    with its last coordinate and velocity as states."""
     matrices = random_matrices(seed, n)
 
     def by_states(phase, speed):
@@ -89,7 +89,7 @@ def restated(seed, n):
 
 
 def error(result, exact):
-    """Largest distance of the multipliers to the exact ones, relative to the spectral radius."""
+    """Largest distance between multipliers and the exact ones, relative to the spectral radius."""
     from scipy.optimize import linear_sum_assignment
 
     found = np.nan_to_num(result.multipliers)
@@ -99,7 +99,7 @@ def error(result, exact):
 
 
 def orbit_difference(orbit, other, n):
-    """Largest difference of the first n coordinates relative to the largest value of each."""
+    """Largest difference of the first n coordinates, relative to the largest value of each."""
     phase = np.linspace(0.0, 6.2, 63)
     q, better = orbit.at(phase)[:n], other.at(phase)[:n]
     return (np.abs(q - better).max(axis=1) / np.abs(better).max(axis=1)).max()

@@ -1,5 +1,5 @@
-"""Free machines with exact solutions: a chain of five discs, as matrices and as a mechanism, and two discs on
-a shaft that stiffens."""
+"""Free machines with exact solutions: a chain of five discs (as matrices and as a mechanism), and two discs
+on a stiffening shaft."""
 
 from itertools import pairwise
 
@@ -21,7 +21,7 @@ SPEED = 1000 * np.pi / 30
 
 
 def train(C=NONE, mean=0.0, M=J, stiffness=K, torque=TORQUE, order=2):
-    """Discs under a torque proportional to cos kφ and a mean torque on the first."""
+    """Discs with a torque proportional to cos kφ, and a mean torque on the first disc."""
     M, C, stiffness, torque = (np.asarray(part, dtype=float) for part in (M, C, stiffness, torque))
 
     def matrices(phase, speed):
@@ -33,7 +33,7 @@ def train(C=NONE, mean=0.0, M=J, stiffness=K, torque=TORQUE, order=2):
 
 
 def amplitudes(speed, C=NONE, M=J, stiffness=K, torque=TORQUE, order=2):
-    """Amplitudes by the complex solution."""
+    """Amplitudes from the complex solution."""
     rate_ = order * speed
     return np.abs(np.linalg.solve(stiffness + 1j * rate_ * C - rate_**2 * M, torque))
 
@@ -51,8 +51,8 @@ def exact_multipliers(C, speed, M=J, stiffness=K):
 
 
 def after_a_period(system, speed, orbit):
-    """State (2n,) after a period of integration by DOP853 from the first state of the orbit, and that first
-    state."""
+    """Return the state (2n,) after one period, integrated by DOP853 from the initial state of the orbit, and
+    that initial state."""
 
     def f(t, y):
         M, C, stiffness, d = (part[0] for part in system.at(np.array([speed * t]), speed))

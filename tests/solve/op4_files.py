@@ -1,4 +1,4 @@
-"""OUTPUT4 files written as the manual of NASTRAN describes them: text or binary, dense or sparse."""
+"""OUTPUT4 files in the formats of the NASTRAN manual: text or binary, dense or sparse."""
 
 from itertools import groupby
 

@@ -6,7 +6,8 @@ from scipy.integrate import solve_ivp
 
 
 def rate_matrices(system, phase, speed):
-    """P (m, 2n, 2n) and f (m, 2n) of x′ = P x + f by phase, chapter Eq. (5), at the phases (m,)."""
+    """P (m, 2n, 2n) and f (m, 2n) at the phases (m,) in x′ = P x + f, where derivatives are with respect to
+    the phase, chapter Eq. (5)."""
     M, C, K, d = system.at(np.asarray(phase), speed)
     m, n = d.shape
     inverse = np.linalg.inv(M * speed**2)
@@ -17,7 +18,8 @@ def rate_matrices(system, phase, speed):
 
 
 class Shooting:
-    """The matrix differential equation of [Φ | x] by DOP853, and the orbit by single shooting."""
+    """Integration of the matrix differential equation for [Φ | x] by DOP853, and the orbit by single
+    shooting."""
 
     def __init__(self, system, speed, rtol=1e-13):
         N = 2 * system.n
@@ -47,7 +49,7 @@ class Shooting:
 
 
 def relative_error(q, truth):
-    """Per coordinate max|error|/max|truth| over the turn, the largest; arrays (n, k)."""
+    """Largest max|error|/max|truth| over a revolution among the coordinates; arrays (n, k)."""
     return float((np.abs(q - truth).max(axis=1) / np.abs(truth).max(axis=1)).max())
 
 
@@ -58,12 +60,12 @@ def multiplier_error(values, truth):
 
 
 def slope(steps, errors):
-    """Order of convergence: the slope of log error over log step length, by least squares."""
+    """Order of convergence: slope of log error versus log step length, by least squares."""
     return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 def closed_chain(A, b, digits=80):
-    """States (m, N) of x_{k+1} = A_k x_k + b_k, x_m = x_0, over one period, with a given number of digits."""
+    """States (m, N) of x_{k+1} = A_k x_k + b_k with x_m = x_0, computed with the given number of digits."""
     with mpmath.workdps(digits):
         turn, end = mpmath.eye(b.shape[1]), mpmath.zeros(b.shape[1], 1)
         steps = [

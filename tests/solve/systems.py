@@ -1,4 +1,4 @@
-"""Periodic systems that the tests solve; nothing here calls the code under test but PeriodicSystem."""
+"""Periodic systems for the tests. Of the code under test, only PeriodicSystem is used."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -26,7 +26,7 @@ def system(matrices, n, **settings):
 
 
 def constant(M, C, K, force):
-    """Constant M, C, K (n, n) under the force d = force(phase), (m, n)."""
+    """Constant M, C, K (n, n) with the load d = force(phase), (m, n)."""
     n = len(M)
 
     def matrices(phase, speed):
@@ -36,18 +36,18 @@ def constant(M, C, K, force):
 
 
 def amplitudes(rng, count, size):
-    """Coefficients (6, count) of cos φ, cos 2φ, cos 3φ and the sines, of about `size`."""
+    """Random coefficients (6, count) of cos φ, cos 2φ, cos 3φ and the sines, of magnitude `size`."""
     return (size * rng.standard_normal((2, 3, count)) / ORDERS[:, None]).reshape(6, count)
 
 
 def spd(rng, n, low, high):
-    """A symmetric matrix with eigenvalues between low and high."""
+    """Random symmetric matrix with eigenvalues between low and high."""
     Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
     return Q @ np.diag(rng.uniform(low, high, n)) @ Q.T
 
 
 def random_matrices(seed, n, modulation=0.15):
-    """M, C, K, d with time derivatives at speed 1: smooth, damped, all of them varying."""
+    """Smooth varying M, C, K and d of a damped system, with derivatives with respect to time, at speed 1."""
     rng = np.random.default_rng(seed)
     means = [spd(rng, n, *bounds).ravel() for bounds in ((1.0, 2.0), (0.1, 0.5), (1.0, 20.0))]
     parts = [amplitudes(rng, n * n, modulation * size / n) for size in (0.5, 0.5, 2.0)]
@@ -68,7 +68,7 @@ def random_system(seed, n, **settings):
 
 
 def cam_matrices(case="1", **changed):
-    """Chapter Eq. (64) with Tables 1 and 2, by hand."""
+    """Chapter Eq. (64) with Tables 1 and 2, hand-coded."""
     p = CAM | changed
     k, a = (np.array(part) for part in zip(*CAM_LAW[case].items(), strict=True))
 
@@ -108,7 +108,8 @@ def cam(case="1", **changed):
 
 
 def canonical_undamped(seed, n):
-    """C = dM/dt and K symmetric: the equations of ½ q̇ᵀM(t)q̇ - ½ qᵀK(t)q, whose flow is symplectic."""
+    """System with C = dM/dt and symmetric K: the equations of ½ q̇ᵀM(t)q̇ - ½ qᵀK(t)q, whose flow is
+    symplectic."""
     rng = np.random.default_rng(seed)
     M0, K0 = spd(rng, n, 1.0, 2.0), spd(rng, n, 0.5, 8.0)
     A, B = (rng.uniform(-0.2, 0.2) * spd(rng, n, 0.5, 1.0) for _ in range(2))
@@ -123,8 +124,8 @@ def canonical_undamped(seed, n):
 
 
 def meissner(delta=1.3, epsilon=0.7, zeta=0.05, load=1.0):
-    """Stiffness delta + epsilon over the first 0.4 of the turn, delta - epsilon over the rest; the load
-    is 1 and then `load`. Jumps at 0 and at 0.4 of the turn."""
+    """System with the stiffness delta + epsilon during the first 0.4 of the period and delta - epsilon during
+    the rest. The load is 1 and then `load`. The jumps are at 0 and at 0.4 of the period."""
     jump = 0.8 * np.pi
 
     def matrices(phase, speed):
@@ -137,7 +138,7 @@ def meissner(delta=1.3, epsilon=0.7, zeta=0.05, load=1.0):
 
 
 def chain_of(method, system, speed, grid):
-    """The affine maps A (m, N, N), b (m, N) of a method's steps."""
+    """Affine maps A (m, N, N) and b (m, N) of the steps of a method."""
     steps = method.discretise(SinglePoint(system, speed), grid).steps
     return Steps(steps.A[0], steps.b[0])
 

@@ -8,7 +8,8 @@ from solve.approximation import slope, slopes
 
 
 def test_the_less_accurate_slope_bounds_the_error():
-    """Derivatives of exp(20 x), whose truncation error dominates, and of a number with round-off 1e-10."""
+    """Derivatives of exp(20 x), whose truncation error dominates, and of a function with a round-off of
+    1e-10."""
     for values, exact in (
         (lambda x: np.exp(20 * x), 20 * math.exp(20)),
         (lambda x: np.round(x**2, 10), 2.0),
@@ -18,5 +19,5 @@ def test_the_less_accurate_slope_bounds_the_error():
         assert slope(values, 1.0) == best
 
 
-def test_the_largest_step_may_be_given():
+def test_largest_step_may_be_prescribed():
     assert abs(slope(np.sin, 0.0, largest_step=0.1) - 1.0) < 1e-14

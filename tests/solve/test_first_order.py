@@ -1,4 +1,4 @@
-"""First-order and mixed systems against closed forms, and against other forms of the same equations."""
+"""First-order and mixed systems, compared with closed forms and with other forms of the same equations."""
 
 import json
 
@@ -21,19 +21,19 @@ REFUSED = "newmark", "modal", "march", "bahgat-willmert"
 
 
 def relaxation(phase, speed):
-    """ẋ = -2 x + cos t."""
+    """System ẋ = -2 x + cos t."""
     return np.full((len(phase), 1, 1), -2.0), np.cos(phase)[:, None]
 
 
 def varga(phase, speed):
-    """A. Varga, PeriodicSystems.jl, test_pslifting.jl: exponents 0 and -24."""
+    """System by A. Varga, PeriodicSystems.jl, test_pslifting.jl, with exponents 0 and -24."""
     A = np.zeros((len(phase), 2, 2))
     A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -10 * np.cos(phase), -24 - 10 * np.sin(phase)
     return A, np.zeros((len(phase), 2))
 
 
 def pushed_mass(phase, speed):
-    """q̈ + 4 q = x + cos t with a force that lags: ẋ/2 + x + q/5 = 0."""
+    """System q̈ + 4 q = x + cos t with a delayed force: ẋ/2 + x + q/5 = 0."""
     M, C, K = np.zeros((3, len(phase), 2, 2))
     M[:, 0, 0], K[:, 0, 0], K[:, 0, 1] = 1.0, 4.0, -1.0
     C[:, 1, 1], K[:, 1, 1], K[:, 1, 0] = 0.5, 1.0, 0.2
@@ -41,7 +41,7 @@ def pushed_mass(phase, speed):
 
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
-def test_one_state_has_its_closed_form(engine):
+def test_system_with_one_state_matches_the_closed_form(engine):
     orbit = solve.periodic(FirstOrderSystem(relaxation, ["x"]), 1.0, engine=engine)
     expected = (2 * np.cos(orbit.phase) + np.sin(orbit.phase)) / 5
     assert np.abs(orbit.x[0] - expected).max() < 1e-9
@@ -52,7 +52,7 @@ def test_one_state_has_its_closed_form(engine):
 
 
 @pytest.mark.parametrize("N", [1, 2, 3, 5])
-def test_errors_of_rotated_constant_systems_are_honest(N):
+def test_estimates_cover_errors_of_rotated_constant_systems(N):
     rng = np.random.default_rng(N)
     for _ in range(8):
         speed = float(np.exp(rng.uniform(-1, 1.5)))
@@ -65,7 +65,7 @@ def test_errors_of_rotated_constant_systems_are_honest(N):
 
 
 @pytest.mark.slow
-def test_errors_of_200_rotated_constant_systems_are_honest():
+def test_estimates_cover_errors_of_200_rotated_systems():
     rng, ratios = np.random.default_rng(200), []
     for _ in range(200):
         N, speed = int(rng.integers(1, 9)), float(np.exp(rng.uniform(-0.7, 1.6)))
@@ -76,7 +76,7 @@ def test_errors_of_200_rotated_constant_systems_are_honest():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_method_of_first_order_gives_the_multipliers(method):
+def test_every_first_order_method_yields_the_multipliers(method):
     A, exact = rotated(np.random.default_rng(5), 3)
     steps = 61 if method in ("fourier", "hill") else None
     found = solve.floquet(first_order(A, 3), 1.0, method=method, steps=steps, rtol=1e-6)
@@ -136,7 +136,7 @@ def test_sweep_bands_and_chart_points_equal_single_solutions():
         assert swept.figures("q1") == pytest.approx(maxima, rel=1e-7)
 
 
-def test_bands_of_a_restated_mathieu_equation_are_the_same():
+def test_bands_of_both_forms_are_the_same():
     def mathieu(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.01 * one, (1 + 0.3 * np.cos(phase))[:, None, None], 0 * one[:, 0]
@@ -195,14 +195,14 @@ def test_critical_speeds_of_both_forms_are_the_same():
 
 
 @pytest.mark.parametrize("method", REFUSED)
-def test_methods_of_second_order_are_refused_in_one_line(method):
+def test_second_order_methods_are_refused_in_one_line(method):
     with pytest.raises(SolveError, match=r"second order only.*use auto, radau, gauss") as refused:
         solve.periodic(FirstOrderSystem(relaxation, ["x"]), 1.0, method=method, steps=50)
     assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("study", [solve.frequencies, solve.prove, solve.sensitivities, solve.nonlinear])
-def test_studies_of_second_order_refuse_first_order_states(study):
+def test_second_order_studies_refuse_first_order_states(study):
     arguments = () if study is solve.frequencies else (1.0,)
     with pytest.raises(SolveError) as refused:
         study(FirstOrderSystem(relaxation, ["x"]), *arguments)
@@ -219,12 +219,12 @@ def test_studies_of_second_order_refuse_first_order_states(study):
         (lambda phase, speed: (np.full((len(phase), 1, 1), np.nan), phase[:, None]), "A has NaN"),
     ],
 )
-def test_wrong_matrices_are_refused(matrices, message):
+def test_invalid_matrices_are_refused(matrices, message):
     with pytest.raises(SolveError, match=message):
         solve.floquet(FirstOrderSystem(matrices, ["x"]), 1.0)
 
 
-def test_wrong_names_are_refused():
+def test_invalid_names_are_refused():
     for settings in (
         {"states": ["x", "x"]},
         {"states": ["x"], "inputs": "u"},
@@ -250,7 +250,7 @@ def test_state_without_equation_is_refused():
         solve.floquet(MixedSystem(without, ["q"], ["x"]), 1.0)
 
 
-def test_mixed_system_equals_its_constant_coefficients():
+def test_constant_mixed_system_matches_the_closed_form():
     orbit = solve.periodic(MixedSystem(pushed_mass, ["q"], ["x"]), 1.0)
     A = np.array([[0, 0, 1], [-0.4, -2, 0], [-4, 1, 0.0]])  # of q, x, q̇
     assert error(orbit, np.exp(2 * np.pi * np.linalg.eigvals(A))) <= 10 * orbit.error_estimate.multipliers
@@ -283,14 +283,14 @@ def test_modes_have_the_frequencies_of_the_other_form():
         assert found == pytest.approx(expected, rel=1e-9)
 
 
-def test_comparison_leaves_out_methods_of_second_order():
+def test_comparison_omits_second_order_methods():
     rows = solve.compare(FirstOrderSystem(relaxation, ["x"]), 1.0, steps=[32], targets=[1e-4]).rows
     refused = {row.method for row in rows if row.reason and "second order only" in row.reason}
     assert refused == set(REFUSED)
 
 
 def conduction(phase, speed):
-    """Three bodies with heat conduction between them, which the sum of their temperatures survives."""
+    """Three bodies with heat conduction between them, which conserves the sum of the temperatures."""
     exchange = np.array([[-1, 1, 0], [1, -2, 1], [0, 1, -1.0]])
     sources = np.stack((np.cos(phase) + 0.3, np.sin(2 * phase), 0.5 * np.cos(phase)), axis=1)
     return (1 + 0.5 * np.cos(phase))[:, None, None] * exchange, sources
@@ -335,7 +335,7 @@ def test_free_mixed_system_equals_its_second_order_form(drag, engine):
         return M, C, K, np.stack((np.cos(phase) + drag / 2, -np.cos(phase)), axis=1)
 
     def with_sensor(phase, speed):
-        """And a state x that follows the twist."""
+        """System with an additional state x that follows the twist."""
         matrices = np.zeros((3, len(phase), 3, 3))
         *parts, load = second(phase, speed)
         for large, part in zip(matrices, parts, strict=True):
@@ -370,7 +370,7 @@ def test_free_mixed_system_equals_its_second_order_form(drag, engine):
     ],
 )
 def test_verdicts_of_constant_systems(A, verdict):
-    """The last one has a double pair on the circle with one eigenvector."""
+    """The last system has a double pair on the unit circle with one eigenvector."""
     A = np.array(A, dtype=float)
 
     def matrices(phase, speed):

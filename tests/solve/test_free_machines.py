@@ -28,7 +28,7 @@ from tests.solve.references import multiplier_error
 
 @pytest.mark.parametrize("engine", ["auto", "numpy"])
 @pytest.mark.parametrize("C", [NONE, SHAFTS, DRAG], ids=["undamped", "shafts", "drag"])
-def test_five_discs_vibrate_as_by_the_complex_solve(C, engine):
+def test_vibration_of_five_discs_matches_the_complex_solution(C, engine):
     orbit = solve.periodic(train(C), SPEED, engine=engine)
     np.testing.assert_allclose(orders(orbit), amplitudes(SPEED, C), rtol=1e-9)
     assert np.abs(orbit.curve.mean).max() < 1e-12 * np.abs(orbit.q).max()
@@ -55,7 +55,7 @@ def test_all_methods_solve_the_same_machine(C, method, rtol):
 
 
 def test_approximate_methods_match_a_free_machine():
-    """`modal` uncouples constant matrices exactly, except for its curve; the other is exact."""
+    """For constant matrices, `modal` is exact except for its curve, and the other method is exact."""
     M, stiffness = np.diag([1.0, 2.0]), 3 * np.array([[1.0, -1], [-1, 1]])
     system = train(0 * M, 0.0, M, stiffness, [1.0, 0.0])
     for method, error in (("modal", 1e-3), ("bahgat-willmert", 1e-12)):
@@ -64,7 +64,7 @@ def test_approximate_methods_match_a_free_machine():
 
 
 def _two_chains():
-    """Constant symmetric matrices that couple all coordinates and leave two rigid-body modes."""
+    """Constant symmetric matrices that couple all coordinates and have two rigid-body modes."""
     random = np.random.default_rng(1)
     mass, stiffness, modes = (
         random.normal(size=(5, 5)),
@@ -101,7 +101,7 @@ def test_modal_multipliers_of_free_constant_machines_are_exact(M, stiffness, spe
         (-SHAFTS, "unstable"),
     ],
 )
-def test_the_verdict_excludes_rigid_body_modes(C, verdict):
+def test_verdict_excludes_rigid_body_modes(C, verdict):
     for solved in (solve.floquet, solve.periodic):
         # The product of all multipliers, the fast ones among them, needs more than the default accuracy.
         computed = solved(train(C), SPEED, rtol=1e-12)
@@ -126,7 +126,7 @@ def test_the_verdict_excludes_rigid_body_modes(C, verdict):
         assert record[0].keys() == {"vector", "damped", "error", "drift"}
 
 
-def test_every_multiplier_of_a_free_machine():
+def test_all_multipliers_of_a_free_machine():
     stability = solve.floquet(train(DRAG), SPEED, all_multipliers=True)
     exact = exact_multipliers(DRAG, SPEED)
     np.testing.assert_allclose(np.abs(stability.multipliers), np.abs(exact), rtol=1e-7)
@@ -147,7 +147,7 @@ def test_sweep_matches_the_complex_amplitudes():
 
 
 @pytest.mark.parametrize("mean", [3.0, -1e-4])
-def test_a_load_that_drives_the_machine_is_refused_with_its_mean(mean):
+def test_unbalanced_mean_load_is_refused(mean):
     for C in (NONE, SHAFTS):
         with pytest.raises(UnbalancedLoadError, match=rf"mean torque .* is {mean:g} N m"):
             solve.periodic(train(C, mean), SPEED)
@@ -156,7 +156,8 @@ def test_a_load_that_drives_the_machine_is_refused_with_its_mean(mean):
 
 
 def test_drag_balances_the_mean_load_by_a_drift():
-    """q = w t + p(t): w from the sum of all drag, p the static twist due to the drag torques."""
+    """q = w t + p(t): the drift w follows from the sum of all drag, and the static part of p from the drag
+    torques."""
     orbit = solve.periodic(train(DRAG, mean=3.0), SPEED)
     (mode,) = orbit.rigid_body_modes
     assert mode.drift == pytest.approx(3 / 0.07, rel=1e-10)
@@ -186,8 +187,9 @@ def test_one_of_two_uncoupled_chains_may_drift():
 
 
 @pytest.mark.parametrize("speed", [5.0, 11.0, 23.0, 40.0, 80.0])
-def test_a_geared_train(speed):
-    """Propeller, bull gear and two turbines that rotate 11 and 17 times as fast: e is the ratio of speeds."""
+def test_geared_train_has_a_rigid_body_mode(speed):
+    """Propeller, bull gear, and two turbines that rotate 11 and 17 times as fast. e is the vector of speed
+    ratios."""
     ratios = np.array([1.0, 1.0, 11.0, 17.0])
     M = np.diag([6000.0, 800.0, 9.0, 3.0])
     stiffness = np.zeros((4, 4))
@@ -210,7 +212,7 @@ def _meshes(ratios, *stiffnesses):
 
 
 def crank(c=0.0, drag=0.0, mean=0.0):
-    """Two discs, where the inertia of the first varies with the phase: C e = M′ e."""
+    """Two discs. The inertia of the first one varies with the phase, and C e = M′ e."""
 
     def matrices(phase, speed):
         M = np.zeros((len(phase), 2, 2))
@@ -231,7 +233,8 @@ def crank(c=0.0, drag=0.0, mean=0.0):
 )
 @pytest.mark.parametrize(("c", "verdict"), [(0.0, "stable"), (0.05, "asymptotically stable")])
 def test_a_free_crank_train_conserves_its_momentum(c, verdict, method, rtol):
-    """C e ≠ 0 is not drag here: +1 is double, and the momentum of the drift-free vibration is not zero."""
+    """C e ≠ 0 is not drag here. The multiplier +1 is double, and the momentum of the vibration without drift
+    is not zero."""
     system = crank(c)
     orbit = solve.periodic(system, 1.1, method, rtol=rtol)
     grown, start = after_a_period(system, 1.1, orbit)
@@ -242,7 +245,7 @@ def test_a_free_crank_train_conserves_its_momentum(c, verdict, method, rtol):
     assert (orbit.multipliers == 1).sum() == 2
 
 
-def test_a_crank_train_that_is_driven_or_dragged():
+def test_crank_train_with_drive_or_drag():
     with pytest.raises(UnbalancedLoadError, match=r"is 0\.1 N m"):
         solve.periodic(crank(0.05, mean=0.1), 1.1)
     (mode,) = solve.periodic(crank(0.05, 0.2, 0.1), 1.1).rigid_body_modes
@@ -252,15 +255,15 @@ def test_a_crank_train_that_is_driven_or_dragged():
         solve.periodic(crank(), 1.1, "fourier")
 
 
-def test_gyroscopic_forces_conserve_a_momentum_too():
+def test_gyroscopic_forces_conserve_momentum():
     G, stiffness, torque = np.array([[0.0, 0.7], [-0.7, 0]]), np.diag([0.0, 2.0]), np.array([1.0, 0.0])
     orbit = solve.periodic(train(G, 0.0, np.eye(2), stiffness, torque), 1.3)
     np.testing.assert_allclose(orders(orbit), amplitudes(1.3, G, np.eye(2), stiffness, torque), rtol=1e-8)
     assert orbit.verdict == "stable"
 
 
-def test_inertia_that_varies_against_the_rigid_body_mode_alone():
-    """M(φ) e is constant and C e = 0: the coupling of the inertias varies with the phase."""
+def test_varying_inertia_does_not_affect_the_rigid_body_mode():
+    """M(φ) e is constant and C e = 0; only the inertial coupling varies with the phase."""
     apart = np.array([[1.0, -1], [-1, 1]])
 
     def matrices(phase, speed):
@@ -278,17 +281,17 @@ def test_inertia_that_varies_against_the_rigid_body_mode_alone():
     assert abs(np.array([1.0, 2.0]) @ orbit.curve.mean) < 1e-10
 
 
-def test_a_single_free_disc():
-    """J q″ = cos φ: q = -cos φ/(J Ω²), and no multiplier remains for the verdict."""
+def test_single_free_disc_has_no_multiplier_for_the_verdict():
+    """For J q″ = cos φ, q = -cos φ/(J Ω²)."""
     orbit = solve.periodic(train([[0]], 0.0, [[2.0]], [[0]], [1.0], order=1), 3.0)
     np.testing.assert_allclose(orders(orbit, 1), 1 / 18, rtol=1e-10)
     assert (orbit.verdict, orbit.spectral_radius) == ("stable", 0.0)
     assert orbit.multipliers.tolist() == [1, 1]
 
 
-def test_points_with_and_without_a_spring_to_ground_in_one_chart():
-    """A spring to ground that passes 0 makes one point of a chart free; the others agree with single
-    solutions."""
+def test_chart_may_contain_free_and_supported_points():
+    """The stiffness of a spring to ground passes through 0, at which the machine is free. The points agree
+    with single solutions."""
     machine = Mechanism("anchored", "Two discs on a spring to ground")
     q1, q2 = machine.coordinates(q1=("rad", "disc 1"), q2=("rad", "disc 2"))
     k, g, c = machine.parameters(k=("N m/rad", "shaft"), g=("N m/rad", "anchor"), c=("N m s/rad", "shaft"))
@@ -315,9 +318,9 @@ def test_points_with_and_without_a_spring_to_ground_in_one_chart():
 
 @pytest.mark.parametrize("engine", ["numpy", pytest.param("compiled", marks=needs_compiler)])
 @pytest.mark.parametrize("breaks", [(), (0.0, 2.0)])
-def test_discontinuous_drag_decays_as_its_mean(breaks, engine):
-    """q̈ + c(φ) q̇ = cos φ: the velocity decays by exp(-∫c dφ/Ω) per period; several points with their own
-    tables, and a single point."""
+def test_discontinuous_drag_has_the_effect_of_its_mean(breaks, engine):
+    """For q̈ + c(φ) q̇ = cos φ, the velocity decays by exp(-∫c dφ/Ω) per period. Several points with their
+    own tables, and a single point."""
 
     def at(phase, speed):
         one = np.ones((len(phase), 1, 1))

@@ -25,13 +25,13 @@ def test_interruptible_call_passes_on_results_and_errors():
         interruptible(refused)
 
 
-def test_the_settings_of_the_caller_hold_within():
+def test_settings_of_the_caller_apply_within_the_call():
     with np.errstate(divide="raise"):
         assert interruptible(np.geterr)["divide"] == "raise"
 
 
-def test_an_interruption_does_not_wait_for_the_end_of_the_work(monkeypatch):
-    """A balance of 600 unknowns whose eigenvalues take for ever."""
+def test_interruption_does_not_wait_for_the_result(monkeypatch):
+    """The eigenvalues in the balance of 600 unknowns take very long."""
     ended = threading.Event()
     monkeypatch.setattr("solve.methods.fourier.np.linalg.eig", lambda _: ended.wait())
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
@@ -76,12 +76,12 @@ def left_at_work(work, end):
 
 
 @pytest.mark.parametrize("attempt", range(4))
-def test_a_command_ends_at_once_while_lapack_is_at_work(attempt):
+def test_interrupted_command_ends_at_once(attempt):
     done = left_at_work(FOR_LONG, AS_A_COMMAND)
     assert (done.returncode, done.stdout, done.stderr) == (130, "before\n", "program: interrupted\n")
 
 
-def test_a_script_that_ends_after_an_interruption_waits_for_the_work():
-    """Libraries are taken down when a process ends."""
+def test_interrupted_script_waits_for_lapack_before_it_ends():
+    """Libraries are unloaded when a process ends."""
     done = left_at_work("lambda: (time.sleep(1), print('ended'))", AS_A_SCRIPT)
     assert (done.returncode, done.stdout) == (0, "before\ninterrupted\nended\n")

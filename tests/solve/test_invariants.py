@@ -1,4 +1,4 @@
-"""What holds for every periodic system, whatever its matrices."""
+"""Properties of every periodic system, whatever its matrices."""
 
 import numpy as np
 import pytest
@@ -103,7 +103,7 @@ def test_orbit_closes_and_repeats(seed, n, method):
 @given(seeds, sizes, st.floats(-8.0, 8.0), st.floats(-4.0, 4.0), METHODS)
 @few
 def test_units_of_force_and_coordinates_only_scale_the_orbit(seed, n, force, length, method):
-    """Rows times 10^force, and each coordinate in a unit of its own, 10^(length i)."""
+    """Rows are multiplied by 10^force, and coordinate i has the unit 10^(length i)."""
     matrices = random_matrices(seed, n)
     units = 10.0 ** (length * np.arange(n))
 
@@ -119,8 +119,8 @@ def test_units_of_force_and_coordinates_only_scale_the_orbit(seed, n, force, len
 
 @given(seeds, sizes, st.floats(0.2, 5.0), METHODS)
 @few
-def test_rescaled_time_leaves_the_orbit_over_phase_unchanged(seed, n, factor, method):
-    """Speed, 1/C and 1/√K and √M alike: the same orbit over the phase, rates times the factor."""
+def test_rescaled_time_does_not_change_the_orbit_versus_phase(seed, n, factor, method):
+    """The speed, 1/C, 1/√K and √M are scaled alike; rates are multiplied by the factor."""
     matrices = random_matrices(seed, n)
 
     def faster(phase, speed):
@@ -139,7 +139,7 @@ def test_rescaled_time_leaves_the_orbit_over_phase_unchanged(seed, n, factor, me
 
 @given(seeds, sizes)
 @few
-def test_newmarks_two_parameters_meet_where_the_step_vanishes(seed, n):
+def test_two_newmark_methods_agree_within_their_errors(seed, n):
     system = random_system(seed, n)
     first, second = (
         periodic(system, 1.0, Newmark(0.5, beta), steps=m, rtol=0.5) for beta, m in ((0.25, 400), (0.0, 600))
@@ -150,7 +150,7 @@ def test_newmarks_two_parameters_meet_where_the_step_vanishes(seed, n):
 
 @pytest.mark.parametrize("method", ["radau", "gauss", "rk4", "newmark"])
 def test_residual_is_the_defect_of_the_equation_of_motion(method):
-    """Recomputed from the orbit at the middles of the steps, row by row."""
+    """The residual is recomputed from the orbit at the midpoints of the steps, row by row."""
     given = random_system(5, 3)
     orbit = periodic(given, 1.0, method, steps=40, rtol=0.5)
     phase = (orbit.phase[:-1] + orbit.phase[1:]) / 2
@@ -165,8 +165,8 @@ def test_residual_is_the_defect_of_the_equation_of_motion(method):
     assert 0 < orbit.residual < 0.1
 
 
-def test_a_shorter_period_gives_the_multipliers_of_that_period():
-    """Mathieu's matrices repeat after π: over 2π the multipliers are the squares."""
+def test_multipliers_over_two_periods_are_squares():
+    """The matrices of Mathieu's equation have period π."""
 
     def mathieu(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -178,5 +178,5 @@ def test_a_shorter_period_gives_the_multipliers_of_that_period():
     assert short.exponents.real.max() == pytest.approx(long.exponents.real.max(), rel=1e-9)
 
 
-def test_a_jump_gives_no_residual_of_its_own():
+def test_jump_does_not_contribute_to_the_residual():
     assert periodic(meissner(), 1.0, rtol=1e-10).residual < 1e-8

@@ -71,8 +71,8 @@ z = { value = 3, unit = "1", source = "chosen" }
 VALUES = {"k": 5.0, "z": 3, "c": 0.4}
 
 
-def sealed(head, body):
-    """The text with the hash of the whole before its body."""
+def hashed(head, body):
+    """Generated text with the hash of the whole before its body."""
     return f'{head}FILE_SHA256 = "{hashlib.sha256((head + body).encode()).hexdigest()}"\n{body}'
 
 
@@ -87,7 +87,7 @@ class Folder:
 
     def generate(self, outputs=FORCE, text=None, body=lambda text: text):
         head = HEAD.format(sha256=hashlib.sha256(MECHANISM.encode()).hexdigest())
-        self.generated.write_text(text or sealed(head, body(BODY.format(outputs=outputs))), encoding="utf-8")
+        self.generated.write_text(text or hashed(head, body(BODY.format(outputs=outputs))), encoding="utf-8")
         self._version += 1
         os.utime(self.generated, (self._version, self._version))
 
@@ -107,7 +107,7 @@ def ready(folder):
     return folder
 
 
-def test_a_users_model_with_its_cases(ready):
+def test_user_model_with_cases_is_loaded(ready):
     model = ready.load()
     assert (model.labels.name, model.labels.case, model.coordinates) == ("mine", "soft", ("q",))
     assert model.parameters == VALUES
@@ -159,14 +159,14 @@ def test_exceeded_limit_raises_its_warning(ready):
     )
 
 
-def test_a_model_without_outputs(folder):
+def test_model_may_have_no_outputs(folder):
     folder.generate(outputs="()")
     orbit = solve.periodic(folder.load(**VALUES), 3.0)
     assert orbit.outputs == {}
     assert orbit.steps > 0
 
 
-def test_parameters_may_take_the_place_of_a_case_file(folder):
+def test_parameters_may_replace_a_case_file(folder):
     folder.generate()
     assert folder.load(**VALUES).parameters == VALUES
     with pytest.raises(
@@ -189,19 +189,19 @@ def test_parameters_may_take_the_place_of_a_case_file(folder):
         ({"k": None}, r"k \(spring\) is None; give a number in N/m"),
     ],
 )
-def test_parameters_out_of_bounds(ready, values, message):
+def test_parameters_out_of_bounds_are_refused(ready, values, message):
     with pytest.raises(ValueOutOfBoundsError, match=message):
         ready.load(**values)
 
 
 @pytest.mark.parametrize("given", ["0.05 kN/m", "0.05kN/m", "50", "5e-2N/mm"])
-def test_parameters_as_texts_with_unit(ready, given):
+def test_parameters_may_be_texts_with_unit(ready, given):
     assert ready.load(k=given).parameters["k"] == pytest.approx(50.0, rel=1e-15)
     assert ready.load().varied({"k": given}).parameters["k"] == pytest.approx(50.0, rel=1e-15)
 
 
 @pytest.mark.parametrize("given", ["5 kg", "5 bananas"])
-def test_parameters_in_a_unit_of_another_kind(ready, given):
+def test_units_of_another_dimension_are_refused(ready, given):
     with pytest.raises(UnitError, match=r"k: unit '.*' does not convert to 'N/m'"):
         ready.load(k=given)
 
@@ -216,14 +216,14 @@ def test_unknown_parameters_and_cases_suggest_the_nearest_name(ready):
 
 
 @pytest.mark.parametrize(("option", "chosen"), [({"modes": 2}, 2), ({"modes": "2"}, 2), ({}, 1)])
-def test_options_in_a_range_are_whole_numbers(ready, option, chosen):
+def test_options_with_a_range_take_integers(ready, option, chosen):
     model = ready.load(options=option)
     assert model.labels.options["modes"] == chosen
     assert model.n == chosen
 
 
 @pytest.mark.parametrize("value", [0, 3, "3", "--2", "²", "x", "", "1.0"])
-def test_options_out_of_their_range(ready, value):
+def test_options_out_of_range_are_refused(ready, value):
     with pytest.raises(
         ValueOutOfBoundsError, match=r"option modes of mine is .*; allowed: a whole number from 1 to 2"
     ):
@@ -231,19 +231,19 @@ def test_options_out_of_their_range(ready, value):
 
 
 @pytest.mark.parametrize("value", [2.0, True, 1.5])
-def test_options_in_a_range_are_no_other_numbers(ready, value):
+def test_options_with_a_range_refuse_other_numbers(ready, value):
     with pytest.raises(ValueOutOfBoundsError, match=f"is {value}; allowed: a whole number from 1 to 2"):
         ready.load(options={"modes": value})
     assert type(ready.load(options={"modes": np.int64(2)}).labels.options["modes"]) is int
 
 
-def test_a_case_may_be_named_by_its_number():
+def test_case_may_be_selected_by_number():
     assert solve.load("cam", 2).parameters == solve.load("cam", case="2").parameters
     with pytest.raises(UnknownNameError, match="unknown case of cam '7'"):
         solve.load("cam", case=7)
 
 
-def test_unknown_options_and_values(ready):
+def test_unknown_options_and_values_are_refused(ready):
     with pytest.raises(UnknownNameError, match="unknown option of mine 'laod'; did you mean 'load'"):
         ready.load(options={"laod": "none"})
     with pytest.raises(UnknownNameError, match="unknown value of option load 'non'; did you mean 'none'"):
@@ -259,14 +259,14 @@ def test_generated_code_in_place_of_a_mechanism_is_refused(name, tmp_path):
         solve.load(str(generated))
 
 
-def test_code_that_was_never_generated_names_the_command(folder):
+def test_message_about_missing_code_states_the_command(folder):
     with pytest.raises(
         ModelFileError, match=r"no generated code for '(.*mine.py)'; run: python -m derive \1"
     ):
         folder.load()
 
 
-def test_stale_code_names_the_command_and_line_endings_do_not_matter(ready):
+def test_message_about_stale_code_states_the_command(ready):
     ready.mechanism.write_bytes(MECHANISM.replace("\n", "\r\n").encode())
     assert ready.load().labels.name == "mine"
     ready.mechanism.write_text(MECHANISM + "# more\n", encoding="utf-8")
@@ -277,7 +277,7 @@ def test_stale_code_names_the_command_and_line_endings_do_not_matter(ready):
 
 
 @pytest.mark.parametrize("name", ["mine.py", "generated/mine.py"])
-def test_a_file_without_the_right_to_read_it_is_named(ready, name, monkeypatch):
+def test_message_names_an_unreadable_file(ready, name, monkeypatch):
     read, target = Path.read_text, ready.mechanism.parent / name
 
     def forbidden(path, *given, **named):
@@ -293,15 +293,15 @@ def test_a_file_without_the_right_to_read_it_is_named(ready, name, monkeypatch):
 CODES = ["x = 1", "def broken(", "import no_such_module_at_all", "raise SystemError"]
 
 
-@pytest.mark.parametrize("text", [*CODES, *(sealed("", code) for code in CODES)])
-def test_a_file_that_is_not_generated_code(folder, text):
+@pytest.mark.parametrize("text", [*CODES, *(hashed("", code) for code in CODES)])
+def test_file_other_than_generated_code_is_refused(folder, text):
     folder.generate(text=text)
     with pytest.raises(ModelFileError, match=r"mine.py' is not generated code \(.*\); move it away"):
         folder.load(**VALUES)
 
 
 @pytest.mark.parametrize("where", ["first", "above the seal", "second seal", "last"])
-def test_code_that_was_put_into_the_file_is_not_executed(ready, tmp_path, where):
+def test_code_inserted_into_the_file_is_not_executed(ready, tmp_path, where):
     text, planted = ready.generated.read_text(encoding="utf-8"), f"open({str(tmp_path / 'ran')!r}, 'w')\n"
     checksum = next(line for line in text.splitlines(keepends=True) if line.startswith("FILE_SHA256"))
     changed = {
@@ -328,7 +328,7 @@ def test_edited_code_is_refused_regardless_of_line_endings(ready):
         ready.load()
 
 
-def test_a_byte_order_mark_is_no_change(ready):
+def test_byte_order_mark_does_not_make_code_stale(ready):
     ready.mechanism.write_text(MECHANISM, encoding="utf-8-sig")
     ready.cases.write_text(CASES, encoding="utf-8-sig")
     assert ready.load().labels.case == "soft"
@@ -341,7 +341,7 @@ def test_path_objects_name_mechanism_files_and_matrix_files(ready, tmp_path):
     assert solve.load(file).n == 1
 
 
-def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path, monkeypatch):
+def test_changed_mechanism_of_the_package_is_detected(ready, tmp_path, monkeypatch):
     folder = tmp_path / "models" / "mine"
     folder.mkdir(parents=True)
     ready.mechanism.rename(folder / "mechanism.py")
@@ -361,7 +361,7 @@ def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path,
         ("2 + casadi.sin(3 * phase)", "M is not periodic: it changes by 2 over the period 3.14159"),
     ],
 )
-def test_matrices_that_no_kinetic_energy_with_that_period_has(ready, matrix, message):
+def test_impossible_matrices_are_refused(ready, matrix, message):
     ready.generate(body=lambda body: body.replace("[one, p[2]", f"[({matrix}) * one, p[2]"))
     with pytest.raises(MatricesError, match=message):
         solve.floquet(ready.load(), "3 rad/s")
@@ -381,7 +381,7 @@ def test_two_sided_limit_warns_of_the_violated_side(ready, bound, computed):
     assert all(part in warned[0] for part in computed)
 
 
-def test_renewed_code_is_read_anew(ready):
+def test_regenerated_code_is_read_again(ready):
     assert ready.load().outputs == ("force",)
     ready.generate(outputs="()")
     assert ready.load().outputs == ()
@@ -398,7 +398,7 @@ def test_renewed_code_is_read_anew(ready):
         ("no_such_file.py", ModelFileError, "no mechanism file 'no_such_file.py'"),
     ],
 )
-def test_names_that_are_no_model(name, error, message):
+def test_unknown_model_names_are_refused(name, error, message):
     with pytest.raises(error, match=message):
         solve.load(name)
 
@@ -412,15 +412,15 @@ def test_models_are_found_from_any_folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
-def test_the_cam_of_the_package_is_the_chapters(case):
-    """Generated matrices of either case against (64) with Tables 1 and 2 by hand."""
+def test_cam_of_the_package_matches_the_chapter(case):
+    """Generated matrices of both cases, compared with hand-coded Eq. (64) and Tables 1 and 2."""
     phase = np.linspace(0.0, 2 * np.pi, 517)
     by_hand = cam_matrices(case)(phase, 20 * np.pi)
     for ours, theirs in zip(solve.load("cam", case=case).at(phase, 20 * np.pi), by_hand, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
 
 
-def test_a_notebook_shows_title_and_equations():
+def test_notebook_shows_title_and_equations():
     page = solve.load("mathieu")._repr_html_()
     assert page.startswith("<p>Mathieu's equation".replace("'", "&#x27;"))
     assert page.count("<math>") == 4

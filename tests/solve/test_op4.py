@@ -1,4 +1,4 @@
-"""OUTPUT4 files of NASTRAN: read back in all their forms, refused if malformed."""
+"""OUTPUT4 files of NASTRAN: all formats are read, and malformed files are refused."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_matrices_are_read_back_as_they_were_written(tmp_path, layout, form):
 
 
 def test_lines_printed_in_the_manual_are_read(tmp_path):
-    """Two rows of ones behind a zero, in the fields of eight characters; D is an exponent too."""
+    """Two rows of ones after a zero, in fields of eight characters. The exponent may have the letter D."""
     lines = [
         f"{1:8}{4:8}{2:8}{2:8}{'LOAD':8}1P,5E16.9",
         f"{1:8}{2:8}{3:8}",

@@ -90,7 +90,7 @@ class Corrections(Result):
         excess = [maximum / reference - 1 for maximum in maxima]
         further = (name for name in Statistics._fields if name != "max_abs")
         return {
-            "name": Column(list(self.models), "", "elements a link", "elements a link"),
+            "name": Column(list(self.models), "", "elements per link", "elements per link"),
             "max_abs": sized(maxima, unit, "largest modulus", "max|…|", 5, reference),
             "at": Column(phases, "rad", "where", "at", lambda phase: f"{math.degrees(phase):.1f}°"),
             "excess": Column(excess, "1", "over the reference", "excess (%)", digits("+.2f", 100.0)),
@@ -121,7 +121,7 @@ class Corrections(Result):
             self._phase,
             curves,
             self.reference.drawn,
-            "elements a link",
+            "elements per link",
             styles={REFERENCE: BEHIND},
         )
 

@@ -79,7 +79,7 @@ def _systems(
         systems["corrected"] = Corrected(model.varied(options={"elements": 1}))
     if len(systems) > MOST_CURVES:
         raise ValueOutOfBoundsError(
-            f"{len(systems)} curves over speed; allowed: up to {MOST_CURVES} in one picture"
+            f"{len(systems)} curves versus speed; allowed: up to {MOST_CURVES} in one picture"
         )
     return title, systems
 

@@ -33,8 +33,8 @@ _LEAST_ROOM = 0.045
 """Smallest width of a labelled region, relative to the size of its plane. Chosen by appearance."""
 
 _EXPLAINED = (
-    "Strong: Grashof, by the shortest link; pale: non-Grashof, by the longest. Lines: change points,\n"
-    "CP2X where two cross, CP3X where three meet. Outside: no linkage closes."
+    "Strong colours: Grashof, by the shortest link; pale colours: non-Grashof, by the longest link. Lines:\n"
+    "change points, CP2X where two cross, CP3X where three meet. Outside: no linkage can be assembled."
 )
 _GRASHOF = {"GCCC": "1", "GCRR": "2", "GRCR": "3", "GRRC": "4"}
 

@@ -1,4 +1,4 @@
-"""The cam with unilateral contact: lift-off, and multipliers against differences of the return map."""
+"""Cam with unilateral contact: lift-off, and multipliers compared with differences of the return map."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,8 @@ P = 95000.0
 
 
 def return_map(model):
-    """State (q, q̇) after a turn, by the equations by hand, from event to event."""
+    """Return the state (q, q̇) after one revolution, by integration of hand-coded equations from event to
+    event."""
     p = model.parameters
     orders = np.arange(1, 13)
     a = np.array([p[f"a{k}"] for k in orders])
@@ -59,7 +60,7 @@ def orbit(cam):
     return solve.nonlinear(cam, SPEED, rtol=1e-9)
 
 
-def test_follower_lifts_off_where_the_linear_model_warns(cam, orbit):
+def test_follower_lifts_off_if_the_linear_model_warns(cam, orbit):
     assert any("lifts off" in text for text in solve.periodic(cam, 1.02 * SPEED).warnings)
     assert not any("lifts off" in text for text in solve.periodic(cam, 0.9 * SPEED).warnings)
     assert len(orbit.events) == 4

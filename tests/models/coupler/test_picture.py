@@ -1,4 +1,4 @@
-"""Figure of the deformed coupler: its data, and errors of its command."""
+"""Figure of the deformed coupler: its data, and errors of the command."""
 
 import re
 import shlex
@@ -42,7 +42,7 @@ def test_joints_match_the_loop_solved_by_hand(branch, theta):
     np.testing.assert_allclose(bent(model, orbit, phase, 1.0).joints, expected, rtol=0, atol=1e-14)
 
 
-def test_the_line_is_off_its_chord_by_the_magnified_deflection():
+def test_line_deviates_from_the_chord_by_the_magnified_deflection():
     model, orbit = solved()
     for k, axes in enumerate(panels(coupler_figure(model, orbit, 8, 300))):
         first, last = line(axes, "chord of the coupler")
@@ -55,14 +55,14 @@ def test_the_line_is_off_its_chord_by_the_magnified_deflection():
 
 
 @pytest.mark.parametrize("positions", [1, 5, 8, 12])
-def test_a_panel_a_position_with_its_crank_angle(positions):
+def test_figure_has_one_panel_per_crank_position(positions):
     model, orbit = solved()
     drawn = panels(coupler_figure(model, orbit, positions))
     angles = [float(axes.get_title().split("°")[0]) for axes in drawn]
     assert angles == pytest.approx([360 * k / positions for k in range(positions)])
 
 
-def test_panels_state_the_deflection_that_is_not_magnified():
+def test_panels_state_the_true_deflection():
     model, orbit = solved()
     stated = panels(coupler_figure(model, orbit, 4))[1].get_title()
     midspan = orbit.signal("midpoint_deflection")(np.array([np.pi / 2]))[0]
@@ -85,7 +85,7 @@ def test_automatic_magnification_is_the_largest_round_factor(speed):
     assert factor * deflection <= 0.2 * 0.8 < 2.5 * factor * deflection
 
 
-def test_a_deflection_that_needs_no_magnification_is_drawn_as_it_is():
+def test_large_deflection_is_not_magnified():
     model, orbit = solved("1500 rpm", E=8e9)
     assert np.abs(orbit.outputs["midpoint_deflection"]).max() > 0.2 * 0.8
     assert round_magnification(model, orbit) == 1
@@ -96,7 +96,7 @@ def test_command_writes_the_figure_and_prints_warnings(tmp_path, capsys):
     assert run(["--case", "table1", "--speed", "1500 rpm", "--positions", "2", "--plot", str(file)]) == 0
     assert file.read_bytes().startswith(b"\x89PNG")
     err = capsys.readouterr().err
-    assert "warning: the deflection is not small against the length" in err
+    assert "warning: the deflection is not small relative to the length" in err
     assert f"wrote {file}" in err
 
 
@@ -114,7 +114,7 @@ def test_command_writes_the_figure_and_prints_warnings(tmp_path, capsys):
         (["--plot", "bent.txt"], "picture file 'bent.txt' ends in '.txt'"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(arguments, message, tmp_path, monkeypatch, capsys):
+def test_invalid_input_is_refused_in_one_line(arguments, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     usual = {"--speed": "600 rpm", "--plot": "bent.png"}
     flags = [part for flag, value in usual.items() if flag not in arguments for part in (flag, value)]

@@ -1,4 +1,4 @@
-"""Fixtures: commands of the four-bar, run in the test process."""
+"""Fixtures: commands of the four-bar linkage, run in the test process."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from models.four_bar.__main__ import run
 
 @pytest.fixture
 def answer(capsys, monkeypatch):
-    """Standard output and standard error of a command, which must succeed."""
+    """Function that runs a command, which must succeed, and returns standard output and standard error."""
     monkeypatch.setenv("COLUMNS", "80")
 
     def ask(*arguments: str) -> tuple[str, str]:
@@ -20,7 +20,7 @@ def answer(capsys, monkeypatch):
 
 @pytest.fixture
 def refusal(capsys):
-    """Message of a refused command, without progress reports."""
+    """Function that runs a command, which must fail, and returns the message without progress reports."""
 
     def ask(*arguments: str) -> str:
         assert run(arguments) == 2

@@ -1,4 +1,4 @@
-"""Linkages for the tests: that of the thesis, and random ones with a full revolution of the crank."""
+"""Linkages for the tests: that of the thesis, and random linkages whose crank can turn fully."""
 
 from hypothesis import strategies as st
 
@@ -10,7 +10,8 @@ THESIS = (0.170, 0.328, 0.525, 0.547)
 
 @st.composite
 def cranks(draw: st.DrawFn) -> Linkage:
-    """|L1 - L4| > |L2 - L3| and L1 + L4 < L2 + L3, with room for a transmission angle off 0 and π."""
+    """Linkages with |L1 - L4| > |L2 - L3| and L1 + L4 < L2 + L3, and with margins such that the transmission
+    angle differs from 0 and π."""
     L1, L4 = draw(
         st.tuples(st.floats(0.1, 1.0), st.floats(0.1, 1.0)).filter(lambda x: abs(x[0] - x[1]) > 0.05)
     )

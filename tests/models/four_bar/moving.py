@@ -1,8 +1,8 @@
-"""A four-bar of one beam element a link by hand, whose speed and ground pivot change, integrated by SciPy.
+"""Four-bar linkage with varying speed and moving ground pivot, integrated by SciPy.
 
-Reference without code of the program. Freedoms: A_x, A_y, rotation of the crank at A, of the
-coupler at A and at B, B_x, B_y, rotation of the follower at B and at C; then the held ones: O_x, O_y,
-rotation at O, C_x, C_y.
+Independent reference with one hand-coded beam element per link. Degrees of freedom: A_x, A_y, rotation of the
+crank at A, of the coupler at A and at B, B_x, B_y, rotation of the follower at B and at C; then the
+prescribed ones: O_x, O_y, rotation at O, C_x, C_y.
 """
 
 import numpy as np
@@ -15,14 +15,18 @@ MAP = ((9, 10, 11, 0, 1, 2), (0, 1, 3, 5, 6, 4), (12, 13, 8, 5, 6, 7))
 
 
 class Moving:
-    """p: parameters of the case. phi(t), L4(t): crank angle (rad) and ground link (m) at a time (s)."""
+    """Four-bar linkage in motion.
+
+    p: parameters of the case. phi(t), L4(t): crank angle (rad) and length of the ground link (m) as functions
+    of time (s).
+    """
 
     def __init__(self, p, phi, L4):
         self.p, self.phi, self.L4 = p, phi, L4
         self.lengths = p["L1"], p["L2"], p["L3"]
 
     def places(self, t):
-        """A, B, C as complex numbers and the angles of the links."""
+        """Positions of A, B and C as complex numbers, and the angles of the links."""
         L1, L2, L3 = self.lengths
         A, C = L1 * np.exp(1j * self.phi(t)), self.L4(t)
         d = abs(C - A)
@@ -31,7 +35,7 @@ class Moving:
         return A, B, C, (self.phi(t), np.angle(B - A), np.angle(B - C))
 
     def rigid(self, t):
-        """The rigid motion of all 14 freedoms."""
+        """Rigid motion of all 14 degrees of freedom."""
         A, B, C, (t1, t2, t3) = self.places(t)
         return np.array([A.real, A.imag, t1, t2, t2, B.real, B.imag, t3, t3, 0, 0, t1, C, 0])
 
@@ -58,7 +62,8 @@ class Moving:
         return np.vstack((np.hstack((np.zeros_like(M), np.eye(FREE))), lower))
 
     def equation(self, t, step=1e-4):
-        """M, C, K, d of the free ones; the acceleration by central differences of fourth order."""
+        """M, C, K and d for the free degrees of freedom. The acceleration is a central difference of fourth
+        order."""
         M, K = self.matrices(t)
         weights = np.array([-1, 16, -30, 16, -1]) / (12 * step**2)
         acceleration = sum(w * self.rigid(t + j * step) for j, w in zip(range(-2, 3), weights, strict=True))
@@ -69,7 +74,7 @@ class Moving:
         return M, left * (2 * self.p["zeta"] * np.sqrt(squares)) @ left.T, K, d
 
     def run(self, end):
-        """Times and q (9, k) from quasi-static equilibrium at t = 0 on."""
+        """Times and q (9, k) of the motion that starts in quasi-static equilibrium at t = 0."""
         _, _, K, d = self.equation(0.0)
         start = np.concatenate((np.linalg.solve(K, d), np.zeros(FREE)))
         solution = solve_ivp(
@@ -80,7 +85,7 @@ class Moving:
         return times, solution.sol(times)[:FREE]
 
     def stress(self, times, q, link, fraction):
-        """Largest |stress| on both surfaces of link 0, 1, 2 at a fraction of its length, at each time."""
+        """Largest |stress| (k,) on both surfaces of link 0, 1 or 2 at a fraction of its length."""
         p, L, computed = self.p, self.lengths[link], []
         B = np.array([-6 + 12 * fraction, (6 * fraction - 4) * L, 6 - 12 * fraction, (6 * fraction - 2) * L])
         for t, values in zip(times, q.T, strict=True):
@@ -93,7 +98,7 @@ class Moving:
 
 
 def element(L, mu, EA, EI):
-    """Textbook matrices for u, v, rotation at both ends."""
+    """Textbook mass and stiffness matrices for u, v and rotation at both ends."""
     m, k = np.zeros((6, 6)), np.zeros((6, 6))
     a, b = [0, 3], [1, 2, 4, 5]
     m[np.ix_(a, a)] = mu * L / 6 * np.array([[2, 1], [1, 2]])
@@ -124,7 +129,7 @@ def element(L, mu, EA, EI):
 
 
 def turned(angle):
-    """From ground axes to the link's."""
+    """Matrix that transforms displacements from the ground axes to those of the link."""
     c, s = np.cos(angle), np.sin(angle)
     R = np.eye(6)
     for i in (0, 3):

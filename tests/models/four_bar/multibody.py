@@ -1,8 +1,8 @@
-"""Reference without code of the package: three free bodies in absolute coordinates.
+"""Independent reference: three free bodies in absolute coordinates.
 
-Their joints and the drive are constraints g(q, time) = 0 that CasADi differentiates. Velocities,
-accelerations and multipliers follow from g' = 0, M q'' + g_qᵀ λ = Q and g'' = 0; the multipliers are
-the joint forces and the drive torque.
+The joints and the drive are constraints g(q, time) = 0, which CasADi differentiates. Velocities,
+accelerations and Lagrange multipliers follow from g' = 0, M q'' + g_qᵀ λ = Q and g'' = 0. The Lagrange
+multipliers are the joint forces and the drive torque.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class FreeBodies:
-    """q, qd, qdd: x, y (m) of the mass centre and angle (rad) of each body (3, 3), and derivatives by
-    time; forces F01, F12, F23, F03 (4, 2) in N; torque in N m."""
+    """Motion and forces of three bodies.
+
+    q, qd, qdd (3, 3): x and y (m) of the centre of mass and angle (rad) of each body, and time derivatives of
+    these. F01, F12, F23, F03 (4, 2): joint forces in N. torque: drive torque in N m.
+    """
 
     q: np.ndarray
     qd: np.ndarray
@@ -25,8 +28,11 @@ class FreeBodies:
 
 
 def free_bodies(lengths, bodies, crank, load, start) -> FreeBodies:
-    """lengths L1 … L4; bodies (mass, centre X, centre Y, J); crank (t1, omega1, alpha1); load: torque
-    that opposes the follower; start: angles of the links from which Newton's iteration sets out."""
+    """Solve the motion of the bodies.
+
+    lengths: L1 … L4. bodies: (mass, centre X, centre Y, J) of each. crank: (t1, omega1, alpha1). load: torque
+    that opposes the follower. start: initial guess of the angles of the links for Newton's method.
+    """
     constraints, matrices = _functions()
     p = np.concatenate([lengths, np.ravel(bodies), crank, [load]])
     q = np.concatenate([[0.0, 0.0, angle] for angle in start])
@@ -47,14 +53,14 @@ def free_bodies(lengths, bodies, crank, load, start) -> FreeBodies:
 
 @lru_cache
 def _functions() -> tuple[ca.Function, ca.Function]:
-    """g and g_q; g_q, g_t, M, Q and what g'' has besides g_q q''."""
+    """Functions for g and g_q, and for g_q, g_t, M, Q and the terms of g'' other than g_q q''."""
     q, qd, time = ca.SX.sym("q", 9), ca.SX.sym("qd", 9), ca.SX.sym("time")
     lengths, bodies = ca.SX.sym("L", 4), ca.SX.sym("body", 4, 3)
     crank, load = ca.SX.sym("crank", 3), ca.SX.sym("load")
     p = ca.vertcat(lengths, ca.vec(bodies), crank, load)
 
     def place(k: int, x: ca.SX | float) -> ca.SX:
-        """Where the point (x, 0) of a link's frame is."""
+        """Position of the point (x, 0) in the frame of a link."""
         X, Y, angle = x - bodies[1, k], -bodies[2, k], q[3 * k + 2]
         turned = ca.vertcat(ca.cos(angle) * X - ca.sin(angle) * Y, ca.sin(angle) * X + ca.cos(angle) * Y)
         return q[3 * k : 3 * k + 2] + turned

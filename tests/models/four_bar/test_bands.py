@@ -1,4 +1,4 @@
-"""Unstable bands of the undamped four-bar, whose axial modes are undamped and unresolved."""
+"""Unstable bands of the undamped four-bar linkage, whose axial modes are undamped and unresolved."""
 
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ def four_bar():
 
 
 def magnus(system, speed):
-    """Largest modulus of the multipliers of all modes, by Magnus's series of fourth order on (q, dq/dt)."""
+    """Largest modulus of the multipliers of all modes, by Magnus's series of fourth order for (q, dq/dt)."""
     n, h = system.n, system.period / STEPS
     sampled = []
     for place in (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6):
@@ -51,7 +51,7 @@ def test_magnus_series_confirms_growth_only_inside_the_bands(four_bar):
         assert magnus(four_bar, (one.high + other.low) / 2) < 1 + 1e-7
 
 
-def test_damped_or_soft_systems_follow_every_mode(four_bar):
+def test_every_mode_of_damped_or_soft_systems_is_resolved(four_bar):
     for system in (solve.load("four_bar"), solve.load("mathieu")):
         assert not any(
             "modes have a phase advance of more" in note

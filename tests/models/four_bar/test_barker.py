@@ -1,4 +1,4 @@
-"""Barker's fourteen classes against Table 3.1 and against the motion of the links."""
+"""Barker's fourteen classes compared with Table 3.1 of the thesis and with the motion of the links."""
 
 import doctest
 import math
@@ -45,7 +45,7 @@ def movable(lengths) -> Linkage:
 
 
 def turns_fully(lengths, link: int) -> bool:
-    """Whether the other links close the loop at every angle of this one against the frame."""
+    """Whether the other links close the loop at every angle of this link relative to the frame."""
     own, frame = lengths[link - 1], lengths[3]
     first, second = (length for k, length in enumerate(lengths[:3], start=1) if k != link)
     gap = np.abs(frame - own * np.exp(1j * np.linspace(0, math.pi, 361)))
@@ -53,7 +53,8 @@ def turns_fully(lengths, link: int) -> bool:
 
 
 def table_symbol(lengths) -> str:
-    """Thesis Table 3.1 word by word, from the shortest and longest link and the equality of pairs."""
+    """Class according to Table 3.1 of the thesis, from the shortest and the longest link and from equal
+    pairs."""
     shortest, p, q, longest = sorted(lengths)
     if shortest == longest:
         return "CP3X"
@@ -87,7 +88,7 @@ def test_signs_of_three_sums_agree_with_the_table(lengths):
 
 @given(LENGTHS)
 def test_letters_of_the_class_identify_fully_turning_links(lengths):
-    """For all classes but those of equal links, whose letters are missing."""
+    """Classes with equal links are excluded, because their symbols have no such letters."""
     symbol = classify(movable(lengths)).symbol
     assume(not symbol.endswith("X"))
     letters = symbol[:3] if symbol.startswith("RRR") else symbol[-3:]
@@ -98,7 +99,7 @@ def test_letters_of_the_class_identify_fully_turning_links(lengths):
 
 
 @given(LENGTHS, st.floats(1e-3, 1e3))
-def test_the_class_does_not_depend_on_the_size(lengths, size):
+def test_class_does_not_depend_on_the_size_of_the_linkage(lengths, size):
     linkage = movable(lengths)
     scaled = Linkage(*(size * length for length in lengths))
     assert classify(scaled) == classify(linkage)
@@ -125,7 +126,8 @@ def test_the_thesis_linkage_is_a_crank_rocker():
 
 
 def test_mobility_follows_from_the_number_of_links():
-    """Thesis 3.2: a triangle is a structure, an odd number of links has no mobility 1."""
+    """Section 3.2 of the thesis: a triangle is a structure, and an odd number of links cannot have mobility
+    1."""
     assert mobility() == mobility(4, 4, 0) == 1
     assert mobility(3, 3) == 0
     assert mobility(6, 7) == 1

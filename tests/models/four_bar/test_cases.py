@@ -1,4 +1,4 @@
-"""The case file and the checks of the parameters."""
+"""Case file and checks of the parameters."""
 
 import math
 from pathlib import Path
@@ -38,7 +38,8 @@ def test_table_32_has_sections_of_its_widths_and_thicknesses():
 
 
 def test_printed_second_moment_differs_from_the_section():
-    """Thesis Table 4.1 prints 520.47e-12 m⁴ where Table 3.2 gives 529.17e-12; the others agree."""
+    """Table 4.1 of the thesis prints 520.47e-12 m⁴, but the section in Table 3.2 has 529.17e-12 m⁴. The other
+    values agree."""
     printed, derived = (case_numbers("four_bar", case).parameters for case in ("table41", "table32"))
     assert printed["I1"] / derived["I1"] == pytest.approx(0.98357, abs=1e-5)
     assert printed["I2"] / derived["I2"] == pytest.approx(1.0, abs=1e-4)

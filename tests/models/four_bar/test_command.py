@@ -1,4 +1,4 @@
-"""`python -m models.four_bar linkage`: report, JSON, pictures, refusals."""
+"""`python -m models.four_bar linkage`: report, JSON, figures and errors."""
 
 import json
 import math
@@ -28,12 +28,12 @@ KEYS = {
 
 @pytest.fixture
 def answer(answer):
-    """Of the command `linkage`."""
+    """Function that runs the command `linkage`."""
     return partial(answer, "linkage")
 
 
 def work_of_the_drive():
-    """Largest difference of the torque's work between two crank angles, 300 rpm, by the trapezoidal rule."""
+    """Largest difference of the drive's work between two crank angles at 300 rpm, by the trapezoidal rule."""
     linkage, links = Linkage(0.170, 0.328, 0.525, 0.547), bodies(case_numbers("four_bar").parameters)
     angles = np.linspace(0.0, 2 * math.pi, 7201)
     torque = joint_forces(linkage.motion(angles, 10 * math.pi), links).torque
@@ -65,8 +65,8 @@ def test_json_has_the_promised_keys(answer):
     assert record["coupler_curves"][0]["point"] == [0.164, 0.0]
 
 
-def test_a_position_with_a_bad_transmission_angle_is_warned_of(answer):
-    """Where the crank lies on the ground link: cos γ = (L2² + L3² - (L4 - L1)²) / (2 L2 L3)."""
+def test_poor_transmission_angle_at_a_position_gives_a_warning(answer):
+    """The crank lies on the ground link: cos γ = (L2² + L3² - (L4 - L1)²) / (2 L2 L3)."""
     given = [part for text in ("L1=0.15", "L2=0.5", "L3=0.4", "L4=0.4") for part in ("--set", text)]
     gamma = math.degrees(math.acos((0.5**2 + 0.4**2 - 0.25**2) / (2 * 0.5 * 0.4)))
     err = answer(*given, "--position", "0 deg")[1]
@@ -94,7 +94,7 @@ def test_json_agrees_with_the_linkage(answer):
     assert swing == pytest.approx(abs(dead.t[2, 0] - dead.t[2, 1]))
 
 
-def test_at_a_dead_point_the_advantage_is_null_or_huge(answer):
+def test_mechanical_advantage_at_a_dead_point_is_null_or_huge(answer):
     angle = json.loads(answer("--json")[0])["follower"]["dead_points"][0]
     computed = json.loads(answer("--json", "--position", f"{angle!r} rad")[0])["position"]
     assert computed["mechanical_advantage"] is None or abs(computed["mechanical_advantage"]) > 1e9
@@ -105,7 +105,7 @@ def degrees(angle: float, decimals: int) -> str:
 
 
 def test_terminal_output_contains_the_numbers_of_the_json(answer):
-    """The numbers of the JSON, in words."""
+    """Every number of the JSON record occurs in the report."""
     requested = ("--speed", "300 rpm", "--position", "70 deg", "--coupler-point", "0.1,0.15")
     out, err = answer(*requested)
     record = json.loads(answer(*requested, "--json")[0])
@@ -134,7 +134,7 @@ def test_terminal_output_contains_the_numbers_of_the_json(answer):
     assert err == ""
 
 
-def test_report_without_a_speed_explains_how_to_get_forces(answer):
+def test_report_without_speed_states_how_to_compute_forces(answer):
     out, _ = answer()
     assert '--speed "300 rpm"' in out
     assert "Joint forces" not in out
@@ -149,7 +149,7 @@ def test_a_case_file_may_name_the_speed(answer, tmp_path):
     assert json.loads(answer("--json", "--cases", str(file), "--speed", "1 Hz")[0])["speed"] == 2 * math.pi
 
 
-def test_a_drag_link_has_no_dead_points_and_a_warning(answer):
+def test_drag_link_has_no_dead_points_but_a_warning(answer):
     lengths = ("L1=0.5", "L2=0.6", "L3=0.55", "L4=0.2")
     least = math.acos((0.6**2 + 0.55**2 - (0.5 - 0.2) ** 2) / (2 * 0.6 * 0.55))
     out, err = answer(*(part for text in lengths for part in ("--set", text)))
@@ -162,7 +162,7 @@ def test_a_drag_link_has_no_dead_points_and_a_warning(answer):
     assert record["warnings"] == [err.removeprefix("warning: ").strip()]
 
 
-def test_a_crank_that_cannot_turn_fully_is_reported_at_one_position(answer):
+def test_limited_crank_is_reported_at_one_position(answer):
     out, err = answer(*ROCKER, "--position", "70 deg")
     ends = (math.acos((0.4**2 + 0.547**2 - d**2) / (2 * 0.4 * 0.547)) for d in (0.525 - 0.328, 0.525 + 0.328))
     reach = "cannot turn fully; reachable: {}° <= |t1| <= {}°"
@@ -209,7 +209,7 @@ def test_pictures_are_written(answer, tmp_path):
         (("more",), "unexpected extra argument"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(arguments, message, refusal, tmp_path, monkeypatch):
+def test_invalid_input_gives_one_line_and_status_2(arguments, message, refusal, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert message in refusal("linkage", *arguments)
     assert list(tmp_path.iterdir()) == []

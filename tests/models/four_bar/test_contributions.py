@@ -1,4 +1,4 @@
-"""Contributions of the modes (thesis Fig. 6.4): sum, continuity, and claims of the thesis."""
+"""Contributions of the modes (Fig. 6.4 of the thesis): sum, continuity, and statements of the thesis."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def orbit():
 
 
 @pytest.mark.parametrize("output", ["coupler_midpoint_deflection", "crank_root_stress_minus"])
-def test_all_modes_together_give_the_output(orbit, output):
+def test_contributions_of_all_modes_sum_to_the_output(orbit, output):
     computed = orbit.system.modal_contributions(orbit, output, count=orbit.system.n, samples=90)
     truth = output_values(orbit.system, computed.phase, SPEED, *orbit.state(computed.phase))[output]
     np.testing.assert_allclose(computed.values.sum(axis=0), truth, atol=1e-8 * np.abs(truth).max())
@@ -37,7 +37,8 @@ def test_dominant_modes_of_follower_and_coupler(orbit):
 
 
 def test_modes_are_followed_through_a_crossing_with_their_signs():
-    """Two uncoupled oscillators whose frequencies cross, in axes that turn: the first stays the first."""
+    """Two uncoupled oscillators in rotating axes, with frequencies that cross: the first mode remains the
+    first."""
     phase = np.linspace(0.0, 3.0, 62)
     turned = np.array([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in phase])
     stiffness = np.stack([1.0 + phase, np.full(62, 2.5)], axis=1)

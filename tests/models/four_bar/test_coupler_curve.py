@@ -24,7 +24,7 @@ def test_coupler_curve_deviation_matches_the_joint_displacements(orbit):
         np.testing.assert_allclose(curve.deviation, q[f"{joint}_x"] + 1j * q[f"{joint}_y"], atol=1e-15)
 
 
-def test_the_rigid_curve_is_the_linkages(orbit):
+def test_rigid_curve_agrees_with_the_linkage(orbit):
     p = orbit.system.labels.parameters
     linkage = Linkage(*(p[name] for name in ("L1", "L2", "L3", "L4")))
     curve = coupler_curve(orbit.system, orbit, 0.3, 0.08, PHASE)
@@ -87,5 +87,5 @@ def test_command_modes_prints_the_error_of_uncoupling(answer, tmp_path):
         (("modes", "--count", "10"), "allowed: 1 to 9"),
     ],
 )
-def test_bad_input_is_answered_in_one_line(arguments, message, refusal):
+def test_invalid_input_is_refused_in_one_line(arguments, message, refusal):
     assert message in refusal(*arguments)

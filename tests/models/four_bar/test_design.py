@@ -33,7 +33,7 @@ def design_for(stress=100e6, speeds=(20.0, 33.0), lengths=(0.53, 0.63), **parame
 
 
 def planned(design, target):
-    """The plan to a target without return."""
+    """Plan to a target, without return of the pivot."""
     return plan_to_last(design.map.until(target), design.rate, False)
 
 
@@ -42,7 +42,7 @@ def design():
     return design_for()
 
 
-def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
+def test_length_limits_follow_from_the_transmission_angle():
     low, high = allowed_lengths(Linkage(0.170, 0.328, 0.525, 0.547))
     assert math.degrees(Linkage(0.170, 0.328, 0.525, low).transmission_extremes().min) == pytest.approx(40)
     assert math.degrees(Linkage(0.170, 0.328, 0.525, high).transmission_extremes().max) == pytest.approx(140)
@@ -53,7 +53,8 @@ def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
 
 
 def test_peaks_and_quiet_bands_match_single_solutions(design):
-    """At the own L4, against single solutions at the mean frequency's divisions 7 and 6 and beside them."""
+    """At the mechanism's own L4, the result is compared with single solutions at the divisions 7 and 6 of the
+    mean frequency and next to them."""
     assert [peak.speed for peak in design.peaks][-2:] == pytest.approx([26.1, 30.4], abs=0.15)
     model = design.map.model
     edge = design.quiet[0].end
@@ -101,7 +102,7 @@ def test_a_plan_is_simulated_below_the_allowable_stress(design):
 
 
 @pytest.mark.slow
-def test_no_plan_and_the_smallest_allowable_that_has_one(design):
+def test_smallest_allowable_stress_separates_plan_from_no_plan(design):
     outcome = carry_out(design, 33.0)
     assert outcome.plan is None
     assert outcome.trials == []
@@ -118,7 +119,7 @@ def test_no_plan_and_the_smallest_allowable_that_has_one(design):
 
 
 def test_infeasibility_within_the_map_error_is_not_claimed(design):
-    """Where L4 is greatest, a hundredth above 1 is not distinguished from 1 by a map that errs by two."""
+    """At the largest L4, a ratio 1 % above 1 cannot be distinguished from 1 by a map with an error of 2 %."""
     outcome = carry_out(design, 33.0)
     assert design.map.error_until(33.0) == max(design.map.interpolation_error, design.map.error.max())
     near = dataclasses.replace(outcome, least=(1 + 0.5 * design.map.error_until(33.0), outcome.least[1]))
@@ -143,7 +144,8 @@ def test_progress_is_reported_during_the_map():
 
 @pytest.mark.slow
 def test_worst_link_determines_the_effect_of_damping(design):
-    """Against the allowable stresses, not the stresses: a weak coupler is the worst link."""
+    """The worst link is determined by the ratio to the allowable stress, not by the stress: here it is a weak
+    coupler."""
     model = design.map.model
     weak = design_map(
         model, {"crank": 1e9, "coupler": 5e7, "follower": 1e9}, np.geomspace(8, 26, 20), (0.53, 0.63), 9
@@ -154,7 +156,8 @@ def test_worst_link_determines_the_effect_of_damping(design):
 
 @pytest.mark.slow
 def test_default_target_is_above_a_limiting_speed_if_reachable():
-    """At 118 MPa the quiet speed above 26.1 rad/s is reached with the pivot back in its place."""
+    """With 118 MPa, the quiet speed above 26.1 rad/s is reachable with the pivot back in its initial
+    position."""
     outcome = carry_out(design_for(118e6, speeds=(8.0, 28.0)), duration=4.0)
     assert outcome.returns
     assert 26.3 < outcome.target < 28.0
@@ -164,8 +167,8 @@ def test_default_target_is_above_a_limiting_speed_if_reachable():
 
 
 @pytest.mark.slow
-def test_a_coarse_start_finds_the_same_map(design):
-    """Narrow peaks between the first speeds are found: halving goes on until they are resolved."""
+def test_coarse_initial_speeds_lead_to_the_same_map(design):
+    """Intervals are bisected until narrow peaks between the initial speeds are resolved."""
     model = solve.load("four_bar")
     start = np.geomspace(8.0, 33.0, 7)
     coarse = designed(design_map(model, dict.fromkeys(LINKS, 100e6), start, (0.53, 0.63), 9))
@@ -204,7 +207,7 @@ def test_design_is_saved_in_every_file_format(design, tmp_path):
 
 @pytest.mark.slow
 def test_buckling_compression_raises_a_warning():
-    """A slender coupler; its Euler load is π²EI/L²."""
+    """A slender coupler has the Euler load π²EI/L²."""
     model = solve.load("four_bar", options={"stiffening": "on"}, I2=3e-12)
     start = np.geomspace(20.0, 28.0, 12)
     outcome = carry_out(
@@ -253,7 +256,7 @@ def test_report_fits_a_terminal_and_files_are_written(answer, tmp_path):
         (("--allowable", "100 MPa", "--option", "element=dynamic"), "without equations of motion"),
     ],
 )
-def test_refusals_are_one_line(arguments, message, refusal):
+def test_error_messages_have_one_line(arguments, message, refusal):
     assert message in refusal("design", *arguments)
 
 

@@ -1,4 +1,4 @@
-"""The page on the design method: its commands run as printed and give its table."""
+"""Page on the design method: its commands run as printed and yield its table."""
 
 import json
 import re
@@ -29,7 +29,8 @@ PEAKS = {}
 
 @pytest.fixture
 def stresses_once(monkeypatch):
-    """The commands' allowable stresses differ, the stresses over speed and L4 do not."""
+    """Compute the stresses once per speed and L4, because the commands differ in the allowable stresses
+    only."""
     solved = StressMap.peaks
 
     def kept(stress_map, speeds, L4):

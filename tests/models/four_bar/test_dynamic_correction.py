@@ -1,4 +1,4 @@
-"""One element per link with corrected dynamic stiffness (thesis 7.4.1): numbers and independent checks."""
+"""One element per link with corrected dynamic stiffness (section 7.4.1 of the thesis)."""
 
 import numpy as np
 import pytest
@@ -31,8 +31,8 @@ def test_stress_at_the_followers_midpoint_at_30_rad_per_s(model, load, excess):
     assert 100 * (stress / CONVERGED - 1) == pytest.approx(excess, abs=0.6)
 
 
-def test_the_first_mode_is_exact_and_the_others_are_not(model):
-    """At every position; errors of modes 2 to 4 against the exact elements, in percent."""
+def test_first_mode_is_exact_and_others_are_approximate(model):
+    """Errors of modes 2 to 4 relative to the exact elements, in percent, at every position."""
     M, _, K, _ = Corrected(model).at(PHASE, 30.0)
     corrected = np.sqrt([eigh(k, m, eigvals_only=True)[:4] for k, m in zip(K, M, strict=True)])
     dynamic = solve.load("four_bar", options={"element": "dynamic"})
@@ -41,9 +41,9 @@ def test_the_first_mode_is_exact_and_the_others_are_not(model):
     assert (np.abs(corrected / exact - 1)[:, 1:] > 1e-4).all()
 
 
-def test_the_iteration_of_the_thesis_leads_to_the_same_frequency(model):
-    """From the cubic elements' frequency, M and K at each estimate give the next; five at most for 1e-3, at
-    36 positions of the turn."""
+def test_iteration_of_the_thesis_converges_to_the_same_frequency(model):
+    """The iteration starts from the frequency of the cubic elements and evaluates M and K at each estimate.
+    At most five steps are required for 1e-3 at 36 positions."""
     corrected, turn = Corrected(model), np.arange(36) * (2 * np.pi / 36)
     positions = solve.load("four_bar", options={"element": "dynamic"}).at_positions(turn)
     M, _, K, _ = model.at(turn, 30.0)
@@ -61,7 +61,7 @@ def test_the_iteration_of_the_thesis_leads_to_the_same_frequency(model):
 
 
 def shapes(L, EI, mu, omega, x):
-    """Transverse displacement (points, 4) for unit v1, θ1, v2, θ2 of a beam that vibrates at ω."""
+    """Transverse displacement (points, 4) of a beam that vibrates at ω, for unit v1, θ1, v2 and θ2."""
     wave = (mu * omega**2 / EI) ** 0.25
 
     def functions(x, order):
@@ -80,7 +80,8 @@ def axial_shapes(L, EA, mu, omega, x):
 
 
 def consistent_load(model, phase, speed, omega):
-    """−∫ ρA Nᵀ a_r dx and the joints' masses by quadrature, freedom by freedom."""
+    """Load −∫ ρA Nᵀ a_r dx, by quadrature, plus the inertia forces of the joint masses, per degree of
+    freedom."""
     p = model.parameters
     motion = Linkage(p["L1"], p["L2"], p["L3"], p["L4"]).motion(np.array([phase]), speed)
     places, weights = np.polynomial.legendre.leggauss(30)
@@ -109,7 +110,7 @@ def consistent_load(model, phase, speed, omega):
     return np.array(list(load.values()))
 
 
-def test_consistent_load_is_the_work_of_rigid_inertia(model):
+def test_consistent_load_equals_the_work_of_rigid_inertia(model):
     corrected = Corrected(model)
     _, _, _, d = corrected.at(PHASE, 30.0)
     for phase, omega, computed in zip(PHASE, corrected.lowest(PHASE), d, strict=True):
@@ -117,7 +118,7 @@ def test_consistent_load_is_the_work_of_rigid_inertia(model):
         assert computed == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())
 
 
-def test_stresses_are_the_curvature_of_the_deflection(model):
+def test_stresses_follow_from_the_curvature_of_the_deflection(model):
     corrected, p, h = Corrected(model), model.parameters, 1e-3
     orbit = solve.periodic(corrected, 30.0, rtol=1e-6)
     q = orbit.at(PHASE)

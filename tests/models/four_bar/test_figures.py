@@ -20,7 +20,7 @@ POINT = 0.1 + 0.15j
 
 
 def drawn(axes, count: int) -> list[np.ndarray]:
-    """Lines with this many points, as complex numbers."""
+    """Lines with the given number of points, as complex numbers."""
     lines = (np.asarray(line.get_xydata()) for line in axes.lines)
     return [line[:, 0] + 1j * line[:, 1] for line in lines if len(line) == count]
 
@@ -68,7 +68,7 @@ def test_a_crank_that_cannot_turn_fully_is_not_drawn():
 
 @pytest.mark.parametrize("lengths", [THESIS, (0.5, 0.6, 0.55, 0.2), (1.0, 0.9, 0.3, 0.25)])
 def test_regions_of_base_planes_have_the_labelled_class(lengths):
-    """Linkages at random places of each plane, against the region that covers them."""
+    """Linkages at random positions on each plane belong to the class of the region that contains them."""
     figure = base_planes_figure(Linkage(*lengths))
     planes = (1.05, math.sqrt(3), 3.2, base_plane(Linkage(*lengths)))
     corners = np.exp(1j * np.radians([90, 210, 330]))
@@ -93,7 +93,7 @@ def test_regions_of_base_planes_have_the_labelled_class(lengths):
         assert len(seen) >= 6
 
 
-def test_the_typical_planes_name_their_classes():
+def test_typical_planes_are_labelled_with_their_classes():
     figure = base_planes_figure(Linkage(*THESIS))
     named = [
         {text.get_text() for text in axes.texts if "λ" not in text.get_text()} for axes in figure.axes[:3]
@@ -102,7 +102,7 @@ def test_the_typical_planes_name_their_classes():
     assert named == [without_crank | {"RRR2"}, without_crank, without_crank | {"GCRR"}]
 
 
-def test_the_linkage_is_a_dot_in_its_own_plane():
+def test_linkage_is_drawn_as_a_dot_in_its_plane():
     linkage = Linkage(*THESIS)
     axes = base_planes_figure(linkage).axes[3]
     assert axes.get_title(loc="left") == "λ = 4.755: this linkage, GCRR"

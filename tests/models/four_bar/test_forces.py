@@ -1,4 +1,4 @@
-"""Joint forces and drive torque: against three free bodies, Newton's laws, work and energy."""
+"""Joint forces and drive torque compared with three free bodies, Newton's laws, work and energy."""
 
 import math
 
@@ -58,7 +58,7 @@ def test_forces_and_torque_equal_the_multipliers_of_three_free_bodies(
 
 @given(cranks(), st.floats(-9, 9), st.floats(-50, 50), st.floats(-500, 500))
 def test_newtons_laws_hold_for_each_bar(linkage, t1, omega1, alpha1):
-    """Written for bars as thesis 3.7 does: forces, and moments about the centres."""
+    """Forces, and moments about the centres of mass, as in section 3.7 of the thesis."""
     masses = (1.0, 0.7, 1.3)
     links = [Body.bar(mass, length) for mass, length in zip(masses, linkage.lengths, strict=False)]
     motion = linkage.motion(t1, omega1, alpha1)
@@ -80,8 +80,8 @@ def test_newtons_laws_hold_for_each_bar(linkage, t1, omega1, alpha1):
 
 @pytest.mark.parametrize("branch", BRANCHES)
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_energy_balance_over_a_turn(speed, branch):
-    """The torque's work up to each crank angle is the gain of kinetic energy; over the turn it is none."""
+def test_work_of_the_torque_equals_the_change_of_kinetic_energy(speed, branch):
+    """Up to each crank angle, the work equals the gain of kinetic energy; over a revolution, it is zero."""
     links, linkage = bodies(PARAMETERS), thesis(branch)
     motion = linkage.motion(TURN, speed)
     torque = joint_forces(motion, links).torque
@@ -94,7 +94,7 @@ def test_energy_balance_over_a_turn(speed, branch):
 
 @given(cranks(), st.floats(0.1, 100.0), st.floats(-500, 500), st.floats(-50, 50))
 def test_power_balance(linkage, omega1, alpha1, load):
-    """Virtual work: drive and load do the work of the inertia, whatever the joints carry."""
+    """Principle of virtual work: the power of drive and load equals that of the inertia forces."""
     links = [Body.bar(mass, length) for mass, length in zip((1.0, 0.7, 1.3), linkage.lengths, strict=False)]
     motion = linkage.motion(TURN, omega1, alpha1)
     supplied = joint_forces(motion, links, load).torque * omega1
@@ -115,7 +115,7 @@ def test_inertial_power_is_the_rate_of_the_kinetic_energy(linkage, omega1):
 
 
 def test_torque_against_a_load_is_the_mechanical_advantage():
-    """Without inertia T3/T1 = ω1/ω3; the load's part of the torque adds to that of the inertia."""
+    """Without inertia, T3/T1 = ω1/ω3. The torque due to the load is added to that due to inertia."""
     links, linkage = bodies(PARAMETERS), thesis()
     motion = linkage.motion(TURN, 30.0)
     part = joint_forces(motion, links, 5.0).torque - joint_forces(motion, links).torque
@@ -130,7 +130,7 @@ def test_forces_grow_with_the_square_of_the_speed():
         np.testing.assert_allclose(getattr(fast, name), 9 * values, atol=1e-11 * np.abs(values).max())
 
 
-def test_bodies_are_bars_with_the_joint_masses_on_crank_and_follower():
+def test_joint_masses_are_attached_to_crank_and_follower():
     crank, coupler, follower = bodies(PARAMETERS)
     bar = 7850 * 157.5e-6 * 0.170
     assert crank.mass == pytest.approx(bar + 0.174)

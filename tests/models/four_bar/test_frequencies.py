@@ -1,4 +1,4 @@
-"""The flexible four-bar as a model: links, parameters, and agreement with the rigid linkage."""
+"""Model of the flexible four-bar linkage: links, parameters, and agreement with the rigid linkage."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def test_element_options_are_taken_link_by_link():
     assert one.beams.freedoms.kinds == ("cubic", "internal", "curvature")
 
 
-def test_exact_elements_have_frequencies_alone():
+def test_exact_elements_permit_frequencies_only():
     with pytest.raises(
         SolveError, match="has natural frequencies only, without equations of motion; choose another"
     ):
@@ -84,7 +84,7 @@ def test_exact_elements_have_frequencies_alone():
     ids=lambda value: str(value),
 )
 def test_low_frequencies_stay_accurate_with_very_high_modes(element, elements):
-    """A short crank in many parts has modes a million times as fast as the lowest."""
+    """A short crank with many elements has modes that are a million times faster than the lowest one."""
     exact = solve.load("four_bar", options={"element": "dynamic"}, L1=0.02)
     fine = solve.load("four_bar", options={"element": element, "elements": elements}, L1=0.02)
     expected = solve.frequencies(exact, 0.3, 4).values

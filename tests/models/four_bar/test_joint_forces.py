@@ -1,5 +1,5 @@
-"""Joint forces of the flexible four-bar: the rigid linkage's where links are stiff, and laws that hold in
-any case, with integrals of the test's own."""
+"""Joint forces of the flexible four-bar linkage: agreement with the rigid linkage for stiff links, and
+conservation laws with integrals evaluated in the test."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,8 @@ SPEED = 30.0
 
 
 def bar(density, area, length, tip_mass):
-    """Mass, centre X, Y and J of a uniform bar with a point mass at its end, about the common centre."""
+    """Mass, centre of mass X and Y, and moment of inertia J about it, of a uniform bar with a point mass at
+    its end."""
     mass = density * area * length
     total = mass + tip_mass
     centre = (mass * length / 2 + tip_mass * length) / total
@@ -73,7 +74,7 @@ def test_joint_and_damping_forces_accelerate_the_joint_mass(element, options):
 
 
 def rigid_acceleration_of_B(model, phase):
-    """From C, by differences of the follower's angle."""
+    """Acceleration of B relative to C, by differences of the follower's angle."""
     h = 1e-4
     place = [
         model.parameters["L3"] * np.exp(1j * model.at_positions(phase + k * h).angle[:, 2])
@@ -85,8 +86,8 @@ def rigid_acceleration_of_B(model, phase):
 @pytest.mark.parametrize("link", [0, 1, 2])
 @pytest.mark.parametrize("options", [{}, {"terms": "full"}])
 def test_end_forces_accelerate_the_link(link, options):
-    """Sum of forces and moment about the start, against inertia integrated over the Hermite cubics. In the
-    instantaneous structure accelerations are interpolated along the link's present axes."""
+    """Sums of forces and of moments about the start equal the inertia, integrated over the Hermite cubics.
+    With the instantaneous terms, accelerations are interpolated along the current axes of the link."""
     model = solve.load("four_bar", options=options)
     orbit = solve.periodic(model, SPEED, steps=128)
     name, start, end = model.module.LINKS[link][:3]
@@ -108,7 +109,7 @@ def test_end_forces_accelerate_the_link(link, options):
 
 
 def acceleration_along(model, computed, link, xi, turning):
-    """Acceleration x + iy of the place ξ of a link: that of the rigid link, and of the deflection."""
+    """Acceleration x + iy of the point ξ of a link: that of the rigid link plus that of the deflection."""
     h = 2e-4
     grid = PHASE[:, None] + h * np.array([-1, 0, 1])
     rigid = np.reshape([rigid_place(model, each, link, xi) for each in grid.T], (3, -1))
@@ -129,7 +130,7 @@ def rigid_place(model, phase, link, xi):
 
 
 def deflection(model, q, phase, link, xi):
-    """x + iy of the place ξ between the ends of a single cubic element."""
+    """Displacement x + iy of the point ξ between the ends of a single cubic element."""
     angle, L = model.at_positions(phase).angle[:, link], model.parameters[f"L{link + 1}"]
     row = dict(zip(model.coordinates, q, strict=True))
     ends = (("O", "A"), ("A", "B"), ("C", "B"))[link]
@@ -144,8 +145,8 @@ def deflection(model, q, phase, link, xi):
 
 
 def test_drive_power_balances_inertia_and_damping():
-    """Power along the rigid motion, by the phase: O's moment against accelerations integrated over the
-    links, joint masses and damping forces."""
+    """Power for the rigid motion, per phase: the moment at O equals the integral of the inertia forces of
+    links and joint masses, and the damping forces."""
     model = solve.load("four_bar", options={"terms": "full"})
     orbit = solve.periodic(model, SPEED, rtol=1e-7)
     _, qd, _ = orbit.state(PHASE)
@@ -171,7 +172,8 @@ def rate_of(value, h=1e-5):
 
 
 def rigid_rates(model):
-    """By the phase, of the coordinates of one element a link if it moved rigidly (n, k)."""
+    """Derivatives with respect to the phase of the coordinates (n, k), for one element per link and the rigid
+    motion."""
     turning = rate_of(lambda phase: model.at_positions(phase).angle)
     computed = {}
     for joint, link in (("A", 0), ("B", 1)):

@@ -1,4 +1,4 @@
-"""Rigid motion: closure, branches, derivatives, transmission angle, ranges; the thesis's slips."""
+"""Rigid motion: closure, branches, derivatives, transmission angle, ranges; misprints in the thesis."""
 
 import math
 
@@ -22,7 +22,7 @@ BODIES = ((1.0, 0.05, 0.02, 0.1), (1.0, 0.1, -0.03, 0.1), (1.0, 0.2, 0.01, 0.1))
 
 
 def closure(linkage: Linkage, t1: float) -> float:
-    """How far the loop of thesis (3.4) stays open, over the sum of the lengths."""
+    """Gap of the loop of Eq. (3.4) of the thesis, relative to the sum of the lengths."""
     t1, t2, t3 = linkage.motion(t1).t
     L1, L2, L3, L4 = linkage.lengths
     x = L1 * math.cos(t1) + L2 * math.cos(t2) - L3 * math.cos(t3) - L4
@@ -45,7 +45,7 @@ def test_the_loop_closes_for_a_crank_that_cannot_turn_fully(branch):
 
 
 @given(cranks(), ANGLES)
-def test_open_has_b_left_of_the_line_from_a_to_c(linkage, t1):
+def test_b_is_left_of_ac_for_the_open_branch(linkage, t1):
     motion = linkage.motion(t1)
     A, B = motion.position(1, linkage.L1), motion.position(2, linkage.L2)
     left_of = np.imag(np.conj(linkage.L4 - A) * (B - A))
@@ -53,7 +53,7 @@ def test_open_has_b_left_of_the_line_from_a_to_c(linkage, t1):
 
 
 @given(cranks(), ANGLES)
-def test_mirrored_in_the_ground_line_one_branch_is_the_other(linkage, t1):
+def test_branches_are_mirror_images_about_the_ground_line(linkage, t1):
     other = Linkage(*linkage.lengths, "crossed" if linkage.branch == "open" else "open")
     here, there = linkage.motion(t1, 2.0, 3.0), other.motion(-t1, -2.0, -3.0)
     np.testing.assert_allclose(np.exp(1j * here.t), np.exp(-1j * there.t), atol=1e-12)
@@ -80,7 +80,7 @@ def test_velocities_and_accelerations_are_the_derivatives(linkage, t1, omega1, a
         assert motion.alpha[k] == pytest.approx(bodies.qdd[k, 2], rel=1e-10, abs=1e-11 * scale)
 
 
-def test_all_crank_angles_at_once_equal_one_by_one():
+def test_crank_angles_in_an_array_equal_single_ones():
     linkage = Linkage(*THESIS)
     angles = TURN.reshape(4, 90)
     together = linkage.motion(angles, 30.0, 5.0)
@@ -93,14 +93,14 @@ def test_all_crank_angles_at_once_equal_one_by_one():
 
 
 def half_angle(a: float, b: float, c: float) -> list[float]:
-    """Both angles with a cos t + b sin t = c."""
+    """Both angles t with a cos t + b sin t = c."""
     root = math.sqrt(a**2 + b**2 - c**2)
     return [2 * math.atan2(b + sign * root, a + c) for sign in (1, -1)]
 
 
 @pytest.mark.parametrize("t1", [0.3, 1.0, 2.0, 4.0, 5.5])
 def test_freudensteins_equations_hold_as_corrected_and_not_as_printed(t1):
-    """Thesis (3.5) and (3.7); (3.7) prints -K1 cos t2 for +K1 cos t2."""
+    """Eqs. (3.5) and (3.7) of the thesis: (3.7) prints -K1 cos t2 instead of +K1 cos t2."""
     L1, L2, L3, L4 = THESIS
     K1, K2, K4 = L4 / L1, L4 / L3, L4 / L2
     K3 = (L1**2 - L2**2 + L3**2 + L4**2) / (2 * L1 * L3)
@@ -117,8 +117,8 @@ def test_freudensteins_equations_hold_as_corrected_and_not_as_printed(t1):
     np.testing.assert_allclose(ours, np.sort_complex(np.exp(1j * np.array(roots))), atol=1e-13)
 
 
-def test_accelerations_of_b_as_corrected_and_not_as_printed():
-    """Thesis (3.13) prints sin t1 for sin t2 in two places."""
+def test_accelerations_of_b_agree_as_corrected_only():
+    """Eq. (3.13) of the thesis prints sin t1 instead of sin t2 in two places."""
     linkage, omega1 = Linkage(*THESIS), 30.0
     motion = linkage.motion(TURN, omega1)
     (t1, t2, _), omega2, alpha2 = motion.t, motion.omega[1], motion.alpha[1]
@@ -134,8 +134,8 @@ def test_accelerations_of_b_as_corrected_and_not_as_printed():
     assert np.abs(printed_y - ours.imag).max() > 0.2 * largest
 
 
-def test_mechanical_advantage_as_corrected_and_not_as_printed():
-    """Thesis (3.1) prints L4 sin β for L1 sin β: 3.2 times too small."""
+def test_mechanical_advantage_agrees_as_corrected_only():
+    """Eq. (3.1) of the thesis prints L4 sin β instead of L1 sin β, which is 3.2 times too small."""
     linkage = Linkage(*THESIS)
     motion = linkage.motion(TURN)
     gamma, beta = motion.t[2] - motion.t[1], motion.t[0] - motion.t[1]
@@ -154,8 +154,8 @@ def test_transmission_angle_lies_between_the_links_at_b(linkage, t1):
 
 
 @given(cranks())
-def test_transmission_extremes(linkage):
-    """Against thesis (3.10), and against all other crank angles."""
+def test_extremes_of_the_transmission_angle(linkage):
+    """Compared with Eq. (3.10) of the thesis, and with all other crank angles."""
     L1, L2, L3, L4 = linkage.lengths
     extremes = linkage.transmission_extremes()
     for gamma, sign in ((extremes.min, 1), (extremes.max, -1)):
@@ -170,7 +170,7 @@ def test_transmission_extremes(linkage):
 
 
 def test_the_thesis_linkage_stays_within_the_advised_transmission_angles():
-    """Thesis 3.5: least at t1 = 0, greatest at 180°, within 40° … 140°."""
+    """Section 3.5 of the thesis: smallest at t1 = 0, largest at 180°, within 40° … 140°."""
     linkage = Linkage(*THESIS)
     extremes = linkage.transmission_extremes()
     assert (extremes.min_position, extremes.max_position) == (0.0, math.pi)
@@ -178,7 +178,7 @@ def test_the_thesis_linkage_stays_within_the_advised_transmission_angles():
     assert transmission_warnings(linkage) == []
 
 
-def test_a_bad_transmission_angle_is_a_warning():
+def test_poor_transmission_angle_gives_a_warning():
     (warning,) = transmission_warnings(Linkage(0.5, 0.6, 0.55, 0.2))
     least = math.acos((0.6**2 + 0.55**2 - (0.5 - 0.2) ** 2) / (2 * 0.6 * 0.55))
     assert f"from {math.degrees(least):.2f}°" in warning
@@ -203,7 +203,7 @@ def test_follower_velocity_is_zero_at_dead_points(linkage):
     "lengths",
     [(0.4, 0.328, 0.525, 0.547), (0.547, 0.328, 0.525, 0.6), (0.5, 0.9, 0.4, 0.6), (1.0, 0.4, 0.5, 0.3)],
 )
-def test_crank_range_is_where_the_linkage_closes(lengths, branch):
+def test_linkage_closes_only_within_the_crank_range(lengths, branch):
     linkage = Linkage(*lengths, branch)
     least, greatest = linkage.crank_range
     assert not linkage.turns_fully
@@ -236,7 +236,7 @@ def test_coupler_and_follower_in_line_leave_the_motion_undetermined():
     ],
 )
 def test_a_full_turn_that_is_impossible_is_refused(lengths, spans):
-    """spans: distances AC at which coupler and follower lie in line, folded and stretched."""
+    """spans: distances AC at which coupler and follower are in line, folded and stretched."""
     linkage = Linkage(*lengths)
     L1, _, _, L4 = lengths
     ends = [math.degrees(math.acos((L1**2 + L4**2 - d**2) / (2 * L1 * L4))) for d in spans]
@@ -266,7 +266,7 @@ def test_a_link_as_long_as_the_others_together_is_refused(lengths):
         Linkage(*lengths)
 
 
-def test_other_bad_input_is_refused():
+def test_other_invalid_input_is_refused():
     with pytest.raises(UnknownNameError, match="unknown branch 'opened'; did you mean 'open'"):
         Linkage(*THESIS, "opened")
     with pytest.raises(LinkageError, match="t1 = nan"):

@@ -1,4 +1,4 @@
-"""Commands of the page on the elastic four-bar, run as printed but with fewer speeds."""
+"""Commands on the page about the elastic four-bar linkage, run as printed but with fewer speeds."""
 
 import json
 import re
@@ -18,7 +18,7 @@ COMMANDS = [line for line in PAGE.splitlines() if line.startswith(tuple(PROGRAMS
 
 
 def fewer(command):
-    """The two slowest of its speeds."""
+    """Command with only the two lowest of its speeds."""
     return re.sub(r'"(\d+):\d+:\d+ rad/s"', r'"\1:\1.5:2 rad/s"', command)
 
 
@@ -29,7 +29,7 @@ def test_the_page_has_its_commands_and_pictures():
 
 
 def run(command, capsys):
-    """What a command of the page writes to standard output."""
+    """Standard output of a command on the page."""
     program = next(each for each in PROGRAMS if command.startswith(each))
     text = fewer(command).removeprefix(program)
     arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', text)]

@@ -14,14 +14,14 @@ OWN = 10
 
 
 def valley(width=0.006):
-    """Ratios with a ridge at 22 rad/s that only L4 near 0.57 m passes below 1."""
+    """Stress ratios with a ridge at 22 rad/s, at which only L4 near 0.57 m has ratios below 1."""
     speed, L4 = np.meshgrid(SPEEDS, LENGTHS, indexing="ij")
     ridge = np.exp(-(((speed - 22) / 1.0) ** 2)) * np.minimum(((L4 - 0.57) / width) ** 2, 30)
     return 0.5 + 0.01 * (speed - 10) + ridge
 
 
 def test_arrival_is_the_minimax_ratio_of_all_paths():
-    """Against breadth-first search for every cap on small random maps."""
+    """Compared with breadth-first search for every cap, on small random maps."""
     for seed in range(5):
         ratio = np.random.default_rng(seed).random((5, 4))
         P, g = ratio.shape
@@ -57,7 +57,7 @@ def test_a_plan_goes_through_the_valley(returns):
     assert plan(np.array([12.0, 15.0])) == pytest.approx(0.525)
 
 
-def test_too_slow_a_pivot_needs_a_higher_cap():
+def test_slower_pivot_requires_a_higher_cap():
     ratio = valley()
     slow, fast = (least_cap(SPEEDS, LENGTHS, ratio, OWN, rate, False) for rate in (0.002, 0.05))
     assert fast == pytest.approx(arrival(ratio)[-1].min(), rel=2e-3)
@@ -74,8 +74,8 @@ def test_closed_barrier_has_no_plan():
     assert least_cap(SPEEDS, LENGTHS, ratio, OWN, 0.02, False) == pytest.approx(2.0, rel=2e-3)
 
 
-def test_rounded_corners():
-    """The mean of L4 over the speeds ahead, against a sum; at rest where the plan ends."""
+def test_rounded_plan_is_the_mean_over_the_speeds_ahead():
+    """The mean is computed as a sum. At the last speed, the pivot is at rest."""
     plan = Plan(np.array([10.0, 18.0, 22.0, 30.0]), np.array([0.52, 0.52, 0.57, 0.55]), lead=0.5)
     speed = np.array([9.0, 10.0, 17.8, 18.0, 20.0, 21.7, 25.0, 29.8, 30.0, 31.0])
     value, slope, bend = plan.rounded(speed)

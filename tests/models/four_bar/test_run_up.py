@@ -1,4 +1,5 @@
-"""The simulated run-up against a hand-coded structure integrated by SciPy, and its slow limit."""
+"""Simulated run-up compared with a hand-coded structure integrated by SciPy, and its limit for low
+acceleration."""
 
 import numpy as np
 import pytest
@@ -49,8 +50,9 @@ def test_kinematics_with_fixed_pivot_equal_the_linkage():
 
 
 @pytest.mark.slow
-def test_a_violent_run_up_agrees_with_a_structure_by_hand(stresses):
-    """Two turns from 24 rad/s at 12 rad/s², the pivot swings by 40 mm; every term of the load counts."""
+def test_fast_run_up_agrees_with_a_hand_coded_structure(stresses):
+    """Two revolutions from 24 rad/s at 12 rad/s², with a pivot motion of 40 mm. Every term of the load is
+    significant."""
 
     def drive(phi):
         time = (np.sqrt(24**2 + 24 * phi) - 24) / 12
@@ -80,8 +82,9 @@ def test_a_violent_run_up_agrees_with_a_structure_by_hand(stresses):
 
 
 @pytest.mark.slow
-def test_a_slow_run_up_goes_through_steady_states(stresses):
-    """At 0.1 rad/s² each turn has the stress of the periodic vibration at its speed and length."""
+def test_slow_run_up_passes_through_steady_states(stresses):
+    """At 0.1 rad/s², each revolution has the stress of the periodic vibration at the same speed and
+    length."""
     plan = Plan(np.array([24.0, 27.0]), np.array([0.55, 0.60]), lead=0.3)
     run_up = RunUp(plan, 24.0, 30.0)
     simulated = simulate(stresses, run_up, run_up.turns)

@@ -1,4 +1,4 @@
-"""The four-bar over its speed: sweeps of a structure against single solves."""
+"""Sweeps of the four-bar linkage compared with single solutions."""
 
 import pytest
 
@@ -6,7 +6,7 @@ import solve
 
 
 def test_doubtful_speed_is_resolved_on_a_finer_grid():
-    """At 32.4 rad/s two grids agree while a hidden multiplier is still in doubt: no point is settled then."""
+    """At 32.4 rad/s, two grids agree although a multiplier is not yet resolved. No point is accepted then."""
     model, speed = solve.load("four_bar"), 32.3728813559322
     swept = solve.sweep(model, [speed], rtol=1e-6, quantities=["A_x"]).points[0]
     alone = solve.periodic(model, speed, rtol=1e-6)

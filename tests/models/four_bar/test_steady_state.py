@@ -1,6 +1,7 @@
-"""Steady state of the all-flexible four-bar (thesis Chapter 6): reference values and what must hold.
+"""Steady state of the flexible four-bar linkage (Chapter 6 of the thesis): reference values and invariants.
 
-The reference values come from an independent program with the definitions of thesis Table 4.1 and 6.2.
+The reference values were computed by an independent program with the definitions in Table 4.1 and section 6.2
+of the thesis.
 """
 
 from functools import cache
@@ -27,7 +28,7 @@ def orbit(speed, **options):
 
 
 def values(computed, name):
-    """An output over the turn, at every tenth of a degree."""
+    """Output over a revolution, at every tenth of a degree."""
     return output_values(computed.system, PHASE, computed.speed, *computed.state(PHASE))[name]
 
 
@@ -35,7 +36,7 @@ def values(computed, name):
     ("speed", "deflection", "degrees", "radius"),
     [(30.0, 0.0109651, 33.155, 0.446954), (62.0, 0.1193546, 75.781, 0.674320)],
 )
-def test_follower_midpoint_and_spectral_radius_of_one_element_a_link(speed, deflection, degrees, radius):
+def test_deflection_and_spectral_radius_with_one_element_per_link(speed, deflection, degrees, radius):
     computed = orbit(speed)
     range_ = computed.statistics("follower_midpoint_deflection")
     assert range_.max_abs == pytest.approx(deflection, rel=1e-5)
@@ -51,7 +52,7 @@ def test_follower_midpoint_and_spectral_radius_of_one_element_a_link(speed, defl
     ("elements", "stress"),
     [(1, 99.6), (2, 146.8), (3, 118.0), pytest.param(4, 129.0, marks=pytest.mark.slow)],
 )
-def test_follower_midpoint_stress_against_the_number_of_elements(elements, stress):
+def test_follower_midpoint_stress_for_several_numbers_of_elements(elements, stress):
     computed = orbit(30.0, elements=elements)
     assert computed.statistics("follower_midpoint_stress_plus").max_abs / 1e6 == pytest.approx(
         stress, abs=0.05
@@ -60,7 +61,7 @@ def test_follower_midpoint_stress_against_the_number_of_elements(elements, stres
 
 @pytest.mark.slow
 def test_follower_midpoint_stress_converges():
-    """Elements with quintic shapes agree with many cubic ones, whose error falls as h²."""
+    """Elements with quintic shape functions agree with many cubic ones, whose error is proportional to h²."""
     stress = {
         (element, elements): orbit(30.0, element=element, elements=elements)
         .statistics("follower_midpoint_stress_plus")
@@ -75,8 +76,8 @@ def test_follower_midpoint_stress_converges():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("option", "change"), [({"terms": "full"}, 0.04), ({"stiffening": "on"}, 24.0)])
-def test_terms_that_the_instantaneous_structure_leaves_out(option, change):
-    """Largest change of the follower's midpoint over the turn, in percent of the largest deflection."""
+def test_effect_of_terms_that_the_instantaneous_structure_omits(option, change):
+    """Largest change at the follower's midpoint over a revolution, in percent of the largest deflection."""
     before, after = (
         values(orbit(30.0, elements=3, **options), "follower_midpoint_deflection") for options in ({}, option)
     )
@@ -86,7 +87,7 @@ def test_terms_that_the_instantaneous_structure_leaves_out(option, change):
 
 @pytest.mark.slow
 def test_full_terms_conserve_energy_without_damping():
-    """M′q̇ is missing from the instantaneous structure, so its |ρ| does not determine stability."""
+    """The instantaneous structure omits M′q̇, so that its |ρ| does not determine stability."""
     radius = {
         terms: solve.floquet(solve.load("four_bar", options={"terms": terms}, zeta=0.0), 30.0, rtol=1e-7)
         for terms in ("full", "instantaneous")
@@ -110,7 +111,7 @@ def test_rayleigh_damping_gives_the_lowest_mode_the_ratio_on_average():
 
 @pytest.mark.parametrize("element", ["cubic", "internal", "curvature"])
 def test_load_matches_the_rigid_body_inertia(element):
-    """Virtual work of the load along a rigid turn of the follower about C, by Newton's law of a bar."""
+    """Virtual work of the load for a rigid rotation of the follower about C, by Newton's law for a bar."""
     options = {"element": element, "elements": "1,1,2"}
     model = solve.load("four_bar", options=options, mA=0.0, mB=0.0)
     phase, speed, p = np.array([0.4, 2.0, 5.0]), 30.0, model.parameters
@@ -163,7 +164,8 @@ def test_exact_elements_have_no_equations_of_motion():
 
 
 def test_uncoupled_modes_are_accurate_for_the_follower_only():
-    """Thesis 6.3: largest error over the turn at 35 rad/s, in percent of the largest deflection."""
+    """Section 6.3 of the thesis: largest error over a revolution at 35 rad/s, in percent of the largest
+    deflection."""
     model = model_with(elements=3)
     truth = solve.periodic(model, 35.0, rtol=1e-7)
     uncoupled = solve.periodic(model, 35.0, method="modal", steps=720)
@@ -176,7 +178,8 @@ def test_uncoupled_modes_are_accurate_for_the_follower_only():
 
 
 def test_euler_buckling_warning_states_link_load_and_angle():
-    """The coupler pulls and pushes what turns the follower; its own inertia is small beside mB."""
+    """The coupler transmits the force that accelerates the follower. Its own inertia is small compared with
+    mB."""
     heavy = {"options": {"stiffening": "on"}, "mB": 20.0}
     light = model_with(stiffening="on")
     assert light.warnings(30.0) == []
@@ -211,7 +214,7 @@ def test_sweeps_contain_the_warnings_of_their_speeds():
         ({"L1": -1.0}, "> 0"),
     ],
 )
-def test_numbers_that_make_no_linkage_are_refused(parameters, message):
+def test_impossible_linkages_are_refused(parameters, message):
     with pytest.raises(ValueOutOfBoundsError, match=message):
         solve.load("four_bar", **parameters)
 
@@ -232,8 +235,9 @@ def test_damping_ratios_in_percent_raise_a_warning():
     ],
 )
 def test_false_multipliers_of_newmark_are_flagged(steps, radius):
-    """The average acceleration turns unresolved stiff modes into anything, until about 720 steps; the values
-    are those of an implementation apart from this one. True is 0.48504."""
+    """With fewer than about 720 steps, the average-acceleration method yields wrong multipliers for
+    unresolved stiff modes. The values are those of an independent implementation. The correct value is
+    0.48504."""
     model = model_with(elements=3)
     stability = solve.floquet(model, 30.0, method="newmark", steps=steps)
     assert stability.spectral_radius == pytest.approx(radius, rel=5e-4 if radius < 1 else 5e-3)

@@ -1,4 +1,4 @@
-"""The map of stresses against single solutions, between its lengths and with other options."""
+"""Stress map compared with single solutions, also between its lengths and with other options."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ LENGTHS = np.array([0.5351, 0.58, 0.6273])
 
 
 def worst(model, speed, L4, places):
-    """The largest |stress| by link, at fractions of its length, on 20 000 crank angles."""
+    """Largest |stress| per link at the given fractions of its length, among 20 000 crank angles."""
     orbit = solve.periodic(model.varied({"L4": float(L4)}), float(speed), rtol=1e-7)
     phase = np.linspace(0, 2 * np.pi, 20_000)
     q, *_ = orbit.state(phase)
@@ -47,7 +47,7 @@ def test_stress_map_matches_single_solutions(options):
 
 
 def test_stress_map_weights_are_bitwise_reproducible():
-    """SciPy's interpolator visits its nodes in random order unless an order is given."""
+    """SciPy's interpolator processes its nodes in random sequence unless a sequence is given."""
     stress_map = StressMap(solve.load("four_bar"), 0.53, 0.63)
     first, *others = (stress_map.weights(LENGTHS) for _ in range(20))
     assert all(np.array_equal(first, other) for other in others)

@@ -1,4 +1,4 @@
-"""Stresses of rigid links against the quasi-static elastic linkage, and at free ends."""
+"""Stresses of rigid links compared with the quasi-static elastic linkage, and at free ends."""
 
 import math
 
@@ -20,7 +20,7 @@ SPEED = 10.0
 
 
 def quasi_static_stress(elements: int, link: str) -> np.ndarray:
-    """Largest of both surfaces at the middle of a link, K q = d at each position."""
+    """Largest stress on both surfaces at the middle of a link, from K q = d at each position."""
     model = solve.load("four_bar", options={"elements": elements})
     _, _, K, d = model.at(TURN, SPEED)
     q = np.linalg.solve(K, d[..., None])[..., 0].T
@@ -36,7 +36,7 @@ def rigid_stress(link: int) -> np.ndarray:
 
 @pytest.mark.parametrize("link", [2, 3])
 def test_quasi_static_elastic_stresses_equal_the_rigid_ones(link):
-    """Curvatures of cubic elements under a load along them converge with order 2."""
+    """The curvature of cubic elements under a distributed load converges with order 2."""
     expected = rigid_stress(link)
     errors = [
         np.abs(quasi_static_stress(elements, LINKS[link - 1]) - expected).max() / expected.max()
@@ -47,7 +47,7 @@ def test_quasi_static_elastic_stresses_equal_the_rigid_ones(link):
 
 
 def test_crank_stress_with_one_element():
-    """The crank turns at constant speed: no load along it bends it."""
+    """The crank rotates at constant speed, so that no distributed load bends it."""
     expected = rigid_stress(1)
     assert np.abs(quasi_static_stress(1, "crank") - expected).max() < 1e-3 * expected.max()
 
@@ -70,7 +70,7 @@ def test_bending_moments_vanish_at_pins(linkage, t1, speed):
             )
 
 
-def test_the_largest_is_found_over_turn_and_length():
+def test_largest_stress_over_revolution_and_length():
     computed = preliminary_stresses(bodies(PARAMETERS), LINKAGE, PARAMETERS, SPEED)
     phase, places = np.linspace(0, 2 * math.pi, 721), np.linspace(0, 1, 201)
     motion = LINKAGE.motion(phase, SPEED)

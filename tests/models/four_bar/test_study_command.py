@@ -1,4 +1,4 @@
-"""`python -m models.four_bar study` and `corrected`: reports, JSON, pictures, files, refusals."""
+"""`python -m models.four_bar study` and `corrected`: reports, JSON, figures, files and errors."""
 
 import json
 
@@ -45,8 +45,8 @@ def test_equation_warnings_are_printed_for_every_system(answer):
 
 
 def test_largest_stress_covers_both_surfaces(answer):
-    """At L4 = 0.66 m, 30 rad/s, the minus surface has it: 92.96 MPa at the crank's root, 86.20 MPa at the
-    follower's midpoint (another program)."""
+    """At L4 = 0.66 m and 30 rad/s, the stress is largest on the minus surface: 92.96 MPa at the root of the
+    crank and 86.20 MPa at the follower's midpoint, according to an independent program."""
     names = {"crank_root_stress": 92.96, "follower_midpoint_stress": 86.20}
     of = [part for name in names for part in ("--of", name)]
     given = ("--speeds", "30 rad/s", "--option", "elements=3", "--over", "L4=0.66")
@@ -101,13 +101,13 @@ def test_corrected_model_is_compared_with_others(answer, tmp_path):
         (("curve", "--reduce", "2"), "No such option: --reduce"),
     ],
 )
-def test_refusals_are_one_line(arguments, message, refusal):
+def test_error_messages_have_one_line(arguments, message, refusal):
     assert message in refusal(*arguments)
 
 
 @pytest.mark.parametrize("command", [("bands",), ("critical", "--of", "A_x")])
-def test_equation_warnings_are_printed_by_commands_over_speed(command, capsys):
-    """A damping ratio that was meant in percent."""
+def test_commands_over_speed_print_equation_warnings(command, capsys):
+    """The damping ratio is far too large because it was given in percent."""
     name, *of = command
     given = ("--set", "zeta=2", "--speeds", "30:31:2 rad/s", "--rtol", "1e-3", "--json")
     assert solve_command([name, "four_bar", *given, *of]) == 0

@@ -1,4 +1,4 @@
-"""The gear pair with backlash by hand, integrated from event to event by SciPy's DOP853."""
+"""Hand-coded gear pair with backlash, integrated from event to event by SciPy's DOP853."""
 
 import numpy as np
 from scipy.integrate import solve_ivp

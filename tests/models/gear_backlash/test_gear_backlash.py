@@ -1,4 +1,4 @@
-"""The gear pair with backlash against integration from event to event."""
+"""Gear pair with backlash compared with integration from event to event."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,8 @@ def reference(found, **given):
 
 
 def largest_difference(found, **given):
-    """Of state, relative to the orbit, multipliers and events from the reference."""
+    """Largest differences from the reference: of the state (relative to the orbit), the multipliers and the
+    events."""
     state, multipliers, events = reference(found, **given)
     off = [found.q[0, 0] - state[0], found.qd[0, 0] / found.speed - state[1]]
     assert len(events) == len(found.events)
@@ -69,8 +70,8 @@ def test_rectangular_mesh_stiffness():
     assert largest_difference(found, share=0.6, error=3e-6) < 1e-8
 
 
-def test_order_through_events(single):
-    """Gauss's method of order 6 has multipliers of order 6 and curves of order 4."""
+def test_order_of_convergence_with_events(single):
+    """With Gauss's method of order 6, multipliers converge with order 6 and curves with order 4."""
     _, multipliers, _ = reference(single)
     errors = []
     for steps in (16, 32):
@@ -81,8 +82,8 @@ def test_order_through_events(single):
 
 
 @pytest.mark.parametrize("half", [50e-6, 0.0])
-def test_an_orbit_that_is_zero_under_a_varying_load(half):
-    """At Ω² = e F/(m E), 20000 rad/s, what is left of the load is round-off, which differs at each phase."""
+def test_orbit_is_zero_if_the_loads_cancel(half):
+    """At Ω² = e F/(m E), 20000 rad/s, the loads cancel except for round-off, which differs at each phase."""
     found = solve.nonlinear(solve.load("gear_backlash", b=half), 20000.0)
     assert not found.q.any()
     assert (found.steps, found.events, found.warnings) == (64, (), [])
@@ -92,8 +93,8 @@ def test_an_orbit_that_is_zero_under_a_varying_load(half):
 
 @pytest.mark.parametrize("change", [1e-12, 1e-9, 1e-6])
 def test_errors_contain_the_round_off_of_loads_that_nearly_cancel(change):
-    """In contact the equation is m q̈ + c q̇ + k (1 + e cos φ) q = (m Ω² E - e F) cos φ. Its right side, as
-    one number, has no cancellation."""
+    """In contact, the equation is m q̈ + c q̇ + k (1 + e cos φ) q = (m Ω² E - e F) cos φ. There is no
+    cancellation if the coefficient on the right-hand side is evaluated as one number."""
     speed = 20000.0 * (1 + change)
     found = solve.nonlinear(solve.load("gear_backlash"), speed)
     load = 0.5 * 1e-6 * (speed - 20000.0) * (speed + 20000.0)
@@ -113,7 +114,7 @@ def test_errors_contain_the_round_off_of_loads_that_nearly_cancel(change):
     assert bool(found.warnings) == (found.error_estimate.orbit > 1e-8)
 
 
-def test_branch_through_the_speed_at_which_nothing_vibrates():
+def test_branch_passes_through_the_speed_without_vibration():
     """At Ω² = e F/(m E), 20000 rad/s, q = 0 is the exact orbit."""
     found = solve.branch(solve.load("gear_backlash"), "18000:22000 rad/s", points=40)
     assert not found.warnings

@@ -1,4 +1,4 @@
-"""Mathieu's equation as a model: its matrices, its speed, its cases, its boundaries."""
+"""Model of Mathieu's equation: matrices, speed, cases and stability boundaries."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_matrices_match_the_equation(delta, epsilon, zeta, speed):
 
 @given(st.floats(0.3, 4.0), st.floats(-2.0, 2.0), st.floats(0.0, 0.2), st.floats(0.3, 3.0))
 @settings(max_examples=20, deadline=None)
-def test_another_speed_is_the_equation_with_coefficients_by_its_square(delta, epsilon, zeta, speed):
+def test_another_speed_divides_coefficients_by_its_square(delta, epsilon, zeta, speed):
     given_ = load("mathieu", delta=delta, epsilon=epsilon, zeta=zeta)
     scaled = load("mathieu", delta=delta / speed**2, epsilon=epsilon / speed**2, zeta=zeta)
     ours, theirs = (floquet(s, v, rtol=1e-11).multipliers for s, v in ((given_, speed), (scaled, 1.0)))
@@ -53,8 +53,8 @@ def test_cases_name_their_speed():
     assert floquet(load("mathieu", "unstable"), 1.0).verdict == "unstable"
 
 
-def test_the_unstable_case_is_of_twice_the_period():
-    """At -1, a response of period 2π beside matrices of period π; the growth is twofold each half turn."""
+def test_unstable_case_has_a_multiplier_below_minus_one():
+    """The response has period 2π and the matrices have period π."""
     values = floquet(load("mathieu", "unstable"), 1.0).multipliers
     assert values[0].real < -1
     assert np.abs(values.imag).max() == 0
@@ -67,7 +67,7 @@ def test_without_load_the_periodic_solution_is_rest():
 
 
 @pytest.mark.parametrize("epsilon", [1.0, -4.0, 10.0])
-def test_boundaries_over_delta_are_scipys_characteristic_values(epsilon):
+def test_boundaries_agree_with_characteristic_values_of_scipy(epsilon):
     q = abs(epsilon) / 2
     for multiplier, orders in ((1, (0, 2)), (-1, (1, 3))):
         truth = sorted(f(k, q) for k in orders for f in (mathieu_a, mathieu_b) if k or f is mathieu_a)
@@ -85,14 +85,15 @@ def test_mathieu_has_no_torque_and_states_why():
     assert "no torque" in model.module.NO_DRIVE_TORQUE
 
 
-def test_damping_is_not_negative():
+def test_negative_damping_is_refused():
     with pytest.raises(ValueOutOfBoundsError, match="zeta"):
         load("mathieu", zeta=-0.1)
 
 
 def test_real_parts_of_both_multipliers_over_the_plane():
-    """Thesis Figs. E.1, E.2: cos π√δ of both on the axis; their sum is the trace of the monodromy matrix by
-    SciPy's integration, and beyond a boundary the product of the two real ones is 1."""
+    """Figs. E.1 and E.2 of the thesis. For ε = 0, both real parts are cos π√δ. The sum of the multipliers is
+    the trace of the monodromy matrix, integrated by SciPy; outside the stable region, the product of the two
+    real multipliers is 1."""
     plane = {"delta": [0.5, 1.0, 4.4]}, {"epsilon": [0.0, 6.0]}
     one, two = (chart(load("mathieu", zeta=0.0), *plane, 1.0, of=f"rho{k}.re").values for k in (1, 2))
     for values in (one, two):

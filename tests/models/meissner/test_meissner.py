@@ -1,4 +1,4 @@
-"""Meissner's equation as a model: half the sum of the multipliers is J2 of the thesis (7.11)."""
+"""Model of Meissner's equation: half the sum of the multipliers is J2 of Eq. (7.11) of the thesis."""
 
 import numpy as np
 import pytest
@@ -40,8 +40,8 @@ def test_cases_agree_with_their_titles():
 
 
 @pytest.mark.slow
-def test_boundaries_of_fig_7_2_have_j2_of_plus_minus_one():
-    """Those of a chart, at which J2 has the value of their multiplier."""
+def test_j2_is_plus_or_minus_one_on_the_boundaries():
+    """On the boundaries of a chart, J2 equals the multiplier, +1 or −1."""
     chart = solve.chart(solve.load("meissner"), x={"w1": np.linspace(0.2, 6.2, 25)}, y={"w2": [1.9, 2.0]})
     assert sum(len(points) for _, points in chart.boundaries) >= 6
     for name, points in chart.boundaries:

@@ -1,4 +1,4 @@
-"""The planar clearance joint against the equations of motion of rod and slider by Newton and Euler."""
+"""Planar clearance joint compared with the Newton-Euler equations of rod and slider."""
 
 import numpy as np
 import pytest
@@ -11,14 +11,14 @@ R = 0.01
 
 
 def crank(phase):
-    """Crank pin, its velocity and acceleration by the phase (3, 2)."""
+    """Position of the crank pin, and its first and second derivatives with respect to the phase (3, 2)."""
     outwards, ahead = np.array([np.cos(phase), np.sin(phase)]), np.array([-np.sin(phase), np.cos(phase)])
     return r * np.array([outwards, ahead, -outwards])
 
 
-def after_a_turn(state, speed):
-    """Angle and position (rod, slider) and their rates by the phase after a turn. The rod is a body on the
-    crank pin, with a force at its other end."""
+def after_a_revolution(state, speed):
+    """Return the state after one revolution: angle of the rod, position of the slider, and their derivatives
+    with respect to the phase. The rod is a body on the crank pin, with the contact force at its other end."""
 
     def rate(phase, y):
         beta, x, w, v = y
@@ -61,7 +61,7 @@ def after_a_turn(state, speed):
 
 
 def state_of(orbit):
-    """State for `after_a_turn` at phase 0."""
+    """State for `after_a_revolution` at phase 0 of an orbit."""
     u, v = orbit.q[:, 0]
     ud, vd = orbit.qd[:, 0] / orbit.speed
     beta, betad = np.arcsin(v / L), (vd - r) / np.sqrt(L**2 - v**2)
@@ -70,12 +70,12 @@ def state_of(orbit):
 
 
 @pytest.mark.parametrize("speed", ["600 rpm", "1500 rpm"])
-def test_orbits_in_both_directions_equal_integration(speed):
-    """At 600 rpm pin and bearing stay in contact, at 1500 rpm they do not."""
+def test_orbits_equal_integration(speed):
+    """At 600 rpm, pin and bearing remain in contact; at 1500 rpm, they separate."""
     orbit = solve.nonlinear(solve.load("planar_joint"), speed, rtol=1e-7)
     assert (len(orbit.events) == 0) == (speed == "600 rpm")
     start = state_of(orbit)
-    after = after_a_turn(start, orbit.speed)
+    after = after_a_revolution(start, orbit.speed)
     assert np.abs(after - start).max() < 1e-7 * L
     assert orbit.statistics("v").max_abs > 1e-5
     fraction = orbit.statistics("contact").mean

@@ -1,4 +1,4 @@
-"""The determinant of the frame's dynamic stiffness: zeros, and the pole where one element a bar has none."""
+"""Determinant of the dynamic stiffness of the frame: zeros, and the pole with one element per bar."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def frame():
 
 @pytest.fixture(scope="module")
 def sides():
-    """ln|det D| at relative distances of 1e-3 and 1e-6 from every frequency, by numbers of elements."""
+    """ln|det D| at relative distances of 1e-3 and 1e-6 from every frequency, by number of elements."""
     model = solve.load("portal_frame")
     computed = determinants(model, 1200.0).found
     near = {
@@ -37,20 +37,20 @@ def test_all_seven_frequencies_are_counted(frame):
 
 
 def test_with_two_elements_every_frequency_is_a_zero(sides):
-    """Nearer by 1000 the determinant is smaller by 1000."""
+    """At a distance smaller by a factor of 1000, the determinant is smaller by the same factor."""
     _, near = sides
     np.testing.assert_allclose(near[2][0] - near[2][1], np.log(1e3), rtol=0.02)
 
 
-def test_with_one_element_the_fourth_is_a_pole(sides):
-    """Of second order: three bars have it and two corners hold them."""
+def test_fourth_frequency_is_a_pole_with_one_element(sides):
+    """The pole is of second order: three bars have this frequency, and two corners constrain them."""
     _, near = sides
     change = (near[1][0] - near[1][1]) / np.log(1e3)
     np.testing.assert_allclose(np.delete(change, 3), 1.0, rtol=0.02)
     assert change[3] == pytest.approx(-2.0, rel=0.02)
 
 
-def test_the_picture_and_the_command(frame, tmp_path, capsys):
+def test_figure_and_output_of_the_command(frame, tmp_path, capsys):
     axes = determinants_figure(frame).axes[0]
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels == ["1 element per bar", "2 elements per bar"]

@@ -1,4 +1,4 @@
-"""The portal frame: dependence of the frequencies on parameters, and half frame against whole frame."""
+"""Portal frame: dependence of the frequencies on parameters, and half frame compared with whole frame."""
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ CASE = solve.load("portal_frame").parameters
 
 @settings(max_examples=15, deadline=None)
 @given(st.fixed_dictionaries(dict.fromkeys(CASE, POSITIVE)))
-def test_all_frequencies_are_multiples_of_one_number(factors):
-    """ω is proportional to √(EI/ρA)/L², whatever the numbers are: its bars only bend."""
+def test_all_frequencies_scale_with_the_same_factor(factors):
+    """Because its bars only bend, ω is proportional to √(EI/ρA)/L²."""
     scaled = {name: factors[name] * CASE[name] for name in CASE}
     ratio = np.sqrt(factors["E"] * factors["I"] / (factors["rho"] * factors["A"])) / factors["L"] ** 2
     np.testing.assert_allclose(values(**scaled), ratio * BASE, rtol=1e-9)
@@ -36,13 +36,14 @@ def test_portal_frame_does_not_move():
 
 
 def test_symmetric_modes_match_half_the_frame():
-    """Half the frame, its beam's middle free to move up and down but not to turn."""
+    """In half the frame, the middle of the beam can move vertically but cannot rotate."""
     from scipy.optimize import brentq
 
     a = 17.6632297
 
     def corner(x):
-        """Stiffness of the corner against turning: the foot's bar, and the beam bent symmetrically."""
+        """Rotational stiffness of the corner: that of the bar to the foot and that of the symmetrically bent
+        beam."""
         S, C, s, c = np.sinh(x), np.cosh(x), np.sin(x), np.cos(x)
         bar = x * (C * s - S * c) / (1 - C * c)
         beam = x * (C * s - S * c - S + s) / (1 - C * c)

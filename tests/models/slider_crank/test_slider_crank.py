@@ -1,4 +1,4 @@
-"""The slider-crank mechanism with a clearance against integration from event to event."""
+"""Slider-crank mechanism with a clearance compared with integration from event to event."""
 
 import numpy as np
 import pytest
@@ -11,15 +11,15 @@ SPEED = 100 * np.pi
 
 
 def pin(phase):
-    """Second derivative by the phase of r cos φ + √(l² - r² sin² φ)."""
+    """Second derivative of r cos φ + √(l² - r² sin² φ) with respect to the phase."""
     root = np.sqrt(L**2 - R**2 * np.sin(phase) ** 2)
     return (
         -R * np.cos(phase) - R**2 * np.cos(2 * phase) / root - (R**2 * np.sin(2 * phase)) ** 2 / 4 / root**3
     )
 
 
-def after_a_turn(start):
-    """q and q̇ after a turn, and the phases of the events."""
+def after_a_revolution(start):
+    """Return q and q̇ after one revolution, and the phases of the events."""
     state, phase, events = np.array(start), 0.0, []
     while phase < 2 * np.pi:
         depth = FORCE / K - state[0]
@@ -59,7 +59,7 @@ def found():
 
 def test_orbit_equals_integration_from_event_to_event(found):
     start = np.array([found.q[0, 0], found.qd[0, 0]])
-    after, events = after_a_turn(start)
+    after, events = after_a_revolution(start)
     sizes = np.array([np.abs(found.q).max(), np.abs(found.qd).max()])
     assert (np.abs(after - start) < 1e-8 * sizes).all()
     assert found.events == pytest.approx(events, abs=1e-7)

@@ -1,4 +1,4 @@
-"""Every multiplier of a period, with an error of its own, however small."""
+"""Individual errors of all multipliers of a period, however small these are."""
 
 import json
 import sys
@@ -16,7 +16,8 @@ from tests.solve.systems import constant, system
 
 
 def decaying():
-    """q″ + (24 + 10 sin t) q′ + 10 cos t q = (q′ + (24 + 10 sin t) q)′ = 0: its exponents are 0 and -24."""
+    """System q″ + (24 + 10 sin t) q′ + 10 cos t q = (q′ + (24 + 10 sin t) q)′ = 0, with exponents 0 and
+    -24."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -35,7 +36,7 @@ def test_exponents_are_exact_for_multipliers_65_decades_apart():
 
 
 @pytest.mark.parametrize("engine", ["auto", "numpy"])
-def test_constant_coefficients_have_the_eigenvalues_of_their_matrix(engine):
+def test_exponents_of_constant_coefficients_are_eigenvalues(engine):
     M, C, K = np.eye(2), np.array([[40.0, 3.0], [-1.0, 90.0]]), np.array([[9.0, 1.0], [2.0, 400.0]])
     truth = np.linalg.eigvals(np.block([[np.zeros((2, 2)), M], [-K, -C]]))
     truth = truth[np.argsort(-truth.real)]
@@ -48,8 +49,9 @@ def test_constant_coefficients_have_the_eigenvalues_of_their_matrix(engine):
 
 
 @pytest.mark.slow
-def test_the_cam_at_twelve_rpm_by_two_methods_and_by_liouville():
-    """|ρ| from 1e-57 down to what no number holds; their logarithms sum up to -∫ tr(M⁻¹C) dt."""
+def test_multipliers_of_slow_cam_satisfy_liouvilles_formula():
+    """|ρ| ranges from 1e-57 to values below the range of floating point. The sum of ln|ρ| is -∫ tr(M⁻¹C) dt.
+    Two methods agree."""
     cam = solve.load("cam")
     stability = solve.floquet(cam, "12 rpm", rtol=1e-6, all_multipliers=True)
     other = solve.floquet(cam, "12 rpm", solve.Gauss(16), rtol=1e-6, all_multipliers=True)
@@ -68,7 +70,7 @@ def test_the_cam_at_twelve_rpm_by_two_methods_and_by_liouville():
 
 
 def test_step_maps_computed_in_blocks_give_the_same_multipliers(monkeypatch):
-    """Steps of which memory holds a part only."""
+    """The memory limit permits only some of the steps at a time."""
     given, _ = turning(1)
     whole = solve.floquet(given, 1.0, "radau", rtol=1e-8, engine="numpy", all_multipliers=True)
     monkeypatch.setattr("solve.certify.all_multipliers._MEMORY", 10 * Radau().bytes_a_step(2))
@@ -78,13 +80,13 @@ def test_step_maps_computed_in_blocks_give_the_same_multipliers(monkeypatch):
     assert parts.unresolved == whole.unresolved == 0
 
 
-def test_modes_that_given_steps_do_not_follow_have_no_digit():
+def test_modes_unresolved_by_given_steps_have_no_digits():
     stability = solve.floquet(solve.load("cam"), "12 rpm", "radau", steps=64, rtol=0.9, all_multipliers=True)
     assert 0 < stability.unresolved <= 6
     assert np.isnan(stability.multiplier_errors).sum() == stability.unresolved
 
 
-def test_unknown_multipliers_are_null_in_every_column(without_slicot):
+def test_unresolved_multipliers_are_null_in_every_column(without_slicot):
     found = solve.floquet(solve.load("four_bar", options={"elements": "1"}), 30.0, rtol=1e-6)
     assert 0 < found.unresolved < 10
     record = found.record()
@@ -94,7 +96,7 @@ def test_unknown_multipliers_are_null_in_every_column(without_slicot):
     assert record["modes"][0]["folded"] is not None
 
 
-def test_small_spectra_are_magnified_though_other_multipliers_are_unknown(without_slicot):
+def test_small_spectra_are_magnified_despite_unresolved_multipliers(without_slicot):
     damped = constant(
         np.eye(2), np.diag([0.8, 12.0]), np.diag([2.0, 41.29]), lambda phase: np.zeros((len(phase), 2))
     )
@@ -115,7 +117,7 @@ def test_without_slicot_missing_orders_and_tolerances_are_noted(without_slicot):
     assert any("rtol is not applied to each multiplier" in note for note in notes)
 
 
-def test_multipliers_left_out_for_their_work_are_noted(monkeypatch):
+def test_note_states_multipliers_omitted_because_of_their_cost(monkeypatch):
     monkeypatch.setattr("solve.certify.all_multipliers._MAX_WORK", (1.0, 1.0, 1e9))
     found = solve.floquet(damped_pair(), 1.0)
     assert np.isnan(found.multipliers[2:]).all()
@@ -124,14 +126,14 @@ def test_multipliers_left_out_for_their_work_are_noted(monkeypatch):
     ]
 
 
-def test_methods_without_step_maps_refuse_all_multipliers():
+def test_methods_without_step_maps_cannot_compute_all_multipliers():
     with pytest.raises(
         StepsError, match=r"maps of the steps, which fourier does not provide; use radau or gauss"
     ):
         solve.floquet(decaying(), 1.0, "fourier", rtol=1e-6, all_multipliers=True)
 
 
-def test_the_command_gives_all_of_them(capsys):
+def test_command_prints_all_multipliers(capsys):
     assert run(["floquet", "mathieu", "--all-multipliers", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert len(record["multipliers"]) == len(record["exponents"]) == len(record["multiplier_errors"]) == 2
@@ -139,8 +141,8 @@ def test_the_command_gives_all_of_them(capsys):
 
 
 def turning(seed):
-    """A stable system of two coordinates with constant coefficients and logarithms of multipliers down to
-    1e-300, seen from axes that turn unevenly, once a turn; and these logarithms, falling."""
+    """Return a stable system of two coordinates in unevenly rotating axes, and the descending logarithms of
+    its multipliers, down to 1e-300. In fixed axes, the coefficients are constant."""
     rng = np.random.default_rng(seed)
     S = rng.standard_normal((2, 2)) + 2 * np.eye(2)
     damping = np.exp(rng.uniform(np.log(0.01), np.log(55.0), 2))
@@ -168,9 +170,9 @@ def turning(seed):
 
 
 @pytest.mark.slow
-def test_axes_that_turn_change_no_multiplier():
-    """Of 340 systems with |ρ| down to 1e-300: errors are at most ten times their estimates in 99 % of all
-    multipliers, and all exponents are right to 1e-9 of their size."""
+def test_rotating_axes_do_not_change_multipliers():
+    """Among 340 systems with |ρ| down to 1e-300, errors of 99 % of the multipliers are at most ten times
+    their estimates, and all exponents have relative errors below 1e-9."""
     honest, smallest = [], 0.0
     for seed in range(340):
         given, truth = turning(seed)
@@ -188,8 +190,8 @@ def test_axes_that_turn_change_no_multiplier():
 
 
 @pytest.mark.slow
-def test_a_linkage_of_elastic_bars_keeps_all_its_multipliers():
-    """36 of them, down to exp(-483); their logarithms sum up to -∫ tr(M⁻¹C) dt."""
+def test_all_multipliers_of_an_elastic_linkage_are_computed():
+    """There are 36 multipliers, down to exp(-483). The sum of ln|ρ| is -∫ tr(M⁻¹C) dt."""
     linkage = solve.load("four_bar", options={"elements": "2"})
     stability = solve.floquet(
         linkage, "30 rad/s", solve.Radau(13), rtol=1e-3, engine="numpy", all_multipliers=True
@@ -242,7 +244,7 @@ def without_slicot(monkeypatch):
 
 
 def damped_pair():
-    """Two oscillators with exponents -0.1 ± 1.41i and -6 ± 2.3i, of which the latter decay to 4e-17."""
+    """Two oscillators with exponents -0.1 ± 1.41i and -6 ± 2.3i. The latter have |ρ| = 4e-17."""
     return constant(
         np.eye(2), np.diag([0.2, 12.0]), np.diag([2.0, 41.29]), lambda phase: np.zeros((len(phase), 2))
     )
@@ -262,7 +264,7 @@ def test_multipliers_below_round_off_are_null_without_slicot(without_slicot):
     assert stability.verdict == "asymptotically stable"
 
 
-def test_all_multipliers_fall_back_on_the_monodromy_matrix_without_slicot(without_slicot):
+def test_without_slicot_all_multipliers_use_the_monodromy_matrix(without_slicot):
     stability = solve.floquet(damped_pair(), 1.0, all_multipliers=True)
     assert stability.unresolved == 2
     assert any("ctrlsys" in note for note in stability.notes)

@@ -1,4 +1,4 @@
-"""Error estimates against the truth: at most ten times too small, not absurdly large, and no false peace."""
+"""Error estimates compared with true errors: at most ten times too small, not absurdly large."""
 
 import tracemalloc
 
@@ -49,8 +49,8 @@ def honest(error, estimate):
 
 
 @pytest.mark.parametrize("steps", [30, 60, 64, 100, 128])
-def test_differences_do_not_depend_on_the_steps_of_the_better_orbit(steps):
-    """The better one has fewer steps than the other, in some cases a fraction of them."""
+def test_differences_do_not_depend_on_steps_of_the_reference(steps):
+    """The more accurate orbit has fewer steps than the other one, in some cases a fraction of them."""
     point = SinglePoint(random_system(2, 2), 1.0)
     coarse, fine, finer = (
         method.solutions(point, Grid.uniform(count, point.period), True, "compiled")
@@ -66,7 +66,7 @@ def judge(orbit, q, multipliers):
 
 
 @pytest.mark.parametrize(("method", "tolerances"), BY_TOLERANCE, ids=[str(m) for m, _ in BY_TOLERANCE])
-def test_tolerances_are_kept_and_estimates_are_honest(method, tolerances, references):
+def test_errors_are_within_tolerance_and_estimate(method, tolerances, references):
     for system, truth in references:
         q = truth.states(PHASES)[: system.n]
         for rtol in tolerances:
@@ -76,7 +76,7 @@ def test_tolerances_are_kept_and_estimates_are_honest(method, tolerances, refere
 
 
 @pytest.mark.parametrize(("method", "steps"), BY_STEPS, ids=[f"{m}, {n} steps" for m, n in BY_STEPS])
-def test_a_grid_that_is_given_is_judged_honestly(method, steps, references):
+def test_estimate_on_a_given_grid_covers_the_error(method, steps, references):
     for system, truth in references:
         orbit = periodic(system, 1.0, method, steps=steps, rtol=0.5)
         assert orbit.steps == steps
@@ -88,7 +88,7 @@ def test_a_grid_that_is_given_is_judged_honestly(method, steps, references):
     "rpm", [100, 300, 1500, *(pytest.param(rpm, marks=pytest.mark.slow) for rpm in (200, 600))]
 )
 def test_estimates_for_the_stiff_cam(case, rpm):
-    """Reference: Gauss of order 12, which none of the tested methods is."""
+    """The reference is Gauss's method of order 12, which is not among the tested methods."""
     system, speed = cam(case), f"{rpm} rpm"
     truth = periodic(system, speed, Gauss(12), rtol=1e-11)
     q = truth.at(PHASES)
@@ -98,7 +98,7 @@ def test_estimates_for_the_stiff_cam(case, rpm):
         judge(orbit, q, truth.multipliers)
 
 
-def test_an_estimate_above_the_tolerance_is_warned_of():
+def test_estimate_above_the_tolerance_gives_a_warning():
     orbit = periodic(random_system(1, 2), 1.0, "newmark", steps=40, rtol=1e-6)
     text = next(text for text in orbit.warnings if "not to rtol" in text)
     assert text.startswith("newmark with 40 steps gives the orbit to ")
@@ -116,7 +116,7 @@ def test_unattainable_tolerance_gives_a_warning():
 
 
 def stiff(growth):
-    """A slow damped mode beside one that turns 1000 times as fast and decays or grows slowly."""
+    """A slow damped mode and a mode that is 1000 times as fast and decays or grows slowly."""
     K = np.diag([1.0, 1e6])
     return constant(np.eye(2), np.diag([0.5, -2 * growth]), K, lambda phase: np.ones((len(phase), 2)))
 
@@ -125,8 +125,8 @@ def stiff(growth):
 @pytest.mark.parametrize(
     ("growth", "verdict"), [(5e-3, "unstable"), (-5e-4, "asymptotically stable"), (0.0, "stable")]
 )
-def test_a_stiff_mode_that_lives_on_is_not_lost(method, growth, verdict):
-    """L-stable methods damp what they do not resolve; the true |ρ| is exp(2π growth)."""
+def test_verdict_includes_a_persistent_stiff_mode(method, growth, verdict):
+    """L-stable methods damp modes that they do not resolve. The true |ρ| is exp(2π growth)."""
     stability = floquet(stiff(growth), 1.0, method, rtol=1e-6)
     assert stability.spectral_radius == pytest.approx(np.exp(2 * np.pi * growth), rel=1e-5)
     assert stability.verdict == verdict
@@ -140,8 +140,8 @@ def test_too_few_steps_for_a_stiff_mode_give_a_warning():
 
 
 @pytest.mark.parametrize("method", ["newmark", "gauss", "rk4", "hsu"])
-def test_unresolved_stiff_modes_of_methods_that_keep_them_are_flagged(method):
-    """At 100 rpm the cam's fastest mode turns 16 000 rad a turn of the shaft."""
+def test_unresolved_stiff_modes_give_a_warning(method):
+    """At 100 rpm, the phase of the fastest mode of the cam advances by 16 000 rad per revolution."""
     steps = {"rk4": 6000}.get(method, 400)
     stability = floquet(cam(), "100 rpm", method, steps=steps, rtol=0.5)
     assert any("leave stiff modes unresolved" in text and "use radau" in text for text in stability.warnings)
@@ -155,12 +155,12 @@ def test_invalid_step_counts_are_refused(steps):
 
 
 @pytest.mark.parametrize("steps", ["8", True])
-def test_step_counts_that_are_no_numbers_are_refused(steps):
+def test_step_counts_that_are_not_numbers_are_refused(steps):
     with pytest.raises(ValueOutOfBoundsError, match=rf"steps is {steps!r}; allowed: whole numbers"):
         periodic(random_system(1, 2), 1.0, steps=steps)
 
 
-def test_steps_that_do_not_fit_in_memory():
+def test_steps_beyond_the_memory_limit_are_refused():
     with pytest.raises(
         StepsError, match=r"at most \d+ steps .* given: 1000000000; use fewer, raise --limit, or"
     ):
@@ -170,7 +170,7 @@ def test_steps_that_do_not_fit_in_memory():
 @pytest.mark.parametrize("method", ["newmark", "rk4", "radau", Gauss(16)])
 @pytest.mark.parametrize("n", [3, 6])
 def test_peak_memory_matches_the_bound(method, n):
-    """The finer grid has twice the given steps. The count is accurate within a factor of 2.5."""
+    """The finer grid has twice the given number of steps. The bound is accurate within a factor of 2.5."""
     given, steps, rule = random_system(3, n), 1000, chosen(method)
     periodic(given, 1.0, rule, steps=steps, rtol=0.9)
     tracemalloc.start()
@@ -182,14 +182,15 @@ def test_peak_memory_matches_the_bound(method, n):
 
 
 @pytest.mark.parametrize("n", [27, 90])
-def test_large_systems_may_take_the_steps_that_they_need(n):
-    """The all-flexible four-bar with 3 and 10 elements a link needs 384 and 512 at 30 rad/s."""
+def test_step_limits_permit_the_steps_of_large_systems(n):
+    """The flexible four-bar linkage with 3 and 10 elements per link requires 384 and 512 steps at 30
+    rad/s."""
     rule = Radau()
     assert rule.most_steps(n) >= 512
     assert rule.most_steps(n) * rule.bytes_a_step(n) <= 2**31
 
 
-def test_floquet_alone_states_no_error_of_an_orbit():
+def test_floquet_result_has_no_orbit_error():
     stability = floquet(random_system(1, 2), 1.0)
     assert np.isnan(stability.error_estimate.orbit)
     orbit = periodic(random_system(1, 2), 1.0)
@@ -197,14 +198,15 @@ def test_floquet_alone_states_no_error_of_an_orbit():
 
 
 def tuned_absorber():
-    """q1 = 0 up to round-off: the absorber at its own frequency takes the whole force, q2 = -cos φ."""
+    """Absorber at its own frequency, which balances the whole force: q1 = 0 up to round-off, and q2 = -cos
+    φ."""
     K = np.array([[3.0, -1.0], [-1.0, 1.0]])
     return constant(
         np.eye(2), np.zeros((2, 2)), K, lambda phase: np.column_stack((np.cos(phase), np.zeros(len(phase))))
     )
 
 
-def test_the_mass_that_a_tuned_absorber_quiets_costs_no_endless_refinement():
+def test_mass_at_rest_does_not_cause_endless_refinement():
     orbit = periodic(tuned_absorber(), 1.0)
     assert orbit.steps <= 128
     assert orbit.warnings == []

@@ -1,4 +1,4 @@
-"""The first grid, from the frozen modes and the harmonics of the coefficients."""
+"""First grid, predicted from the frozen modes and the harmonics of the coefficients."""
 
 from functools import partial
 
@@ -13,7 +13,7 @@ from tests.solve.systems import constant
 
 
 def oscillators(*omegas, damping=0.0):
-    """Uncoupled oscillators without load; the last one with a damping ratio."""
+    """Uncoupled oscillators without load; the last one has a damping ratio."""
     C, K = np.zeros((2, len(omegas), len(omegas)))
     np.fill_diagonal(K, np.square(omegas))
     C[-1, -1] = 2 * damping * omegas[-1]
@@ -27,7 +27,7 @@ def steps(method, system, rtol=1e-6):
 
 
 @pytest.mark.parametrize("n", [1, 2])
-def test_soft_systems_begin_with_few_steps(n):
+def test_first_grid_of_soft_systems_has_few_steps(n):
     soft = oscillators(*([1.5] * n))
     assert steps(Gauss(), soft) <= 16
     assert steps(Radau(13), soft) <= 16
@@ -38,24 +38,25 @@ def test_soft_systems_begin_with_few_steps(n):
 @pytest.mark.parametrize("omega", [40.0, 160.0])
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 def test_the_first_grid_reaches_the_tolerance(method, omega, rtol):
-    """An undamped mode of frequency ω, which m steps turn by too much: the phase error of Padé's approximant
-    is within a tenth and the whole of `rtol`, so that neither a grid nor steps are wasted."""
+    """An undamped mode of frequency ω. The phase error of Padé's approximant with m steps is between a tenth
+    of `rtol` and `rtol`, so that neither a grid nor steps are wasted."""
     m = steps(method, oscillators(1.0, omega), rtol)
     angle = 2 * np.pi * omega
     error = m * method.error_constant * (angle / m) ** (method.order + 1)
     assert 1e-2 * rtol < error < rtol
 
 
-def test_modes_that_die_out_need_few_steps():
-    """A period leaves exp(-2π 0.01 · 400) = 1e-11 of the fast mode."""
+def test_modes_that_decay_within_a_period_require_few_steps():
+    """The amplitude of the fast mode decays by exp(-2π 0.01 · 400) = 1e-11 within a period."""
     dying, lasting = (oscillators(1.0, 400.0, damping=damping) for damping in (0.01, 0.0))
     for method in (Gauss(), Radau(13)):
         assert steps(method, dying) < steps(method, lasting) / 2
 
 
 def stiff(rates, rng):
-    """Damped modes λ from soft to stiff, W q with a random triangular W, so that stiff entries do not cancel.
-    The load is cos φ on each. Returns the system, q at the phases 0 and π/2, and the multipliers."""
+    """Return a system W q of damped modes λ from soft to stiff, its q at the phases 0 and π/2, and its
+    multipliers. W is random and triangular, so that stiff entries do not cancel. The load on each mode is cos
+    φ."""
     W = np.eye(len(rates)) + np.triu(rng.uniform(-0.5, 0.5, (len(rates), len(rates))), 1)
     C, K = (W.T @ np.diag(part) @ W for part in (-2 * rates.real, np.abs(rates) ** 2))
     loads = (W.T * np.abs(rates) ** 2).sum(axis=1)
@@ -66,9 +67,9 @@ def stiff(rates, rng):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("method", ["auto", "radau"])
-def test_an_orbit_is_accurate_although_no_grid_resolves_all_modes(method, seed):
-    """After a period, 1 % of modes of 2e4 and 1e6 rad/s remain, of which the faster one requires more steps
-    than allowed. The orbit meets the tolerance; the error of the multipliers is what remains."""
+def test_orbit_is_accurate_although_no_grid_resolves_all_modes(method, seed):
+    """Modes of 2e4 and 1e6 rad/s decay to 1 % within a period. The faster one requires more steps than
+    allowed. The orbit meets the tolerance, and the error of the multipliers includes the unresolved mode."""
     system, response, multipliers = stiff(
         np.array([-0.02 + 1.3j, -0.1 + 2.6j, -0.74 + 2e4j, -0.74 + 1e6j]), np.random.default_rng(seed)
     )
@@ -82,15 +83,16 @@ def test_an_orbit_is_accurate_although_no_grid_resolves_all_modes(method, seed):
     assert "gives the multipliers to" in orbit.warnings[0]
 
 
-def test_modes_are_followed_if_they_decide_the_verdict_or_no_orbit_is_wanted():
-    """An undamped mode that requires too many steps is not ignored, nor is a damped one without an orbit."""
+def test_modes_that_affect_the_verdict_are_not_ignored():
+    """An undamped mode that requires too many steps is not ignored; nor is a damped one if no orbit is
+    computed."""
     for damping, orbit, ignored in ((0.0, True, False), (8e-7, True, True), (8e-7, False, False)):
         point = SinglePoint(oscillators(1.0, 1e6, damping=damping), 1.0)
         computed, unresolved = first_steps(Radau(13), point, frozen(point), orbit, 1e-6, 2**14)
         assert (computed[0] < 100, unresolved[0] > 0) == (ignored, ignored)
 
 
-def test_harmonics_of_the_load_count_as_far_as_inertia_lets_them():
+def test_higher_load_harmonics_require_more_steps():
     def loaded(order):
         return constant(
             np.eye(1), 0.1 * np.eye(1), 2.3 * np.eye(1), lambda phase: np.cos(phase) + np.cos(order * phase)
@@ -101,8 +103,9 @@ def test_harmonics_of_the_load_count_as_far_as_inertia_lets_them():
 
 
 @pytest.mark.parametrize("coupling", ["M", "C", "K", "d"])
-def test_round_off_of_an_entry_that_vanishes_is_no_harmonic(coupling):
-    """The second coordinate is a million times stiffer; what couples it has the round-off of its size."""
+def test_round_off_of_a_zero_entry_is_not_a_harmonic(coupling):
+    """The second coordinate is a million times stiffer. The coupling has round-off relative to this
+    stiffness."""
 
     def matrices(phase, speed, size):
         m = len(phase)

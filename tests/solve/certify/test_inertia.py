@@ -1,4 +1,5 @@
-"""M that is singular at phases which no step samples, one line about it from every way to solve."""
+"""Mass matrices that are singular at phases between the samples: every solver gives one message of one
+line."""
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ from solve.errors import MatricesError
 
 
 def one(inertia, breaks=(), period=2 * np.pi):
+    """System with one coordinate and a varying inertia."""
+
     def matrices(phase, speed):
         unit = np.ones((len(phase), 1, 1))
         return inertia(phase)[:, None, None], 0.3 * unit, 2.3 * unit, np.cos(phase)[:, None]
@@ -16,7 +19,7 @@ def one(inertia, breaks=(), period=2 * np.pi):
 
 
 def two(coupling):
-    """Each with an inertia of 1, singular where their coupling is 1."""
+    """System of two coordinates with unit inertia; M is singular where their coupling is 1."""
 
     def matrices(phase, speed):
         unit = np.broadcast_to(np.eye(2), (len(phase), 2, 2))

@@ -1,4 +1,4 @@
-"""Numbers of steps, and when a grid is the last."""
+"""Numbers of steps in the grid sequence, and the end of the refinement."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from solve.certify.resolution import grid_sizes
 from tests.solve.certificates.test_narrow import kinked
 
 
-def test_few_numbers_of_steps_are_used():
+def test_grid_sequence_contains_few_numbers_of_steps():
     every = np.arange(1, 1025)
     sizes = grid_sizes(every)
     assert (sizes >= every).all()
@@ -20,8 +20,8 @@ def test_few_numbers_of_steps_are_used():
 
 
 @pytest.mark.parametrize("at", [0.35, 1.1, 2.2, 4.6])
-def test_errors_that_fall_irregularly_are_refined(at):
-    """A kink of the load at a phase: the error of one grid may be small by chance."""
+def test_irregular_convergence_leads_to_refinement(at):
+    """The load has a kink. The error on one grid may be small by chance."""
     given, truth = kinked(at)
     computed, phase = periodic(given, 1.0, Gauss(), rtol=1e-8), np.linspace(0, 2 * np.pi, 801)
     q = truth(phase)

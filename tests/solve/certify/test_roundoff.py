@@ -1,4 +1,4 @@
-"""Stiff modes in turned axes: the round-off of large stiffnesses acts on the soft modes."""
+"""Stiff modes in rotated axes: the round-off of large stiffnesses affects the soft modes."""
 
 import numpy as np
 import pytest
@@ -10,8 +10,9 @@ PHASES = np.linspace(0.0, 2 * np.pi, 200, endpoint=False)
 
 
 def in_axes(seed):
-    """A system in the axes of its modes, in turned axes with other units, and the map from the former to the
-    latter coordinates. Stiff modes are 20 to 1e4 times as fast as the speed; entries are rounded once."""
+    """Return a system in modal axes, the same system in rotated axes with other units, and the map from the
+    former to the latter coordinates. Stiff modes are 20 to 1e4 times faster than the speed. Entries are
+    rounded once."""
     rng = np.random.default_rng((1826, seed))
     n = int(rng.integers(2, 7))
     stiff = np.arange(n) < rng.integers(1, n)
@@ -37,8 +38,8 @@ def in_axes(seed):
 
 
 @pytest.mark.parametrize("rtol", [1e-8, 1e-12])
-def test_errors_of_stiff_modes_in_turned_axes_are_honest_and_sharp(rtol):
-    """In the axes of the modes, rounding changes each mode by round-off of its own."""
+def test_estimates_in_rotated_axes_are_sharp_bounds(rtol):
+    """In modal axes, each mode has only its own round-off."""
     visible, sharp = 0, 0
     for seed in range(12):
         straight, turned, back = in_axes(seed)
@@ -54,9 +55,9 @@ def test_errors_of_stiff_modes_in_turned_axes_are_honest_and_sharp(rtol):
     assert sharp >= 0.8 * visible > 0
 
 
-def test_a_tolerance_below_the_round_off_costs_no_steps():
-    """Twelve digits of a mode of 1 rad/s are lost beside one of 1e4 rad/s; without its round-off the steps
-    would be doubled to their limit."""
+def test_tolerance_below_round_off_does_not_refine_the_grid():
+    """A mode of 1 rad/s next to one of 1e4 rad/s loses several digits. If this round-off were not estimated,
+    the steps would be doubled up to the limit."""
     _, turned, _ = in_axes(0)
     orbit = solve.periodic(turned, 1.0, rtol=1e-13)
     assert max(orbit.error_estimate) > 1e-13

@@ -1,4 +1,5 @@
-"""Multipliers that meet by chance, pieces between jumps that few steps divide unevenly, and weak damping."""
+"""Traps for two grids: multipliers equal by chance, unevenly divided intervals between jumps, and weak
+damping."""
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tests.solve.systems import constant
 
 
 def hill(delta):
-    """q″ + (δ + 2 cos φ) q = 0."""
+    """System q″ + (δ + 2 cos φ) q = 0."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -23,8 +24,8 @@ def hill(delta):
 
 
 @pytest.mark.parametrize("between", [(4.0, 4.3), (6.2, 6.5), (8.9, 9.2), (12.1, 12.4)])
-def test_accidentally_equal_multipliers_are_detected_from_the_monodromy_matrices(between):
-    """Without damping ρ is a matter of tr Φ alone, and there are δ at which 8 and 12 steps have the same."""
+def test_accidentally_equal_multipliers_are_detected(between):
+    """Without damping, ρ depends on tr Φ only. For some δ, tr Φ is the same with 8 and with 12 steps."""
 
     def difference(delta):
         grids = (Grid.uniform(steps, 2 * np.pi) for steps in (8, 12))
@@ -42,7 +43,8 @@ def test_accidentally_equal_multipliers_are_detected_from_the_monodromy_matrices
 
 
 def of_pieces(breaks, K, damping):
-    """q″ + damping q′ + K q = 1, K another in each piece, and its multipliers by exponentials of matrices."""
+    """Return the system q″ + damping q′ + K q = 1 with another K in each interval, and its multipliers from
+    matrix exponentials."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -56,8 +58,8 @@ def of_pieces(breaks, K, damping):
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_error_covers_pieces_that_the_finer_grid_does_not_refine(seed):
-    """8 steps among six pieces are 1 1 1 1 3 1, and 12 are two each."""
+def test_error_covers_intervals_with_equal_steps_on_both_grids(seed):
+    """The 8 steps in six intervals are 1 1 1 1 3 1, and the 12 steps are two in each."""
     rng = np.random.default_rng(seed)
     breaks = np.sort(rng.uniform(0, 2 * np.pi, 5))
     K = rng.uniform(-1, 1, 5) * 10 ** rng.uniform(-1, 2) + 10 ** rng.uniform(-1, 2)
@@ -82,6 +84,6 @@ def test_error_covers_a_stiff_piece_divided_alike_on_two_grids(seed, rtol):
 
 @pytest.mark.parametrize("damping", [1e-5, 1e-7, -1e-7])
 @pytest.mark.parametrize("rtol", [1e-2, 1e-6])
-def test_weak_damping_decides_the_verdict_at_any_tolerance(damping, rtol):
+def test_weak_damping_determines_the_verdict_at_any_tolerance(damping, rtol):
     given = constant(np.eye(1), damping * np.eye(1), 5.3 * np.eye(1), lambda phase: np.zeros((len(phase), 1)))
     assert floquet(given, 1.0, rtol=rtol).verdict == ("asymptotically stable" if damping > 0 else "unstable")

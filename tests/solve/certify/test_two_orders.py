@@ -1,4 +1,4 @@
-"""Errors estimated by two orders on one grid, against independent truth."""
+"""Errors estimated by two orders on one grid, compared with independent references."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ SYSTEMS = [3, 46, 89, 132, 304, 347, *range(HALF + 8, HALF + 14)]
 """Members of the population of every kind, other than those of the quick test of the present certificate."""
 
 
-def test_estimates_of_auto_are_honest_and_sharp():
+def test_estimates_of_auto_are_sharp_bounds():
     trials = [trial for trial in TRIALS if trial.name == "auto"]
     computed = [outcome for index in SYSTEMS for outcome in outcomes(member(index), trials)]
     row = rates("auto", computed)
@@ -28,8 +28,8 @@ def test_estimates_of_auto_are_honest_and_sharp():
 
 
 @pytest.mark.parametrize("part", [100, 1000, 5000])
-def test_a_bump_between_the_stages_is_seen(part):
-    """It changes the spectral radius by 6 %; fresh random places."""
+def test_bump_between_the_stages_is_detected(part):
+    """The bump, at random phases, changes the spectral radius by 6 %."""
     free = np.exp(-DAMPING / 2 * 2 * np.pi)
     places = np.random.default_rng((39, part)).uniform(0.0, 2 * np.pi, 25)
     computed = [floquet(struck(place, 2 * np.pi / part), 1.0, rtol=1e-6) for place in places]
@@ -39,20 +39,20 @@ def test_a_bump_between_the_stages_is_seen(part):
 
 @pytest.fixture(scope="module")
 def slow_cam():
-    """The cam at 100 rpm. Its fastest mode turns 16 000 rad per revolution."""
+    """Cam at 100 rpm. The phase of its fastest mode advances by 16 000 rad per revolution."""
     return floquet(solve.load("cam"), "100 rpm", Radau(13), rtol=1e-10)
 
 
 @pytest.mark.parametrize("method", [Radau(9), Radau(13), Gauss(10), Gauss(12)])
 @pytest.mark.parametrize("steps", [33, 100, 400])
-def test_modes_that_given_steps_do_not_follow_count_as_error(method, steps, slow_cam):
+def test_error_includes_modes_unresolved_by_given_steps(method, steps, slow_cam):
     stability = floquet(slow_cam.system, slow_cam.speed, method, steps=steps, rtol=0.9)
     error = abs(stability.spectral_radius / slow_cam.spectral_radius - 1)
     assert error <= 10 * stability.error_estimate.multipliers
 
 
-def test_a_sweep_is_as_exact_as_single_solutions():
-    """Single solutions compute the multipliers of which Φ has no digit on more steps."""
+def test_sweep_is_as_accurate_as_single_solutions():
+    """Single solutions compute multipliers below the round-off of Φ with more steps."""
     cam, speeds = solve.load("cam"), np.linspace(300, 900, 12) * np.pi / 30
     together = sweep(cam, speeds, rtol=1e-6, quantities=cam.coordinates)
     for at, speed in enumerate(speeds.tolist()):
@@ -65,8 +65,8 @@ def test_a_sweep_is_as_exact_as_single_solutions():
         )
 
 
-def test_a_nonlinear_orbit_takes_the_same_estimate():
-    """Each iterate is compared by both orders; the reference is of another family."""
+def test_nonlinear_orbit_has_the_same_kind_of_estimate():
+    """Each iterate is computed with both orders. The reference is a method of another family."""
     orbit = solve.nonlinear(solve.load("cam"), "100 rpm", rtol=1e-7)
     reference = solve.nonlinear(solve.load("cam"), "100 rpm", method="gauss", rtol=1e-9)
     phase = np.linspace(0, 2 * np.pi, 500)

@@ -1,4 +1,4 @@
-"""An empty cache of compiled code, and other widths of the lanes."""
+"""Fixtures: an empty cache of compiled code, and other vector widths."""
 
 import platform
 
@@ -12,7 +12,7 @@ LACKING = {8: (), 4: ("-mno-avx512f",), 2: ("-mno-avx512f", "-mno-avx")}
 
 @pytest.fixture
 def nothing_remembered():
-    """Of the compilers and libraries of this process, before and after."""
+    """Forget the compilers and libraries of this process, before and after the test."""
 
     def forget():
         libraries = library.library, library.trouble, library.available, library.loaded
@@ -26,14 +26,15 @@ def nothing_remembered():
 
 @pytest.fixture
 def own_cache(tmp_path, nothing_remembered, monkeypatch):
-    """An empty cache, and nothing remembered of earlier compilers."""
+    """Empty cache of compiled code; earlier compilers are forgotten."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path / "cache" / "parametric-vibration"
 
 
 @pytest.fixture(params=LACKING)
 def width(request, nothing_remembered, monkeypatch):
-    """How many numbers registers hold at most: code is compiled as for a processor without wider ones."""
+    """Largest number of values in a vector register. Code is compiled as for a processor with such
+    registers."""
     if platform.machine() not in ("x86_64", "AMD64"):
         pytest.skip("flags are those of x86")
     monkeypatch.setattr(compiler, "MACHINE", (*compiler.MACHINE, *LACKING[request.param]))

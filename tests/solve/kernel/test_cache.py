@@ -1,4 +1,4 @@
-"""Compiled code is kept in the user's cache, and loaded only where nobody else can have changed it."""
+"""Cache of compiled code: libraries are loaded only if no other user can have changed them."""
 
 import os
 import stat
@@ -17,19 +17,19 @@ needs_compiler = pytest.mark.skipif(bool(trouble()), reason=trouble() or "there 
 
 @pytest.fixture(autouse=True)
 def short_source(tmp_path, monkeypatch):
-    """A source that is compiled in a moment, in place of the kernel."""
+    """Source that compiles quickly, in place of the kernel."""
     source = tmp_path / "short.c"
     source.write_text("int lanes = 1;\n")
     monkeypatch.setattr(library, "_SOURCE", source)
 
 
-def again():
-    """Another process would load the library anew."""
+def forget_library():
+    """Make this process load the library again, as another process would."""
     library.library.cache_clear()
     library.library(SMALL)
 
 
-def refused(own_cache):
+def note_of_sweep(own_cache):
     """Note of a sweep that is solved by NumPy."""
     sweep = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
     assert sweep.engine == "numpy"
@@ -55,7 +55,7 @@ def test_compiled_libraries_are_reused(own_cache):
     library.library(SMALL)
     made = {file: file.stat().st_mtime_ns for file in own_cache.iterdir()}
     assert sorted(file.suffix for file in made) == [".sha256", ".so"]
-    again()
+    forget_library()
     assert {file: file.stat().st_mtime_ns for file in own_cache.iterdir()} == made
 
 
@@ -76,7 +76,7 @@ def test_broken_compiler_is_reported_in_one_line(own_cache, tmp_path, monkeypatc
 @needs_compiler
 @pytest.mark.parametrize("known", ["-mcpu=*", ""])
 def test_compiler_may_lack_processor_flags(own_cache, tmp_path, monkeypatch, known):
-    """Clang for ARM, for example, rejects some flags; here none reaches the compiler."""
+    """Clang for ARM, for example, rejects some flags. Here, the compiler receives none of them."""
     refusal = 'echo "the compiler does not support $each" >&2; exit 1'
     kept = f"{known}) ;; -m*) {refusal};;" if known else f"-m*) {refusal};;"
     command = f'for each; do case "$each" in {kept} *) set -- "$@" "$each";; esac; shift; done; exec cc "$@"'
@@ -89,7 +89,7 @@ def test_missing_compiler_is_reported_in_one_line(own_cache, tmp_path, monkeypat
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(compiler, "zig", lambda: ())
-    assert refused(own_cache).startswith("no C compiler (cc, gcc, clang) on this machine; ")
+    assert note_of_sweep(own_cache).startswith("no C compiler (cc, gcc, clang) on this machine; ")
 
 
 def test_compiled_engine_without_a_compiler_is_refused(own_cache, monkeypatch):
@@ -99,7 +99,7 @@ def test_compiled_engine_without_a_compiler_is_refused(own_cache, monkeypatch):
 
 
 def replace(file: Path, content: bytes) -> None:
-    """By a new file: the old one stays whole for this process, which has loaded it."""
+    """Replace a file by a new one. The old one remains intact for this process, which has loaded it."""
     file.unlink()
     file.write_bytes(content)
 
@@ -112,39 +112,39 @@ def test_damaged_cache_files_are_recompiled(own_cache, suffix, cut):
     made = files(own_cache)
     whole = made[".so"].read_bytes()
     replace(made[suffix], made[suffix].read_bytes()[:cut])
-    again()
+    forget_library()
     assert made[".so"].read_bytes() == whole
 
 
 @needs_compiler
-def test_a_planted_library_without_its_hash_is_not_loaded(own_cache):
+def test_library_without_its_hash_is_not_loaded(own_cache):
     library.library(SMALL)
     made = files(own_cache)
     planted = made[".so"].read_bytes() + b"planted"
     replace(made[".so"], planted)
-    again()
+    forget_library()
     assert made[".so"].read_bytes() != planted
 
 
 @needs_compiler
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o722])
-def test_a_folder_in_which_others_may_write_is_not_used(own_cache, mode):
+def test_folder_writable_by_others_is_not_used(own_cache, mode):
     own_cache.mkdir(parents=True)
     own_cache.chmod(mode)
-    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in refused(
+    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in note_of_sweep(
         own_cache
     )
     assert list(own_cache.iterdir()) == []
 
 
 @needs_compiler
-def test_a_library_that_others_may_change_is_not_loaded(own_cache):
+def test_library_writable_by_others_is_not_loaded(own_cache):
     library.trouble()
     for file in own_cache.iterdir():
         file.chmod(0o777)
     library.library.cache_clear()
     library.trouble.cache_clear()
-    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in refused(
+    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in note_of_sweep(
         own_cache
     )
 
@@ -157,24 +157,24 @@ def test_cache_of_another_user_is_not_used(own_cache, which):
     os.chown(own_cache if which == "folder" else files(own_cache)[which], 65534, 65534)
     library.library.cache_clear()
     library.trouble.cache_clear()
-    assert "belongs to another user" in refused(own_cache)
+    assert "belongs to another user" in note_of_sweep(own_cache)
 
 
 @needs_compiler
-def test_a_link_in_place_of_a_library_is_not_followed(own_cache, tmp_path):
+def test_symbolic_link_in_place_of_a_library_is_not_followed(own_cache, tmp_path):
     library.trouble()
     made = files(own_cache)[".so"]
     made.rename(tmp_path / "elsewhere.so")
     made.symlink_to(tmp_path / "elsewhere.so")
     library.library.cache_clear()
     library.trouble.cache_clear()
-    assert "belongs to another user" in refused(own_cache)
+    assert "belongs to another user" in note_of_sweep(own_cache)
 
 
-def test_a_file_in_place_of_the_folder(own_cache):
+def test_file_in_place_of_the_folder_selects_numpy(own_cache):
     own_cache.parent.mkdir()
     own_cache.touch()
-    assert "File exists" in refused(own_cache)
+    assert "File exists" in note_of_sweep(own_cache)
 
 
 @needs_compiler
@@ -191,7 +191,7 @@ def test_folder_in_place_of_a_library_selects_numpy(own_cache, caplog):
 
 
 @needs_compiler
-def test_a_relative_cache_is_ignored(own_cache, tmp_path, monkeypatch):
+def test_relative_cache_path_is_ignored(own_cache, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", "here")
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
@@ -200,13 +200,13 @@ def test_a_relative_cache_is_ignored(own_cache, tmp_path, monkeypatch):
     assert len(list((tmp_path / "home" / ".cache" / "parametric-vibration").iterdir())) == 2
 
 
-def test_a_user_without_a_home(own_cache, monkeypatch):
+def test_user_without_a_home_folder_selects_numpy(own_cache, monkeypatch):
     def homeless():
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr("solve.kernel.compiler.Path.home", homeless)
-    assert "Could not determine home directory.; set XDG_CACHE_HOME" in refused(own_cache)
+    assert "Could not determine home directory.; set XDG_CACHE_HOME" in note_of_sweep(own_cache)
 
 
 @needs_compiler

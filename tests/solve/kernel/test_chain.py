@@ -1,4 +1,4 @@
-"""Closed chains in compiled code are those of NumPy, also where solutions grow or units are far apart."""
+"""Closed chains in compiled code compared with NumPy, also for growing solutions and very different units."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,8 @@ from tests.solve.systems import swelling
 
 
 def same(N, m, r, growth, unit=1.0):
-    """Period of m random maps whose solutions grow by a factor per step; unit: unit of the last state."""
+    """Compare the period of m random maps whose solutions grow by the factor `growth` per step. unit: unit of
+    the last state."""
     rng, units = np.random.default_rng(m), np.append(np.ones(N - 1), unit)
     A = np.eye(N) + rng.standard_normal((m, N, N)) * 0.3
     A[:, 0] *= growth
@@ -29,12 +30,12 @@ def same(N, m, r, growth, unit=1.0):
 
 @needs_compiler
 @pytest.mark.parametrize(("N", "m", "r"), [(2, 1, 1), (2, 40, 3), (6, 96, 1), (6, 33, 27), (8, 768, 9)])
-def test_any_number_of_steps_and_right_sides(N, m, r):
+def test_chains_match_for_any_number_of_steps_and_loads(N, m, r):
     same(N, m, r, growth=0.7)
 
 
 @needs_compiler
-def test_solutions_that_grow_and_units_that_are_far_apart():
+def test_chains_match_for_growing_solutions_and_different_units():
     same(4, 64, 2, growth=3.0)
     same(4, 64, 2, growth=0.7, unit=1e9)
 
@@ -42,7 +43,7 @@ def test_solutions_that_grow_and_units_that_are_far_apart():
 @needs_compiler
 @pytest.mark.parametrize("m", [96, 128])
 @pytest.mark.parametrize("decades", [9, 18])
-def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
+def test_solution_that_is_large_within_the_period_is_accurate(m, decades):
     steps = swelling(m, decades)
     truth = closed_chain(steps.A, steps.b)
     computed = closed(steps.A, steps.b[..., None] * [1.0, -2.0])
@@ -58,7 +59,7 @@ def test_every_vector_width_gives_the_same_solution(width):
 
 
 @needs_compiler
-def test_a_chain_that_cannot_close():
+def test_chain_that_cannot_close_is_detected():
     states = closed(np.broadcast_to(np.eye(2), (8, 2, 2)), np.ones((8, 2, 1)))
     assert states is None or not states[1] < 1e14
 

@@ -1,4 +1,4 @@
-"""Derivatives of generated functions in compiled lanes are those that CasADi interprets."""
+"""Compiled derivatives of generated functions compared with CasADi's interpreter."""
 
 import numpy as np
 import pytest

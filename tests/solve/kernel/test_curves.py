@@ -1,4 +1,4 @@
-"""Differences of curves in compiled code are those of polynomials evaluated one by one."""
+"""Differences of curves in compiled code compared with polynomials evaluated one by one."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from tests.solve.kernel.test_lanes import needs_compiler
 
 
 def values(curves, phases):
-    """Of curves (k, m, D) over one turn at phases in parts of it, by NumPy's own polynomials."""
+    """Values of curves (k, m, D) at phases given as fractions of the period, by NumPy's polynomials."""
     m = curves.shape[1]
     return np.array(
         [
@@ -36,7 +36,7 @@ def test_curves_are_compared_at_the_samples_of_both(steps, samples):
 
 
 @needs_compiler
-def test_the_largest_may_be_the_last_sample_or_the_first():
+def test_largest_difference_may_be_at_either_end():
     zero = np.zeros((1, 5, 2))
     for at in (0, 4):
         other = zero.copy()

@@ -1,4 +1,4 @@
-"""Eigenvalues of pencils in compiled code, held against polynomials with known roots and against LAPACK."""
+"""Eigenvalues of pencils in compiled code, compared with prescribed roots and with LAPACK."""
 
 import numpy as np
 import pytest
@@ -17,14 +17,14 @@ from tests.solve.kernel.test_lanes import needs_compiler
 pytestmark = needs_compiler
 
 
-def apart(some, others):
-    """Largest distance of numbers to others, matched, relative to the largest of these."""
-    distance = np.abs(some[:, None] - others[None])
-    return distance[linear_sum_assignment(distance)].max() / np.abs(others).max()
+def distance(some, others):
+    """Largest distance between matched numbers, relative to the largest of them."""
+    distances = np.abs(some[:, None] - others[None])
+    return distances[linear_sum_assignment(distances)].max() / np.abs(others).max()
 
 
 def by_generalised_problem(M, C, K):
-    """Of λ²M + λC + K as SciPy has them, with no inverse of M."""
+    """Eigenvalues of λ²M + λC + K by SciPy, without an inverse of M."""
     n = len(M)
     zero, one = np.zeros((n, n)), np.eye(n)
     return eigvals(np.block([[zero, one], [-K, -C]]), np.block([[one, zero], [zero, M]]))
@@ -41,12 +41,12 @@ def test_eigenvalues_of_random_pencils_match_lapack(n, count, width):
     for at, values in enumerate(computed):
         # Backward errors of both grow with the number of coordinates.
         expected = by_generalised_problem(M[..., at], C[..., at], K[..., at])
-        assert apart(values, expected) < 64 * n * np.finfo(float).eps
+        assert distance(values, expected) < 64 * n * np.finfo(float).eps
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 1e3), st.floats(-0.5, 0.99)), min_size=1, max_size=4), st.randoms())
 def test_eigenvalues_match_prescribed_modes(modes, random):
-    """Modes with ω and ζ, mixed by a change of coordinates, in units far apart."""
+    """Modes with ω and ζ are mixed by a transformation of coordinates with very different units."""
     omega, zeta = np.array(modes).T
     n = len(omega)
     numbers = np.random.default_rng(random.randrange(2**32))
@@ -58,10 +58,10 @@ def test_eigenvalues_match_prescribed_modes(modes, random):
     assert computed is not None
     expected = omega * (-zeta + 1j * np.sqrt(1 - zeta**2))
     # Two equal modes are a defective pair for rounding: half of the digits.
-    assert apart(computed[0], np.concatenate((expected, expected.conj()))) < 1e-6
+    assert distance(computed[0], np.concatenate((expected, expected.conj()))) < 1e-6
 
 
-def test_rows_are_exchanged_where_the_first_inertia_is_zero():
+def test_rows_are_exchanged_if_the_first_inertia_is_zero():
     M, K = np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[0.0, 9.0], [4.0, 0.0]])
     computed = eigenvalues(np.stack((M, np.zeros((2, 2)), K))[..., None])
     assert computed is not None
@@ -69,7 +69,7 @@ def test_rows_are_exchanged_where_the_first_inertia_is_zero():
 
 
 def test_cyclic_matrix_converges_with_exceptional_shifts():
-    """A cyclic matrix stays as it is under QR steps without a shift that breaks its symmetry."""
+    """QR steps do not change a cyclic matrix, except with a shift that breaks its symmetry."""
     n = 3
     K = -np.roll(np.eye(n), 1, axis=0)
     computed = eigenvalues(np.stack((np.eye(n), np.zeros((n, n)), K))[..., None])
@@ -87,7 +87,6 @@ def test_non_finite_pencils_give_nan_and_leave_others_unchanged():
 
 
 def test_eigenvalues_do_not_depend_on_other_lanes(width):
-    """Whatever its neighbours in the lanes need."""
     pencils = np.random.default_rng(9).standard_normal((3, 3, 3, 24)) + np.eye(3)[..., None]
     together, alone = eigenvalues(pencils), [eigenvalues(pencils[..., [at]]) for at in range(24)]
     assert together is not None
@@ -98,7 +97,7 @@ def test_large_pencils_are_not_solved_by_the_kernel():
     assert eigenvalues(np.zeros((3, SMALL + 1, SMALL + 1, 1))) is None
 
 
-def test_frozen_modes_are_alike_by_both_engines():
+def test_frozen_modes_agree_between_engines():
     point = SinglePoint(solve.load("cam", case="1"), 60.0)
     numpy, compiled = (frozen(point, engine=engine).eigenvalues()[0] for engine in ("numpy", "compiled"))
-    assert max(map(apart, compiled, numpy)) < 1e-12
+    assert max(map(distance, compiled, numpy)) < 1e-12

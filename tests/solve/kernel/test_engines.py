@@ -1,4 +1,4 @@
-"""A period in compiled code gives what NumPy gives, to the letter of its warnings, whatever came before."""
+"""Compiled code and NumPy give the same results and warnings, whatever was computed before."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ needs_compiler = pytest.mark.skipif(bool(trouble()), reason=trouble() or "there 
 
 
 def both(function):
-    """Results of a function of the engine."""
+    """Results of a function with each engine."""
     return [function(engine) for engine in (NUMPY, COMPILED)]
 
 
@@ -32,7 +32,7 @@ def both(function):
     method=st.sampled_from(METHODS),
     steps=st.sampled_from([8, 15, 16, 24, 64, 192]),
 )
-def test_grids_are_the_same(seed, n, method, steps):
+def test_grids_agree_between_engines(seed, n, method, steps):
     system = systems.random_system(seed, n)
     grid = Grid.uniform(steps, system.period)
     truth, computed = both(
@@ -44,7 +44,7 @@ def test_grids_are_the_same(seed, n, method, steps):
 
 @needs_compiler
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: f"{method.name} {method.order}")
-def test_orbits_of_the_stiff_cam_are_the_same(method):
+def test_orbits_of_the_stiff_cam_agree_between_engines(method):
     cam, steps = systems.cam(), 400
     plain, ours = both(lambda engine: periodic(cam, "600 rpm", method, steps, 0.9, engine))
     assert ours.warnings == plain.warnings
@@ -60,7 +60,7 @@ def test_orbits_of_the_stiff_cam_are_the_same(method):
 
 @needs_compiler
 @pytest.mark.parametrize("name", ["cam", "manipulator", "gear_pair", "coupler"])
-def test_certified_solves_are_the_same(name):
+def test_certified_solutions_agree_between_engines(name):
     model = load(name)
     speed = {"gear_pair": 180.0, "coupler": 500.0}.get(name, 40.0)
     plain, ours = both(lambda engine: periodic(model, speed, engine=engine))
@@ -73,7 +73,7 @@ def test_certified_solves_are_the_same(name):
 
 
 @needs_compiler
-def test_growth_by_many_decades_keeps_its_digits():
+def test_growth_by_many_decades_is_accurate():
     growth = 13 * np.log(10.0) / (2 * np.pi)
     K = np.diag([-(growth**2), 2.0])
     given = systems.constant(np.eye(2), np.zeros((2, 2)), K, lambda phase: np.cos(np.outer(phase, [1, 2])))
@@ -83,7 +83,7 @@ def test_growth_by_many_decades_keeps_its_digits():
 
 
 @needs_compiler
-def test_refusals_are_the_same():
+def test_error_messages_agree_between_engines():
     def message(function, error):
         with pytest.raises(error) as refusal:
             function()
@@ -103,7 +103,8 @@ def test_refusals_are_the_same():
 
 @needs_compiler
 def test_engine_depends_on_the_call_only(monkeypatch):
-    """Compiled code is used from the first solution on, and NumPy if requested, independent of history."""
+    """Compiled code is used from the first solution on, and NumPy if requested, regardless of earlier
+    calls."""
     calls = []
     solved = collocation.solved
     monkeypatch.setattr(collocation, "solved", lambda *given: calls.append(1) or solved(*given))
@@ -129,7 +130,7 @@ def test_missing_compiler_selects_numpy_unless_compiled_is_required(monkeypatch)
 
 
 def test_methods_are_compared_in_numpy(monkeypatch):
-    """Equal methods and steps: a compiled Gauss of 264 steps and a Radau of 294 in NumPy are not
+    """Times of a compiled Gauss method with 264 steps and of Radau with 294 steps in NumPy would not be
     comparable."""
     oscillator = systems.constant([[1.0]], [[0.1]], [[2.0]], lambda phase: np.cos(phase)[:, None])
     reference = periodic(oscillator, 1.0, rtol=1e-12, engine=NUMPY)

@@ -1,4 +1,4 @@
-"""Figures of curves and of formulas in compiled lanes are those of NumPy, and of closed forms."""
+"""Statistics of curves and values of formulas in compiled code, compared with NumPy and closed forms."""
 
 import casadi
 import numpy as np
@@ -21,7 +21,7 @@ SAME = 1e-12
 
 
 def waves(points, n, steps, seed):
-    """Curves through waves of orders 1 to 3, of any phase."""
+    """Curves through waves of orders 1 to 3 with random phases."""
     rng = np.random.default_rng(seed)
     size, turned = rng.normal(size=(points, n, 3)), rng.uniform(0, 2 * np.pi, (points, n, 3))
     nodes, k = np.linspace(0, 2 * np.pi, steps + 1), np.arange(1, 4)
@@ -52,7 +52,7 @@ def test_compiled_statistics_of_curves_match_numpy(seed, points, steps):
 
 
 def beats(order, depth, turned, steps):
-    """A fast wave whose amplitude changes once a turn: many maxima that are nearly alike."""
+    """Fast wave whose amplitude varies once per period, with many nearly equal maxima."""
     nodes = np.linspace(0, 2 * np.pi, steps + 1)
     size, rate, bend = (depth * np.cos(nodes + turned + part * np.pi / 2) for part in range(3))
     wave, slope = np.cos(order * nodes), -order * np.sin(order * nodes)
@@ -94,7 +94,7 @@ def test_statistics_of_a_cosine_match_the_closed_form():
 
 
 def written(phase, speed, q, qd, qdd, p):
-    """One of everything that has a text in C."""
+    """Expressions with one of every operation that has C code."""
     compare = casadi.if_else(casadi.logic_or(q[0] < q[1], p[0] <= 0), q[0], 2 * q[1])
     equal = casadi.if_else(p[0] == p[0], 1.0, casadi.if_else(p[0] != 1, 2.0, 3.0))
     large = 2 + casadi.fabs(q[0])
@@ -141,13 +141,13 @@ def test_unsupported_operation_has_no_c_text():
 
 
 @needs_compiler
-def test_a_quantity_that_is_not_finite_is_left_to_numpy():
+def test_quantity_that_is_not_finite_is_evaluated_by_numpy():
     curve = Curve(np.linspace(0, 1, 5), np.full((1, 1, 4, 3), np.nan))
     assert Quantities(curve, np.ones(1), engine=COMPILED).compiled_figures() is None
 
 
 @needs_compiler
-def test_parameters_that_vary_and_some_outputs():
+def test_selected_outputs_with_varying_parameters():
     model = solve.load("cam")
     assert model.parameters["a2"] == 0
     ours, theirs = (
@@ -164,7 +164,7 @@ def test_parameters_that_vary_and_some_outputs():
 @pytest.mark.parametrize("engine", [NUMPY, pytest.param(COMPILED, marks=needs_compiler)])
 @pytest.mark.parametrize("second", [1 - 1e-13, 1.0, 1 + 1e-13])
 def test_first_of_nearly_equal_extrema_gives_the_phase(engine, second):
-    """A wave of order 2, whose halves have equal amplitude up to round-off."""
+    """Wave of order 2, whose halves have equal amplitudes up to round-off."""
     nodes = np.linspace(0, 2 * np.pi, 65)
     size = np.where(nodes[:-1] < np.pi, 1.0, second)
     q, v, a = ((2**part * np.cos(2 * (nodes - 0.7) + part * np.pi / 2))[None, :, None] for part in range(3))

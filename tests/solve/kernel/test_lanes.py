@@ -1,4 +1,4 @@
-"""Compiled lanes give what NumPy gives, and a machine without a working compiler loses speed alone."""
+"""Batches of points in compiled code compared with NumPy."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ needs_compiler = pytest.mark.skipif(bool(trouble()), reason=trouble() or "compil
 
 
 def grids(family, points, n, method, steps, orbit=True, own=False, period=2 * np.pi, breaks=()):
-    """The same grid by both engines: compiled, NumPy."""
+    """Solution of the same grid by both engines: compiled, NumPy."""
     if own:
         chunk = Sampled(family, points, breaks=breaks)
     else:
@@ -57,22 +57,22 @@ def same(ours, theirs):
     points=st.sampled_from([1, 8, 11]),
     orbit=st.booleans(),
 )
-def test_grids_are_the_same(seed, n, method, steps, points, orbit):
+def test_grids_agree_between_engines(seed, n, method, steps, points, orbit):
     family = over_speed(systems.random_system(seed, n))
     same(*grids(family, np.linspace(0.7, 1.4, points)[:, None], n, method, steps, orbit))
 
 
 @needs_compiler
 @pytest.mark.parametrize(("steps", "own", "orbit"), [(16, False, True), (16, True, False), (7, True, True)])
-def test_points_of_many_coordinates_are_the_same_one_after_another(steps, own, orbit):
+def test_points_with_many_coordinates_agree_between_engines(steps, own, orbit):
     family = over_speed(systems.random_system(4, 17))
     same(*grids(family, np.array([[0.9], [1.0], [1.3]]), 17, solve.Radau(), steps, orbit, own))
 
 
 @needs_compiler
 @pytest.mark.parametrize("seed", range(3))
-def test_accelerations_of_coordinates_in_any_units_keep_their_digits(seed):
-    """What acts on one of them is not mixed with what acts on another."""
+def test_accelerations_are_accurate_in_any_units(seed):
+    """Terms that act on one coordinate are not mixed with terms that act on another."""
     bare, unit = systems.random_matrices(seed, 3), np.array([1e-4, 1.0, 1e5])
 
     def matrices(phase, speed):
@@ -97,7 +97,7 @@ def test_accelerations_of_coordinates_in_any_units_keep_their_digits(seed):
     own=st.booleans(),
     orbit=st.booleans(),
 )
-def test_grids_with_jumps_are_the_same(seed, n, method, ends, points, own, orbit):
+def test_grids_with_jumps_agree_between_engines(seed, n, method, ends, points, own, orbit):
     smooth = systems.random_system(seed, n)
 
     def matrices(phase, speed):
@@ -114,14 +114,14 @@ def test_grids_with_jumps_are_the_same(seed, n, method, ends, points, own, orbit
 @needs_compiler
 @pytest.mark.parametrize("method", [solve.Radau(), solve.Gauss()], ids=["radau", "gauss"])
 @pytest.mark.parametrize("own", [False, True], ids=["separated", "sampled"])
-def test_the_stiff_cam(method, own):
+def test_stiff_cam_agrees_between_engines(method, own):
     family, speeds = over_speed(systems.cam()), np.linspace(30.0, 80.0, 10)[:, None]
     same(*grids(family, speeds, 3, method, 256, own=own))
 
 
 @needs_compiler
 @pytest.mark.parametrize("method", [solve.Radau(), solve.Gauss()], ids=["radau", "gauss"])
-def test_rows_are_exchanged_where_pivots_vanish(method):
+def test_rows_are_exchanged_if_pivots_vanish(method):
     def swapped(stiffness):
         def matrices(phase, speed):
             M = np.tile([[0.0, 1.0], [1.0, 0.0]], (len(phase), 1, 1))
@@ -157,7 +157,7 @@ def test_overflow_and_resonance_are_reported_as_failures():
 
 @needs_compiler
 @pytest.mark.parametrize("name", ["cam", "manipulator", "gear_pair", "mathieu", "coupler"])
-def test_sweeps_are_the_same(name):
+def test_sweeps_agree_between_engines(name):
     model = solve.load(name)
     speeds = np.linspace(1.0, 1.2, 9) * {"mathieu": 1.0, "gear_pair": 180.0}.get(name, 50.0)
     ours, theirs = (solve.sweep(model, speeds, engine=engine) for engine in ("compiled", "numpy"))

@@ -1,4 +1,4 @@
-"""Multipliers and their conditions in compiled code, held against LAPACK and against matrices made for it."""
+"""Multipliers and their condition numbers in compiled code, compared with LAPACK and prescribed matrices."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from solve.kernel import multipliers as kernel
 from solve.kernel.engines import COMPILED
 from solve.period.eigenvalues import balance_matrices, conditioned, multiplier_roundoff
 from solve.period.multipliers import Multipliers
-from tests.solve.kernel.test_eigenvalues import apart
+from tests.solve.kernel.test_eigenvalues import distance
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.systems import random_system
 
@@ -20,15 +20,16 @@ pytestmark = needs_compiler
 SIZES = [2, 4, 6, 10, 2 * SMALL]
 
 
-def solved(matrices):
-    """Those of matrices (P, N, N), their units found in NumPy."""
+def multipliers_of(matrices):
+    """Multipliers of matrices (P, N, N), whose scale factors are computed in NumPy."""
     made = kernel.conditioned(matrices, balance_matrices(matrices)[1])
     assert made is not None
     return made
 
 
-def made_of(values, numbers):
-    """A matrix with these eigenvalues and random, well-conditioned eigenvectors: blocks of pairs."""
+def matrix_with(values, numbers):
+    """Matrix with the given eigenvalues and random, well-conditioned eigenvectors. Pairs are 2 by 2
+    blocks."""
     blocks = np.zeros((len(values), len(values)))
     for at in range(0, len(values), 2):
         first, second = values[at : at + 2]
@@ -46,9 +47,9 @@ def made_of(values, numbers):
 @pytest.mark.parametrize("count", [1, 7, 16])
 def test_eigenvalues_of_random_matrices_match_numpy(N, count, width):
     matrices = np.random.default_rng(N).standard_normal((count, N, N))
-    computed = solved(matrices)
+    computed = multipliers_of(matrices)
     for matrix, values in zip(matrices, computed.values, strict=True):
-        assert apart(values, np.linalg.eigvals(matrix)) < 1e-12
+        assert distance(values, np.linalg.eigvals(matrix)) < 1e-12
         assert (np.diff(np.abs(values)) <= 0).all()
         pairs = values[np.imag(values) != 0]
         assert (np.imag(pairs[::2]) > 0).all()
@@ -59,21 +60,21 @@ def test_eigenvalues_of_random_matrices_match_numpy(N, count, width):
 
 
 @given(st.lists(st.just(0.0) | st.floats(1e-60, 1.0), min_size=4, max_size=4), st.integers(-200, 200))
-def test_the_size_of_two_rows_is_the_least_in_any_units(entries, power):
-    """A minimum over their units, found by search."""
+def test_norm_of_two_rows_is_the_minimum_over_units(entries, power):
+    """The reference minimises over the units numerically."""
     a, b, c, d = entries * np.array([1, -1, 1, -1])
     matrix = np.array([[a, b * 2.0**power], [c * 2.0**-power, d]])
     units = 2.0 ** np.linspace(-40, 40, 20001)
     least = np.sqrt(a**2 + d**2 + (b * units) ** 2 + (c / units) ** 2).min()
-    assert solved(matrix[None]).sizes[0] <= least * (1 + 1e-14)
+    assert multipliers_of(matrix[None]).sizes[0] <= least * (1 + 1e-14)
     if abs(b * c) > 1e-10:
-        assert solved(matrix[None]).sizes[0] == pytest.approx(least, rel=1e-5)
+        assert multipliers_of(matrix[None]).sizes[0] == pytest.approx(least, rel=1e-5)
 
 
 @pytest.mark.parametrize("N", SIZES[1:])
 def test_norms_and_conditions_match_numpy_eigenvectors(N, width):
     matrices = np.random.default_rng(N).standard_normal((9, N, N))
-    computed, balanced = solved(matrices), balance_matrices(matrices)[0]
+    computed, balanced = multipliers_of(matrices), balance_matrices(matrices)[0]
     np.testing.assert_allclose(computed.norms, np.linalg.norm(balanced, 2, axis=(1, 2)), rtol=1e-6)
     for matrix, values, conditions in zip(balanced, computed.values, computed.conditions, strict=True):
         exact, right = np.linalg.eig(matrix)
@@ -87,18 +88,18 @@ radii = st.floats(-1.5, 1.5)
 
 @given(st.lists(st.tuples(radii, radii, st.booleans()), min_size=1, max_size=4), st.integers(0, 2**32 - 1))
 def test_multipliers_match_prescribed_spectra(pairs, seed):
-    """Real ones and conjugate pairs, of a normal matrix in units far apart."""
+    """Real values and conjugate pairs of a normal matrix in very different units."""
     numbers = np.random.default_rng(seed)
     values = np.ravel([(x, y) if real else (x + 1j * y, x - 1j * y) for x, y, real in pairs]).astype(complex)
     units = 2.0 ** numbers.integers(-20, 21, len(values))
-    matrix = made_of(values, numbers) * units / units[:, None]
+    matrix = matrix_with(values, numbers) * units / units[:, None]
     if np.abs(values).max() > 1e-3:
-        computed = solved(matrix[None])
+        computed = multipliers_of(matrix[None])
         units = balance_matrices(matrix[None])[1]
         (rounding,) = multiplier_roundoff(
             matrix[None], units, known=conditioned(matrix[None], units, COMPILED)
         )
-        assert apart(computed.values[0], values) < 1e-12 + 10 * rounding
+        assert distance(computed.values[0], values) < 1e-12 + 10 * rounding
         gaps = np.abs(values[:, None] - values) + np.diag(np.full(len(values), np.inf))
         # Those of equal ones are a matter of rounding.
         if gaps.min() > 1e-2 * np.abs(values).max():
@@ -115,27 +116,26 @@ def test_defective_pair_has_roundoff_near_the_square_root(engine, size):
     assert 1e-8 < errors[0] < 1e-6
 
 
-def test_multiples_of_the_identity_have_exact_eigenvalues():
+def test_eigenvalues_of_multiples_of_the_identity_are_exact():
     for N in SIZES:
-        computed = solved(np.stack((np.zeros((N, N)), np.eye(N), -2 * np.eye(N))))
+        computed = multipliers_of(np.stack((np.zeros((N, N)), np.eye(N), -2 * np.eye(N))))
         np.testing.assert_array_equal(computed.values, np.array([[0], [1], [-2]]) * np.ones(N))
         np.testing.assert_array_equal(computed.norms, [0, 1, 2])
 
 
 @pytest.mark.parametrize("power", [-900, 0, 1000])
-def test_squares_neither_overflow_nor_vanish(power):
+def test_squares_neither_overflow_nor_underflow(power):
     matrices = np.random.default_rng(3).standard_normal((4, 6, 6))
-    computed, scaled = solved(matrices), solved(np.ldexp(matrices, power))
+    computed, scaled = multipliers_of(matrices), multipliers_of(np.ldexp(matrices, power))
     np.testing.assert_allclose(np.ldexp(1.0, -power) * scaled.values, computed.values, rtol=1e-12)
     np.testing.assert_array_equal(scaled.conditions, computed.conditions)
 
 
 def test_multipliers_do_not_depend_on_other_lanes(width):
-    """Whatever its neighbours in the lanes need."""
     matrices = np.random.default_rng(9).standard_normal((24, 6, 6))
-    together = solved(matrices)
+    together = multipliers_of(matrices)
     for part, alone in zip(
-        together, zip(*(solved(matrices[[at]]) for at in range(24)), strict=True), strict=True
+        together, zip(*(multipliers_of(matrices[[at]]) for at in range(24)), strict=True), strict=True
     ):
         np.testing.assert_array_equal(part, np.concatenate(alone))
 
@@ -166,7 +166,7 @@ def test_matrices_without_convergence_are_solved_by_numpy(monkeypatch):
 
 
 @pytest.mark.parametrize("n", [1, 2, 4])
-def test_multipliers_and_their_errors_are_alike_by_both_engines(n):
+def test_multipliers_and_errors_agree_between_engines(n):
     Phi = np.random.default_rng(n).standard_normal((40, 2 * n, 2 * n))
     units = balance_matrices(Phi)[1]
     known = conditioned(Phi, units, COMPILED)

@@ -1,4 +1,4 @@
-"""Matrices of generated models in compiled lanes are those of CasADi."""
+"""Matrices of generated models in compiled code, compared with CasADi."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_impossible_linkages_give_nan_entries():
 
 
 def linearised_along(name, points=21):
-    """Entries along a motion that is far from rest, in compiled lanes and by CasADi."""
+    """Entries along a motion far from rest, in compiled code and by CasADi."""
     model = solve.load(name)
     nodes = np.linspace(0, model.period, 6)
     noise = np.random.default_rng(4).uniform(-0.1, 0.1, (2, 6, model.n))
@@ -78,17 +78,17 @@ def linearised_along(name, points=21):
 
 @needs_compiler
 @pytest.mark.parametrize("name", ["cam", "coupler", "gear_pair", "manipulator"])
-def test_every_model_along_a_motion(name):
+def test_entries_along_a_motion_match_for_every_model(name):
     same(*linearised_along(name))
 
 
 @needs_compiler
-def test_every_width_along_a_motion(width):
+def test_entries_along_a_motion_match_for_every_width(width):
     for points in (1, 9):
         same(*linearised_along("manipulator", points))
 
 
-def test_without_compiled_code_casadi_evaluates():
+def test_casadi_is_used_without_compiled_code():
     model = solve.load("cam")
     rest = solve.periodic(model, 20.0).curve
     phase = np.linspace(0, model.period, 9)

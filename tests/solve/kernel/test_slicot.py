@@ -1,4 +1,4 @@
-"""SLICOT's periodic Schur form: residuals, eigenvalues it finds only with help, refusals and threads."""
+"""Periodic Schur form of SLICOT: residuals, difficult eigenvalues, errors and threads."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -11,7 +11,8 @@ EPS = np.finfo(float).eps
 
 
 def residual(A):
-    """Largest error of A_k Q_k = Q_{k+1} F_k (units of round-off of ‖A_k‖), and entry below the diagonals."""
+    """Largest error of A_k Q_k = Q_{k+1} F_k, in units of the round-off of ‖A_k‖, and largest entry below the
+    diagonals."""
     F, Q = periodic_schur(A)
     apart = np.linalg.norm(A @ Q - np.roll(Q, -1, axis=0) @ F, axis=(1, 2))
     unitary = np.abs(Q.conj().swapaxes(1, 2) @ Q - np.eye(A.shape[-1])).max()
@@ -32,7 +33,7 @@ def test_product_of_scalars_has_its_logarithm():
 
 @pytest.mark.parametrize("m", [1, 2, 9, 40])
 def test_pairs_of_nearly_equal_eigenvalues_are_made_triangular(m):
-    """Real shifts never find them: SLICOT itself returns with INFO > 0."""
+    """Iterations with real shifts do not converge: SLICOT itself returns with INFO > 0."""
     rng = np.random.default_rng(m)
     for size in (2, 3, 4):
         core = np.diag(np.exp(rng.uniform(-1, 1, size)))
@@ -46,8 +47,8 @@ def test_pairs_of_nearly_equal_eigenvalues_are_made_triangular(m):
         assert logarithms == pytest.approx(m * np.sort(np.log(np.diagonal(core))), abs=1e-5)
 
 
-def test_singular_factors_keep_their_residuals():
-    """The real iteration of SLICOT leaves entries of such factors unchanged."""
+def test_residuals_of_singular_factors():
+    """SLICOT's real iteration does not change some entries of such factors."""
     rng = np.random.default_rng(7)
     for _ in range(40):
         A = rng.standard_normal((3, 4, 1)) @ rng.standard_normal((3, 1, 4))
@@ -64,7 +65,7 @@ def test_entries_that_are_not_finite_are_refused(value):
             work(A)
 
 
-def test_threads_do_not_disturb_each_other(capfd):
+def test_threads_do_not_affect_each_other(capfd):
     chains = np.random.default_rng(8).standard_normal((16, 30, 12, 12))
     alone = [product_logarithms(chain) for chain in chains]
     with ThreadPoolExecutor(8) as pool:

@@ -1,4 +1,4 @@
-"""Stage systems in compiled lanes are solved as LAPACK solves them."""
+"""Stage systems in compiled code, compared with LAPACK."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from tests.solve.kernel.test_lanes import needs_compiler
 
 
 def same(method, n, steps, inertia=1.0):
-    """For random matrices; inertia: of the diagonal of M."""
+    """Compare solutions for random matrices. inertia: diagonal of M."""
     rng, rule = np.random.default_rng(4), method.collocation
     s, h = len(rule.c), rng.uniform(0.1, 0.3, steps)
     M, C, K = rng.standard_normal((3, steps, s, n, n))
@@ -58,8 +58,8 @@ def test_every_vector_width_gives_the_same_stages(width):
 
 
 @pytest.mark.parametrize("engine", ["numpy", pytest.param("compiled", marks=needs_compiler)])
-def test_units_of_equations_cost_no_digit(engine):
-    """What loads do falls as the units rise, and what the states do stays."""
+def test_accuracy_does_not_depend_on_units_of_equations(engine):
+    """The effect of loads decreases with the units, and the effect of states does not change."""
     n, steps, rule, units = 3, 9, Radau().collocation, 2.0 ** np.array([0, 25, -25])
     s, h, rng = len(rule.c), np.full(steps, 0.3), np.random.default_rng(4)
     entries = rng.standard_normal((1, steps * s, 3 * n**2 + n))
@@ -78,6 +78,6 @@ def test_units_of_equations_cost_no_digit(engine):
         np.testing.assert_allclose(one, other, rtol=0, atol=5e-15 * np.abs(other).max())
 
 
-def test_many_accelerations_are_left_to_lapack():
+def test_many_accelerations_are_solved_by_lapack():
     samples = Samples(np.ones((5, 1)), np.ones((1, 1)), np.zeros(1))
     assert factorised(Radau().collocation.weights, np.ones(1), samples, slice(None), 20) is None

@@ -1,4 +1,4 @@
-"""Lanes are as wide as the processor's registers, and their number changes no result."""
+"""Vector width: as wide as the processor's registers, without effect on results."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from tests.solve.kernel.test_lanes import grids, needs_compiler, same
 
 
 @needs_compiler
-def test_the_compiler_chooses_the_width(width):
+def test_compiler_determines_the_width(width):
     macros = compiler.c_compiler().macros
     has = 8 if "__AVX512F__" in macros else 4 if "__AVX__" in macros else 2
     assert has <= width

@@ -1,4 +1,4 @@
-"""Zig's C compiler, where there is neither GCC nor Clang: results, and libraries for other systems."""
+"""Zig's C compiler, used if there is neither GCC nor Clang: results, and libraries for other systems."""
 
 import re
 import struct
@@ -21,7 +21,7 @@ TARGETS = {
 
 @pytest.fixture
 def without_compilers(own_cache, monkeypatch):
-    """A path without GCC and Clang, and an empty cache."""
+    """Search path without GCC and Clang, and an empty cache."""
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", "")
     return own_cache
@@ -29,13 +29,13 @@ def without_compilers(own_cache, monkeypatch):
 
 @pytest.fixture
 def zig(without_compilers):
-    """The same, with Zig."""
+    """Search path with Zig only, and an empty cache."""
     if not compiler.zig():
         pytest.skip("ziglang is not installed; it is in the extra `compiler`")
     return without_compilers
 
 
-def test_missing_compiler_names_the_extra(without_compilers, monkeypatch):
+def test_message_about_a_missing_compiler_names_the_extra(without_compilers, monkeypatch):
     monkeypatch.setattr(compiler, "zig", lambda: ())
     remedy = r'pip install "parametric-vibration\[compiler\]" installs one'
     with pytest.raises(compiler.CompilerError, match=rf"no C compiler \(cc, gcc, clang\).*{remedy}"):

@@ -1,4 +1,4 @@
-"""Meissner's equation with a load and some damping, its periodic solution by products of matrix
+"""Meissner's equation with a load and damping, and its periodic solution from products of matrix
 exponentials."""
 
 import numpy as np
@@ -12,7 +12,7 @@ EQUATION = meissner(DELTA, EPSILON, ZETA, LOAD)
 
 
 def generator(stiffness, damping, load):
-    """Of (q, q′, 1)."""
+    """Matrix of the linear system for (q, q′, 1)."""
     return np.array([[0.0, 1.0, 0.0], [-stiffness, -damping, load], [0.0, 0.0, 0.0]])
 
 
@@ -24,7 +24,7 @@ START = np.linalg.solve(np.eye(2) - PERIOD[:2, :2], PERIOD[:2, 2])
 
 
 def states(phase):
-    """(q, q′) of the periodic solution at phases in one turn: (2, k)."""
+    """States (q, q′) of the periodic solution at phases within one period: (2, k)."""
     at_jump = expm(FIRST * JUMP) @ [*START, 1.0]
     columns = [
         expm(FIRST * p) @ [*START, 1.0] if p < JUMP else expm(SECOND * (p - JUMP)) @ at_jump for p in phase

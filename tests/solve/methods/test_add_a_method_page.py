@@ -1,4 +1,4 @@
-"""The page that adds a method: its file is short, and its method meets all requirements."""
+"""Page "Add a method": its file is short, and its method meets all requirements."""
 
 import re
 import sys
@@ -34,16 +34,16 @@ def test_page_method_has_its_stated_orders():
     truth = Shooting(claims.SYSTEM, 1.0)
     claims.test_order_at_the_nodes(*ROW, truth)
     claims.test_order_of_the_continuous_curve(*ROW, truth)
-    claims.test_order_is_kept_behind_jumps(METHOD, (400, 600, 800))
+    claims.test_order_is_retained_after_jumps(METHOD, (400, 600, 800))
 
 
 @pytest.mark.parametrize(
     "claim",
     [
         claims.test_stiff_modes_are_damped_only_by_l_stable_methods,
-        claims.test_jumps_inside_the_turn_alone,
+        claims.test_jumps_inside_the_period_only,
         claims.test_too_many_steps_are_refused,
-        claims.test_samples_are_evenly_spaced_if_the_method_declares_it,
+        claims.test_samples_are_equidistant_if_the_method_declares_it,
         claims.test_step_limits_and_phase_errors_are_monotonic,
     ],
 )
@@ -53,13 +53,13 @@ def test_page_method_meets_the_common_requirements(claim):
 
 def test_page_method_solves_batches_and_refuses_resonance():
     for orbit in (True, False):
-        claims.test_points_side_by_side_are_solved_as_each_alone(METHOD, orbit)
+        claims.test_batched_points_equal_single_points_exactly(METHOD, orbit)
     for steps in (None, 200):
         claims.test_resonance_is_refused(METHOD, steps)
 
 
-def test_an_orbit_against_its_closed_form():
-    """q″ + 0.2 q′ + 2.5 q = cos φ: q = Re exp(iφ)/(1.5 + 0.2 i)."""
+def test_orbit_of_the_page_method_matches_the_closed_form():
+    """For q″ + 0.2 q′ + 2.5 q = cos φ, q = Re exp(iφ)/(1.5 + 0.2 i)."""
     equation = constant([[1.0]], [[0.2]], [[2.5]], lambda phase: np.cos(phase)[:, None])
     orbit, phase = solve.periodic(equation, 1.0, METHOD, rtol=1e-5), np.linspace(0.0, 2 * np.pi, 301)
     truth = np.real(np.exp(1j * phase) / (1.5 + 0.2j))
@@ -70,7 +70,7 @@ def test_an_orbit_against_its_closed_form():
 
 
 def test_amplitude_halves_after_the_phase_stated_on_the_page():
-    """Half the amplitude of an undamped mode is left after 500 rad."""
+    """The amplitude of an undamped mode halves within 500 rad."""
     frequency = 50 * METHOD.follows / (2 * np.pi)
     plain = constant([[1.0]], [[0.0]], [[frequency**2]], lambda phase: np.zeros((len(phase), 1)))
     stability = solve.floquet(plain, 1.0, METHOD, steps=50, rtol=0.9)

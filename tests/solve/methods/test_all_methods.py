@@ -76,11 +76,11 @@ ALIKE = [method for method in EVERY if isinstance(method, Newmark) and method !=
 DENSE = [method for method in EVERY if not isinstance(method, OneStep)]
 
 
-def for_each(methods):
+def parametrised_by(methods):
     return pytest.mark.parametrize("method", methods, ids=repr)
 
 
-def test_no_method_and_no_order_is_left_out():
+def test_every_method_and_order_is_tested():
     assert {type(method) for method in EVERY} == {METHODS[name] for name in METHODS if name != "auto"}
     assert {method.order for method in EVERY if isinstance(method, Radau)} == set(range(3, 14, 2))
     assert {method.order for method in EVERY if isinstance(method, Gauss)} == set(range(4, 17, 2))
@@ -94,7 +94,7 @@ def truth():
     return Shooting(SYSTEM, 1.0)
 
 
-def solved(method, steps, equation=SYSTEM):
+def solution(method, steps, equation=SYSTEM):
     return [periodic(equation, 1.0, method, steps=m, rtol=0.9) for m in steps]
 
 
@@ -107,7 +107,7 @@ measured = pytest.mark.parametrize(
 
 @measured
 def test_order_at_the_nodes(method, order, steps, curve_order, curve_steps, truth):
-    errors = [multiplier_error(orbit.multipliers, truth.multipliers) for orbit in solved(method, steps)]
+    errors = [multiplier_error(orbit.multipliers, truth.multipliers) for orbit in solution(method, steps)]
     assert slope(steps, errors) == pytest.approx(order, abs=0.15)
     assert method.order == order
 
@@ -115,13 +115,14 @@ def test_order_at_the_nodes(method, order, steps, curve_order, curve_steps, trut
 @measured
 def test_order_of_the_continuous_curve(method, order, steps, curve_order, curve_steps, truth):
     q = truth.states(PHASES)[:2]
-    errors = [np.linalg.norm(orbit.at(PHASES) - q) for orbit in solved(method, curve_steps)]
+    errors = [np.linalg.norm(orbit.at(PHASES) - q) for orbit in solution(method, curve_steps)]
     assert slope(curve_steps, errors) == pytest.approx(curve_order, abs=0.15)
     assert method.curve_order == curve_order
 
 
 def peaked():
-    """Matrices of all orders, which fall as 0.38^k: analytic, but not a polynomial in cos and sin."""
+    """System whose matrices have harmonics proportional to 0.38^k: analytic, but not a trigonometric
+    polynomial."""
 
     def matrices(phase, speed):
         peak = (1.0 / (1.25 - np.cos(phase)))[:, None, None]
@@ -131,13 +132,13 @@ def peaked():
     return system(matrices, 1)
 
 
-@for_each(SPECTRAL)
-def test_errors_fall_faster_than_any_power(method):
-    """Geometrically: log error falls in proportion to the steps, so that its slope over log steps steepens
-    from grid to grid."""
+@parametrised_by(SPECTRAL)
+def test_errors_of_spectral_methods_converge_exponentially(method):
+    """The logarithm of the error decreases in proportion to the number of steps, so that its slope in a
+    logarithmic plot increases."""
     truth = periodic(peaked(), 1.0, Radau(13), rtol=1e-13)
     steps = np.array([11, 19, 27, 35])
-    computed = solved(method, map(int, steps), peaked())
+    computed = solution(method, map(int, steps), peaked())
     for errors in (
         [relative_error(orbit.at(PHASES), truth.at(PHASES)) for orbit in computed],
         [multiplier_error(orbit.multipliers, truth.multipliers) for orbit in computed],
@@ -149,10 +150,10 @@ def test_errors_fall_faster_than_any_power(method):
         assert rates.max() < 1.5 * rates.min(), rates
 
 
-@for_each(APPROXIMATIONS)
+@parametrised_by(APPROXIMATIONS)
 def test_approximate_methods_do_not_converge_and_report_their_error(method, truth):
     steps, q = (101, 151, 201), truth.states(PHASES)[:2]
-    computed = solved(method, steps)
+    computed = solution(method, steps)
     errors = [relative_error(orbit.at(PHASES), q) for orbit in computed]
     assert slope(steps, errors) == pytest.approx(0.0, abs=0.15)
     for orbit, error in zip(computed, errors, strict=True):
@@ -164,9 +165,10 @@ def test_approximate_methods_do_not_converge_and_report_their_error(method, trut
 # L-stability
 
 
-def stiff_direction_that_turns():
-    """One soft mode, and one that turns 1e4 rad and dies in 6e-4 of the period; the direction of both turns
-    with the phase, which feeds what is left of the fast one into the soft one."""
+def rotating_stiff_mode():
+    """System with a soft mode and a stiff one, which oscillates by 1e4 rad per period and decays in 6e-4 of
+    the period. Their directions rotate with the phase, so that the rest of the stiff mode excites the soft
+    one."""
 
     def matrices(phase, speed):
         angle = phase + 0.7 * np.sin(phase)
@@ -178,10 +180,11 @@ def stiff_direction_that_turns():
     return system(matrices, 2)
 
 
-@for_each(STEPPING)
+@parametrised_by(STEPPING)
 def test_stiff_modes_are_damped_only_by_l_stable_methods(method):
-    """48 steps, ω h = 1300: what is left of two multipliers is nothing, and the others are right."""
-    equation = stiff_direction_that_turns()
+    """With 48 steps, ω h = 1300. L-stable methods damp two multipliers to zero, and the other multipliers are
+    correct."""
+    equation = rotating_stiff_mode()
     truth = floquet(equation, 1.0, Radau(13), rtol=1e-8)
     assert truth.unresolved == 2
     solutions = method.solutions(SinglePoint(equation, 1.0), Grid.uniform(48, TURN), False)
@@ -194,8 +197,8 @@ def test_stiff_modes_are_damped_only_by_l_stable_methods(method):
 
 
 @pytest.mark.parametrize(("method", "steps"), BEHIND_JUMPS, ids=[repr(method) for method, _ in BEHIND_JUMPS])
-def test_order_is_kept_behind_jumps(method, steps):
-    orbits = solved(method, steps, EQUATION)
+def test_order_is_retained_after_jumps(method, steps):
+    orbits = solution(method, steps, EQUATION)
     multipliers = [multiplier_error(orbit.multipliers, MULTIPLIERS) for orbit in orbits]
     assert slope(steps, multipliers) == pytest.approx(method.order, abs=0.15)
     curves = [np.linalg.norm(orbit.at(INSIDE) - states(INSIDE)[0]) for orbit in orbits]
@@ -211,14 +214,15 @@ def test_jumps_are_solved_to_round_off(method):
 
 
 def pulse(phase, speed):
-    """Stiffness and load raised between 0.3 and 0.7 of the turn: no jump at phase 0."""
+    """System whose stiffness and load are increased from 0.3 to 0.7 of the period. There is no jump at phase
+    0."""
     inside = (np.mod(phase, TURN) > 0.3 * TURN) & (np.mod(phase, TURN) < 0.7 * TURN)
     one = np.ones((len(phase), 1, 1))
     return one, 0.1 * one, np.where(inside, 2.0, 0.5)[:, None, None], np.where(inside, 1.0, 0.0)[:, None]
 
 
-@for_each(STEPPING)
-def test_jumps_inside_the_turn_alone(method):
+@parametrised_by(STEPPING)
+def test_jumps_inside_the_period_only(method):
     low, high = generator(0.5, 0.1, 0.0), generator(2.0, 0.1, 1.0)
     period = expm(low * 0.3 * TURN) @ expm(high * 0.4 * TURN) @ expm(low * 0.3 * TURN)
     start = np.linalg.solve(np.eye(2) - period[:2, :2], period[:2, 2])
@@ -229,7 +233,7 @@ def test_jumps_inside_the_turn_alone(method):
     assert multipliers < max(1e-11, 3 * orbit.error_estimate.multipliers)
 
 
-@for_each(DENSE)
+@parametrised_by(DENSE)
 @pytest.mark.parametrize("solve_it", [periodic, floquet])
 def test_jumps_are_refused_with_the_remedy(method, solve_it):
     with pytest.raises(
@@ -245,22 +249,22 @@ def oscillator(omega):
     return constant([[1.0]], [[0.0]], [[omega**2]], lambda phase: np.cos(phase)[:, None])
 
 
-@for_each(EVERY)
+@parametrised_by(EVERY)
 @pytest.mark.parametrize("steps", [0, -3, 2.5])
 def test_invalid_step_counts_are_refused(method, steps):
     with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; leave out steps"):
         periodic(SYSTEM, 1.0, method, steps=steps)
 
 
-@for_each(STEPPING)
+@parametrised_by(STEPPING)
 def test_fewer_steps_than_breaks_are_refused(method):
     with pytest.raises(StepsError, match="steps is 1; allowed: whole numbers of at least 2"):
         periodic(EQUATION, 1.0, method, steps=1)
 
 
-@for_each(EVERY)
+@parametrised_by(EVERY)
 def test_too_many_steps_are_refused(method):
-    """Of a method that converges twice as many are needed to judge them."""
+    """For a method that converges, the limit also includes the finer grid of the error estimate."""
     most = method.most_steps(SYSTEM.n) // (2 if method.converges else 1)
     with pytest.raises(
         StepsError, match=rf"{method.name} takes at most {most} steps .* 2 coordinates; given: {most + 1}"
@@ -268,7 +272,7 @@ def test_too_many_steps_are_refused(method):
         periodic(SYSTEM, 1.0, method, steps=most + 1)
 
 
-@for_each(EVERY)
+@parametrised_by(EVERY)
 def test_least_steps_are_stable_and_fewer_are_refused(method):
     equation = oscillator(40.3)
     (least,) = method.least_steps(frozen_modes(equation, 1.0))
@@ -301,15 +305,15 @@ AT_RESONANCE = {
     ids=repr,
 )
 def test_resonance_is_refused(method, steps):
-    """q″ + q = cos φ: no method's own error may pass for damping."""
+    """For q″ + q = cos φ, the error of a method must not act as damping."""
     refusal, reason = AT_RESONANCE.get(type(method), (ResonanceError, r"a Floquet multiplier is at \+1"))
     with pytest.raises(refusal, match=reason):
         periodic(oscillator(1.0), 1.0, method, steps=steps, rtol=1e-6)
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "bahgat-willmert"])
-def test_points_without_matrices_fail_alone(method):
-    """A crank that cannot turn fully at the second length of the coupler."""
+def test_points_without_matrices_fail_individually(method):
+    """With the second length of the coupler, the crank cannot turn fully."""
     coupler, speeds, lengths = load("coupler", modes=1), {"speed": [62.0, 63.0]}, {"l2": [0.05, 0.7]}
     computed = chart(coupler, speeds, lengths, method=method, rtol=1e-2)
     assert np.isfinite(computed.spectral_radius).tolist() == [[True, True], [False, False]]
@@ -319,7 +323,7 @@ def test_points_without_matrices_fail_alone(method):
 # The contract
 
 
-@for_each(EVERY)
+@parametrised_by(EVERY)
 def test_method_attributes_are_consistent(method):
     assert method.spectral == (method.order == method.curve_order == math.inf)
     assert method.converges == (method.order > 0) == (method.curve_order > 0)
@@ -332,7 +336,7 @@ def test_method_attributes_are_consistent(method):
 
 @dataclass(frozen=True)
 class Watched(SinglePoint):
-    """A point that keeps the phases at which its matrices are asked for."""
+    """Point that records the phases at which its matrices are evaluated."""
 
     phases: tuple = ()
 
@@ -341,8 +345,8 @@ class Watched(SinglePoint):
         return super().tables(phase)
 
 
-@for_each(EVERY)
-def test_samples_are_evenly_spaced_if_the_method_declares_it(method):
+@parametrised_by(EVERY)
+def test_samples_are_equidistant_if_the_method_declares_it(method):
     seen: list = []
     method.solutions(Watched(SYSTEM, 1.0, phases=(seen,)), Grid.uniform(31, TURN), True)
     requested = np.unique(np.round(np.mod(np.concatenate(seen), TURN), 9) % round(TURN, 9))
@@ -350,7 +354,7 @@ def test_samples_are_evenly_spaced_if_the_method_declares_it(method):
     assert (np.ptp(gaps) < 1e-6) == method.samples_evenly
 
 
-@for_each(EVERY)
+@parametrised_by(EVERY)
 def test_step_limits_and_phase_errors_are_monotonic(method):
     most = [method.most_steps(n) for n in (1, 2, 8, 40)]
     assert all(isinstance(count, int) and count > 1 for count in most)
@@ -370,10 +374,10 @@ def test_step_limits_and_phase_errors_are_monotonic(method):
         assert many / few == pytest.approx(2 ** (method.order / (method.order + 1)))
 
 
-@for_each(EVERY)
+@parametrised_by(EVERY)
 @pytest.mark.parametrize("orbit", [True, False])
-def test_points_side_by_side_are_solved_as_each_alone(method, orbit):
-    """To the byte: no point sees its neighbours, nor one without matrices among them."""
+def test_batched_points_equal_single_points_exactly(method, orbit):
+    """No point depends on its neighbours, even if one of them has no matrices."""
     speeds = np.array([[0.7], [1.0], [np.nan], [2.0]])
     points = Sampled(SystemFamily(SYSTEM, [SPEED]), speeds)
     grid = Grid.uniform(21, TURN)

@@ -1,4 +1,4 @@
-"""The default method, and its name in the result."""
+"""Default method, and its name in the result."""
 
 import numpy as np
 import pytest
@@ -31,23 +31,23 @@ LIMIT = RESOLVABLE / (2 * np.pi)
     ],
     ids=["slower mode", "faster mode", "slower decay", "faster decay"],
 )
-def test_the_fastest_mode_or_decay_decides(system, method):
-    assert settled(system, 1.0) == method
+def test_fastest_mode_or_decay_determines_the_method(system, method):
+    assert selected(system, 1.0) == method
     orbit = periodic(system, 1.0)
     assert orbit.method == method
     assert max(orbit.error_estimate) <= 1e-8
 
 
-def settled(system, speed):
-    """Name of the method that `auto` chooses for a system at a speed."""
+def selected(system, speed):
+    """Name of the method that `auto` selects for a system at a speed."""
     ((method, _),) = auto(SinglePoint(system, speed))
     return method.name
 
 
-def test_the_speed_decides_too():
-    """In phase, frequencies are counted by the speed: stiff for a slow drive, not for a fast one."""
+def test_speed_also_determines_the_method():
+    """Frequencies are divided by the speed: a slow drive makes the system stiff, a fast one does not."""
     system = fastest((2 * LIMIT) ** 2, 0.3)
-    assert [settled(system, speed) for speed in (1.0, 3.0)] == ["radau", "gauss"]
+    assert [selected(system, speed) for speed in (1.0, 3.0)] == ["radau", "gauss"]
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_auto_selects_the_expected_method_for_each_model(model, speed, method):
 
 
 @pytest.mark.parametrize("system", [fastest((0.99 * LIMIT) ** 2, 0.3), fastest((1.01 * LIMIT) ** 2, 0.3)])
-def test_both_choices_agree_at_the_border(system):
+def test_both_methods_agree_at_the_limit(system):
     phases = np.linspace(0.0, 2 * np.pi, 201)
     orbits = [periodic(system, 1.0, method, rtol=1e-9) for method in ("gauss", "radau")]
     scale = np.abs(orbits[0].at(phases)).max(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Breaks of the matrices, whatever the method: where they stand on the grid, and what must be one."""
+"""Breaks of the matrices for all methods: positions on the grid, and required breaks."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Methods by name and settings, and messages for names and settings that do not exist."""
+"""Methods given by name and settings, and messages about unknown names and settings."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.solve.systems import cam, constant
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_every_name_gives_its_method(name):
+def test_every_name_selects_its_method(name):
     method = chosen(name)
     if name == "auto":
         assert method is METHODS[name]
@@ -20,7 +20,7 @@ def test_every_name_gives_its_method(name):
     assert method.name == name
 
 
-def test_settings_reach_the_method_and_absent_ones_do_not():
+def test_settings_are_passed_to_the_method_unless_absent():
     assert chosen("newmark", gamma=0.6, beta=None, order=None) == Newmark(gamma=0.6)
     assert (chosen("radau", order=5), chosen("gauss", order=8)) == (Radau(5), Gauss(8))
 
@@ -36,7 +36,7 @@ def test_unknown_method_name_is_refused_with_a_suggestion(given, near):
         chosen(given)
 
 
-def test_a_setting_of_another_method_names_its_owner():
+def test_message_names_the_method_of_a_wrong_setting():
     with pytest.raises(ValueOutOfBoundsError, match="method radau has no gamma; gamma belongs to newmark"):
         chosen("radau", gamma=0.5)
 
@@ -53,7 +53,7 @@ def test_invalid_methods_are_refused(given):
     ("frequency", "named"), [(1.0, "gauss"), (80.0, "gauss"), (82.0, "radau"), (1e4, "radau")]
 )
 def test_auto_selects_gauss_for_resolvable_modes_and_radau_beyond(frequency, named):
-    """ω T = 512 divides them: ω = 81.5 at speed 1. Rates of damping count as frequencies do."""
+    """The limit is ω T = 512: ω = 81.5 at speed 1. Decay rates count like frequencies."""
     for damping, stiffness in ((0.02, frequency**2), (frequency, 1.0)):
         given = constant([[1.0]], [[damping]], [[stiffness]], lambda phase: np.ones((len(phase), 1)))
         assert floquet(given, 1.0, rtol=1e-4).method == named

@@ -56,7 +56,7 @@ def test_tableaux_match_published_coefficients(rule, c, A, b):
 
 @both
 def test_order_conditions(rule):
-    """Butcher's B(p), C(s) and D(p - s), which together give order p."""
+    """Butcher's conditions B(p), C(s) and D(p - s), which together imply order p."""
     computed, p = rule.collocation, rule.order
     c, s = np.array(computed.c), len(computed.c)
     for k in range(1, p + 1):
@@ -81,7 +81,7 @@ def test_radau_is_stiffly_accurate(rule):
 
 
 def step_of(rule, system, h, speed=1.0):
-    """The first of two steps of length h."""
+    """Map of the first of two steps of length h."""
     grid = Grid(np.array([0.0, h, 2 * h]), np.zeros(2, dtype=bool))
     steps = chain_of(rule, system, speed, grid)
     return steps.A[0], steps.b[0]
@@ -102,7 +102,7 @@ def pade(z, numerator, denominator):
 @both
 @pytest.mark.parametrize("z", [-0.1, -1.0, -8.0, -60.0, 0.9])
 def test_stability_function_is_the_pade_approximant(rule, z):
-    """v′ = z v in one step of length 1: degrees (s-1, s) for Radau IIA, (s, s) for Gauss."""
+    """One step of length 1 for v′ = z v: degrees (s-1, s) for Radau IIA and (s, s) for Gauss."""
     free = constant(np.eye(1), np.array([[-z]]), np.zeros((1, 1)), lambda phase: np.zeros((len(phase), 1)))
     s = len(rule.collocation.c)
     expected = pade(z, s - 1 if rule.l_stable else s, s)
@@ -117,7 +117,8 @@ def oscillator(omega):
 
 @pytest.mark.parametrize("rule", RADAU, ids=repr)
 def test_radau_is_l_stable(rule):
-    """Inside the unit circle on the imaginary axis, and R → 0 as 1/(ω h) at least."""
+    """The multiplier is inside the unit circle on the imaginary axis, and R → 0 at least as fast as 1/(ω
+    h)."""
     radius = {
         w: np.abs(np.linalg.eigvals(step_of(rule, oscillator(w), 1.0)[0])).max() for w in (10.0, 1e3, 1e5)
     }
@@ -136,8 +137,8 @@ def test_gauss_conserves_energy_and_is_not_l_stable(rule, omega):
 
 @given(seeds, st.integers(1, 3), st.sampled_from([*RADAU, *GAUSS]), st.floats(0.5, 2.0))
 @settings(max_examples=60, deadline=None)
-def test_nystrom_form_equals_the_method_on_states(seed, n, rule, speed):
-    """The stages of x′ = P x + f, solved as one system of order 2 n s."""
+def test_nystrom_form_equals_the_first_order_form(seed, n, rule, speed):
+    """The reference solves the stages of x′ = P x + f as one system of order 2 n s."""
     system, h = random_system(seed, n), 0.3
     c, A, b = np.array(rule.collocation.c), rule.collocation.A, rule.collocation.b
     P, f = rate_matrices(system, c * h, speed)
@@ -153,14 +154,14 @@ def test_nystrom_form_equals_the_method_on_states(seed, n, rule, speed):
 
 
 @pytest.mark.parametrize(("kind", "order"), [(Radau, 4), (Radau, 15), (Radau, 1), (Gauss, 5), (Gauss, 18)])
-def test_orders_that_do_not_exist_are_refused(kind, order):
+def test_invalid_orders_are_refused(kind, order):
     with pytest.raises(ValueOutOfBoundsError, match=rf"order of \w+ is {order}; allowed: .*; try order"):
         kind(order)
 
 
 @pytest.mark.parametrize("order", [3, 5, 9, 13])
-def test_radau_drops_a_stiff_mode_that_gauss_keeps(order):
-    """Slow and damped beside stiff and damped: exp(-2π·0.1) and nothing else is true."""
+def test_radau_damps_a_stiff_mode_that_gauss_does_not(order):
+    """One slow and one stiff mode, both damped. The exact spectral radius is exp(-2π·0.1)."""
     K = np.diag([1.0, 1e10])
     system = constant(np.eye(2), np.diag([0.2, 2e3]), K, lambda phase: np.ones((len(phase), 2)))
     truth = np.exp(-0.2 * np.pi)
@@ -185,7 +186,7 @@ def test_stepwise_and_batched_collocation_agree(n, loads):
     np.testing.assert_allclose(computed, truth, rtol=0, atol=1e-13 * np.abs(truth).max())
 
 
-def test_singular_step_alone_gives_nan():
+def test_only_the_singular_step_gives_nan():
     n, h = 20, np.array([0.1, 0.1])
     M = np.tile(np.eye(n), (1, 2, 5, 1, 1))
     M[0, 1, :, 3, 3] = 0.0

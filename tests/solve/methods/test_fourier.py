@@ -1,4 +1,4 @@
-"""Harmonic balance by collocation, and what Bahgat and Willmert's variant of it leaves out."""
+"""Harmonic balance by collocation, and the terms that Bahgat and Willmert's variant of it omits."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def test_orbit_and_multipliers_equal_dop853(seed):
     assert multiplier_error(orbit.multipliers, truth.multipliers) < 1e-9
 
 
-def test_forty_one_points_suffice_without_lightly_damped_modes():
+def test_41_points_suffice_without_lightly_damped_modes():
     given = random_system(4, 2)
     truth = periodic(given, 1.0, Radau(13), rtol=1e-13)
     orbit = periodic(given, 1.0, "fourier", steps=41, rtol=0.5)
@@ -40,9 +40,10 @@ def test_condition_number_does_not_grow_with_the_harmonics(method):
 
 
 @pytest.mark.parametrize(("index", "steps"), [(495, 203), (347, 17), (499, 33)])
-def test_eigenvectors_at_the_truncation_limit_give_no_multipliers(index, steps):
-    """Undamped systems with a mode of 75 to 109 times the speed: once the orders reach it, vectors with
-    weight at both of their ends must not pass for central ones; before, nothing must break."""
+def test_eigenvectors_at_the_truncation_limit_are_not_used(index, steps):
+    """Undamped systems with a mode at 75 to 109 times the speed. If the orders reach this mode, eigenvectors
+    with components at both ends of the spectrum must not be taken for central ones. Otherwise, no error may
+    occur."""
     given = member(index)
     truth = floquet(given.system, given.speed, Radau(13), rtol=1e-11)
     stability = floquet(given.system, given.speed, "fourier", steps=steps, rtol=0.9)
@@ -54,8 +55,9 @@ def test_eigenvectors_at_the_truncation_limit_give_no_multipliers(index, steps):
 
 @pytest.mark.parametrize("method", ["fourier", "hill"])
 def test_growing_mode_is_not_replaced_by_a_duplicate(method):
-    """On 33 and 49 phases the fast mode comes twice before the soft one, whose stiffness is negative over a
-    part of the turn and whose p is wide: both grids then had two pairs alike, and no growth."""
+    """With 33 and 49 phases, the fast mode occurs twice before the soft one, whose stiffness is negative
+    during part of the period and whose eigenvector is wide. Both grids then had two equal pairs and no
+    growth."""
     M, C = np.array([[1.15, -0.44], [-0.44, 0.8]]), np.array([[0.2, -0.11], [-0.11, 0.04]])
     K, cos_2 = np.array([[88.3, -45.3], [-45.3, 23.8]]), np.array([[-12.0, -0.3], [-0.3, 0.0]])
     sin_1, cos_3 = np.array([[0.0, 0.5], [0.5, -2.3]]), np.array([[7.9, 1.7], [1.7, 2.4]])
@@ -72,7 +74,7 @@ def test_growing_mode_is_not_replaced_by_a_duplicate(method):
     assert error <= 10 * stability.error_estimate.multipliers
 
 
-def test_differentiation_is_exact_for_the_orders_it_holds():
+def test_differentiation_is_exact_up_to_the_truncation_order():
     grid = Grid.uniform(9, 3.0)
     rate = 2 * np.pi / 3.0
     for k in range(5):
@@ -82,7 +84,7 @@ def test_differentiation_is_exact_for_the_orders_it_holds():
 
 
 def at_speed(speed, damping=1.0):
-    """A system whose matrices depend on the phase alone."""
+    """System whose matrices depend on the phase only."""
     matrices = random_matrices(6, 2)
 
     def of_phase(phase, _):
@@ -93,14 +95,14 @@ def at_speed(speed, damping=1.0):
 
 
 def variants_error(speed):
-    """Of Bahgat and Willmert's orbit against the true one, and as it states it."""
+    """True and estimated errors of Bahgat and Willmert's orbit."""
     given, omega = at_speed(speed)
     truth = periodic(given, omega, "radau", rtol=1e-9)
     orbit = periodic(given, omega, "bahgat-willmert", steps=61, rtol=0.9)
     return relative_error(orbit.at(PHASES), truth.at(PHASES)), orbit.error_estimate.orbit
 
 
-def test_bahgat_and_willmerts_variant_is_exact_for_constant_matrices_only():
+def test_bahgat_willmert_variant_is_exact_for_constant_matrices_only():
     load = random_matrices(6, 2)
     plain = constant(np.eye(2), 0.1 * np.eye(2), np.diag([2.0, 3.0]), lambda phase: load(phase, 1.0)[3])
     truth = periodic(plain, 1.0, "fourier", rtol=1e-10)
@@ -108,10 +110,10 @@ def test_bahgat_and_willmerts_variant_is_exact_for_constant_matrices_only():
     assert relative_error(orbit.at(PHASES), truth.at(PHASES)) < 1e-12
 
 
-def test_bahgat_and_willmert_variant_reports_its_error_growing_with_speed():
-    """Its error against harmonic balance on the full matrices grows with the speed: in proportion to it
-    while the motion is quasi-static, to the size of the motion itself when it is not (thesis 6.4). Both
-    are stated."""
+def test_bahgat_willmert_variant_reports_its_growing_error():
+    """Compared with harmonic balance on the full matrices, the error is proportional to the speed for
+    quasi-static motion, and as large as the motion itself otherwise (section 6.4 of the thesis). Both errors
+    are reported."""
     errors = {}
     for speed in (0.005, 0.01, 0.1, 1.0):
         errors[speed], stated = variants_error(speed)

@@ -1,4 +1,4 @@
-"""What Gauss methods keep: the unit circle, reciprocal pairs, and stiff modes that they should not."""
+"""Invariants of Gauss's methods: the unit circle, reciprocal pairs, and undamped unresolved modes."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ ORDERS = [4, 6, 8, 10, 12, 14, 16]
 
 
 def symmetric(seed, n):
-    """M = I, C = 0, K(φ) symmetric: Hamilton's equations in (q, q′)."""
+    """System with M = I, C = 0 and symmetric K(φ): Hamilton's equations for (q, q′)."""
     rng = np.random.default_rng(seed)
     mean, wave = spd(rng, n, 0.5, 6.0), 0.6 * spd(rng, n, 0.2, 1.0)
 
@@ -25,8 +25,8 @@ def symmetric(seed, n):
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("seed", range(4))
-def test_multipliers_come_in_reciprocal_pairs_on_any_grid(order, seed):
-    """The map of a step is symplectic, however long the step."""
+def test_multipliers_are_reciprocal_pairs_on_any_grid(order, seed):
+    """The map of a step of any length is symplectic."""
     for steps in (1, 3, 8):
         values = floquet(symmetric(seed, 3), 1.0, Gauss(order), steps=steps, rtol=0.9).multipliers
         sensitivity = np.abs(values).max() ** 2
@@ -41,7 +41,7 @@ def test_multipliers_come_in_reciprocal_pairs_on_any_grid(order, seed):
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("angle", [0.1, 3.0, 100.0])
-def test_an_undamped_mode_keeps_its_amplitude_at_any_step(order, angle):
+def test_undamped_mode_retains_its_amplitude_at_any_step(order, angle):
     steps = 20
     plain = constant(
         np.eye(1),
@@ -54,9 +54,9 @@ def test_an_undamped_mode_keeps_its_amplitude_at_any_step(order, angle):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_unresolved_stiff_mode_of_gauss_is_flagged(order):
-    """Exact: exp(-2π·2500) beside |ρ| = exp(-0.05·2π). As |R(-∞)| = 1, the stiff mode seems undamped;
-    estimate and warning show it."""
+def test_unresolved_stiff_mode_of_gauss_gives_a_warning(order):
+    """The exact |ρ| are exp(-2π·2500) and exp(-0.05·2π). Because |R(-∞)| = 1, the stiff mode appears
+    undamped."""
     given = constant(
         np.eye(2), np.diag([0.1, 5e3]), np.diag([1.3, 2.5e7]), lambda phase: np.ones((len(phase), 2))
     )
@@ -69,7 +69,7 @@ def test_unresolved_stiff_mode_of_gauss_is_flagged(order):
 
 
 @pytest.mark.parametrize("order", [2, 5, 18, 0])
-def test_orders_that_do_not_exist_are_refused(order):
+def test_invalid_orders_are_refused(order):
     with pytest.raises(
         ValueOutOfBoundsError, match=rf"order of gauss is {order}; allowed: 4, 6, .*16; try order 10"
     ):

@@ -1,4 +1,4 @@
-"""Steps of one turn, and the sides of jumps that their stages see."""
+"""Steps of one period, and the sides of jumps on which stages lie."""
 
 import math
 
@@ -20,7 +20,7 @@ def test_without_breaks_the_steps_are_equal():
 
 
 @given(st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=5), st.integers(5, 60))
-def test_every_break_is_a_node_wherever_the_turn_is_counted_from(breaks, steps):
+def test_every_break_is_a_node_for_any_origin(breaks, steps):
     grid = Grid.uniform(steps, PERIOD, tuple(breaks))
     for phase in breaks:
         distance = np.abs(grid.nodes - phase % PERIOD).min()
@@ -59,8 +59,8 @@ def test_breaks_that_differ_by_rounding_are_one_break(breaks):
 
 
 @given(st.sets(st.integers(1, 9999), min_size=1, max_size=5), st.integers(6, 2000))
-def test_finer_grids_have_more_steps_in_every_piece(places, steps):
-    """Or two grids would agree on what happens inside a piece too short for either."""
+def test_finer_grids_have_more_steps_in_every_interval(places, steps):
+    """Otherwise, two grids would agree inside an interval that neither resolves."""
     breaks = tuple(place * PERIOD / 10_000 for place in sorted(places))
     edges = np.array([0.0, *breaks, PERIOD]) - 1e-6
 

@@ -1,4 +1,4 @@
-"""Hill's determinant: stability boundaries over any parameter, multipliers, orbits."""
+"""Hill's determinant: stability boundaries in any parameter, multipliers, orbits."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ ORDERS = range(7)
 
 
 def mathieu(delta, epsilon, damping=0.0):
-    """q″ + damping q′ + (delta + epsilon cos 2t) q = 0."""
+    """System q″ + damping q′ + (delta + epsilon cos 2t) q = 0."""
 
     def matrices(phase, speed):
         one, zero = np.ones((len(phase), 1, 1)), np.zeros((len(phase), 1))
@@ -27,8 +27,8 @@ def mathieu(delta, epsilon, damping=0.0):
 
 
 def characteristic(epsilon, multiplier):
-    """SciPy's a_k and b_k with solutions of period π (k even) or 2π (k odd); the sign of ε only swaps
-    odd ones."""
+    """Values a_k and b_k from SciPy with solutions of period π (k even) or 2π (k odd). The sign of ε only
+    interchanges those of odd k."""
     first = 0 if multiplier == 1 else 1
     q = abs(epsilon) / 2
     values = [mathieu_a(k, q) for k in ORDERS[first::2]] + [mathieu_b(k, q) for k in ORDERS[first::2] if k]
@@ -58,8 +58,8 @@ def test_boundaries_of_mathieus_equation(epsilon, multiplier):
 
 @pytest.mark.parametrize("multiplier", [1, -1])
 @pytest.mark.parametrize("epsilon", EPSILONS)
-def test_determinant_and_multipliers_vanish_at_mathieus_values(epsilon, multiplier):
-    """The same boundaries by two further ways: the determinant's zero, and ρ1 + ρ2 = ±2."""
+def test_determinant_and_multipliers_agree_with_mathieus_values(epsilon, multiplier):
+    """Two further conditions for the same boundaries: the determinant is zero, and ρ1 + ρ2 = ±2."""
 
     def trace(delta):
         values = floquet(mathieu(delta, epsilon), 1.0, Gauss(16), rtol=1e-12).multipliers
@@ -75,8 +75,8 @@ def test_determinant_and_multipliers_vanish_at_mathieus_values(epsilon, multipli
             assert abs(brentq(function, low, high, xtol=1e-12) - value) < 1e-8
 
 
-def test_a_close_pair_between_two_values_is_found():
-    """b_2 and a_2 are 5e-3 apart, the values 0.7."""
+def test_close_pair_of_boundaries_between_two_values_is_found():
+    """b_2 and a_2 differ by 5e-3; the distance of the values is 0.7."""
     computed = boundaries(lambda delta: (mathieu(delta, 0.2), 1.0), np.arange(2.0, 8.0, 0.7))
     assert [each.value for each in computed] == pytest.approx(
         [mathieu_b(2, 0.1), mathieu_a(2, 0.1)], abs=1e-8
@@ -84,8 +84,8 @@ def test_a_close_pair_between_two_values_is_found():
 
 
 @pytest.mark.parametrize("multiplier", [1, -1])
-def test_boundaries_over_the_speed_are_where_a_multiplier_is_one(multiplier):
-    """A damped system, so that both boundaries of a band leave (δ, ε) of Mathieu's closed form."""
+def test_boundaries_in_speed_have_a_multiplier_on_the_circle(multiplier):
+    """The system is damped, so that Mathieu's closed form does not apply to the boundaries."""
     damped = mathieu(1.0, 0.6, damping=0.05)
     computed = boundaries(lambda speed: (damped, speed), np.linspace(0.4, 1.6, 61), multiplier)
     assert computed
@@ -96,7 +96,7 @@ def test_boundaries_over_the_speed_are_where_a_multiplier_is_one(multiplier):
         assert {low, high} == {"unstable", "asymptotically stable"}
 
 
-def test_boundaries_of_coupled_coordinates_over_a_parameter():
+def test_boundaries_of_coupled_coordinates_in_a_parameter():
     def coupled(epsilon):
         def matrices(phase, speed):
             K = np.array([[1.0, 0.2], [0.2, 3.0]]) + np.cos(phase)[:, None, None] * [

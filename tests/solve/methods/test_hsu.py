@@ -1,4 +1,5 @@
-"""Piecewise-constant transition matrices against Meissner's closed forms (thesis 7.2.2, 7.2.3)."""
+"""Piecewise-constant transition matrices compared with Meissner's closed forms (sections 7.2.2 and 7.2.3 of
+the thesis)."""
 
 from itertools import combinations
 from math import prod
@@ -18,7 +19,8 @@ TURN = 2 * np.pi
 
 
 def meissner(frequencies, lengths):
-    """y″ + ν_i² y = 0 on pieces of the given lengths, which fill the turn (thesis (7.10))."""
+    """System y″ + ν_i² y = 0 on intervals of the given lengths, which sum to the period (Eq. (7.10) of the
+    thesis)."""
     ends = np.cumsum(lengths)
 
     def matrices(phase, speed):
@@ -36,19 +38,19 @@ def pieces(frequencies, lengths):
 
 
 def V(*frequencies):
-    """½(v_i/v_k + v_k/v_i), for more of them with every other one below the line."""
+    """Factor ½(v_i/v_k + v_k/v_i), or its generalisation with every second frequency in the denominator."""
     ratio = prod(frequencies[1::2]) / prod(frequencies[0::2])
     return (ratio + 1 / ratio) / 2
 
 
 def J2(v, lengths):
-    """Thesis (7.11), two pieces."""
+    """Meissner's function for two intervals, Eq. (7.11) of the thesis."""
     C, S = pieces(v, lengths)
     return C[0] * C[1] - V(v[0], v[1]) * S[0] * S[1]
 
 
 def J3(v, lengths):
-    """Thesis (7.11), three pieces."""
+    """Meissner's function for three intervals, Eq. (7.11) of the thesis."""
     C, S = pieces(v, lengths)
     return (
         C[0] * C[1] * C[2]
@@ -59,8 +61,9 @@ def J3(v, lengths):
 
 
 def JN(v, lengths):
-    """Any number of pieces: half the trace of the product of their transition matrices, expanded. A term
-    takes the sines of an even number of pieces, the cosines of the others, and alternates in sign."""
+    """Meissner's function for any number of intervals: half the trace of the product of the transition
+    matrices, expanded. A term contains the sines of an even number of intervals and the cosines of the
+    others; the signs alternate."""
     C, S = pieces(v, lengths)
     every = range(len(v))
     return sum(
@@ -78,7 +81,7 @@ def drawn(seed, count):
     return list(rng.uniform(0.2, 3.0, count)), list(TURN * shares / shares.sum())
 
 
-def test_the_general_form_holds_the_printed_ones():
+def test_general_form_includes_the_printed_ones():
     for seed in range(5):
         assert JN(*drawn(seed, 2)) == pytest.approx(J2(*drawn(seed, 2)), abs=1e-14)
         assert JN(*drawn(seed, 3)) == pytest.approx(J3(*drawn(seed, 3)), abs=1e-14)
@@ -113,8 +116,9 @@ def test_constant_coefficients_are_exact_on_any_grid(seed, n, speed, steps):
     np.testing.assert_allclose(orbit.q, np.tile(np.linalg.solve(K, constants)[:, None], steps + 1), rtol=1e-9)
 
 
-def test_the_orbit_between_the_nodes_keeps_the_order():
-    """Meissner's equation with a constant load, so that the nodes are exact: what is left is the curve."""
+def test_order_of_the_orbit_between_the_nodes():
+    """For Meissner's equation with a constant load, the nodes are exact, so that only the error of the curve
+    remains."""
     v, lengths = [1.3, 0.6], [0.8 * np.pi, 1.2 * np.pi]
     unloaded = meissner(v, lengths)
     loaded = system(

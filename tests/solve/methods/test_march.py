@@ -1,4 +1,4 @@
-"""Marching until the transient has died: how many turns that takes, and what it gives."""
+"""Time marching until the transient has decayed: required number of revolutions, and result."""
 
 import re
 
@@ -14,7 +14,7 @@ from tests.solve.systems import constant, random_system
 
 
 def oscillator(frequency, radius):
-    """One mode with |ρ| = radius at 1 rad/s."""
+    """Oscillator with |ρ| = radius at 1 rad/s."""
     damping = -np.log(radius) / np.pi
     return constant(np.eye(1), [[damping]], [[frequency**2]], lambda phase: 0.3 + np.cos(phase)[:, None])
 
@@ -27,22 +27,22 @@ def turns(orbit):
 
 
 @pytest.mark.parametrize("radius", [0.2, 0.485, 0.674, 0.9, 0.97])
-def test_turns_to_convergence_follow_the_multiplier(radius):
+def test_revolutions_to_convergence_follow_from_the_multiplier(radius):
     orbit = periodic(oscillator(1.0, radius), 1.0, "march", steps=400, rtol=0.9)
     expected = np.log(1e-4) / np.log(orbit.spectral_radius)
     assert abs(turns(orbit) - np.ceil(expected)) <= 1
 
 
 @pytest.mark.parametrize("frequency", [0.7, 1.0, 1.3, 1.6])
-def test_turns_at_the_spectral_radius_of_the_thesis_four_bar(frequency):
-    """|ρ| = 0.674 at 62 rad/s: ln 1e-4 / ln 0.674 = 23.3, give or take one."""
+def test_revolutions_at_the_spectral_radius_of_the_thesis(frequency):
+    """|ρ| = 0.674 at 62 rad/s: ln 1e-4 / ln 0.674 = 23.3, to within one revolution."""
     computed = turns(periodic(oscillator(frequency, 0.674), 1.0, "march", steps=400, rtol=0.9))
     assert abs(computed - np.ceil(23.3)) <= 1
 
 
 @pytest.mark.parametrize("frequency", [0.3, 0.7, 1.6, 3.4])
 @pytest.mark.parametrize("radius", [0.2, 0.674, 0.9, 0.97])
-def test_convergence_norm_shifts_the_number_of_turns(frequency, radius):
+def test_number_of_revolutions_depends_on_the_convergence_norm(frequency, radius):
     """‖(q, q′)‖ of a free motion varies by the factor ω within a cycle."""
     orbit = periodic(oscillator(frequency, radius), 1.0, "march", steps=400, rtol=0.9)
     decay = -np.log(orbit.spectral_radius)
@@ -51,8 +51,9 @@ def test_convergence_norm_shifts_the_number_of_turns(frequency, radius):
 
 
 @pytest.mark.parametrize("index", [0, 4, 8, 20, 24, 40, 56])
-def test_turns_per_decade_follow_the_slowest_mode(index):
-    """With several modes the first decades depend on the load; later ones on the spectral radius alone."""
+def test_revolutions_per_decade_follow_from_the_slowest_mode(index):
+    """With several modes, the first decades depend on the load, and later ones on the spectral radius
+    only."""
     given = member(index)
     needed = [
         turns(periodic(given.system, given.speed, March(tolerance=t), steps=200, rtol=0.9))
@@ -62,8 +63,8 @@ def test_turns_per_decade_follow_the_slowest_mode(index):
     assert needed[1] - needed[0] == pytest.approx(np.log(1e-4) / np.log(radius), rel=0.05, abs=1.5)
 
 
-def test_marching_by_hand_gives_the_same_turns():
-    """From rest, one step of average acceleration after another."""
+def test_hand_coded_marching_takes_the_same_revolutions():
+    """The reference starts from rest and uses the average-acceleration method."""
     system = oscillator(1.3, 0.674)
     h, damping, stiffness = 2 * np.pi / 400, -np.log(0.674) / np.pi, 1.3**2
     force = 0.3 + np.cos(h * np.arange(401))
@@ -97,7 +98,7 @@ def test_error_estimate_includes_the_remaining_transient():
     np.testing.assert_allclose(orbit.multipliers, limit.multipliers, rtol=1e-12)
 
 
-def test_other_settings_of_newmark_march_too():
+def test_marching_with_other_settings_of_newmark():
     base = Newmark(0.5, 1 / 6)
     marched = March(tolerance=1e-9, base=base)
     phases = np.linspace(0.0, 2 * np.pi, 301)
@@ -108,7 +109,7 @@ def test_other_settings_of_newmark_march_too():
 
 
 @pytest.mark.parametrize(("radius", "most"), [(1.0, 10**6), (1.2, 10**6), (0.9, 50)])
-def test_a_transient_that_does_not_die_is_refused(radius, most):
+def test_transient_that_does_not_decay_is_refused(radius, most):
     with pytest.raises(StepsError, match=rf"does not decay within {most} periods .* such as radau"):
         periodic(oscillator(1.3, radius), 1.0, March(most_turns=most), steps=400)
 

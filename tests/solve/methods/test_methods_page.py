@@ -1,4 +1,4 @@
-"""The table of the page on methods agrees with the attributes of the methods."""
+"""The table on the page about methods agrees with the attributes of the methods."""
 
 import re
 from pathlib import Path
@@ -35,7 +35,7 @@ def test_table_matches_orders_and_l_stability_of_each_method(name):
 
 @pytest.mark.parametrize(("name", "place"), [("cam", 0), ("four_bar", 1)])
 def test_page_states_the_step_limit_of_fourier(name, place, capsys):
-    """3 coordinates and 27."""
+    """For 3 and for 27 coordinates."""
     most = re.search(r"limits of `--steps` are half as large, (\d+) and (\d+)", PAGE.read_text("utf-8"))
     elements = ("--option", "elements=3") if name == "four_bar" else ()
     given = ("floquet", name, "--speed", "286 rpm", *elements, "--method", "fourier", "--steps")

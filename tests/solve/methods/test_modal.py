@@ -1,4 +1,4 @@
-"""Modal uncoupling: exact where the modes stand still and the damping is theirs, wrong where they turn."""
+"""Modal uncoupling: exact for constant modes with proportional damping, inaccurate for rotating modes."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ PHASES = np.linspace(0.0, 2 * np.pi, 301)
 
 
 def proportional(seed, n):
-    """Constant symmetric M, K with C = 0.05 M + 0.01 K."""
+    """Constant symmetric M and K with C = 0.05 M + 0.01 K."""
     rng = np.random.default_rng(seed)
     M, K = spd(rng, n, 0.5, 2.0), spd(rng, n, 0.5, 9.0)
     loads = rng.standard_normal((2, n))
@@ -36,7 +36,7 @@ def test_multipliers_are_exact_for_constant_symmetric_proportional_systems(n):
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_orbits_converge_for_constant_symmetric_proportional_systems(n):
-    """The load is held constant over each step: second order."""
+    """The load is constant during each step, so that the order is two."""
     given, (M, C, K, loads) = proportional(n, n)
     wave = np.linalg.solve(K - M + 1j * C, loads[0])
     truth = np.real(np.outer(wave, np.exp(1j * PHASES))) + np.linalg.solve(K, loads[1])[:, None]
@@ -49,7 +49,7 @@ def test_orbits_converge_for_constant_symmetric_proportional_systems(n):
 
 
 def test_modal_converges_for_constant_shapes_with_varying_frequencies():
-    """Uncoupled equations of Mathieu's kind, seen in coordinates that mix them."""
+    """Uncoupled Mathieu equations in coordinates that mix them."""
     T = np.array([[0.6, -0.8], [0.8, 0.6]])
 
     def matrices(phase, speed):
@@ -70,7 +70,8 @@ def test_modal_converges_for_constant_shapes_with_varying_frequencies():
 
 
 def turning(rate):
-    """A stiff and a soft direction; `rate` is the whole number of turns that they make in a period."""
+    """System with a stiff and a soft direction. `rate` is the number of revolutions of both directions per
+    period."""
 
     def matrices(phase, speed):
         c, s = np.cos(rate * phase), np.sin(rate * phase)
@@ -83,8 +84,8 @@ def turning(rate):
 
 
 def test_modal_reports_its_error_for_rotating_modes():
-    """The terms left out are of the size of the Coriolis forces, 2Ω θ′: no grid mends them. The error is
-    stated, orbit and multipliers apart, and equals the true one."""
+    """The omitted terms are as large as the Coriolis forces, 2Ω θ′, on any grid. The reported errors of orbit
+    and multipliers equal the true ones."""
     truth = periodic(turning(1), 1.0, rtol=1e-10)
     for m in (200, 800):
         computed = periodic(turning(1), 1.0, "modal", steps=m, rtol=1e-3)
@@ -97,7 +98,7 @@ def test_modal_reports_its_error_for_rotating_modes():
         assert any("modal is an approximation that gives the orbit to" in text for text in computed.warnings)
 
 
-def test_damping_that_couples_the_modes_is_left_out():
+def test_damping_that_couples_the_modes_is_omitted():
     coupled = constant(
         np.eye(2),
         np.array([[0.4, 0.3], [0.3, 0.4]]),
@@ -112,7 +113,7 @@ def test_damping_that_couples_the_modes_is_left_out():
 
 
 def test_units_of_coordinates_do_not_change_the_approximation():
-    """Modal masses are those of the equations as an energy gives them, in units however far."""
+    """Modal masses are those of the equations in energy form, in any units."""
     given, units = random_system(5, 3), 2.0 ** np.array([-12, 0, 12])
 
     def matrices(phase, speed):

@@ -1,4 +1,5 @@
-"""Newmark's 2n core against the chapter's 3n map, Eqs. (28)-(40), written apart."""
+"""Newmark's map of order 2n compared with a separate implementation of the chapter's map of order 3n, Eqs.
+(28)–(40)."""
 
 from functools import reduce
 
@@ -15,7 +16,8 @@ from tests.solve.systems import cam, chain_of, constant, frozen_modes, random_sy
 
 
 def printed_maps(system, speed, steps, gamma, beta):
-    """A_i (3n, 3n) and b_i of x_i = A_i x_{i-1} + b_i with x = (q, q′, q″) by phase, Eqs. (29)-(38)."""
+    """Maps A_i (3n, 3n) and b_i of x_i = A_i x_{i-1} + b_i, Eqs. (29)–(38), where x = (q, q′, q″) with
+    derivatives with respect to the phase."""
     n, h = system.n, system.period / steps
     one, zero = np.eye(n), np.zeros((n, n))
     D = np.block([[one, h * one, h**2 * (0.5 - beta) * one], [zero, one, (1 - gamma) * h * one]])
@@ -30,7 +32,7 @@ def printed_maps(system, speed, steps, gamma, beta):
 
 
 def shooting(A, b):
-    """States (m, 3n) at the nodes from Eqs. (39), (40), the product in the order A_m … A_1."""
+    """States (m, 3n) at the nodes from Eqs. (39) and (40), with the product in the sequence A_m … A_1."""
     product = reduce(lambda P, step: step @ P, A)
     end = reduce(lambda x, step: step[0] @ x + step[1], zip(A, b, strict=True), np.zeros(len(product)))
     x = [np.linalg.solve(np.eye(len(product)) - product, end)]
@@ -44,7 +46,7 @@ parameters = st.tuples(st.floats(0.25, 1.0), st.floats(0.0, 0.5))
 
 @given(seeds, st.integers(1, 4), st.floats(0.7, 3.0), st.integers(40, 120), parameters)
 @settings(max_examples=60, deadline=None)
-def test_core_of_order_2n_equals_the_map_of_order_3n(seed, n, speed, steps, parameters):
+def test_map_of_order_2n_equals_the_map_of_order_3n(seed, n, speed, steps, parameters):
     gamma, beta = parameters
     system, rule = random_system(seed, n), Newmark(gamma, beta)
     A, b = printed_maps(system, speed, steps, gamma, beta)
@@ -65,7 +67,7 @@ def test_core_of_order_2n_equals_the_map_of_order_3n(seed, n, speed, steps, para
 @given(seeds, st.integers(1, 4), parameters)
 @settings(max_examples=30, deadline=None)
 def test_newmark_step_is_equivalent_to_the_printed_step(seed, n, parameters):
-    """D A_1 = B D: z = D x carries the whole step, and A_1 has n eigenvalues more, all zero."""
+    """D A_1 = B D: z = D x determines the step, and A_1 has n additional eigenvalues, all zero."""
     gamma, beta = parameters
     system = random_system(seed, n)
     h = system.period / 40
@@ -77,8 +79,9 @@ def test_newmark_step_is_equivalent_to_the_printed_step(seed, n, parameters):
     assert np.linalg.matrix_rank(A, tol=1e-10) == 2 * n
 
 
-def test_the_product_order_that_the_chapter_prints_misses_the_periodic_solution():
-    """(39), (40) print A_1 … A_m; from the state that this gives the turn ends elsewhere."""
+def test_printed_sequence_of_the_product_is_wrong():
+    """Eqs. (39) and (40) print A_1 … A_m. The resulting initial state differs from the state after one
+    period."""
     system = random_system(3, 2)
     A, b = printed_maps(system, 1.0, 200, 0.5, 0.25)
     end = reduce(lambda x, step: step[0] @ x + step[1], zip(A, b, strict=True), np.zeros(6))
@@ -99,13 +102,13 @@ def oscillator(omega):
 
 
 def spectral_radius_of_a_step(rule, angle):
-    """Of an undamped oscillator that turns by ω h = `angle` in the step."""
+    """Spectral radius for an undamped oscillator with ω h = `angle`."""
     step = Grid(np.array([0.0, angle, 2 * angle]), np.zeros(2, dtype=bool))
     return np.abs(np.linalg.eigvals(chain_of(rule, oscillator(1.0), 1.0, step).A[0])).max()
 
 
 @pytest.mark.parametrize("angle", [1e-3, 1.0, 10.0, 1e4])
-def test_average_acceleration_keeps_the_energy_at_any_step(angle):
+def test_average_acceleration_conserves_energy_at_any_step(angle):
     assert spectral_radius_of_a_step(Newmark(0.5, 0.25), angle) == pytest.approx(1.0, abs=1e-12)
 
 
@@ -124,22 +127,23 @@ def test_steps_beyond_the_stability_limit_are_refused_with_the_remedy():
 
 @pytest.mark.parametrize("beta", [1 / 6, 0.25, 0.5])
 def test_gamma_below_one_half_adds_energy(beta):
-    """Growth of an undamped mode by (1/2 - γ) ω² h/2 a unit of time: ω² h/8 at γ = 1/4."""
+    """An undamped mode grows at the rate (1/2 - γ) ω² h/2, which is ω² h/8 for γ = 1/4."""
     h = 1e-3
     growth = np.log(spectral_radius_of_a_step(Newmark(0.25, beta), h)) / h
     assert growth == pytest.approx(h / 8, rel=1e-3)
 
 
-def test_gamma_below_one_half_is_warned_of():
+def test_gamma_below_one_half_gives_a_warning():
     warned = floquet(oscillator(1.3), 1.0, Newmark(0.25, 1 / 6), steps=500).warnings
     assert any("gamma = 0.25 < 1/2" in text and "adds energy" in text for text in warned)
     fair = floquet(oscillator(1.3), 1.0, Newmark(0.5, 1 / 6), steps=500).warnings
     assert not any("gamma" in text for text in fair)
 
 
-def test_the_chapters_choice_grows_for_the_slow_cam():
-    """γ = 1/4, β = 1/6 with 20 000 steps at 100 rpm: a multiplier above 1 by less than its error, where
-    γ = 1/2 and the truth are below 1. Neither follows the fastest modes: their errors are infinite."""
+def test_parameters_of_the_chapter_let_the_slow_cam_grow():
+    """γ = 1/4, β = 1/6 and 20 000 steps at 100 rpm: a multiplier exceeds 1 by less than its error, whereas it
+    is below 1 for γ = 1/2 and in truth. Neither method resolves the fastest modes, so that their errors are
+    infinite."""
     steps = {"steps": 20_000, "rtol": 0.5}
     chosen = floquet(cam("1"), "100 rpm", Newmark(0.25, 1 / 6), **steps)
     assert chosen.spectral_radius > 1
@@ -153,6 +157,6 @@ def test_the_chapters_choice_grows_for_the_slow_cam():
 @pytest.mark.parametrize(
     ("gamma", "beta", "named"), [(-0.1, 0.25, "gamma"), (1.5, 0.25, "gamma"), (0.5, np.nan, "beta")]
 )
-def test_parameters_out_of_bounds_are_named(gamma, beta, named):
+def test_parameters_out_of_bounds_are_refused(gamma, beta, named):
     with pytest.raises(ValueOutOfBoundsError, match=rf"{named} of newmark is .*; allowed: 0 … 1"):
         Newmark(gamma, beta)

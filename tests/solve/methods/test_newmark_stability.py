@@ -1,4 +1,4 @@
-"""Newmark's stability region against the amplification matrix and against the method itself."""
+"""Stability region of Newmark's method compared with the amplification matrix and with the method itself."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ OSCILLATOR = constant(np.eye(1), np.zeros((1, 1)), np.eye(1), lambda phase: np.o
 
 
 def printed_matrix(gamma, beta, angle):
-    """(6.9) for ω = 1, so that Δt is the angle."""
+    """Amplification matrix, Eq. (6.9), for ω = 1, so that Δt equals the angle."""
     mu2 = angle**2 / (1 + beta * angle**2)
     return np.array(
         [
@@ -27,7 +27,7 @@ def printed_matrix(gamma, beta, angle):
 
 
 def oscillation_limit(gamma, beta):
-    """(6.11), largest ω Δt for which the eigenvalues are complex."""
+    """Largest ω Δt with complex eigenvalues, Eq. (6.11)."""
     rest = (gamma + 0.5) ** 2 - 4 * beta
     return np.inf if rest <= 0 else 2 / np.sqrt(rest)
 
@@ -61,7 +61,7 @@ def test_step_amplifies_only_beyond_the_stability_limit(gamma, beta):
 
 @pytest.mark.parametrize("gamma", [0.0, 0.25, 0.45])
 @pytest.mark.parametrize("beta", [0.0, 1 / 6, 0.25, 1.0])
-def test_below_one_half_every_step_grows(gamma, beta):
+def test_every_step_amplifies_if_gamma_is_below_one_half(gamma, beta):
     assert stability_limit(gamma, beta) == 0.0
     assert (spectral_radius(gamma, beta, np.geomspace(1e-2, 1.0, 20)) > 1).all()
 
@@ -76,8 +76,9 @@ def test_limits_of_the_named_methods(beta, limit):
 
 @given(st.floats(0.5, 1.0), betas)
 @settings(max_examples=100, deadline=None)
-def test_the_limit_of_oscillation_is_where_eigenvalues_become_real(gamma, beta):
-    """(6.11). The thesis takes it for the limit of stability: enough, but more than is needed."""
+def test_eigenvalues_become_real_at_the_oscillation_limit(gamma, beta):
+    """Eq. (6.11) of the thesis, where it is called the limit of stability. It is sufficient but not
+    necessary."""
     limit = oscillation_limit(gamma, beta)
     assert limit <= stability_limit(gamma, beta) * (1 + 1e-12)
     if limit < 1e3 and gamma > 0.51:

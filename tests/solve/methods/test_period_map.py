@@ -1,4 +1,4 @@
-"""Products in a tree and the cyclic system against plain loops and one dense system."""
+"""Products by recursive doubling, and the cyclic system, compared with loops and one dense system."""
 
 from functools import reduce
 
@@ -37,7 +37,7 @@ def marched(steps, start):
 
 
 def dense(steps):
-    """All states of the closed chain from one linear system of order m N."""
+    """All states of the closed chain, from one linear system of order m N."""
     m, N = steps.b.shape
     whole = np.eye(m * N)
     for k, A in enumerate(steps.A):
@@ -79,9 +79,9 @@ def test_periodic_states_solve_the_closed_chain(m, N):
 
 @given(seeds, st.integers(33, 300), st.floats(0.0, 14.0))
 @settings(max_examples=40, deadline=None)
-def test_a_growing_and_a_decaying_solution_cost_no_digits(seed, m, decades):
-    """One direction grows by `decades` powers of ten over the period, another falls as much: single
-    shooting, chapter Eqs. (21), (40), loses them."""
+def test_growing_and_decaying_solutions_are_accurate(seed, m, decades):
+    """One solution grows by `decades` powers of ten over the period, and another one decays by as much.
+    Single shooting, chapter Eqs. (21) and (40), would lose the periodic solution."""
     rng = np.random.default_rng(seed)
     factor = 10.0 ** (decades / m)
     Q = np.linalg.qr(rng.standard_normal((m, 2, 2)))[0]
@@ -94,9 +94,9 @@ def test_a_growing_and_a_decaying_solution_cost_no_digits(seed, m, decades):
 
 @pytest.mark.parametrize("m", [96, 128, 777])
 @pytest.mark.parametrize("decades", [4, 9, 13, 18])
-def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
-    """Elimination alone makes errors as large as rounding of the largest state, which grow from where states
-    are small."""
+def test_solution_that_is_large_within_the_period_is_accurate(m, decades):
+    """Elimination alone would cause errors of the order of the round-off of the largest state, which grow
+    from where states are small."""
     steps = swelling(m, decades)
     truth = closed_chain(steps.A, steps.b)
     assert np.abs(truth).max() > 10.0 ** (decades - 2) * np.abs(truth).max(axis=1).min()
@@ -109,7 +109,7 @@ def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
 
 
 @pytest.mark.parametrize("m", [1, 7, 100])
-def test_a_multiplier_at_one_leaves_no_states_and_an_infinite_condition(m):
+def test_multiplier_at_one_gives_an_infinite_condition(m):
     rotation = np.array([[0.0, -1.0], [1.0, 0.0]])
     A = np.array([rotation] * m)
     A[-1] = np.linalg.matrix_power(rotation.T, m - 1)
@@ -148,8 +148,8 @@ def test_zero_step_matrices_give_the_forced_state():
 
 @given(seeds, st.integers(33, 200), st.floats(-12.0, 12.0))
 @settings(max_examples=40, deadline=None)
-def test_states_in_any_units_keep_their_digits(seed, m, decades):
-    """The second state in a unit 10^decades times as large: each state is as exact as it was."""
+def test_accuracy_does_not_depend_on_units_of_the_states(seed, m, decades):
+    """The unit of the second state is 10^decades times as large. Each state is as accurate as before."""
     steps = chain(seed, m, 2)
     units = np.array([1.0, 10.0**decades])
     plain, condition = periodic_states(steps)
@@ -179,7 +179,7 @@ def test_a_point_that_overflows_leaves_the_others_as_they_are():
 
 @pytest.mark.parametrize("N", [4, 90])
 def test_growth_by_many_powers_of_ten_costs_one_digit(N):
-    """One state grows by 1e12 over the period, others decay, in axes that turn at random."""
+    """One state grows by 1e12 over the period, and others decay, in randomly rotating axes."""
     m, rng = 256, np.random.default_rng(N)
     axes = np.linalg.qr(rng.standard_normal((m, N, N)))[0]
     rates = np.exp(np.linspace(12 * np.log(10), -30, N) / m)

@@ -1,4 +1,5 @@
-"""The classical Runge–Kutta maps against the chapter's closed forms, corrected and as printed."""
+"""Maps of the classical Runge–Kutta method compared with the chapter's closed forms, corrected and as
+printed."""
 
 from functools import reduce
 
@@ -18,7 +19,7 @@ CORRECTED, PRINTED = 1.0, 0.5
 
 
 def chain(system, speed, steps, coefficient):
-    """A (m, N, N) and b (m, N) of every step, chapter Eqs. (18), (19), with the coefficient as given."""
+    """Maps A (m, N, N) and b (m, N) of all steps, chapter Eqs. (18) and (19), with the given coefficient."""
     h, k = system.period / steps, coefficient
     P, f = rate_matrices(system, np.arange(2 * steps + 1) * h / 2, speed)
     P0, Pm, P1 = P[:-1:2], P[1::2], P[2::2]
@@ -67,8 +68,8 @@ def test_printed_coefficients_have_a_lower_order(coefficient, order):
     assert slope(steps, errors) == pytest.approx(order, abs=0.15)
 
 
-def test_the_printed_load_vector_costs_orders_of_the_orbit():
-    """Only b as printed, A corrected: (19) alone leaves first order too."""
+def test_printed_load_vector_lowers_the_order_of_the_orbit():
+    """Only b is as printed; A is corrected. Eq. (19) alone reduces the order to one."""
     system = random_system(4, 2)
     truth = Shooting(system, 1.0)
     steps = (128, 192, 256)
@@ -103,7 +104,7 @@ def oscillator(omega, decay):
     ids=["undamped oscillator", "overdamped"],
 )
 def test_stability_limit(omega, decay, limit):
-    """|R(z)| = 1 at z = 2√2 i, and at z = -2.785… on the real axis."""
+    """|R(z)| = 1 at z = 2√2 i and at z = -2.785… on the real axis."""
     system, rule = oscillator(omega, decay), RungeKutta4()
     fastest = np.abs(np.roots([1.0, decay, omega**2])).max()
     least = rule.least_steps(frozen_modes(system, 1.0))[0]
@@ -121,6 +122,6 @@ def test_too_few_steps_are_refused_with_the_remedy():
         periodic(oscillator(40.0, 0.0), 1.0, "rk4", steps=50)
 
 
-def test_many_stable_steps_of_the_slow_cam_need_more_than_five_thousand():
+def test_slow_cam_requires_more_than_5000_steps_for_stability():
     modes = frozen_modes(cam("2"), 100 * np.pi / 30)
     assert RungeKutta4().least_steps(modes) > 5000

@@ -1,4 +1,4 @@
-"""The thesis' algorithms 1 and 2 (6.5, 6.6), written as they are named: both are the period map."""
+"""Algorithms 1 and 2 of the thesis (sections 6.5 and 6.6), hand-coded: both yield the period map."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,8 @@ SPEED, STEPS = 1.3, 90
 
 
 def newmark_step(system, phase, h, gamma=0.5, beta=0.25):
-    """R and f of y_{k+1} = R y_k + f, y = (q, q̇), from (6.5) and the equation of motion at both ends."""
+    """R and f of y_{k+1} = R y_k + f with y = (q, q̇), from Eq. (6.5) and the equation of motion at both
+    ends."""
     n = system.n
     (M0, M1), (C0, C1), (K0, K1), (d0, d1) = system.at(np.array([phase, phase + h * SPEED]), SPEED)
     eye, zero = np.eye(n), np.zeros((n, n))
@@ -40,7 +41,8 @@ def march(chain, y):
 
 
 def algorithm_1(chain):
-    """Integrate the identity and the state of rest over one period; the second period starts from (6.18)."""
+    """Integrate the identity and the state of rest over one period. The second period starts from Eq.
+    (6.18)."""
     N = len(chain[0][1])
     columns = [march([(R, 0 * f) for R, f in chain], column) for column in np.eye(N)]
     transition = np.array(columns).T
@@ -52,8 +54,8 @@ def algorithm_1(chain):
 
 
 def algorithm_2(chain):
-    """G_k = -R_k inverted one by one: y_1 from (6.24), its sum taken from behind, and the others from
-    (6.25)."""
+    """Invert G_k = -R_k one by one: y_1 follows from Eq. (6.24), whose sum is evaluated backwards, and the
+    others from Eq. (6.25)."""
     N = len(chain[0][1])
     inverses = [np.linalg.inv(-R) for R, _ in chain]
     product, total = np.eye(N), np.zeros(N)
@@ -69,7 +71,7 @@ def algorithm_2(chain):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
-def test_both_algorithms_are_the_period_map(n):
+def test_both_algorithms_equal_the_period_map(n):
     system = random_system(n, n)
     chain = steps_of(system)
     orbit = periodic(system, SPEED, Newmark(), steps=STEPS, rtol=0.9)
@@ -84,8 +86,8 @@ def test_both_algorithms_are_the_period_map(n):
     np.testing.assert_allclose(computed, np.poly(np.linalg.eigvals(transition)), rtol=0, atol=1e-10)
 
 
-def test_from_any_initial_state_algorithm_1_finds_the_same_start():
-    """(6.19): the initial state of the first period is free."""
+def test_algorithm_1_does_not_depend_on_the_initial_state():
+    """Eq. (6.19): the initial state of the first period is arbitrary."""
     system = random_system(2, 2)
     chain = steps_of(system)
     states, transition = algorithm_1(chain)
@@ -109,7 +111,7 @@ def test_marching_converges_to_the_direct_algorithm():
 
 
 def test_two_step_recursion_matches_newmark_for_one_coordinate():
-    """(6.6.a), the two-step form with γ = 1/2 for constant matrices: D q_{k+1} = B q_k - F q_{k-1} + β h²
+    """Eq. (6.6.a), the two-step form with γ = 1/2 for constant matrices: D q_{k+1} = B q_k - F q_{k-1} + β h²
     [f_{k+1} + (1/β - 2) f_k + f_{k-1}]."""
     M, C, K, beta, h = 1.3, 0.2, 4.0, 0.25, 0.05
     D, F = M + h / 2 * C + beta * h**2 * K, M - h / 2 * C + beta * h**2 * K

@@ -1,4 +1,4 @@
-"""Nonlinear models with closed forms, harmonic balance or time integration beside them."""
+"""Nonlinear models that have closed forms or can be solved by harmonic balance or time integration."""
 
 from functools import cache
 
@@ -13,13 +13,13 @@ from tests.derive.modules import module_of
 
 
 def model_of(module, **numbers):
-    """A model of a derived module with these numbers."""
+    """Model of a generated module with the given numbers."""
     return Model.from_setup(Setup.checked(module, Case("", None, numbers), {}))
 
 
 @cache
 def duffing():
-    """q̈ + 2ζ q̇ + k q + α q³ = f cos φ."""
+    """Duffing's oscillator q̈ + 2ζ q̇ + k q + α q³ = f cos φ."""
     made = Mechanism("duffing", "Duffing's oscillator", energy="1/s^2")
     (q,) = made.coordinates(q=("1", "displacement"))
     zeta, k, alpha, f = made.parameters(
@@ -37,8 +37,8 @@ def duffing():
 
 @cache
 def cubic_rotor():
-    """z̈ + c ż + (k + α |z|²) z = f e^{iφ} of z = x + iy: an orbit is z = A e^{iφ}, with
-    (k - Ω² + α |A|² + i c Ω) A = f."""
+    """Rotor z̈ + c ż + (k + α |z|²) z = f e^{iφ} for z = x + iy, with the orbit z = A e^{iφ}, where (k - Ω² +
+    α |A|² + i c Ω) A = f."""
     made = Mechanism("cubic_rotor", "Unbalance on a cubic spring", energy="1/s^2")
     x, y = made.coordinates(x=("1", "across"), y=("1", "up"))
     c, k, alpha, f = made.parameters(
@@ -57,7 +57,7 @@ def cubic_rotor():
 
 @cache
 def pendulum():
-    """A pendulum whose pivot moves up and down, y = b cos φ: q̈ + c q̇ + (g - b Ω² cos φ) sin q = 0."""
+    """Pendulum whose pivot moves vertically, y = b cos φ: q̈ + c q̇ + (g - b Ω² cos φ) sin q = 0."""
     made = Mechanism("pendulum", "Pendulum on a moving pivot", energy="1/s^2")
     (q,) = made.coordinates(q=("1", "angle"))
     c, b, g = made.parameters(c=("1/s", "damping"), b=("1", "stroke"), g=("1/s^2", "gravity by length"))
@@ -154,7 +154,7 @@ ORDERS = 6
 
 @cache
 def known():
-    """Two coordinates with cubic stiffness and inertia and a stiffness that varies, under any load of six
+    """Two coordinates with cubic stiffness, and inertia and stiffness that vary, under any load with six
     harmonics."""
     made = Mechanism("known", "Two masses on cubic springs", energy="1/s^2")
     q1, q2 = made.coordinates(q1=("1", "first"), q2=("1", "second"))
@@ -180,8 +180,8 @@ def known():
 
 
 def known_system(seed, speed=1.0, size=0.7):
-    """A random model with a random orbit of two harmonics under the load that it needs, by hand from the
-    equations of `known`: the model and the orbit as a motion."""
+    """Return a random model and a random orbit of two harmonics, as a motion. The load required for the orbit
+    is computed from the hand-coded equations of `known`."""
     rng = np.random.default_rng(seed)
     low = {"m12": -0.3, "kappa": -0.5}
     high = {"m1": 2, "m2": 2, "m12": 0.3, "mu": 0.3, "c1": 0.6, "c2": 0.6, "k1": 6, "k2": 6, "k12": 3}
@@ -208,7 +208,7 @@ def known_system(seed, speed=1.0, size=0.7):
 
 
 def trigonometric(coefficients, period=2 * np.pi):
-    """The motion Re Σ_k c_k exp(ikφ), coefficients (n, orders)."""
+    """Motion Re Σ_k c_k exp(ikφ) with the coefficients (n, orders)."""
     return FourierCurve(np.array([0.0, period]), np.atleast_2d(np.asarray(coefficients, dtype=complex)))
 
 
@@ -234,8 +234,8 @@ def autoparametric():
 
 @cache
 def dashpot():
-    """Mass that meets a stop of a preloaded spring and a dashpot, whose force jumps: q̈ + z q̇ + q +
-    (f + κ (q - gap) + c q̇) H(q - gap) = cos φ."""
+    """Mass that hits a stop with a preloaded spring and a dashpot, whose force is discontinuous: q̈ + z q̇ +
+    q + (f + κ (q - gap) + c q̇) H(q - gap) = cos φ."""
     made = Mechanism("dashpot", "Mass with a damped stop", energy="1/s^2")
     (q,) = made.coordinates(q=("1", "displacement"))
     z, c, kappa, gap, f = made.parameters(
@@ -255,7 +255,7 @@ def dashpot():
 
 @cache
 def stop():
-    """Mass that meets an elastic stop beyond a clearance: q̈ + 2ζ q̇ + k q + κ (q - gap)⁺ = f cos φ."""
+    """Mass that hits an elastic stop beyond a clearance: q̈ + 2ζ q̇ + k q + κ (q - gap)⁺ = f cos φ."""
     made = Mechanism("stop", "Mass with a stop", energy="1/s^2")
     (q,) = made.coordinates(q=("1", "displacement"))
     zeta, k, kappa, gap, f = made.parameters(

@@ -1,4 +1,5 @@
-"""Shooting by SciPy's DOP853 with the variational equations: folds, doublings and tori."""
+"""Shooting with SciPy's DOP853 and the variational equations: folds, period doublings and torus
+bifurcations."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -17,8 +18,8 @@ def settled(acceleration, speed, start, periods, p):
 
 
 def period_map(acceleration, jacobian, speed, start, periods, p):
-    """State after some periods, and its derivatives with respect to the first state. jacobian returns
-    ∂q̈/∂(q, q̇) (n, 2n)."""
+    """Return the state after some periods, and its derivatives with respect to the initial state. `jacobian`
+    returns ∂q̈/∂(q, q̇) (n, 2n)."""
     n = len(start) // 2
 
     def rate(t, y):
@@ -32,7 +33,8 @@ def period_map(acceleration, jacobian, speed, start, periods, p):
 
 
 def located(residual, mapped, start, p):
-    """Parameter and state of an orbit with residual(Φ) = 0. mapped(x, p): as `period_map`."""
+    """Return parameter and state of an orbit with residual(Φ) = 0. `mapped(x, p)` returns what `period_map`
+    returns."""
 
     def equations(z):
         after, Phi = mapped(z[:-1], z[-1])
@@ -52,6 +54,6 @@ def doubling(Phi):
 
 
 def torus(Phi):
-    """|ρ| - 1 of the complex pair nearest to the unit circle."""
+    """|ρ| - 1 for the complex pair nearest to the unit circle."""
     moduli = np.abs([rho for rho in np.linalg.eigvals(Phi) if abs(rho.imag) > 1e-9])
     return moduli[np.abs(moduli - 1).argmin()] - 1

@@ -25,7 +25,7 @@ def uninterrupted():
 
 @pytest.fixture
 def corrections(monkeypatch):
-    """Number of solved points of the manifold; after `limit` of them the calculation is interrupted."""
+    """Counter of solved points of the branch. After `limit` points, the computation is interrupted."""
     counted = {"points": 0, "limit": 10**6}
     original = Manifold.point
 
@@ -63,7 +63,7 @@ def test_more_points_continue_a_stored_branch_and_damage_is_recomputed(tmp_path,
     assert_same(solve.branch(model(), **SETTINGS, store=tmp_path), uninterrupted)
 
 
-def test_a_folder_of_another_branch_or_with_other_files_is_refused(tmp_path):
+def test_folder_with_another_branch_or_other_files_is_refused(tmp_path):
     settings = {"speeds": (0.5, 0.6), "points": 2}
     solve.branch(model(), **settings, store=tmp_path)
     for changed, words in (

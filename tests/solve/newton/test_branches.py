@@ -1,4 +1,4 @@
-"""Branches through the speeds where they turn back, against closed forms."""
+"""Branches around folds, compared with closed forms."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ NUMBERS = {"c": 0.08, "k": 1.0, "alpha": 0.1, "f": 0.2}
 
 
 def balance(speed, amplitude):
-    """f² - |k - Ω² + α a² + i c Ω|² a², and its derivative by a."""
+    """f² - |k - Ω² + α a² + i c Ω|² a², and its derivative with respect to a."""
     c, k, alpha, f = NUMBERS.values()
     real = k - speed**2 + alpha * amplitude**2
     square = real**2 + (c * speed) ** 2
@@ -24,8 +24,8 @@ def balance(speed, amplitude):
 
 
 def radius(speed, amplitude):
-    """Spectral radius of η in z = (A + η) e^{iφ}, whose equations have constant coefficients:
-    η̈ + (2iΩ + c) η̇ + (k - Ω² + icΩ + 2α|A|²) η + α A² η* = 0, where A may be real."""
+    """Spectral radius for η in z = (A + η) e^{iφ}, whose equations have constant coefficients: η̈ + (2iΩ + c)
+    η̇ + (k - Ω² + icΩ + 2α|A|²) η + α A² η* = 0. A may be assumed real."""
     c, k, alpha, _ = NUMBERS.values()
     stiff = k - speed**2 + 2 * alpha * amplitude**2
     K = np.array([[stiff + alpha * amplitude**2, -c * speed], [c * speed, stiff - alpha * amplitude**2]])
@@ -39,7 +39,7 @@ def rotor_branch():
     return solve.branch(model_of(cubic_rotor(), **NUMBERS), (0.8, 1.6), rtol=1e-5)
 
 
-def test_curves_of_a_branch_are_its_orbits(rotor_branch):
+def test_curves_of_a_branch_equal_its_orbits(rotor_branch):
     branch = rotor_branch
     phases = np.linspace(0.0, 2 * np.pi, 400)
     for point in (0, len(branch.speeds) // 2, -1):
@@ -60,7 +60,7 @@ def test_branch_orbits_satisfy_the_equations(rotor_branch):
 
 
 def test_verdicts_keep_the_margins_of_single_orbits(rotor_branch):
-    """An estimate is no bound: the verdict is unstable only beyond twice the error."""
+    """The verdict is unstable only beyond twice the error, because an estimate is not a bound."""
     radii, errors = rotor_branch.radius.copy(), rotor_branch.errors.copy()
     radii[:4], errors[:4, 1] = 1.003, (1e-3, 1.4e-3, 1.6e-3, 4e-3)
     verdicts = replace(rotor_branch, radius=radii, errors=errors).verdicts
@@ -88,8 +88,9 @@ def test_reversed_range_gives_the_same_branch(rotor_branch):
 
 @pytest.mark.parametrize("part", [1e-2, 3e-3, 1e-3, 1e-4, 1e-5])
 @pytest.mark.parametrize("up", [True, False])
-def test_a_branch_that_ends_shortly_before_it_turns_back(rotor_branch, up, part):
-    """Upwards it ends with the largest of three amplitudes, downwards with the smallest."""
+def test_branch_may_end_shortly_before_a_fold(rotor_branch, up, part):
+    """With increasing speed it ends at the largest of three amplitudes, with decreasing speed at the
+    smallest."""
     turning = rotor_branch.turning
     end = turning.max() * (1 - part) if up else turning.min() * (1 + part)
     branch = solve.branch(model_of(cubic_rotor(), **NUMBERS), (0.8 if up else 1.6, end), rtol=1e-5)
@@ -155,14 +156,14 @@ def test_truncated_branch_gives_a_warning():
         ),
     ],
 )
-def test_bad_input_is_refused(given, words):
+def test_invalid_input_is_refused(given, words):
     with pytest.raises((UnitError, ValueOutOfBoundsError), match=words):
         solve.branch(model_of(cubic_rotor(), **NUMBERS), **given)
 
 
 @pytest.mark.parametrize("numbers", [{"zeta": 0.005, "f": 0.3}, {"zeta": 0.01, "f": 1.0}])
 def test_sharp_resonances_are_passed_in_both_directions(numbers):
-    """A third of the speed of resonance: two folds that lie within a fiftieth of the range."""
+    """At a third of the resonance speed, there are two folds within 2 % of the range."""
     model = model_of(duffing(), k=1.0, alpha=1.0, **numbers)
     up, down = (solve.branch(model, speeds, points=100, rtol=1e-5) for speeds in ((0.3, 1.0), (1.0, 0.3)))
     assert len(up.turning) == 2
@@ -173,7 +174,7 @@ def test_sharp_resonances_are_passed_in_both_directions(numbers):
     assert not down.warnings
 
 
-def test_a_coordinate_at_rest_stays_at_rest():
+def test_coordinate_at_rest_remains_at_rest():
     branch = solve.branch(solve.load("mathieu"), "1:2 rad/s", points=3)
     assert not branch.peaks.any()
 
@@ -189,14 +190,14 @@ def test_switching_is_refused_for_linear_equations():
         solve.branch(mathieu, 1.0, over="delta=0.8:1.2", switch=True)
 
 
-def test_the_summary_names_the_parameter():
+def test_summary_states_the_parameter():
     model = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.4)
     found = solve.branch(model, 0.5, over="f=0.1:0.105", points=5)
     assert found.summary.startswith("The branch goes from f = 0.1 to 0.10")
 
 
 def detent():
-    """Mass on a spring, with a detent of a given width at a place."""
+    """Mass on a spring, with a detent of the given width at the given position."""
     made = Mechanism("detent", "Mass with a detent", energy="1/s^2")
     (q,) = made.coordinates(q=("1", "displacement"))
     c, k, A = made.parameters(
@@ -211,8 +212,8 @@ def detent():
 
 
 @pytest.mark.parametrize("place", [0.05, -2e-4, 1.3])
-def test_models_with_a_force_over_a_small_range_are_not_refused_as_linear(place):
-    """The force vanishes at rest and along large motions."""
+def test_models_with_a_local_force_are_not_refused_as_linear(place):
+    """The force is zero at rest and for large motions."""
     numbers = {"c": 0.1, "k": 1.0, "place": place, "width": abs(place) / 20}
     found = solve.branch(
         solve.load(detent, A=1e-4 * place**2, **numbers), (2.0, 2.01), switch=True, points=2, rtol=1e-4

@@ -1,4 +1,4 @@
-"""The cam beyond the linear: published in the issue's figures, and checked by time integration."""
+"""Nonlinear motion of the cam, compared with reference values and time integration."""
 
 import casadi
 import numpy as np
@@ -12,8 +12,8 @@ FOLDS = 436.20566083, 418.64249093, 428.83929264, 428.42998683
 equations of heyoka: `tests.benchmarks.heyoka_shooting.fold`."""
 
 
-def turn(model, speed):
-    """Σ(x) = state after a turn from the state x = (q, q̇), by DOP853 on the generated residual."""
+def after_a_revolution(model, speed):
+    """State after one revolution from the state x = (q, q̇), by DOP853 with the generated residual."""
     n, t = model.n, casadi.SX.sym("t")
     x, a = casadi.SX.sym("x", 2 * n), casadi.SX.sym("a", n)
     r = model.setup.function("residual")(speed * t, speed, x[:n], x[n:], a, model.setup.p)
@@ -42,7 +42,7 @@ def peaks(orbit):
     ("speed", "q1", "q3"), [("100 rpm", -0.03, 0.45), pytest.param("300 rpm", -3.5, 65, id="300 rpm")]
 )
 def test_nonlinear_peaks_differ_from_linear_ones_as_stated(speed, q1, q3):
-    """Per cent that the peaks change from the linear to the nonlinear orbit."""
+    """Changes of the peaks from the linear to the nonlinear orbit, in percent."""
     cam = solve.load("cam")
     change = 100 * (peaks(solve.nonlinear(cam, speed)) / peaks(solve.periodic(cam, speed)) - 1)
     assert change[0] == pytest.approx(q1, abs=0.5 * 10 ** -(2 if abs(q1) < 1 else 1))
@@ -53,7 +53,7 @@ def test_nonlinear_peaks_differ_from_linear_ones_as_stated(speed, q1, q3):
 def test_orbit_closes_and_finite_differences_confirm_the_multipliers():
     cam, speed = solve.load("cam"), 10 * np.pi
     orbit = solve.nonlinear(cam, speed, rtol=1e-9)
-    around, start = turn(cam, speed), np.concatenate((orbit.q[:, 0], orbit.qd[:, 0]))
+    around, start = after_a_revolution(cam, speed), np.concatenate((orbit.q[:, 0], orbit.qd[:, 0]))
     sizes = np.concatenate((np.abs(orbit.q).max(axis=1), np.abs(orbit.qd).max(axis=1)))
     assert (np.abs(around(start) - start) <= 1e-7 * sizes).all()
     differences = []
@@ -83,7 +83,8 @@ def test_both_cases_converge_at_600_rpm():
 
 @pytest.fixture
 def chaos(monkeypatch):
-    """A transient that ends near no orbit: whether the cam's does so at 450 rpm differs between machines."""
+    """Make a transient end far from every orbit. Whether this happens for the cam at 450 rpm differs between
+    machines."""
 
     def unsettled(task, grid):
         raise solve.errors.NoOrbitError("after 80 periods from rest, the motion still changes by 6%")

@@ -1,4 +1,5 @@
-"""Closed loops with a force that jumps: multipliers against those of equal machines without feedback."""
+"""Closed loops with a discontinuous force: multipliers compared with those of equal machines without
+feedback."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ GIVEN = {"m": 1.0, "k": 4.0, "c": 0.3, "F": 3.0, "R": 0.4, "g": 0.1}
 
 
 def pushed():
-    """A mass on a spring with a force that vanishes beyond a distance."""
+    """Mass on a spring with a force that is zero beyond a distance."""
     made = Mechanism("pushed", "A mass with a force that jumps at a distance")
     q = made.coordinate("q", "m", "position")
     m, k, c = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"), c=("N s/m", "damping"))
@@ -22,7 +23,7 @@ def pushed():
 
 
 @pytest.mark.slow
-def test_closed_loop_has_the_multipliers_of_a_stiffer_and_more_damped_machine():
+def test_feedback_equals_additional_stiffness_and_damping():
     model = solve.load(pushed, **GIVEN)
     loop = solve.OutputFeedback(model, ["q", "q_dot"]).varied({"u_by_q": 0.7, "u_by_q_dot": 0.4})
     stiffer = model.varied({"k": GIVEN["k"] + 0.7, "c": GIVEN["c"] + 0.4})

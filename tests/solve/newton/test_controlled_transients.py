@@ -1,4 +1,4 @@
-"""Transients and run-ups with a controller in the loop, against SciPy's integration of the same equations."""
+"""Transients and run-ups with a controller, compared with SciPy's integration of the same equations."""
 
 from itertools import pairwise
 
@@ -17,7 +17,8 @@ def regulated():
 
 
 def reference(loop, first, last, turns):
-    """q, q̇ and x̂ at the end of a run-up from rest; the square of the speed rises with the phase."""
+    """Return q, q̇ and x̂ at the end of a run-up from rest, in which the square of the speed increases
+    linearly with the phase."""
     period, p = loop.model.period, 2
     ends = np.sqrt(np.linspace(first**2, last**2, turns + 1))
     state, phase = np.zeros(4 + 4), 0.0
@@ -44,7 +45,7 @@ def reference(loop, first, last, turns):
 
 
 @pytest.mark.slow
-def test_run_up_with_an_observer_is_that_of_scipy(regulated):
+def test_run_up_with_an_observer_agrees_with_scipy(regulated):
     found = solve.transient(regulated.closed, speeds=(4.0, 7.0), turns=1)
     state = reference(regulated.closed, 4.0, 7.0, 1)
     q = found.q[:, -1]
@@ -58,7 +59,7 @@ def test_transient_reaches_the_orbit_of_the_closed_loop(regulated):
 
 
 @pytest.mark.slow
-def test_nonlinear_transient_stays_on_the_nonlinear_orbit():
+def test_nonlinear_transient_remains_on_the_nonlinear_orbit():
     loop = solve.OutputFeedback(solve.load("manipulator"), ["q1", "q1_dot"])
     loop = loop.varied({"u_by_q1": 9241.0, "u_by_q1_dot": -21.6})
     orbit = solve.nonlinear(loop, "70 rpm", rtol=1e-6)

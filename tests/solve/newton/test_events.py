@@ -1,4 +1,4 @@
-"""Orbits through stops against integration from event to event."""
+"""Orbits with contact at stops, compared with integration from event to event."""
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ SPEED = 1.3
 
 
 def integrated(start, numbers=NUMBERS, speed=SPEED):
-    """State after a period, its derivatives with respect to the first one, and the phases of contact and
-    release, of a mass at a stop: two linear systems in turn."""
+    """Integrate a mass with a stop over one period, in which two linear systems alternate. Return the final
+    state, its derivatives with respect to the initial state, and the phases of contact and release."""
     zeta, k, kappa, gap, f = numbers.values()
     time, last, x, Phi, events = 0.0, 2 * np.pi / speed, np.array(start), np.eye(2), []
     while True:
@@ -51,7 +51,7 @@ def by_imaginary_part(values):
 
 @pytest.fixture(scope="module")
 def exact():
-    """State of the orbit, its multipliers and events, by Newton's method on the return map."""
+    """State of the orbit, its multipliers and its events, by Newton's method for the return map."""
     x = np.array([0.5, 0.5])
     x = solve_ivp(
         lambda t, y: [
@@ -69,7 +69,7 @@ def exact():
     return x, by_imaginary_part(np.linalg.eigvals(Phi)), events
 
 
-def test_an_orbit_through_a_stop_equals_integration(exact):
+def test_orbit_with_a_stop_equals_integration(exact):
     state, multipliers, events = exact
     orbit = solve.nonlinear(model_of(stop(), **NUMBERS), SPEED)
     assert [orbit.q[0, 0], orbit.qd[0, 0]] == pytest.approx(state, abs=1e-10)
@@ -80,8 +80,8 @@ def test_an_orbit_through_a_stop_equals_integration(exact):
     assert orbit.verdict == "asymptotically stable"
 
 
-def test_methods_keep_their_order_through_events(exact):
-    """Radau's method of order 9 has curves of order 8."""
+def test_methods_retain_their_order_with_events(exact):
+    """Curves of Radau's method of order 9 are of order 8."""
     state, multipliers, _ = exact
     model = model_of(stop(), **NUMBERS)
     start, errors = solve.nonlinear(model, SPEED), []
@@ -93,8 +93,8 @@ def test_methods_keep_their_order_through_events(exact):
     assert orders.min() > 4
 
 
-def test_an_orbit_that_touches_the_stop_is_undetermined():
-    """Up to the clearance the orbit is that of a linear oscillator, whose amplitude is known."""
+def test_verdict_of_a_grazing_orbit_is_undetermined():
+    """Up to the clearance, the orbit is that of a linear oscillator, whose amplitude is known."""
     reach = NUMBERS["f"] / abs(1 - SPEED**2 + 2j * NUMBERS["zeta"] * SPEED)
     orbit = solve.nonlinear(model_of(stop(), **NUMBERS | {"gap": 1.00001 * reach}), SPEED)
     assert orbit.statistics("q").max == pytest.approx(reach, rel=1e-7)
@@ -108,8 +108,8 @@ def test_equations_without_switches_have_no_events():
     assert (orbit.events, orbit.grazing) == ((), ())
 
 
-def test_an_orbit_on_a_hard_stop_is_found_from_the_transient():
-    """The contact lasts less than one step of the grids on which orbits are sought."""
+def test_orbit_on_a_hard_stop_is_found_from_a_transient():
+    """The contact is shorter than one step of the grids that are used for the search."""
     numbers = NUMBERS | {"zeta": 0.5, "kappa": 1e5}
     orbit = solve.nonlinear(model_of(stop(), **numbers), SPEED, rtol=1e-6)
     start = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
@@ -125,7 +125,7 @@ DAMPED = {"z": 0.1, "c": 0.4, "kappa": 5.0, "gap": 0.5, "f": 0.3, "one": 1.0}
 
 
 def after_a_period(start, numbers=DAMPED):
-    """State of the mass at the damped stop after a period, from event to event."""
+    """State of the mass with the damped stop after one period, integrated from event to event."""
     z, c, kappa, gap, f, _ = numbers.values()
     x, time, last = np.array(start), 0.0, 2 * np.pi / SPEED
     while time < last:
@@ -147,14 +147,14 @@ def after_a_period(start, numbers=DAMPED):
 
 
 def differences(start, numbers=DAMPED):
-    """Derivatives of the return map by central differences."""
+    """Derivatives of the return map, by central differences."""
     pairs = [[after_a_period(start + side * d, numbers) for side in (1, -1)] for d in 1e-4 * np.eye(2)]
     return np.array([(one - other) / 2e-4 for one, other in pairs]).T
 
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
-def test_multipliers_through_forces_that_jump_equal_differences(engine):
-    """Without the saltation matrices they would be 0.576 ± 0.200i."""
+def test_multipliers_with_discontinuous_forces_equal_differences(engine):
+    """Without saltation matrices, they would be 0.576 ± 0.200i."""
     model = model_of(dashpot(), **DAMPED)
     orbit = solve.nonlinear(model, SPEED, engine=engine)
     start = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
@@ -168,8 +168,8 @@ def test_multipliers_through_forces_that_jump_equal_differences(engine):
 
 
 @pytest.mark.parametrize("over", ["gap=0.5:0.2", "f=0.3:0.6"])
-def test_branches_of_forces_that_jump_equal_the_return_map(over):
-    """The clearance moves the switch itself, the preload the size of the jump."""
+def test_branches_with_discontinuous_forces_equal_the_return_map(over):
+    """The clearance changes the position of the switch; the preload changes the height of the jump."""
     name, last = over[: over.index("=")], float(over[over.index(":") + 1 :])
     found = solve.branch(model_of(dashpot(), **DAMPED), SPEED, over=over, points=20, rtol=1e-7)
     assert found.ended == ""
@@ -187,16 +187,16 @@ def test_branches_of_forces_that_jump_equal_the_return_map(over):
     np.testing.assert_allclose(by_imaginary_part(found.multipliers[-1]), expected, atol=1e-6)
 
 
-def test_newtons_iteration_is_quadratic_through_forces_that_jump():
-    """Without the jumps of the disturbances the iteration does not converge from the same start."""
+def test_newtons_method_converges_quadratically_with_discontinuous_forces():
+    """Without the saltation matrices, the iteration does not converge from the same initial guess."""
     model = model_of(dashpot(), **DAMPED | {"c": 3.0})
     orbit = solve.nonlinear(model, SPEED)
     assert solve.nonlinear(model, 1.02 * SPEED, orbit).iterations <= 6
 
 
 @pytest.mark.parametrize("kappa", [5000.0, 30000.0])
-def test_an_orbit_with_short_contacts_is_found_again_from_itself(kappa):
-    """Coarse grids have no orbit near it, because the contacts last less than their steps."""
+def test_orbit_with_short_contacts_is_reproduced_from_itself(kappa):
+    """Coarse grids have no orbit near it, because the contacts are shorter than their steps."""
     numbers, speed = NUMBERS | {"kappa": kappa}, 0.6
     model = model_of(stop(), **numbers)
     orbit = solve.nonlinear(model, speed)

@@ -1,4 +1,4 @@
-"""Error estimates of orbits near folds, where multipliers are sensitive to the orbit."""
+"""Error estimates of orbits near folds, where multipliers are sensitive to errors of the orbit."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ def mesh():
     return made
 
 
-def test_multiplier_errors_near_a_fold_are_at_most_twice_the_estimate():
+def test_multiplier_errors_near_folds_are_within_twice_the_estimate():
     model = solve.load(mesh, **NUMBERS, **LOADS)
     branch = solve.branch(model, (0.5, 0.7), points=20, rtol=1e-5)
     compared = 0

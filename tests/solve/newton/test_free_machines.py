@@ -36,7 +36,7 @@ def test_nonlinear_orbits_of_a_free_machine(T0, b):
 
 
 def test_transients_converge_to_the_orbit_of_a_drifting_machine():
-    """However far they have turned; the drift is T0/b."""
+    """They converge whatever the angle of rotation. The drift is T0/b."""
     machine = cubic(T0=0.3, b=2.0)
     run = solve.transient(machine, 1.3, turns=40, nonlinear=True)
     assert run.reached is not None
@@ -50,7 +50,7 @@ def test_transients_converge_to_the_orbit_of_a_drifting_machine():
         assert orbit.statistics("q1").max_abs == pytest.approx(computed[1].statistics("q1").max_abs, rel=1e-5)
 
 
-def test_a_nonlinear_machine_that_is_driven_is_refused():
+def test_nonlinear_free_machine_with_mean_torque_is_refused():
     with pytest.raises(UnbalancedLoadError, match=r"is 0\.3 N m"):
         solve.nonlinear(cubic(T0=0.3), 1.3)
 
@@ -68,8 +68,7 @@ def test_branch_of_a_free_machine_matches_single_orbits(T0, b):
 
 @pytest.mark.parametrize(("T0", "drag"), [(0.0, 0.0), (1.0, 0.4)])
 def test_a_transient_reaches_the_orbit_of_a_free_machine(T0, drag):
-    """A steady motion along the rigid-body mode is excluded: the drift, or the offset from the initial
-    state."""
+    """The rigid-body motion is subtracted: the drift, or the offset due to the initial state."""
     shaft = np.array([[1.0, -1.0], [-1.0, 1.0]])
     C = 0.8 * shaft + np.diag([0.0, drag])
     machine = train(C, T0, np.diag([1.0, 2.0]), 5.0 * shaft, np.array([1.0, 0.0]), 1)
@@ -80,7 +79,7 @@ def test_a_transient_reaches_the_orbit_of_a_free_machine(T0, drag):
     assert not [text for text in transient.warnings if "not reached" in text]
 
 
-def test_more_turns_are_suggested_only_with_damping():
+def test_more_revolutions_are_suggested_only_with_damping():
     for damping, words in ((1e-4, "give more turns"), (0.0, "start on the orbit")):
         run = solve.transient(mechanism(c=damping), SPEED, turns=5)
         assert run.warnings[0].endswith(words)

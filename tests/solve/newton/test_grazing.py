@@ -22,14 +22,14 @@ REACH = NUMBERS["f"] / abs(1 - SPEED**2 + 2j * NUMBERS["zeta"] * SPEED)
 
 @pytest.fixture(scope="module")
 def grazing():
-    """Parameters over the clearance, and the orbit that all but touches the stop."""
+    """Parameters other than the clearance, and the orbit that nearly touches the stop."""
     gap = 1.00001 * REACH
     model = model_of(stop(), **NUMBERS | {"gap": gap})
     parameters, _ = continuation(model, SPEED, f"gap={gap!r}:{0.8 * REACH!r}", 1, 1e-7, "auto")
     return parameters, first_point(parameters, solve.nonlinear(model, SPEED), gap)
 
 
-def test_the_orbit_beyond_a_grazing_orbit_equals_integration(grazing):
+def test_orbit_beyond_a_grazing_orbit_equals_integration(grazing):
     parameters, before = grazing
     *_, after = points_beyond(Manifold(parameters), before)
     gap = after.value
@@ -46,7 +46,7 @@ def test_the_orbit_beyond_a_grazing_orbit_equals_integration(grazing):
     )
 
 
-def test_an_orbit_with_the_same_events_beyond_does_not_graze():
+def test_orbit_with_unchanged_events_is_not_grazing():
     model = model_of(stop(), **NUMBERS)
     parameters, _ = continuation(model, SPEED, "gap=0.5:0.4", 1, 1e-7, "auto")
     inside = first_point(parameters, solve.nonlinear(model, SPEED), NUMBERS["gap"])
@@ -55,9 +55,9 @@ def test_an_orbit_with_the_same_events_beyond_does_not_graze():
 
 
 @pytest.mark.parametrize(("speed", "kappa", "way"), [(0.6, 300.0, 1), (2.2, 100.0, -1)])
-def test_a_branch_continues_on_the_unstable_orbit_beyond_a_grazing_orbit(speed, kappa, way):
-    """At the lower speed it turns back to larger clearances; at the higher one it goes on to smaller ones. A
-    stable orbit that coexists at the lower speed is not taken."""
+def test_branch_continues_on_the_unstable_orbit_after_grazing(speed, kappa, way):
+    """At the lower speed, the branch turns back to larger clearances; at the higher speed, it continues to
+    smaller ones. At the lower speed, it does not jump to the stable orbit that coexists."""
     numbers = NUMBERS | {"kappa": kappa}
     reach = 1 / abs(1 - speed**2 + 2j * numbers["zeta"] * speed)
     gap = 1.00001 * reach
@@ -76,7 +76,7 @@ def test_a_branch_continues_on_the_unstable_orbit_beyond_a_grazing_orbit(speed, 
     assert rho == pytest.approx(np.sort(np.abs(np.linalg.eigvals(Phi))), rel=1e-6)
 
 
-def test_grazing_orbits_of_a_branch_have_the_verdict_of_single_orbits():
+def test_grazing_orbits_on_a_branch_have_the_single_verdict():
     gap = 1.0005 * REACH
     model = model_of(stop(), **NUMBERS | {"gap": gap})
     found = solve.branch(model, SPEED, over=f"gap={gap!r}:{1.3 * REACH!r}", points=2)
@@ -86,7 +86,7 @@ def test_grazing_orbits_of_a_branch_have_the_verdict_of_single_orbits():
 
 @pytest.mark.slow
 def test_the_branch_of_the_slider_crank_passes_a_grazing_orbit():
-    """Without the step over the orbit at 1018.54 rpm, the branch ends there."""
+    """Without a step beyond the orbit at 1018.54 rpm, the branch would end there."""
     found = solve.branch(solve.load("slider_crank"), "1018:1088 rpm", points=10)
     assert found.ended.startswith("the branch continues")
     (point,) = found.grazing
@@ -97,7 +97,7 @@ def test_the_branch_of_the_slider_crank_passes_a_grazing_orbit():
 
 
 def rattling(order):
-    """Mass on two springs, one with a clearance, under a load of the given harmonic."""
+    """Mass on two springs, one of them with a clearance, under a load with the given harmonic."""
     made = Mechanism("rattling", "Mass on two springs, one with a clearance", energy="1/s^2")
     (q,) = made.coordinates(q=("1", "displacement"))
     c, k, gap = made.parameters(
@@ -112,7 +112,7 @@ def rattling(order):
 
 @pytest.mark.parametrize(("order", "chatters"), [(16, False), (17, True)])
 def test_more_than_32_events_per_period_give_a_warning(order, chatters):
-    """The mass passes the switch twice per period of the load."""
+    """The mass crosses the switch twice per period of the load."""
     model = solve.load(lambda: rattling(order), c=2.0, k=400.0, gap=0.1)
     orbit = solve.nonlinear(model, 1.0, rtol=1e-6, engine="numpy")
     assert len(orbit.events) == 2 * order
@@ -121,7 +121,7 @@ def test_more_than_32_events_per_period_give_a_warning(order, chatters):
     assert all(f"{2 * order} times" in text and "\n" not in text for text in said)
 
 
-def test_an_orbit_with_more_than_128_events_per_period_is_refused():
+def test_more_than_128_events_per_period_are_refused():
     model = solve.load(lambda: rattling(70), c=2.0, k=7656.25, gap=0.02)
     with pytest.raises(solve.errors.ChatterError) as refused:
         solve.nonlinear(model, 1.0, rtol=1e-6, engine="numpy")
@@ -140,7 +140,7 @@ GRAZING_SPEEDS = np.sqrt(1 - 2 * 0.05**2 + np.array([-1, 1]) * np.sqrt((1 - 2 * 
 
 
 def returned(x, speed):
-    """State of the resonant mass after a period, and its derivatives."""
+    """Return the state of the resonant mass after one period, and its derivatives."""
     return integrated(x, RESONANT, speed)[:2]
 
 
@@ -167,8 +167,8 @@ def test_special_points_next_to_grazing_orbits_equal_shooting():
 @pytest.mark.slow
 @pytest.mark.parametrize("speeds", ["0.6:2 rad/s", "2:0.6 rad/s"])
 def test_special_points_of_a_hard_stop_are_found_once(speeds):
-    """Near the lower grazing orbit the largest multiplier changes from 0.64 to below -1 within 1e-6 of the
-    speed. The branch does not turn back there."""
+    """Near the lower grazing orbit, the largest multiplier changes from 0.64 to below -1 within a relative
+    change of speed of 1e-6. The branch does not turn back there."""
     found = solve.branch(model_of(stop(), **RESONANT | {"kappa": 300.0}), speeds, rtol=1e-6)
     ends = [float(end) for end in speeds.split()[0].split(":")]
     assert found.values[[0, -1]] == pytest.approx(ends)
@@ -182,7 +182,7 @@ def test_special_points_of_a_hard_stop_are_found_once(speeds):
 
 
 @pytest.mark.parametrize(("jumps", "words"), [(True, "not located"), (False, "")])
-def test_a_function_that_jumps_has_no_zero(jumps, words):
+def test_discontinuous_function_has_no_zero(jumps, words):
     def function(argument):
         return (np.sign(argument - 0.3) if jumps else argument - 0.3), argument
 
@@ -205,8 +205,8 @@ def test_a_function_that_jumps_has_no_zero(jumps, words):
         pytest.param(0.087, 300.0, 2.2, "0.6:2 rad/s", marks=pytest.mark.slow),
     ],
 )
-def test_a_branch_lists_every_turning_point_and_grazing_orbit(zeta, kappa, gap, speeds):
-    """The orbit without contact grazes the stop where its amplitude is the clearance."""
+def test_branch_lists_every_fold_and_grazing_orbit(zeta, kappa, gap, speeds):
+    """The orbit without contact grazes the stop if its amplitude equals the clearance."""
     model = model_of(stop(), zeta=zeta, k=1.0, kappa=kappa, gap=gap, f=1.0)
     branch = solve.branch(model, speeds, rtol=1e-4, points=120)
     ways = np.sign(np.diff(branch.values))

@@ -1,4 +1,4 @@
-"""Branches without ends, found from scattered motions, against shooting."""
+"""Closed branches, found from scattered initial states, compared with shooting."""
 
 from math import sqrt
 
@@ -14,7 +14,7 @@ DUFFING = {"zeta": 0.05, "k": 1.0, "alpha": 1.0, "f": 10.0}
 
 
 def duffing_map(x, speed, periods):
-    """As `period_map`, of Duffing's oscillator."""
+    """Map of Duffing's oscillator, with the results of `period_map`."""
 
     def acceleration(phase, q, v, _):
         return DUFFING["f"] * np.cos(phase) - 2 * DUFFING["zeta"] * v - q - q**3
@@ -27,8 +27,9 @@ def duffing_map(x, speed, periods):
 
 @pytest.fixture(scope="module")
 def subharmonic():
-    """Branches of Duffing's oscillator through the orbits of two starts: a third of the frequency (A. H.
-    Nayfeh, D. T. Mook, Nonlinear Oscillations, 4.1.3), and the same frequency."""
+    """Branches of Duffing's oscillator through the orbits of two initial states: one with a third of the
+    load's frequency (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 4.1.3), and one with the same
+    frequency."""
     model = model_of(duffing(), **DUFFING)
     scattered = solve.scatter(model, 6.0, 4, spread=12, periods=3)
     assert sorted(orbit.periods for orbit in scattered.orbits) == [1, 3]
@@ -50,7 +51,7 @@ def test_a_subharmonic_branch_is_closed_and_its_folds_equal_shooting(subharmonic
     assert last["speed"] == pytest.approx(exact, rel=1e-7)
 
 
-def test_a_branch_from_inside_its_range_reaches_both_ends(subharmonic):
+def test_branch_from_inside_its_range_reaches_both_ends(subharmonic):
     (number,) = {*subharmonic.numbers} - {*subharmonic.closed}
     which = subharmonic.numbers == number
     values = subharmonic.values[which]
@@ -61,7 +62,7 @@ def test_a_branch_from_inside_its_range_reaches_both_ends(subharmonic):
 
 
 def test_orbits_on_one_branch_are_followed_once():
-    """Both stable orbits of Duffing's oscillator between its folds are on one branch."""
+    """Between the folds, both stable orbits of Duffing's oscillator are on one branch."""
     model = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.3)
     scattered = solve.scatter(model, 1.4, 8, spread=8)
     assert len(scattered.orbits) == 2
@@ -69,11 +70,11 @@ def test_orbits_on_one_branch_are_followed_once():
     assert (set(found.numbers), found.closed, len(found.folds)) == ({0}, [], 2)
 
 
-def test_scattered_starts_of_other_equations_are_refused():
+def test_initial_states_of_other_equations_are_refused():
     model = model_of(duffing(), zeta=0.2, k=1.0, alpha=1.0, f=0.3)
     scattered = solve.scatter(model, 0.5, 4)
     for other, speeds, words in (
-        (model_of(duffing(), zeta=0.1, k=1.0, alpha=1.0, f=0.3), (0.4, 0.6), "other parameters"),
+        (model_of(duffing(), zeta=0.1, k=1.0, alpha=1.0, f=0.3), (0.4, 0.6), "other parameter values"),
         (model, (0.6, 0.9), "allowed: values between 5.72958 rpm"),
     ):
         with pytest.raises(ValueOutOfBoundsError, match=words):
@@ -81,13 +82,13 @@ def test_scattered_starts_of_other_equations_are_refused():
     with pytest.raises(ValueOutOfBoundsError, match="omit 'begin'"):
         solve.branch(model, (0.4, 0.6), start=scattered, begin=0.5)
     object.__setattr__(scattered, "orbits", [])
-    with pytest.raises(NoOrbitError, match="no motion from the scattered starts settled"):
+    with pytest.raises(NoOrbitError, match="no motion from the scattered starting points settled"):
         solve.branch(model, (0.4, 0.6), start=scattered)
 
 
 @pytest.mark.slow
 def test_the_isolated_resonance_of_a_tuned_absorber_equals_shooting():
-    """Published for this absorber, tuned by the equal-peak method: a resonance that no sweep reaches."""
+    """A published resonance of this absorber, tuned by the equal-peak method, which no sweep reaches."""
     e = 0.05
     root = sqrt(4 + 3 * e)
     k2 = 8 * e * (16 + 23 * e + 9 * e**2 + 2 * (2 + e) * root)
@@ -126,8 +127,8 @@ def test_the_isolated_resonance_of_a_tuned_absorber_equals_shooting():
     assert last["speed"] == pytest.approx(exact, rel=1e-6)
 
 
-def test_a_branch_of_orbits_that_are_zero_is_not_closed():
-    """All orbits are equal; the branch is followed in both directions."""
+def test_branch_of_zero_orbits_is_not_closed():
+    """All orbits are equal, and the branch is followed in both directions."""
     found = solve.branch(
         solve.load("mathieu", epsilon=0.2), 1.0, over="delta=0.5:0.7", begin=0.6, points=20, rtol=1e-3
     )

@@ -1,4 +1,4 @@
-"""Orbits that are known because they were chosen first, and the load was made to fit them."""
+"""Known orbits: the orbit is chosen first, and the load is computed from it."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ PHASE = np.linspace(0.0, 2 * np.pi, 500)
 
 
 def near(orbit, seed):
-    """A motion within 10 % of an orbit."""
+    """Motion that differs from an orbit by at most 10 %."""
     rng = np.random.default_rng(seed)
     off = rng.standard_normal((2, 3)) + 1j * rng.standard_normal((2, 3))
     scale = np.abs(orbit(PHASE)).max(axis=1) / np.abs(trigonometric(off)(PHASE)).max(axis=1)
@@ -32,18 +32,18 @@ def check(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_known_orbit_is_found_from_near_it_within_its_estimate(seed):
+def test_known_orbit_is_found_within_its_estimate(seed):
     check(seed)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3, 50))
-def test_fifty_known_orbits_are_found_from_near_them_within_their_estimates(seed):
+def test_fifty_known_orbits_are_found_within_their_estimates(seed):
     check(seed)
 
 
 @pytest.mark.slow
-def test_only_known_orbits_are_found_without_a_start():
+def test_without_initial_guess_only_known_orbits_are_found():
     for seed in range(50):
         model, orbit = known_system(seed)
         computed = solve.nonlinear(model, 1.0)
@@ -51,7 +51,7 @@ def test_only_known_orbits_are_found_without_a_start():
         assert relative_error(computed.at(PHASE), orbit(PHASE)) <= 10 * computed.error_estimate.orbit
 
 
-def test_the_methods_agree():
+def test_methods_agree():
     model, orbit = known_system(0)
     for method in ("radau", "gauss"):
         computed = solve.nonlinear(model, 1.0, orbit, method=method)
@@ -77,7 +77,7 @@ def test_a_linear_model_has_the_same_orbit():
 
 
 class InUnits(solve.PeriodicSystem, Nonlinear):
-    """A model with its equations multiplied by numbers (n,)."""
+    """Model whose equations are multiplied by numbers (n,)."""
 
     def __init__(self, model, units):
         self.model, self.units = model, units

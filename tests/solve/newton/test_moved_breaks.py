@@ -1,4 +1,4 @@
-"""Branches over a parameter that moves a jump of the load."""
+"""Branches in a parameter that shifts the phase of a jump of the load."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def switched_load():
 
 
 def after_a_period(state, begin):
-    """State after a period and the largest displacement, integrated from jump to jump."""
+    """Return the state after one period and the largest displacement, integrated from jump to jump."""
     (c, k, alpha, f, _), peaks = NUMBERS.values(), []
     for first, last, load in ((0.0, begin, 0.0), (begin, 2 * np.pi, f)):
         run = solve_ivp(
@@ -43,8 +43,9 @@ def after_a_period(state, begin):
     return state, max(peaks)
 
 
-def test_branches_follow_a_parameter_that_moves_a_jump():
-    """Without the derivative with respect to the phase of the jump, 40 points do not reach the end."""
+def test_branches_follow_a_parameter_that_shifts_a_jump():
+    """Without the derivative with respect to the phase of the jump, 40 points do not suffice to reach the
+    end."""
     model = solve.load(switched_load, **NUMBERS)
     found = solve.branch(model, SPEED, over="begin=2:4", points=40, rtol=1e-7)
     assert found.ended == ""

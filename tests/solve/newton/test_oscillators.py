@@ -1,4 +1,4 @@
-"""Coexisting and subharmonic orbits against harmonic balance and time integration."""
+"""Coexisting and subharmonic orbits, compared with harmonic balance and time integration."""
 
 import json
 import pickle
@@ -16,7 +16,7 @@ ZETA, ALPHA, F, OMEGA = 0.05, 1.0, 0.4, 1.6
 
 
 def balanced(amplitude):
-    """Harmonics 1, 3, … of Duffing's orbit near an amplitude, by harmonic balance: (orders, coefficients)."""
+    """Harmonics 1, 3, … (orders, coefficients) of Duffing's orbit near an amplitude, by harmonic balance."""
     orders, phase = np.arange(1, 40, 2), 2 * np.pi * np.arange(512) / 512
     waves = np.exp(1j * np.outer(orders, phase))
 
@@ -35,7 +35,8 @@ def balanced(amplitude):
 
 
 def amplitudes():
-    """The three real solutions of ((1 - Ω² + ¾αA²)² + (2ζΩ)²)A² = F², as complex amplitudes of cos φ."""
+    """The three real solutions of ((1 - Ω² + ¾αA²)² + (2ζΩ)²)A² = F², as complex amplitudes relative to cos
+    φ."""
     squares = np.roots(
         [
             (0.75 * ALPHA) ** 2,
@@ -49,7 +50,7 @@ def amplitudes():
 
 
 def multipliers(orders, c):
-    """Of the variational equation along a Fourier series, by DOP853."""
+    """Multipliers of the variational equation about a Fourier series, by DOP853."""
 
     def rate(t, y):
         q = np.real(c @ np.exp(1j * orders * OMEGA * t))
@@ -59,7 +60,7 @@ def multipliers(orders, c):
     return np.linalg.eigvals(run.y[:, -1].reshape(2, 2))
 
 
-def test_three_orbits_of_duffing_coexist_with_the_multipliers_of_harmonic_balance():
+def test_three_coexisting_orbits_agree_with_harmonic_balance():
     model = model_of(duffing(), zeta=ZETA, k=1.0, alpha=ALPHA, f=F)
     phase, verdicts = np.linspace(0, 2 * np.pi, 300), []
     for amplitude in amplitudes():
@@ -78,7 +79,7 @@ PIVOT = {"c": 0.1, "b": 0.15, "g": 1.0}
 SWING = 2.0
 
 
-def test_a_pendulum_on_a_moving_pivot_swings_with_half_the_frequency():
+def test_pendulum_on_a_moving_pivot_has_half_the_frequency():
     model = model_of(pendulum(), **PIVOT)
     assert solve.floquet(model, SWING).verdict == "unstable"
     orbit = solve.nonlinear(model, SWING, periods=2)
@@ -99,7 +100,7 @@ def test_a_pendulum_on_a_moving_pivot_swings_with_half_the_frequency():
         assert bool(np.abs(run.y[:, -1] - start).max() < 1e-7) is back
 
 
-def test_two_period_orbit_repeating_after_one_gives_a_warning():
+def test_orbit_that_repeats_after_one_period_gives_a_warning():
     model, _ = known_system(0)
     one, two = solve.nonlinear(model, 1.0), solve.nonlinear(model, 1.0, periods=2)
     np.testing.assert_allclose(two.at([0.3, 7.1]), one.at([0.3, 7.1]), atol=1e-8)
@@ -123,7 +124,7 @@ def test_linear_model_is_refused():
         ({"start": trigonometric([[0, 1], [0, 1]], 4 * np.pi)}, "the start repeats after 12.5664"),
     ],
 )
-def test_bad_input_is_refused(given, words):
+def test_invalid_input_is_refused(given, words):
     model, _ = known_system(0)
     with pytest.raises(ValueOutOfBoundsError, match=words):
         solve.nonlinear(model, 1.0, **given)
@@ -142,8 +143,8 @@ def test_orbit_is_pickled_and_saved_with_its_solution_strategy(tmp_path):
     assert float(orbit.to_xarray()["q3"].max()) == orbit.q[2].max()
 
 
-def test_every_multiplier_of_a_strongly_damped_oscillator():
-    """Liouville: their product is exp(−2ζT), of which one multiplier alone has most."""
+def test_multipliers_of_strongly_damped_oscillator_satisfy_liouvilles_formula():
+    """The product of the multipliers is exp(−2ζT); the smaller multiplier contains most of this decay."""
     model, speed = model_of(duffing(), zeta=9.0, k=1.0, alpha=1.0, f=2.0), 0.8
     orbit = solve.nonlinear(model, speed, all_multipliers=True)
     assert orbit.multiplier_errors.max() < 1e-8

@@ -1,4 +1,4 @@
-"""The page on nonlinear orbits: its refusal and a figure of it are those of the program."""
+"""Page on nonlinear orbits: its error message and one of its numbers are those of the program."""
 
 from pathlib import Path
 

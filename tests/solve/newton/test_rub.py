@@ -1,4 +1,4 @@
-"""Jeffcott rotor rubbing against a ring that it does not touch at rest: circular orbit in closed form."""
+"""Jeffcott rotor that rubs against a ring, without contact at rest: circular orbit in closed form."""
 
 import numpy as np
 import pytest
@@ -28,9 +28,8 @@ def jeffcott():
     return made
 
 
-def ringing(speed, m=1.0, k=1e4, c=10.0, u=1e-4, kr=4e4, gap=2e-4):
-    """Largest A in the ring; None if there is none: (s A - kr gap)² + (c Ω A)² = (u Ω²)² with
-    s = k - mΩ² + kr."""
+def rubbing_amplitude(speed, m=1.0, k=1e4, c=10.0, u=1e-4, kr=4e4, gap=2e-4):
+    """Largest A with contact, or None: (s A - kr gap)² + (c Ω A)² = (u Ω²)² with s = k - mΩ² + kr."""
     s = k + kr - m * speed**2
     roots = np.roots([s**2 + (c * speed) ** 2, -2 * s * kr * gap, (kr * gap) ** 2 - (u * speed**2) ** 2])
     return max(roots.real) if np.isreal(roots).all() and max(roots.real) > gap else None
@@ -57,8 +56,8 @@ def test_the_ring_has_no_effect_at_rest(rotor):
 
 
 @pytest.mark.parametrize("speed", [40.0, 75.0, 90.0])
-def test_the_rubbing_orbit(rotor, speed):
-    """209.7303 µm at 90 rad/s; at 40 rad/s the rotor does not reach the ring."""
+def test_rubbing_orbit_matches_the_closed_form(rotor, speed):
+    """At 90 rad/s, the amplitude is 209.7303 µm; at 40 rad/s, the rotor does not touch the ring."""
     orbit = solve.nonlinear(rotor, speed)
     assert orbit.statistics("x").max == pytest.approx(amplitude(speed, **NUMBERS), rel=1e-8)
     assert orbit.statistics("y").min == pytest.approx(-amplitude(speed, **NUMBERS), rel=1e-8)
@@ -66,8 +65,8 @@ def test_the_rubbing_orbit(rotor, speed):
         assert orbit.statistics("x").max == pytest.approx(209.7303e-6, abs=5e-11)
 
 
-def test_the_branch_passes_the_speed_at_which_the_rotor_touches_the_ring(rotor):
-    """The rotor touches the ring at 82.063 rad/s, all around at once."""
+def test_branch_passes_the_speed_at_which_contact_begins(rotor):
+    """At 82.063 rad/s, the rotor touches the ring at all phases simultaneously."""
     found = solve.branch(rotor, "60:140 rad/s", rtol=1e-6)
     assert found.values[-1] == 140.0
     (touching,) = found.grazing
@@ -80,24 +79,24 @@ def test_the_branch_passes_the_speed_at_which_the_rotor_touches_the_ring(rotor):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("speeds", ["100:240 rad/s", "240:100 rad/s"])
-def test_a_slow_decrease_of_the_speed_jumps_where_the_rotor_touches_the_ring(rotor, speeds):
-    """Above the resonance the branch turns back at the grazing orbit, to the unstable orbits in the ring. The
-    way beyond starts without contact in one direction and with contact in the other."""
+def test_slow_sweep_jumps_where_contact_begins(rotor, speeds):
+    """Above the resonance, the branch turns back at the grazing orbit, to unstable orbits with contact. It is
+    followed in both directions, so that the grazing orbit is reached once without and once with contact."""
     found = solve.branch(rotor, speeds, rtol=1e-6)
     jumps = {jump["direction"]: jump for jump in found.jumps}
     down, up = jumps["down"]["speed"], jumps["up"]["speed"]
     free = {**NUMBERS, "kr": 0.0}
     touching = brentq(lambda speed: amplitude(speed, **free) - NUMBERS["gap"], 110, 240)
     assert down == pytest.approx(touching, rel=1e-4)
-    assert jumps["down"]["to"] == pytest.approx(ringing(down), rel=0.02)
+    assert jumps["down"]["to"] == pytest.approx(rubbing_amplitude(down), rel=0.02)
     assert jumps["up"]["to"] == pytest.approx(amplitude(up, **free), rel=0.02)
     assert [point["speed"] for point in found.folds] == [up]
-    assert ringing(up * (1 - 1e-6)) > NUMBERS["gap"]
-    assert ringing(up * (1 + 1e-6)) is None
+    assert rubbing_amplitude(up * (1 - 1e-6)) > NUMBERS["gap"]
+    assert rubbing_amplitude(up * (1 + 1e-6)) is None
 
 
-def test_from_rest_at_the_middle_of_the_ring(rotor):
-    """The transient starts where the ring force is 0·(0/0) and ends on the orbit."""
+def test_transient_from_the_middle_of_the_ring_reaches_the_orbit(rotor):
+    """In the initial state, the ring force is 0·(0/0)."""
     transient = solve.transient(rotor, 90.0, turns=60, nonlinear=True)
     assert np.isfinite(transient.q).all()
     assert np.abs(transient.q[0]).max() == pytest.approx(np.abs(transient.q).max(), rel=0.2)
@@ -105,6 +104,6 @@ def test_from_rest_at_the_middle_of_the_ring(rotor):
     assert last == pytest.approx(np.full(64, amplitude(90.0, **NUMBERS)), rel=1e-3)
 
 
-def test_a_ring_that_presses_at_rest_is_refused():
+def test_ring_with_preload_at_rest_is_refused():
     with pytest.raises(ValueOutOfBoundsError, match=r"gap > 0 does not hold for gap = -0\.0002 m"):
         solve.load(jeffcott, **{**NUMBERS, "gap": -2e-4})

@@ -1,4 +1,4 @@
-"""Motions while the speed varies, against the integration of equations written by hand."""
+"""Motions at varying speed, compared with the integration of hand-coded equations."""
 
 from functools import cache
 
@@ -20,7 +20,7 @@ CRANK = {"motor": 0.7, "J": 0.2, "m": 8.0, "r": 0.15, "k": 60.0, "c": 0.4}
 
 @cache
 def crank():
-    """An elastic shaft that drives a disc with a sliding mass: I(φ + q) varies."""
+    """Elastic shaft that drives a disc with a sliding mass, so that the inertia I(φ + q) varies."""
     made = Mechanism("crank", "Shaft, disc and slider")
     q = made.coordinate("q", "rad", "twist")
     motor = made.parameter("motor", "kg m^2", "motor")
@@ -37,7 +37,7 @@ def crank():
 
 
 def drive(time, first, last, end):
-    """Phase, speed and acceleration where the speed goes linearly from first to last."""
+    """Phase, speed and acceleration if the speed varies linearly from first to last."""
     acceleration = (last - first) / end
     return first * time + acceleration * time**2 / 2, first + acceleration * time, acceleration
 
@@ -47,7 +47,8 @@ def integrated(rate_of, size, time):
 
 
 def crank_rate(first, last, end, linear):
-    """I q̈ + c q̇ + k q = − I α − I′ θ̇²/2 with I = J + m r² cos² θ, θ = φ + q; or its first order in q."""
+    """Right-hand side of I q̈ + c q̇ + k q = − I α − I′ θ̇²/2 with I = J + m r² cos² θ and θ = φ + q, or of
+    this equation to first order in q."""
     J, mr2, k, c = CRANK["J"], CRANK["m"] * CRANK["r"] ** 2, CRANK["k"], CRANK["c"]
 
     def rate_of(t, x):
@@ -83,7 +84,7 @@ def test_a_run_up_and_a_run_down_of_a_crank(ramp, linear):
 
 @pytest.mark.parametrize("ramp", [(0.0, 25.0), (14.0, 8.0)])
 def test_drive_work_balances_energy_and_dissipation(ramp):
-    """∫ torque Ω dt = change of energy + ∫ c q̇² dt, the energies written by hand."""
+    """∫ torque Ω dt equals the change of energy plus ∫ c q̇² dt. The energies are hand-coded."""
     transient = solve.transient(solve.load(crank(), **CRANK), turns=4, nonlinear=True, speeds=ramp)
     (q,), (v,), t = transient.q, transient.qd, transient.time
     speed = drive(t, *ramp, t[-1])[1]
@@ -103,7 +104,7 @@ def test_drive_work_balances_energy_and_dissipation(ramp):
 
 
 @pytest.mark.parametrize("linear", [True, False])
-def test_an_output_has_the_acceleration_of_the_drive(linear):
+def test_outputs_include_the_acceleration_of_the_drive(linear):
     transient = solve.transient(
         solve.load(crank(), **CRANK), turns=3, nonlinear=not linear, speeds=(3.0, 20.0)
     )
@@ -133,8 +134,8 @@ def test_nearly_constant_speed_gives_the_constant_speed_motion(nonlinear):
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-5)
 
 
-def test_beams_take_speed_and_acceleration_of_their_links():
-    """A stiff arm on springs and dashpots: (μL + m) ẍ + c ẋ + k x = −(μL/2 + m) L d²(cos φ)/dt²."""
+def test_beams_are_loaded_by_the_acceleration_of_their_links():
+    """Stiff arm on springs and dashpots: (μL + m) ẍ + c ẋ + k x = −(μL/2 + m) L d²(cos φ)/dt²."""
     numbers = {"E": 1e14, "A": 1e-4, "I": 1e-5, "rho": 5e3, "L": 0.5, "m": 0.4}
     model = solve.load(rotor(), **numbers, kx=900.0, ky=2500.0, kt=1e9, c=8.0)
     transient = solve.transient(model, turns=1, speeds="0:40 rad/s")
@@ -161,8 +162,9 @@ def test_beams_take_speed_and_acceleration_of_their_links():
         assert error < 1e-5
 
 
-def test_a_field_is_loaded_by_the_acceleration():
-    """A pinned link that turns about its start, T = ∫μ (ẇ + x Ω)²/2 dx: each mode answers to −α ∫μ x ψ_k."""
+def test_field_is_loaded_by_the_acceleration():
+    """Pinned link that rotates about its start, with T = ∫μ (ẇ + x Ω)²/2 dx: the load on each mode is −α ∫μ x
+    ψ_k dx."""
     made = Mechanism("link", "Turning link")
     L, mu, EI = made.parameters(L=("m", "length"), mu=("kg/m", "mass"), EI=("N m^2", "stiffness"))
     modes = made.option("modes", range(1, 6), default=3)
@@ -185,8 +187,8 @@ def test_a_field_is_loaded_by_the_acceleration():
     )
 
 
-def test_jumps_are_met_at_their_times_and_modes_damped():
-    """Piece by piece, each with C = 2ζ M √(M⁻¹K)."""
+def test_run_up_with_jumps_and_modal_damping_matches_integration():
+    """The reference integrates interval by interval, each with C = 2ζ M √(M⁻¹K)."""
     model = solve.load(chain(lambda phase: rectangle(phase, 1, 3), 1), e=0.5, zeta1=0.04, **NUMBERS)
     transient = solve.transient(model, turns=3, speeds="1:6 rad/s")
     M, end, state = np.diag([2.0, 4.0]), transient.time[-1], np.zeros(4)
@@ -233,7 +235,7 @@ def test_run_up_starts_on_an_orbit_and_can_be_resumed(tmp_path):
         ({"speeds": "0:3 rad/s", "start": "orbit"}, ValueOutOfBoundsError, "there is no orbit at speed 0"),
     ],
 )
-def test_bad_input_is_refused(given, error, words):
+def test_invalid_input_is_refused(given, error, words):
     with pytest.raises(error, match=words):
         solve.transient(solve.load(crank(), **CRANK), turns=2, **given)
 

@@ -1,4 +1,4 @@
-"""Fractions of random initial states that lead to each orbit, against integration by SciPy."""
+"""Fractions of random initial states that lead to each orbit, compared with integration by SciPy."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def scattered():
     return solve.scatter(model_of(duffing(), **NUMBERS), SPEED, 16, seed=3, spread=8.0)
 
 
-def test_each_start_leads_where_integration_leads(scattered):
+def test_each_initial_state_leads_to_the_orbit_of_the_reference(scattered):
     def rate(t, y):
         q, v = y.reshape(2, -1)
         return np.concatenate((v, 0.3 * np.cos(SPEED * t) - 0.1 * v - q - q**3))
@@ -33,18 +33,18 @@ def test_each_start_leads_where_integration_leads(scattered):
     np.testing.assert_allclose(peaks[scattered.leads], reached, rtol=0.02)
 
 
-def test_shares_are_those_of_the_starts_and_fall(scattered):
+def test_fractions_sum_to_one_in_descending_order(scattered):
     assert scattered.shares.sum() == pytest.approx(1.0)
     assert scattered.shares[0] >= scattered.shares[1] > 0
     assert [orbit.verdict for orbit in scattered.orbits] == ["asymptotically stable"] * 2
 
 
-def test_the_same_seed_has_the_same_starts(scattered):
+def test_same_seed_yields_the_same_initial_states(scattered):
     again = solve.scatter(model_of(duffing(), **NUMBERS), SPEED, 2, seed=3, spread=8.0)
     np.testing.assert_array_equal(again.starts, scattered.starts[:2])
 
 
-def test_bad_input_is_refused():
+def test_invalid_input_is_refused():
     model = model_of(duffing(), **NUMBERS)
     for given, words in (
         ({"count": 0}, "count is 0"),

@@ -1,4 +1,4 @@
-"""Jumps of slow sweeps over the clearance of a stop, against integration from event to event."""
+"""Jumps in slow sweeps of the clearance of a stop, compared with integration from event to event."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ ZETA, SPEED = 0.1, 0.6
 
 
 def reach(speed):
-    """Amplitude without the stop, and thus the clearance at which the orbit grazes it."""
+    """Amplitude without the stop, which is the clearance at which the orbit grazes the stop."""
     return 1 / abs(1 - speed**2 + 2j * ZETA * speed)
 
 
@@ -19,8 +19,8 @@ REACH = reach(SPEED)
 
 
 def settled_peak(start, gap, force, periods, speed):
-    """State after some periods of q̈ + 2ζ q̇ + q + contact force = cos φ, and the largest modulus of q in the
-    last period."""
+    """Return the state after some periods of q̈ + 2ζ q̇ + q + contact force = cos φ, and the largest |q| in
+    the last period."""
     x, peak = np.array(start), 0.0
     for _ in range(periods):
         time, last, peak = 0.0, 2 * np.pi / speed, np.abs(x[0])
@@ -49,7 +49,8 @@ def settled_peak(start, gap, force, periods, speed):
 
 
 def slow_sweep(gaps, force, periods, speed=SPEED):
-    """Largest moduli of q while the clearance changes in small steps, from the orbit without contact."""
+    """Largest |q| at each of a sequence of slowly changing clearances, starting from the orbit without
+    contact."""
     z = 1 / (1 - speed**2 + 2j * ZETA * speed)
     state = np.array([z.real, -speed * z.imag])
     peaks = []
@@ -68,7 +69,7 @@ def hard_stop():
     return branch, lambda depth, velocity: 300.0 * depth
 
 
-def test_a_slow_sweep_jumps_where_the_branch_turns_back_at_a_grazing_orbit(hard_stop):
+def test_slow_sweep_jumps_at_the_grazing_orbit_of_the_branch(hard_stop):
     branch, force = hard_stop
     down = branch.jumps[0]
     assert (down["direction"], down["coordinate"]) == ("down", "q")
@@ -94,7 +95,7 @@ def test_the_slow_sweep_back_jumps_at_the_smooth_fold(hard_stop):
 
 
 @pytest.mark.slow
-def test_a_slow_sweep_jumps_at_a_stop_whose_force_jumps():
+def test_slow_sweep_jumps_at_a_stop_with_discontinuous_force():
     """The branch turns back exactly at the grazing orbit."""
     speed, numbers = 1.2, {"z": 2 * ZETA, "c": 0.1, "kappa": 5.0, "f": 0.3, "one": 1.0}
     free, gap = reach(speed), 1.05 * reach(speed)

@@ -1,4 +1,4 @@
-"""Curves of folds and doublings in two parameters against closed forms."""
+"""Curves of folds and period doublings in two parameters, compared with closed forms."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.solve.newton.mechanisms import duffing, model_of
 
 
 def test_doublings_at_rest_are_mathieu_characteristic_values():
-    """q̈ + (δ + ε cos 2t) q = 0 has multipliers -1 at δ = a1(ε/2) and at δ = b1(ε/2)."""
+    """For q̈ + (δ + ε cos 2t) q = 0, a multiplier is -1 at δ = a1(ε/2) and at δ = b1(ε/2)."""
     model = solve.load("mathieu", zeta=0.0)
     ranges = ["delta=0.85:1.15", "epsilon=0.2:0.15"]
     found = solve.special_curves(model, "doubling", ranges, 1.0, points=12, rtol=1e-9)
@@ -21,8 +21,8 @@ def test_doublings_at_rest_are_mathieu_characteristic_values():
 
 
 def one_harmonic(zeta):
-    """Cusp of q̈ + 2ζ q̇ + q + q³ = f cos Ωt for one harmonic: σ = 1 - Ω² = -2√3 ζ Ω and f² = 8|σ|³/(27·¾),
-    where the cubic in the squared amplitude has a triple root."""
+    """Cusp of q̈ + 2ζ q̇ + q + q³ = f cos Ωt in the approximation by one harmonic: σ = 1 - Ω² = -2√3 ζ Ω and
+    f² = 8|σ|³/(27·¾), where the cubic equation for the squared amplitude has a triple root."""
     speed = np.sqrt(3) * zeta + np.sqrt(3 * zeta**2 + 1)
     sigma = 2 * np.sqrt(3) * zeta * speed
     return speed, np.sqrt(8 * sigma**3 / (27 * 0.75))
@@ -30,8 +30,8 @@ def one_harmonic(zeta):
 
 @pytest.mark.slow
 def test_the_cusp_of_duffing_approaches_that_of_one_harmonic():
-    """The square of the amplitude is of the order of ζ. The third harmonic changes the speed at a given
-    amplitude by its fourth power, ζ², and the load by the square relative to it, ζ."""
+    """The squared amplitude is of the order of ζ. The third harmonic changes the speed at a given amplitude
+    by the fourth power of the amplitude, ζ², and the load by a relative amount of the order of ζ."""
     differences = []
     for zeta in (0.02, 0.01):
         speed, load = one_harmonic(zeta)
@@ -58,6 +58,6 @@ def test_the_cusp_of_duffing_approaches_that_of_one_harmonic():
         ("fold", ["delta=0.8:0.8", "epsilon=0.2:0.1"], "two different values"),
     ],
 )
-def test_bad_input_is_refused(kind, over, words):
+def test_invalid_input_is_refused(kind, over, words):
     with pytest.raises(ValueOutOfBoundsError, match=words):
         solve.special_curves(solve.load("mathieu"), kind, over, 1.0)

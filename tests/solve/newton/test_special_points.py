@@ -1,4 +1,4 @@
-"""Folds, period doublings and tori against shooting by SciPy."""
+"""Folds, period doublings and torus bifurcations, compared with shooting by SciPy."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ DUFFING = {"zeta": 0.05, "k": 1.0, "alpha": 1.0, "f": 0.3}
 
 @pytest.fixture(scope="module")
 def duffing_branch():
-    """q̈ + 0.1 q̇ + q + q³ = 0.3 cos φ from 0.9 to 2.2 rad/s."""
+    """Branch of q̈ + 0.1 q̇ + q + q³ = 0.3 cos φ from 0.9 to 2.2 rad/s."""
     return solve.branch(model_of(duffing(), **DUFFING), (0.9, 2.2), rtol=1e-9)
 
 
@@ -62,8 +62,9 @@ def test_a_slow_sweep_jumps_at_the_folds(duffing_branch):
 
 
 @pytest.mark.slow
-def test_a_jump_names_the_coordinate_that_changes_most():
-    """A mass meets a stop in one of two uncoupled directions; the other one passes the folds unchanged."""
+def test_jump_states_the_coordinate_with_the_largest_change():
+    """A mass hits a stop in one of two uncoupled directions. In the other direction, the motion does not
+    change at the folds."""
     made = Mechanism("sieve", "Mass on springs with a stop across")
     x, y = made.coordinates(x=("m", "along"), y=("m", "across"))
     m, c, F, gap = made.parameters(m=("kg", "mass"), c=("N s/m", "damper"), F=("N", "load"), gap=("m", "gap"))
@@ -119,8 +120,8 @@ DRIVEN = 1.95
 
 @pytest.mark.slow
 def test_a_torus_of_two_coordinates_equals_shooting():
-    """It is on the branch of orbits of two periods that begins at a doubling, where ẍ + 0.02 ẋ + 4 x = F cos
-    φ excites ÿ + 0.02 ẏ + (0.85 + 0.6 x) y = 0 parametrically."""
+    """It is on the branch of orbits of two periods that begins at a period doubling, at which ẍ + 0.02 ẋ + 4
+    x = F cos φ excites ÿ + 0.02 ẏ + (0.85 + 0.6 x) y = 0 parametrically."""
     model = model_of(autoparametric(), **COUPLED, F=0.04)
     found = solve.branch(model, DRIVEN, over="F=0.04:0.12", switch=True, rtol=1e-9, points=40)
     (point,), (first,) = found.tori, found.doublings

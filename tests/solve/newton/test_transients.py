@@ -1,4 +1,4 @@
-"""Transients against closed forms, time integration and the orbits that they reach."""
+"""Transients compared with closed forms, time integration and the orbits that they reach."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ SPEED = 1.6
 
 
 def integrated(alpha, state, time):
-    """Duffing's equation by DOP853: (2, k)."""
+    """Solution (2, k) of Duffing's equation, by DOP853."""
 
     def rate(t, x):
         return [
@@ -45,15 +45,15 @@ def test_the_distance_to_the_orbit_falls_with_the_largest_multiplier():
     assert abs(transient.reached - np.log(1e-3 / transient.distances[0, 0]) / np.log(rate)) < 3
 
 
-def test_transient_started_on_the_orbit_stays_there():
+def test_transient_from_the_orbit_remains_on_it():
     transient = solve.transient(solve.load("cam"), "300 rpm", 2, "orbit")
     assert transient.reached == 0
     assert transient.distances.max() < 1e-8
     assert set(transient.warnings) == set(solve.periodic(solve.load("cam"), "300 rpm").warnings)
 
 
-def test_outputs_belong_to_the_state_of_each_instant():
-    """The contact force is that of its spring and damper, from q and q̇."""
+def test_outputs_agree_with_the_state_at_each_instant():
+    """The contact force follows from q and q̇ by its spring and damper."""
     cam = solve.load("cam")
     transient = solve.transient(cam, "200 rpm", 3)
     p = cam.parameters
@@ -74,7 +74,8 @@ def test_outputs_belong_to_the_state_of_each_instant():
 
 
 def test_motion_outside_the_model_range_gives_a_warning():
-    """The linearisation limit applies to the linear motion only, the contact condition to both."""
+    """The bound of the linearisation applies to the linear motion only, and the contact condition applies to
+    both motions."""
     cam = solve.load("cam")
     linear, nonlinear = (solve.transient(cam, "600 rpm", 3, nonlinear=way) for way in (False, True))
     trusted = "the linearisation may be invalid"
@@ -98,7 +99,7 @@ def test_the_cam_from_rest_reaches_its_nonlinear_orbit():
     assert error.max() < 1e-4
 
 
-def test_a_structure_of_beams_starts_up_by_its_own_maps():
+def test_transient_of_a_structure_of_beams():
     beams = solve.load("four_bar")
     transient = solve.transient(beams, 30.0, 2, "orbit")
     assert transient.reached == 0
@@ -106,7 +107,7 @@ def test_a_structure_of_beams_starts_up_by_its_own_maps():
         solve.transient(beams, 30.0, 2, nonlinear=True)
 
 
-def test_a_saved_transient_goes_on_from_its_end(tmp_path):
+def test_saved_transient_continues_from_its_end(tmp_path):
 
     model = model_of(duffing(), alpha=0.0, **NUMBERS)
     whole, first = solve.transient(model, SPEED, 5), solve.transient(model, SPEED, 2)
@@ -133,12 +134,12 @@ def test_short_transient_warns_that_the_orbit_is_not_reached():
         ({"start": (np.array([1j]), np.zeros(1))}, ValueOutOfBoundsError, "allowed: 'rest', 'orbit'"),
     ],
 )
-def test_bad_input_is_refused(given, error, words):
+def test_invalid_input_is_refused(given, error, words):
     with pytest.raises(error, match=words):
         solve.transient(model_of(duffing(), alpha=0.0, **NUMBERS), SPEED, **given)
 
 
-def test_a_start_that_is_cut_is_refused(tmp_path):
+def test_truncated_file_of_an_initial_state_is_refused(tmp_path):
     duffer, file = model_of(duffing(), alpha=0.0, **NUMBERS), tmp_path / "start.npz"
     solve.periodic(duffer, SPEED).save(file)
     whole = file.read_bytes()
@@ -149,7 +150,8 @@ def test_a_start_that_is_cut_is_refused(tmp_path):
 
 
 def ringing(ratio):
-    """Two masses, one on a soft spring, one on a stiff one of 300 rad/s, whose load is suddenly there."""
+    """Two masses, one on a soft spring and one on a stiff spring with 300 rad/s, whose loads are applied
+    suddenly."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -160,8 +162,9 @@ def ringing(ratio):
     return solve.PeriodicSystem(matrices, ["slow", "fast"])
 
 
-def test_a_stiff_mode_rings_to_its_overshoot():
-    """From rest under a constant load a mode goes to 1 + exp(-πζ/√(1 - ζ²)) of where it comes to rest."""
+def test_overshoot_of_a_stiff_mode_matches_the_closed_form():
+    """From rest under a constant load, the largest displacement is 1 + exp(-πζ/√(1 - ζ²)) times the static
+    one."""
     ratio = 0.01
     transient = solve.transient(ringing(ratio), 1.0, 2)
     over = 1 + np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
@@ -170,7 +173,7 @@ def test_a_stiff_mode_rings_to_its_overshoot():
     assert transient.record()["coordinates"]["fast"]["max"] == pytest.approx(over, rel=1e-4)
 
 
-def test_states_too_few_for_a_vibration_are_warned_of(monkeypatch):
+def test_too_few_stored_states_give_a_warning(monkeypatch):
     monkeypatch.setattr("solve.newton.transients._MOST_STATES", 256)
     transient = solve.transient(ringing(0.01), 1.0, 2)
     assert any(
@@ -179,9 +182,9 @@ def test_states_too_few_for_a_vibration_are_warned_of(monkeypatch):
     assert abs(transient.peaks[0, 1] - 1.969) > 1e-3
 
 
-def test_modes_that_no_steps_follow_are_warned_of():
-    """Run-up over which a stiff mode oscillates so often that its response to the sudden load is
-    unpredictable."""
+def test_modes_unresolved_in_a_run_up_give_a_warning():
+    """During the run-up, a stiff mode oscillates so often that its response to the sudden load cannot be
+    computed."""
     numbers = {"zeta": 0.05, "k": 1e8, "alpha": 1.0, "f": 1e6}
     transient = solve.transient(model_of(duffing(), **numbers), turns=1, speeds="0:1 rad/s")
     assert any(text.startswith("ω_max h = ") for text in transient.warnings)
@@ -192,7 +195,8 @@ def test_modes_that_no_steps_follow_are_warned_of():
 @pytest.mark.parametrize("nonlinear", [True, False])
 @pytest.mark.parametrize("drive", [{"speed": 1.0}, {"speeds": "0:1 rad/s"}])
 def test_stiff_linear_and_nonlinear_motions_are_integrated(drive, nonlinear):
-    """A mode of 1000 times the speed, suddenly loaded, goes to twice where it comes to rest."""
+    """A mode that is 1000 times as fast as the speed overshoots to twice the static displacement under a
+    sudden load."""
     numbers = {"zeta": 0.05, "k": 1e6, "alpha": 1.0, "f": 1e4}
     transient = solve.transient(model_of(duffing(), **numbers), turns=1, nonlinear=nonlinear, **drive)
     over = 0.01 * (1 + np.exp(-np.pi * 0.05 / 1000))
@@ -200,7 +204,7 @@ def test_stiff_linear_and_nonlinear_motions_are_integrated(drive, nonlinear):
     assert transient.peaks[0, 0] == pytest.approx(over, rel=max(5e-4, transient.between))
 
 
-def test_a_nonlinear_motion_too_stiff_for_its_steps_is_refused_soon(monkeypatch):
+def test_nonlinear_motion_that_is_too_stiff_is_refused_early(monkeypatch):
     monkeypatch.setattr("solve.model.integration._MAX_STEPS", 2**14)
     monkeypatch.setattr("solve.model.integration._MIN_STEPS", 2**6)
     model = model_of(duffing(), zeta=0.05, k=1e8, alpha=1.0, f=1e6)
@@ -209,15 +213,16 @@ def test_a_nonlinear_motion_too_stiff_for_its_steps_is_refused_soon(monkeypatch)
 
 
 @pytest.mark.slow
-def test_start_with_fast_modes_needs_small_steps_only_initially():
-    """Of the first turn's 760 000 steps, the first of 256 equal times takes more than the mean allows."""
+def test_fast_modes_require_small_steps_only_initially():
+    """The first revolution has 760 000 steps. The first of 256 equal intervals contains more than the mean
+    number permits."""
     transient = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1, nonlinear=True)
     linear = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1)
     assert transient.q[:, -1] == pytest.approx(linear.q[:, -1], rel=1e-3)
 
 
-def test_a_nonlinear_motion_needs_no_linear_orbit():
-    """At the resonance of the linear equations, undamped."""
+def test_nonlinear_motion_does_not_require_a_linear_orbit():
+    """At the resonance of the linear equations, without damping, there is no linear orbit."""
     model = model_of(duffing(), zeta=0.0, k=1.0, alpha=1.0, f=0.4)
     transient = solve.transient(model, 1.0, 3, nonlinear=True)
 
@@ -232,7 +237,7 @@ def test_a_nonlinear_motion_needs_no_linear_orbit():
         solve.transient(model, 1.0, 3, nonlinear=True, start="orbit")
 
 
-def test_a_start_of_another_model_is_refused(tmp_path):
+def test_initial_state_of_another_model_is_refused(tmp_path):
     model = model_of(duffing(), alpha=0.0, **NUMBERS)
     solve.transient(model, SPEED, 1).save(tmp_path / "duffing.npz")
     with pytest.raises(FileError, match=r"duffing.npz' belongs to duffing; give a state of mathieu"):
@@ -240,7 +245,7 @@ def test_a_start_of_another_model_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("drive", [{"speed": 2.0}, {"speeds": (0.0, 4.0)}, {"speeds": (1.0, 3.0)}])
-def test_load_starting_within_the_turn_moves_a_resting_system(drive):
+def test_load_that_starts_within_a_revolution_moves_the_system(drive):
     followed, linear = (
         solve.transient(pushed(), turns=4, nonlinear=nonlinear, **drive) for nonlinear in (True, False)
     )

@@ -1,4 +1,4 @@
-"""Undamped nonlinear modes against closed forms."""
+"""Undamped nonlinear modes, compared with closed forms."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from solve.errors import ValueOutOfBoundsError
 from tests.solve.newton.mechanisms import absorber, duffing, model_of
 
 
-def test_the_frequency_of_duffing_is_that_of_elliptic_functions():
+def test_frequency_of_duffings_mode_matches_elliptic_functions():
     """q̈ + q + q³ = 0 with amplitude A: Ω = π √(1 + A²)/(2 K(m)), m = A²/(2 + 2 A²)."""
     model = model_of(duffing(), zeta=0.0, k=1.0, alpha=1.0, f=0.0)
     found = solve.branch(model, "0.9:2.2 rad/s", unforced=True, rtol=1e-9, points=40)
@@ -23,9 +23,9 @@ def test_the_frequency_of_duffing_is_that_of_elliptic_functions():
     assert found.warnings == []
 
 
-def test_the_mode_of_a_gear_that_loses_contact():
-    """Contact is harmonic vibration about F/k with amplitude A = max q, and free flight is uniformly
-    accelerated: T = 2 (π - arccos(F/(k A))) √(m/k) + 2 (m/F) √(k/m) √(A² - (F/k)²)."""
+def test_frequency_of_a_gear_with_loss_of_contact():
+    """During contact, the motion is harmonic about F/k with amplitude A = max q; during free flight, it is
+    uniformly accelerated: T = 2 (π - arccos(F/(k A))) √(m/k) + 2 (m/F) √(k/m) √(A² - (F/k)²)."""
     m, k, F = 0.5, 4e8, 2000.0
     model = solve.load("gear_backlash", e=0.0, E=0.0, c=0.0)
     found = solve.branch(model, "20000:29000 rad/s", unforced=True, rtol=1e-8, points=20)
@@ -37,7 +37,7 @@ def test_the_mode_of_a_gear_that_loses_contact():
     assert found.speeds.min() == pytest.approx(20000.0)
 
 
-def test_two_modes_begin_at_their_frequencies_of_small_vibrations():
+def test_modes_begin_at_the_frequencies_of_small_vibrations():
     numbers = {"m": 1.0, "ma": 0.1, "c": 0.0, "k": 1.0, "k3": 0.5, "ka": 0.1, "F": 0.0}
     found = solve.branch(model_of(absorber(), **numbers), "0.7:1.3 rad/s", unforced=True, rtol=1e-6, points=8)
     small = np.sqrt(np.linalg.eigvalsh(np.array([[1.1, -0.1 / 0.1**0.5], [-0.1 / 0.1**0.5, 1.0]])))

@@ -1,4 +1,4 @@
-"""The linearisation error against the true difference between the linear and the nonlinear orbit."""
+"""Linearisation error compared with the true difference between the linear and the nonlinear orbit."""
 
 import math
 
@@ -20,7 +20,8 @@ SPEEDS = {
 
 
 def check(model, speed):
-    """Within a factor 2 of the truth where that is below 20 %, and above a rounding."""
+    """The estimate is within a factor of 2 of the true difference if this is below 20 % and above
+    round-off."""
     linear, nonlinear = solve.periodic(model, speed), solve.nonlinear(model, speed)
     q = nonlinear.at(PHASE)
     truth = np.abs(q - linear.at(PHASE)).max(axis=1) / np.abs(q).max(axis=1)
@@ -66,6 +67,6 @@ def test_linear_systems_have_no_linearisation_error():
 
 
 @pytest.mark.parametrize("at", [0, 5, math.nan])
-def test_bad_input_is_refused(at):
+def test_invalid_input_is_refused(at):
     with pytest.raises(ValueOutOfBoundsError, match=f"'at' is {at}"):
         solve.validity(model_of(duffing(), zeta=0.1, k=1.0, alpha=0.2, f=0.3), [0.1], at=at)

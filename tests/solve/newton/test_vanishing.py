@@ -1,5 +1,5 @@
-"""Orbits that vanish in one coordinate or in all: equilibria and antiresonances, compared with closed forms
-and shooting by DOP853."""
+"""Orbits with one or all coordinates at rest (equilibria and antiresonances), compared with closed forms and
+shooting by DOP853."""
 
 import mpmath
 import numpy as np
@@ -65,7 +65,7 @@ def shot(module, numbers, speed, F):
 
 
 @pytest.mark.parametrize(("module", "numbers", "speed"), AT_REST)
-def test_an_equilibrium_is_an_orbit_with_the_multipliers_of_its_linearisation(module, numbers, speed):
+def test_equilibrium_has_the_multipliers_of_its_linearisation(module, numbers, speed):
     model = model_of(module(), **numbers, F=0.0)
     orbit, linear = solve.nonlinear(model, speed), solve.periodic(model, speed)
     assert orbit.warnings == []
@@ -89,7 +89,7 @@ def test_orbit_about_an_equilibrium_under_load_matches_shooting(module, numbers,
     assert orbit.statistics("q").max_abs == pytest.approx(shot(module, numbers, speed, F), rel=1e-6)
 
 
-def test_an_equilibrium_is_trusted_and_continued():
+def test_equilibrium_has_no_warning_and_is_continued():
     model = model_of(bead(), c=0.1, g=43.7, F=0.0)
     validity = solve.validity(model, [7.7, 8.1, 8.9, 9.3])
     assert validity.errors.max() < 1e-12
@@ -101,7 +101,7 @@ def test_an_equilibrium_is_trusted_and_continued():
 
 
 @pytest.mark.parametrize("speeds", [(0.7, 1.3), (1.3, 0.7), (0.95, 1.0)])
-def test_a_branch_passes_the_antiresonance_of_an_undamped_absorber(speeds):
+def test_branch_passes_the_antiresonance_of_an_undamped_absorber(speeds):
     branch = solve.branch(model_of(absorber(), **ABSORBER), speeds)
     assert branch.warnings == []
     assert branch.speeds[-1] == pytest.approx(speeds[1])
@@ -118,7 +118,7 @@ def test_a_branch_passes_the_antiresonance_of_an_undamped_absorber(speeds):
         (torsional_absorber, TORSION, 100.0, "x", ("theta", 50 * 0.4 / 2e4)),
     ],
 )
-def test_at_the_antiresonance_the_closed_form_is_met(module, numbers, speed, rests, moves):
+def test_orbit_at_the_antiresonance_matches_the_closed_form(module, numbers, speed, rests, moves):
     model = model_of(module(), **numbers)
     linear, orbit = solve.periodic(model, speed), solve.nonlinear(model, speed)
     name, amplitude = moves
@@ -129,7 +129,7 @@ def test_at_the_antiresonance_the_closed_form_is_met(module, numbers, speed, res
 
 @pytest.mark.parametrize("speeds", [(80.0, 120.0), (120.0, 80.0)])
 def test_branch_does_not_depend_on_the_unit_of_a_coordinate(speeds):
-    """With the slide in micrometres instead of metres, the branch passes through zero at the same speeds."""
+    """With the slide in micrometres instead of metres, the branch passes zero at the same speeds."""
     per_metre = 1e6
     power = {"m": -2, "c": -2, "k": -2, "k3": -4, "r": 1, "F": -1}
     in_micrometres = {name: value * per_metre ** power.get(name, 0) for name, value in TORSION.items()}
@@ -144,8 +144,9 @@ def test_branch_does_not_depend_on_the_unit_of_a_coordinate(speeds):
 
 
 @pytest.mark.parametrize("speeds", [(80.0, 120.0), (120.0, 80.0)])
-def test_a_slide_passes_through_rest_while_the_disc_turns(speeds):
-    """J θ̈ + kt (θ - x/r) = 0 for every harmonic; the first dominates if the spring is nearly linear."""
+def test_slide_is_at_rest_while_the_disc_rotates(speeds):
+    """J θ̈ + kt (θ - x/r) = 0 holds for every harmonic. The first one dominates if the spring is nearly
+    linear."""
     branch = solve.branch(model_of(torsional_absorber(), **TORSION | {"k3": 1e11}), speeds)
     assert branch.speeds[-1] == pytest.approx(speeds[1])
     near = np.abs(branch.speeds - 100) < 5
@@ -155,8 +156,8 @@ def test_a_slide_passes_through_rest_while_the_disc_turns(speeds):
         assert x == pytest.approx(part, rel=1e-3, abs=1e-10 * TORSION["r"])
 
 
-def test_coordinate_scale_is_load_over_own_impedance():
-    """Scale of an oscillator: F/(k + cΩ + mΩ²), a lower bound of max|q| = F/|k - mΩ² + icΩ|."""
+def test_coordinate_scale_is_load_divided_by_impedance():
+    """The scale of an oscillator is F/(k + cΩ + mΩ²), a lower bound of max|q| = F/|k - mΩ² + icΩ|."""
     numbers = {"zeta": 0.2, "k": 3.0, "alpha": 0.0, "f": 0.7}
     model, grid = model_of(duffing(), **numbers), Grid.uniform(64, 2 * np.pi)
     for speed in (0.3, np.sqrt(3.0), 7.0):
@@ -169,7 +170,7 @@ def test_coordinate_scale_is_load_over_own_impedance():
 
 @pytest.mark.parametrize(("numbers", "speed"), [({"c": 0.1, "g": 49.05, "F": 0.0}, 9.3)])
 def test_the_round_off_of_a_residual_is_below_its_bound(numbers, speed):
-    """Compared with 50 digits, at angles and speeds near the equilibrium."""
+    """The reference has 50 digits, at angles and speeds near the equilibrium."""
     model, rng = model_of(bead(), **numbers), np.random.default_rng(5)
     with mpmath.workdps(50):
         g, worst = mpmath.mpf(numbers["g"]), 0.0

@@ -1,4 +1,5 @@
-"""Curves at the stages of their own steps, which are evaluated together, against places one by one."""
+"""Curves evaluated together at the stages of their own steps, compared with evaluation at single
+positions."""
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def test_states_at_stages_match_the_piecewise_polynomials(breaks):
                 )
 
 
-def test_phases_in_any_order_give_the_same():
+def test_sequence_of_phases_does_not_matter():
     rng = np.random.default_rng(2)
     grid = Grid.uniform(8, 1.5)
     curve = Curve(grid.nodes, rng.standard_normal((3, 8, 5)))

@@ -1,4 +1,4 @@
-"""Frequency of a mode, which its multiplier determines only modulo 2π/T."""
+"""Frequency of a mode, which the multiplier determines only modulo 2π/T."""
 
 import math
 
@@ -17,7 +17,8 @@ def no_load(n):
 
 
 def chain():
-    """Two masses of different unit and size with frequencies far above the speed: M, C, K and roots λ."""
+    """M, C and K of two masses with different units and sizes, and the roots λ. The frequencies are far above
+    the speed."""
     M, K = np.diag([4.0, 1e-6]), np.array([[900.0, -0.001], [-0.001, 0.002]])
     C = 1e-3 * K
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
@@ -25,7 +26,7 @@ def chain():
 
 
 @pytest.mark.parametrize("method", ["auto", "radau", "gauss", "newmark", "rk4"])
-def test_constant_coefficients_have_their_own_frequencies(method):
+def test_modes_of_constant_coefficients_have_their_natural_frequencies(method):
     M, C, K, roots = chain()
     stability = solve.floquet(constant(M, C, K, no_load(2)), OMEGA, method, rtol=1e-4)
     truth = np.sort(np.abs(roots.imag))
@@ -38,9 +39,9 @@ def test_constant_coefficients_have_their_own_frequencies(method):
         assert mode.mirror is None
 
 
-def test_modes_that_turn_too_far_in_a_step_get_no_order():
-    """`hsu` is exact for constant coefficients whatever its steps; 4 of them do not follow an order of
-    34, and nothing is known of the errors."""
+def test_modes_with_large_phase_advance_have_no_order():
+    """Hsu's method is exact for constant coefficients with any number of steps. Four steps do not resolve an
+    order of 34, and the errors are unknown."""
     M, C, K, _ = chain()
     stability = solve.floquet(constant(M, C, K, no_load(2)), OMEGA, "hsu", steps=4, rtol=1e-4)
     assert stability.unresolved == 4
@@ -57,9 +58,9 @@ def test_floquet_modes_do_not_depend_on_step_lengths():
         assert ours.unfolded == pytest.approx(theirs.unfolded, rel=1e-6)
 
 
-def test_coordinates_that_turn_shift_the_order_by_one():
-    """An isotropic pair, seen from coordinates that turn with the speed: both modes keep their multipliers,
-    and the frequencies ω ± Ω of the turning coordinates are what is measured there."""
+def test_rotating_coordinates_shift_the_order_by_one():
+    """Isotropic pair in coordinates that rotate with the speed: both modes have the same multipliers, and
+    their frequencies are ω ± Ω in the rotating coordinates."""
     omega = 7.45
     M, K, G = np.eye(2), (omega**2 - OMEGA**2) * np.eye(2), 2 * OMEGA * np.array([[0.0, -1.0], [1.0, 0.0]])
     stability = solve.floquet(constant(M, G, K, no_load(2)), OMEGA, rtol=1e-9)
@@ -67,8 +68,8 @@ def test_coordinates_that_turn_shift_the_order_by_one():
     np.testing.assert_allclose(frequencies, np.repeat([omega - OMEGA, omega + OMEGA], 2), rtol=1e-8)
 
 
-def test_a_real_multiplier_names_both_orders():
-    """Inside Mathieu's tongue about δ = 1 both multipliers are real and negative, and the motion has half the
+def test_negative_real_multiplier_has_two_orders():
+    """Inside Mathieu's tongue about δ = 1, both multipliers are real and negative. The motion has half the
     frequency of the parameter, or odd multiples of it."""
     given = solve.load("mathieu", delta=1.0, epsilon=0.6)
     stability = solve.floquet(given, 1.0)
@@ -82,8 +83,8 @@ def test_a_real_multiplier_names_both_orders():
         assert mode == (0.0, 0.0, 0, pytest.approx(1.0, abs=1e-9), None)
 
 
-def test_the_gear_pair_vibrates_at_the_frequency_of_its_mean_stiffness():
-    """869 Hz, which its multiplier shows as 1.07 Hz."""
+def test_gear_pair_has_the_frequency_of_its_mean_stiffness():
+    """The frequency is 869 Hz, which the multiplier shows as 1.07 Hz."""
     pair = solve.load("gear_pair")
     stability = solve.floquet(pair, pair.labels.case_speed)
     phase = np.arange(4096) * (pair.period / 4096)
@@ -95,7 +96,7 @@ def test_the_gear_pair_vibrates_at_the_frequency_of_its_mean_stiffness():
     assert first.participation > 0.9
 
 
-def test_methods_without_maps_give_the_folded_frequency_alone():
+def test_methods_without_maps_give_the_folded_frequency_only():
     M, C, K, _ = chain()
     for mode in solve.floquet(constant(M, C, K, no_load(2)), OMEGA, "fourier", rtol=1e-4).modes:
         assert (mode.unfolded, mode.order, mode.participation) == (None, None, None)

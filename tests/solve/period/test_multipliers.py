@@ -1,4 +1,4 @@
-"""Multipliers and the digits of them that are known."""
+"""Multipliers and the number of their known digits."""
 
 from itertools import permutations
 
@@ -32,8 +32,8 @@ def test_infinite_error_leaves_no_multiplier_resolved():
 
 
 @given(st.integers(0, 2**31), st.integers(2, 5), st.booleans())
-def test_pairs_have_the_least_sum(seed, size, near):
-    """Of all permutations, whether or not they are nearly those by places."""
+def test_pairing_minimises_the_sum_of_distances(seed, size, near):
+    """Compared with all permutations, for multipliers that nearly agree in their sequence or do not."""
     random = np.random.default_rng(seed)
     numbers = random.normal(size=size)
     others = numbers + 0.3 * random.normal(size=size) if near else random.normal(size=size)
@@ -43,16 +43,17 @@ def test_pairs_have_the_least_sum(seed, size, near):
 
 
 def test_multiplier_distance_uses_the_best_pairing():
-    """Two of ours are nearest to one of theirs, and by places no pair is farther apart than it must be."""
+    """Two computed multipliers are nearest to the same reference. The pairing by position has the minimum
+    largest distance."""
     ours, theirs = _of(1.0, 0.5, 0.4), _of(1.25, 0.48, 0.2)
     assert ours.distance(theirs) == pytest.approx(0.25)
     assert _of(0.5, 0.4).distance(_of(0.2, 0.45)) == pytest.approx(0.2)
 
 
 @given(st.integers(0, 2**31), st.integers(2, 8))
-def test_balancing_takes_units_back(seed, size):
-    """Norms of rows and columns are alike whatever the units: within a factor of 2, and of another 2 for each
-    since units are rounded to powers of two."""
+def test_balancing_removes_the_effect_of_units(seed, size):
+    """Norms of rows and columns are similar in any units: within a factor of 2, and of another 2 for each
+    because scale factors are rounded to powers of two."""
     random = np.random.default_rng(seed)
     units = 10.0 ** random.uniform(-9, 9, size)
     matrices = random.uniform(0.1, 1.0, (3, size, size))
@@ -65,7 +66,7 @@ def test_balancing_takes_units_back(seed, size):
     np.testing.assert_array_equal(balance_matrices(matrices[1:2])[1], computed[1:2])
 
 
-def test_balancing_leaves_zeros():
+def test_balancing_does_not_change_zeros():
     for matrix in (np.zeros((3, 3)), [[0.0, 1.0], [0.0, 0.0]]):
         balanced, computed = balance_matrices(np.array(matrix))
         np.testing.assert_array_equal(balanced, matrix)

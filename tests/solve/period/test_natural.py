@@ -1,4 +1,4 @@
-"""Natural frequencies of free machines, of negative springs, and of nonsymmetric K."""
+"""Natural frequencies of free machines, with negative springs, and with nonsymmetric K."""
 
 import mpmath
 import numpy as np
@@ -11,7 +11,7 @@ INERTIA = 3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05
 
 
 def exact(M, K):
-    """λ of diagonal M and symmetric K, to 40 digits."""
+    """Roots λ for diagonal M and symmetric K, with 40 digits."""
     with mpmath.workdps(40):
         unit = mpmath.diag([1 / mpmath.sqrt(m) for m in np.diag(M)])
         return np.array([float(x) for x in sorted(mpmath.eigsy(unit * mpmath.matrix(K) * unit)[0])])
@@ -30,7 +30,7 @@ def test_the_first_frequency_of_a_free_chain_is_exactly_zero():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_frequencies_are_accurate_with_rigid_body_and_stiff_modes(seed):
-    """Two unconnected geared trains with two rigid-body modes, in mixed units."""
+    """Two unconnected geared trains have two rigid-body modes. The units are mixed."""
     draw = np.random.default_rng(seed)
     M, K = np.zeros((2, 7, 7))
     for part in (slice(0, 3), slice(3, 7)):
@@ -46,7 +46,7 @@ def test_frequencies_are_accurate_with_rigid_body_and_stiff_modes(seed):
 
 @pytest.mark.parametrize("k1", [-3.0, -2.0, -0.5, 0.5, 3.0])
 def test_a_negative_spring_keeps_the_mode_numbers(k1):
-    """Closed form for two unit masses on k1 and 100 N/m, with 1 N/m between them."""
+    """Closed form for two unit masses on springs k1 and 100 N/m, with 1 N/m between the masses."""
     a, b = k1 + 1.0, 101.0
     root = np.hypot((a - b) / 2, 1.0)
     low, high = (a + b) / 2 - root, (a + b) / 2 + root
@@ -61,8 +61,8 @@ def test_a_negative_spring_keeps_the_mode_numbers(k1):
     assert np.isnan(frequencies.growth_rates[0, 1])
 
 
-def test_a_mode_that_grows_comes_before_a_rigid_body_mode():
-    """Two discs on a shaft of negative stiffness, and two on a positive one."""
+def test_growing_mode_precedes_the_rigid_body_mode():
+    """Two discs on a shaft of negative stiffness, and two on a shaft of positive stiffness."""
     K = np.zeros((4, 4))
     K[:2, :2], K[2:, 2:] = chain([-8.0]), chain([2.0])
     frequencies = natural_frequencies(np.eye(4)[None], K[None], 4)
@@ -70,7 +70,7 @@ def test_a_mode_that_grows_comes_before_a_rigid_body_mode():
     np.testing.assert_allclose(frequencies.frequencies[0], [np.nan, 0.0, 0.0, 2.0])
 
 
-def test_circulatory_forces_give_a_pair_a_frequency_and_a_growth_rate():
+def test_circulatory_forces_yield_frequency_and_growth_rate():
     """λ = k ± i p for K = [[k, p], [-p, k]]."""
     frequencies = natural_frequencies(np.eye(2)[None], np.array([[[4.0, 3.0], [-3.0, 4.0]]]), 2)
     root = np.sqrt(-(4.0 + 3.0j))
@@ -80,7 +80,7 @@ def test_circulatory_forces_give_a_pair_a_frequency_and_a_growth_rate():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_equations_in_any_units_have_the_same_frequencies(seed):
-    """Scaled rows, so that neither matrix is symmetric; two λ are equal and must not be split by
+    """The rows are scaled, so that neither matrix is symmetric. Two λ are equal and must not be separated by
     round-off."""
     draw = np.random.default_rng(seed)
     vectors = np.linalg.qr(draw.standard_normal((4, 4)))[0]
@@ -99,7 +99,8 @@ def test_positions_with_and_without_a_rigid_body_mode():
 
 
 def test_slopes_of_a_free_pair_and_of_equal_eigenvalues():
-    """λ = 0, k (1/J1 + 1/J2); for two equal λ of diagonal matrices, the mean of both slopes."""
+    """λ = 0 and k (1/J1 + 1/J2). For two equal λ of diagonal matrices, the result is the mean of both
+    slopes."""
     J1, J2, k = 0.1, 0.2, 10.0
     by_K, by_M = np.array([chain([1.0]), 0 * chain([1.0])]), np.array([0 * np.eye(2), np.diag([1.0, 0.0])])
     computed = slopes(np.diag([J1, J2]), chain([k]), by_M, by_K)

@@ -1,4 +1,4 @@
-"""A system alone and among hundreds of others: the same bytes, steps, verdicts and warnings."""
+"""A system solved alone and among hundreds of others: the same bytes, steps, verdicts and warnings."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ SEEDS, PLACE = range(8), 217
 
 @dataclass(frozen=True)
 class Several:
-    """Systems at speed 1, side by side, each sampled by itself; `which` (P,) are their numbers."""
+    """Batch of systems at speed 1, each evaluated by itself. `which` (P,) are the numbers of the systems."""
 
     each: tuple
     which: np.ndarray
@@ -58,7 +58,7 @@ class Several:
 
 @pytest.fixture(scope="module", params=[(1, 1000), (2, 250), (3, 250)], ids=["1", "2", "3"])
 def points(request):
-    """Points of eight systems in turn; the one at PLACE occurs once."""
+    """Batch of points that cycle through eight systems, one of which occurs only once, at PLACE."""
     n, count = request.param
     each = tuple(systems.random_system(seed, n) for seed in (*SEEDS, 77))
     which = np.arange(count) % len(SEEDS)
@@ -134,7 +134,7 @@ def test_batched_matrices_match_each_point(points):
 
 
 def test_equation_factors_match_each_single_point():
-    """Points with equations in their own units and in others, side by side."""
+    """The points have equations in their own units and in other units."""
     far = 2.0 ** np.array([0, 30, -30])
 
     def in_units(seed, units):

@@ -1,4 +1,4 @@
-"""The polynomials of a curve, their derivatives, and phases of any turn."""
+"""Polynomials of a curve, their derivatives, and phases outside the first period."""
 
 import numpy as np
 import pytest
@@ -24,14 +24,14 @@ def test_quintics_and_their_derivatives_are_reproduced(quintic, derivative):
     np.testing.assert_allclose(quintic(phase, derivative), expected, rtol=0, atol=1e-10)
 
 
-def test_curve_accepts_unsorted_phases_of_any_turn(quintic):
+def test_curve_accepts_unsorted_phases_of_any_period(quintic):
     phase = np.array([1.7, 0.2, 1.1])
     for turns in (-3, -1, 1, 7):
         np.testing.assert_allclose(quintic(phase + turns * 2.0), quintic(phase), rtol=0, atol=1e-12)
     assert quintic(np.array([])).shape == (2, 0)
 
 
-def test_the_end_of_the_turn_is_the_start_of_the_next(quintic):
+def test_end_of_a_period_is_the_start_of_the_next(quintic):
     np.testing.assert_array_equal(quintic(np.array([2.0])), quintic(np.array([0.0])))
     before = quintic(np.array([-1e-18, np.nextafter(2.0, 0.0)]))
     np.testing.assert_allclose(before[:, 1], [p(2.0) for p in POLYNOMIALS], rtol=1e-12)

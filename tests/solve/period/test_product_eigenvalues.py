@@ -1,4 +1,5 @@
-"""Eigenvalues of products against known spectra, exact arithmetic and closed forms."""
+"""Eigenvalues of products of matrices, compared with prescribed spectra, exact arithmetic and closed
+forms."""
 
 import mpmath
 import numpy as np
@@ -22,7 +23,7 @@ def orthogonal(rng, N):
 
 
 def bases(rng, N, m, condition):
-    """Matrices (m, N, N) of the condition number given."""
+    """Matrices (m, N, N) with the given condition number."""
     scales = condition ** np.linspace(-0.5, 0.5, N)
     return np.array(
         [orthogonal(rng, N) @ np.diag(rng.permutation(scales)) @ orthogonal(rng, N) for _ in range(m)]
@@ -30,13 +31,13 @@ def bases(rng, N, m, condition):
 
 
 def transformed(S, cores):
-    """Factors S_{k+1} D_k S_k⁻¹ of a product similar to that of the cores D_k."""
+    """Factors S_{k+1} D_k S_k⁻¹, whose product is similar to the product of the cores D_k."""
     return np.roll(S, -1, axis=0) @ cores @ np.linalg.inv(S)
 
 
 def chain(rng, N, m, logarithms, angles, unevenness, condition):
-    """Factors (m, N, N) of a product with eigenvalues exp(logarithms) (N,), those of the first pairs equal
-    in modulus and turned by ± their angles; each grows unevenly along the chain."""
+    """Factors (m, N, N) of a product with eigenvalues exp(logarithms) (N,). The first pairs have equal moduli
+    and the arguments ± angles. Each eigenvalue grows unevenly along the chain."""
     steps = unevenness * rng.standard_normal((m, N)) / np.sqrt(m)
     steps += (logarithms - steps.sum(axis=0)) / m
     pairs = len(angles)
@@ -56,7 +57,7 @@ def spectrum(logarithms, angles):
 
 
 def exact_logarithms(factors):
-    """log ρ of the product of the factors (m, N, N), from 320 digits."""
+    """log ρ of the product of the factors (m, N, N), computed with 320 digits."""
     with mpmath.workdps(320):
         product = mpmath.eye(factors.shape[-1])
         for factor in factors:
@@ -67,7 +68,8 @@ def exact_logarithms(factors):
 
 
 def differences(computed, exact):
-    """|log ρ - log ρ*| of each found logarithm (N,) and its match, modulo 2πi; a found 0 is very far off."""
+    """|log ρ - log ρ*| (N,) of each computed logarithm and its match, modulo 2πi. The difference of a
+    computed ρ = 0 is very large."""
     apart = computed[:, None] - exact
     apart.imag = (apart.imag + np.pi) % (2 * np.pi) - np.pi
     distance = np.minimum(np.abs(apart), 1e9)
@@ -80,7 +82,7 @@ def step_maps(given, steps, period=2 * np.pi):
 
 
 def one(factors, **settings):
-    """Logarithms (N,) and errors (N,) of a single product."""
+    """Logarithms (N,) and errors (N,) for a single product."""
     eigenvalues = product_eigenvalues(np.asarray(factors, dtype=float)[None], **settings)
     return eigenvalues.logarithms[0], eigenvalues.errors[0]
 
@@ -106,7 +108,7 @@ KINDS = ["apart", "wide", "like modulus", "close", "uneven", "defective"]
 
 
 def member(rng, kind):
-    """Factors of one product of the population."""
+    """Factors of one product in the population."""
     N, m = int(rng.integers(2, 5)), int(np.exp(rng.uniform(0, np.log(40))))
     logarithms = rng.uniform(-5, 5, N)
     if kind in ("wide", "uneven", "defective"):
@@ -127,7 +129,7 @@ def member(rng, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_errors_keep_within_ten_times_their_estimates(kind):
+def test_errors_are_at_most_ten_times_their_estimates(kind):
     rng = np.random.default_rng([KINDS.index(kind), 5])
     true, estimated = [], []
     for _ in range(55):
@@ -220,7 +222,7 @@ def test_undamped_multipliers_lie_on_the_circle():
 @pytest.mark.parametrize(
     "values", [[1, -1, 1, -1, 0.5, 2], [3, 1 / 3, 1, -1, 0.5, 2], [2, 2, 2, -2, -2, -2], [1, 1, 1, 1, 1, 1]]
 )
-def test_real_multipliers_of_like_modulus(values):
+def test_real_multipliers_of_equal_modulus_and_opposite_sign(values):
     S = bases(np.random.default_rng(1), 6, 49, 30.0)
     computed, errors = one(transformed(S, np.broadcast_to(np.diag(values), S.shape)))
     exact = 49 * np.log(np.abs(values)) + 1j * np.pi * (np.array(values) < 0)
@@ -251,7 +253,7 @@ def test_reported_errors_cover_defective_multipliers():
         assert (errors[size:] < 1e-10).all()
 
 
-def test_exact_zeros_and_singular_factors():
+def test_singular_factors_yield_exact_zeros():
     rng = np.random.default_rng(3)
     factors = rng.standard_normal((5, 4, 4))
     factors[:, :, 3] = 0.0

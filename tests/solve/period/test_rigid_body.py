@@ -1,4 +1,4 @@
-"""Rigid-body modes of chains, geared trains and their combinations, in any units."""
+"""Rigid-body modes of chains, geared trains and combinations of these, in any units."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ CHAIN = 12e3, 12e3, 14e3, 10e3
 
 
 def chain(stiffness, ratios=None):
-    """K of discs in line; ratios: speed of each relative to the first."""
+    """K of discs in series. ratios: speed of each disc relative to the first."""
     n = len(stiffness) + 1
     ratios = np.ones(n) if ratios is None else np.asarray(ratios)
     K = np.zeros((n, n))
@@ -21,7 +21,7 @@ def chain(stiffness, ratios=None):
 
 
 def over_the_period(K, phases=32):
-    """K with a stiffness that varies over the period."""
+    """Matrices K at several phases, with a stiffness that varies over the period."""
     return K * (1 + 0.3 * np.cos(np.linspace(0, 2 * np.pi, phases, endpoint=False)))[None, :, None, None]
 
 
@@ -59,7 +59,7 @@ def test_units_of_coordinates_and_equations_do_not_matter(seed):
 
 
 def test_undamped_modes_come_first():
-    """Two chains, the first with drag, and a coupling that damps only their relative motion."""
+    """There are two chains, the first with drag, and a coupling that damps only their relative motion."""
     K = block(chain([1e3, 2e3]), chain([3e3]))[None, None]
     drag = np.diag([0.0, 0.5, 0, 0, 0])[None, None]
     modes = rigid_body_modes(K, drag)
@@ -73,7 +73,7 @@ def test_undamped_modes_come_first():
     np.testing.assert_allclose(modes.measures @ modes.vectors, np.eye(2)[None], atol=1e-15)
 
 
-def test_a_direction_free_at_some_phases_is_not_a_mode():
+def test_direction_free_at_some_phases_only_is_not_a_mode():
     phase = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     along = np.stack([np.cos(phase), np.sin(phase)], axis=-1)
     K = along[None, :, :, None] * along[None, :, None]
@@ -85,7 +85,7 @@ def test_a_direction_free_at_some_phases_is_not_a_mode():
 
 
 @pytest.mark.parametrize(("part", "free"), [(0.1 * BOUND, True), (30 * BOUND, False)])
-def test_the_bound_separates_round_off_from_soft_springs(part, free):
+def test_bound_separates_round_off_from_soft_springs(part, free):
     K = chain([1e4])
     K[0, 0] += part * 1e4
     modes = rigid_body_modes(K[None, None], 0 * K[None, None])
@@ -94,7 +94,7 @@ def test_the_bound_separates_round_off_from_soft_springs(part, free):
         assert modes.errors[0, 0] == pytest.approx(part / 2, rel=1e-2)
 
 
-def test_round_off_of_the_inertia_is_no_stiffness():
+def test_round_off_of_the_inertia_is_not_a_stiffness():
     M = np.ones((1, 1, 1, 1))
     assert rigid_body_modes(1e-15 * M, 0 * M, M).any.all()
     assert not rigid_body_modes(1e-12 * M, 0 * M, M).any.any()

@@ -1,4 +1,4 @@
-"""Extrema, means and harmonics against closed forms."""
+"""Extrema, means and harmonics, compared with closed forms."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_harmonics_of_a_sum_of_cosines(parts, mean, period):
     np.testing.assert_allclose(computed[len(parts) + 1 :], 0.0, rtol=0, atol=1e-12)
 
 
-def test_a_negative_mean_keeps_its_sign():
+def test_negative_mean_retains_its_sign():
     assert harmonics(lambda phase: np.full_like(phase, -3.0), 1.0, 4)[0].tolist() == [
         -3.0,
         0.0,
@@ -57,7 +57,7 @@ def test_a_negative_mean_keeps_its_sign():
 
 
 @given(st.integers(0, 3000))
-def test_any_number_of_harmonics_is_given_even_beyond_the_samples(count):
+def test_number_of_harmonics_may_exceed_that_of_the_samples(count):
     computed, _ = harmonics(lambda phase: np.cos(7 * phase), 2 * np.pi, count)
     assert len(computed) == count + 1
     if count >= 7:
@@ -72,7 +72,7 @@ def test_invalid_harmonic_counts_are_refused(count):
 
 
 def test_extremum_between_samples_matches_the_curve():
-    """Resonant peak 1/(1 + (φ - φ0)²/w²), narrower than four samples, off the grid."""
+    """The resonant peak 1/(1 + (φ - φ0)²/w²) is narrower than four samples and lies between grid points."""
     centre, width = 1.2345678, 4e-3
 
     def peak(phase):
@@ -84,12 +84,12 @@ def test_extremum_between_samples_matches_the_curve():
     assert computed.max_phase == pytest.approx(centre, abs=1e-8)
 
 
-def test_an_extremum_at_the_end_of_the_turn():
+def test_extremum_at_the_end_of_the_period():
     computed = signal_statistics(lambda phase: np.cos(phase + 1e-4), 2 * np.pi)
     assert computed.max == pytest.approx(1.0, abs=1e-14)
     assert computed.max_phase == pytest.approx(2 * np.pi - 1e-4, abs=1e-7)
 
 
-def test_a_constant_has_its_value_everywhere():
+def test_statistics_of_a_constant():
     computed = signal_statistics(lambda phase: np.full_like(phase, -2.0), 1.0)
     assert (computed.max, computed.min, computed.max_abs, computed.mean) == (-2.0, -2.0, 2.0, -2.0)

@@ -1,4 +1,4 @@
-"""The four verdicts, defective multipliers on the unit circle among them."""
+"""The four verdicts, also for defective multipliers on the unit circle."""
 
 import numpy as np
 import pytest
@@ -45,11 +45,11 @@ def free(M, C, K):
 )
 def test_verdicts_of_constant_coefficients(method, M, C, K, verdict):
     stability = floquet(free(M, C, K), 1.0, method)
-    assert stability.verdict == verdict or known_too_badly(stability)
+    assert stability.verdict == verdict or is_inaccurate(stability)
 
 
-def known_too_badly(computed):
-    """Whether a series, whose multiple exponents rounding tears apart, leaves the verdict open."""
+def is_inaccurate(computed):
+    """Whether the verdict is undetermined because round-off splits multiple exponents of a series."""
     error = computed.error_estimate.multipliers * computed.spectral_radius
     return computed.method in {"fourier", "hill"} and computed.verdict == "undetermined" and error > 1e-6
 
@@ -63,7 +63,7 @@ def test_unresolved_growth_is_never_called_stable(method, steps):
 
 
 def test_units_do_not_hide_growth():
-    """q1 grows as exp(0.1 t), whatever a metre of q2 is called."""
+    """q1 grows as exp(0.1 t), whatever the unit of q2."""
     scaled = free(np.eye(2), np.diag([-0.2, 0.1]), [[4.3, 1e18], [0, 9.7]])
     stability = floquet(scaled, 1.0)
     assert stability.verdict == "unstable"
@@ -100,14 +100,16 @@ def test_growth_near_1e_6_leaves_the_verdict_undetermined(growth):
 
 @pytest.mark.parametrize("stiffness", [3e3, 2e4])
 def test_undamped_system_is_stable_even_with_a_loose_tolerance(stiffness):
-    """Multipliers of an undamped system lie on the unit circle; they are found to 1e-6 at any tolerance."""
+    """The multipliers of an undamped system lie on the unit circle. They are computed to 1e-6 with any
+    tolerance."""
     stability = floquet(free([[1.0]], [[0.0]], [[stiffness]]), 1.0, "gauss", rtol=1e-3)
     assert stability.verdict == "stable"
     assert stability.error_estimate.multipliers <= 1e-6
 
 
 def test_huge_multipliers_give_a_verdict_without_numerical_warnings():
-    """An error as large as 1e272 times a spectral radius of 1e265 is more than a number holds."""
+    """The product of the relative error 1e272 and the spectral radius 1e265 exceeds the range of floating
+    point."""
     chosen = floquet(cam(), "100 rpm", Newmark(0.25, 1 / 6), steps=10_000, rtol=0.5)
     assert chosen.spectral_radius > 1e100
     assert chosen.verdict in {"undetermined", "unstable"}
@@ -124,8 +126,8 @@ def mathieu(delta, epsilon):
 
 @pytest.mark.parametrize("epsilon", [0.3, 2.0, 8.0])
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_mathieus_tongues(order, epsilon):
-    """Unstable between b_k and a_k (q = ε/2), stable on the other side of either."""
+def test_mathieus_equation_is_unstable_inside_its_tongues_only(order, epsilon):
+    """It is unstable between b_k and a_k (q = ε/2), and stable outside."""
     low, high = mathieu_b(order, epsilon / 2), mathieu_a(order, epsilon / 2)
     inside = min(1e-3, (high - low) / 4)
     assert low < high
@@ -139,13 +141,14 @@ def test_mathieus_tongues(order, epsilon):
 @pytest.mark.parametrize("epsilon", [0.5, 3.0])
 @pytest.mark.parametrize("characteristic", [mathieu_a, mathieu_b])
 @pytest.mark.parametrize("order", [1, 2])
-def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order, epsilon, method):
-    """One solution is periodic, the other grows with time, which δ ± 1e-16 would change."""
+def test_double_multiplier_on_a_boundary_is_defective(characteristic, order, epsilon, method):
+    """One solution is periodic, and the other one grows linearly with time. A change of δ by 1e-16 would
+    change this."""
     stability = floquet(mathieu(characteristic(order, epsilon / 2), epsilon), 1.0, method, rtol=1e-11)
     np.testing.assert_allclose(stability.multipliers, (-1.0) ** order, rtol=0, atol=1e-5)
     assert np.abs(stability.multipliers - (-1.0) ** order).max() <= 10 * stability.error_estimate.multipliers
     assert stability.verdict == "undetermined"
-    assert known_too_badly(stability) or any(
+    assert is_inaccurate(stability) or any(
         "lie on the unit circle or coincide on it" in warning for warning in stability.warnings
     )
 
@@ -158,9 +161,9 @@ def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order,
     [([[0, 1], [0, 0]], "unstable"), (np.diag([0, 1e4]), "stable"), (np.diag([1, 0]), "stable")],
 )
 def test_motion_relative_to_a_rigid_body_mode_may_drift(method, K, verdict):
-    """q = a + bt in one coordinate is excluded; in the second case it drives another drift."""
+    """The drift q = a + bt of one coordinate is excluded. In the second case, it drives another drift."""
     stability = floquet(free(np.eye(2), np.zeros((2, 2)), K), 1.0, method)
-    assert stability.verdict == verdict or known_too_badly(stability)
+    assert stability.verdict == verdict or is_inaccurate(stability)
 
 
 @given(seeds, st.integers(1, 3))
@@ -175,14 +178,14 @@ def test_sign_of_the_damping_decides_the_verdict(seed, n):
 
 
 def test_rigid_body_mode_with_a_stiff_mode_is_excluded():
-    """q1 = a + bt beside an undamped stiff mode."""
+    """The motion q1 = a + bt occurs together with an undamped stiff mode."""
     for stiffness in (1e2, 1e4, 1e6):
         stability = floquet(free(np.eye(2), np.zeros((2, 2)), np.diag([0.0, stiffness])), 1.0)
         assert stability.verdict == "stable"
         assert stability.rigid_body_modes[0].vector == (1.0, 0.0)
 
 
-def test_multipliers_fall_in_modulus_the_positive_imaginary_part_first():
+def test_multipliers_are_sorted_by_modulus_and_imaginary_part():
     computed = floquet(free(np.eye(3), np.diag([0.3, 0.1, 0.9]), np.diag([2.0, 3.0, 0.01])), 1.0).multipliers
     assert (np.diff(np.abs(computed)) <= 1e-12).all()
     complex_ones = np.flatnonzero(np.abs(computed.imag) > 1e-9)
@@ -192,8 +195,9 @@ def test_multipliers_fall_in_modulus_the_positive_imaginary_part_first():
 
 
 @pytest.mark.parametrize("speed", [1e5, 1e6])
-def test_a_slow_mode_without_damping_is_stable(speed):
-    """Multipliers exp(±2πi ω/Ω), near +1 and each other, yet further apart than their errors."""
+def test_undamped_slow_mode_is_stable(speed):
+    """The multipliers exp(±2πi ω/Ω) are near +1 and near each other, but their distance exceeds their
+    errors."""
     assert floquet(free([[1.0]], [[0.0]], [[3.3]]), speed).verdict == "stable"
 
 
@@ -201,16 +205,17 @@ def test_a_slow_mode_without_damping_is_stable(speed):
     ("detuning", "verdict"),
     [(1e-4, "stable"), (1e-5, "stable"), (1e-6, "stable"), (1e-15, "undetermined"), (0.0, "undetermined")],
 )
-def test_one_way_coupling_is_stable_unless_rounding_hides_the_detuning(detuning, verdict):
-    """K = [[3.3, 1], [0, 3.3 + detuning]]: secular growth at resonance, bounded motion beside it."""
+def test_one_way_coupling_is_stable_if_detuning_exceeds_round_off(detuning, verdict):
+    """K = [[3.3, 1], [0, 3.3 + detuning]]: linear growth at resonance, bounded motion otherwise."""
     K = np.array([[3.3, 1.0], [0.0, 3.3 + detuning]])
     assert floquet(free(np.eye(2), np.zeros((2, 2)), K), 1.0).verdict == verdict
 
 
 @given(seeds, st.integers(2, 4), st.sampled_from([0.0, 1e-6]))
 @settings(max_examples=25, deadline=None)
-def test_the_drift_of_a_free_chain_is_left_out(seed, n, ground):
-    """Masses between springs, in units of any size, with dampers between them: q = v t in all alike."""
+def test_drift_of_a_free_chain_is_excluded(seed, n, ground):
+    """Masses are connected by springs and dampers, in units of any size. In the drift, q = v t is the same
+    for all masses."""
     rng = np.random.default_rng(seed)
     k, c = rng.uniform(0.5, 2, n - 1), rng.uniform(0, 0.2, n - 1)
     joints = np.eye(n - 1, n) - np.eye(n - 1, n, k=1)
@@ -230,7 +235,7 @@ def test_the_drift_of_a_free_chain_is_left_out(seed, n, ground):
 
 
 def test_short_stiffness_pulse_prevents_a_rigid_body_drift():
-    """K = 1e-3 over 1e-4 of the turn: ρ = 1 ± 7.9e-4 i."""
+    """K is 1e-3 during 1e-4 of a revolution: ρ = 1 ± 7.9e-4 i."""
     start = 2 * np.pi * 10.1 / 128
 
     def matrices(phase, speed):
@@ -244,7 +249,7 @@ def test_short_stiffness_pulse_prevents_a_rigid_body_drift():
 
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-6])
 def test_drift_coupled_to_another_coordinate_is_excluded(unit):
-    """q = (v t, 0.35 v) solves it."""
+    """q = (v t, 0.35 v) is a solution."""
     D = np.diag([1.0, unit])
     stability = floquet(free(D @ D, D @ [[0, 0.7], [-0.7, 0]] @ D, D @ np.diag([0.0, 2.0]) @ D), 1.0)
     assert stability.verdict == "stable"
@@ -254,7 +259,7 @@ def test_drift_coupled_to_another_coordinate_is_excluded(unit):
 @pytest.mark.parametrize("seed", [0, 11, 24, 45])
 @pytest.mark.parametrize("method", ["gauss", "radau"])
 def test_error_covers_a_triple_defective_multiplier(seed, method):
-    """Three equal modes, each driving the next, seen from other axes: |ρ| = exp(-1e-6 π)."""
+    """Three equal modes, each of which drives the next, in other axes: |ρ| = exp(-1e-6 π)."""
     Q = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
     K = Q.T @ (2 * np.eye(3) + np.eye(3, k=1)) @ Q
     stability = floquet(free(np.eye(3), 1e-6 * np.eye(3), K), 1.0, method, rtol=1e-3)
@@ -263,7 +268,7 @@ def test_error_covers_a_triple_defective_multiplier(seed, method):
 
 
 @pytest.mark.parametrize("coupling", [1e-2, 1e-4, 1e-6])
-def test_a_weak_one_way_coupling_at_equal_frequencies_is_not_stable(coupling):
+def test_weak_one_way_coupling_at_equal_frequencies_is_not_stable(coupling):
     assert floquet(free(np.eye(2), np.zeros((2, 2)), [[2, coupling], [0, 2]]), 1.0).verdict == "undetermined"
 
 

@@ -8,7 +8,7 @@ PHASES = np.array([0.1, 1.3, 2.9, 4.4, 6.0])
 
 
 def constant(A, B, C=None):
-    """System of first order with constant matrices."""
+    """First-order system with constant matrices."""
     N, r = B.shape
     C = np.eye(N)[:1] if C is None else C
 
@@ -22,7 +22,7 @@ def constant(A, B, C=None):
 
 
 def varying(A, B, period=2 * np.pi, breaks=()):
-    """System of first order with functions of phases A (k, N, N) and B (k, N, r)."""
+    """First-order system with A (k, N, N) and B (k, N, r) as functions of the phase."""
     N, r = B(np.zeros(1)).shape[1:]
 
     def matrices(phase, speed):
@@ -42,7 +42,7 @@ def rotation(phase):
 
 
 def in_rotating_frame(breaks=()):
-    """A constant system in coordinates x = P(t) z that rotate: X = P X₀ Pᵀ (Johansson et al. 2007)."""
+    """Constant system in rotating coordinates x = P(t) z, for which X = P X₀ Pᵀ (Johansson et al. 2007)."""
 
     def A(phase):
         P = rotation(phase)
@@ -52,7 +52,7 @@ def in_rotating_frame(breaks=()):
 
 
 def random_system(seed, most=20):
-    """Periodic system with N states to `most`, two inputs, and entries of three harmonics."""
+    """Periodic system with N states up to `most`, two inputs, and entries with three harmonics."""
     rng = np.random.default_rng(seed)
     N = int(rng.integers(1, most + 1))
     a, b = rng.normal(size=(7, N, N)) / np.sqrt(N), rng.normal(size=(7, N, 2))

@@ -1,4 +1,4 @@
-"""Oscillator with two harmonics of load, and its response in closed form."""
+"""Oscillator under a load with two harmonics, and its response in closed form."""
 
 from functools import cache
 
@@ -9,7 +9,7 @@ MASS, DAMPING, STIFFNESS = 2.0, 0.3, 9.0
 
 
 def oscillator():
-    """m q̈ + c q̇ + k q = p1 cos φ + p2 cos 3φ, with the load as an output."""
+    """Oscillator m q̈ + c q̇ + k q = p1 cos φ + p2 cos 3φ, with the load as an output."""
     made = Mechanism("oscillator", "Oscillator with two harmonics of load")
     (q,) = made.coordinates(q=("m", "displacement"))
     m, c, k = made.parameters(

@@ -14,7 +14,7 @@ HERTZ = 0.0, 81.20762902, 141.21407139, 378.9529539, 536.36328293
 
 
 def train(inertia=INERTIA, stiffness=STIFFNESS, **changed):
-    """Discs in line, the first under 10 N m cos 2φ."""
+    """Discs in series, the first with the torque 10 N m cos 2φ."""
     n = len(inertia)
     made = Mechanism("train", "Discs on a shaft that is free to turn")
     a = made.coordinates(**{f"a{i}": ("rad", f"disc {i}") for i in range(1, n + 1)})
@@ -30,7 +30,7 @@ def train(inertia=INERTIA, stiffness=STIFFNESS, **changed):
 
 
 def masses(**changed):
-    """Two masses of 1 kg, with springs k1 and k2 to ground and kc between them."""
+    """Two masses of 1 kg with springs k1 and k2 to ground, and kc between the masses."""
     made = Mechanism("masses", "Two masses on springs")
     x, y = made.coordinates(x=("m", "first mass"), y=("m", "second mass"))
     (m,) = made.parameters(m=("kg", "each mass", "> 0"))
@@ -42,7 +42,7 @@ def masses(**changed):
 
 
 def squares_of_masses(k1):
-    """Closed form of λ of two masses with k2 = 100 and kc = 1."""
+    """Closed form of λ for the two masses with k2 = 100 and kc = 1."""
     middle, root = (k1 + 102.0) / 2, np.hypot((k1 - 100.0) / 2, 1.0)
     return middle - root, middle + root
 

@@ -1,4 +1,4 @@
-"""Unstable bands against characteristic values, closed forms and single solves."""
+"""Unstable bands, compared with characteristic values, closed forms and single solutions."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ DELTA, EPSILON = 4.0, 2.0
 
 
 def mathieu(delta=DELTA, epsilon=EPSILON, damping=0.0):
-    """q″ + damping q′ + (delta + epsilon cos 2φ) q = 0 with φ = Ωt."""
+    """System q″ + damping q′ + (delta + epsilon cos 2φ) q = 0 with φ = Ωt."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -25,7 +25,7 @@ def mathieu(delta=DELTA, epsilon=EPSILON, damping=0.0):
 
 
 def edge(values, order, low, high):
-    """The speed at which delta/Ω² is the characteristic value of that order at q = -epsilon/(2Ω²)."""
+    """Speed at which delta/Ω² equals the characteristic value of the given order at q = -epsilon/(2Ω²)."""
     return brentq(lambda w: values(order, EPSILON / (2 * w**2)) - DELTA / w**2, low, high, xtol=1e-14)
 
 
@@ -40,7 +40,7 @@ def test_edges_are_characteristic_values(engine):
         assert (band.open_low, band.open_high) == (False, False)
 
 
-def test_a_band_between_two_speeds_is_found():
+def test_band_between_two_speeds_is_found():
     speeds = np.linspace(0.9, 4.0, 9)
     bands = solve.bands(mathieu(), speeds)
     inside = [np.any((speeds > band.low) & (speeds < band.high)) for band in bands]
@@ -48,7 +48,7 @@ def test_a_band_between_two_speeds_is_found():
     assert not all(inside), "the grid alone would have shown both"
 
 
-def test_bands_reach_to_the_ends_of_the_range():
+def test_bands_may_extend_to_the_ends_of_the_range():
     (band,) = solve.bands(mathieu(), np.linspace(1.95, 2.05, 5))
     assert (band.low, band.high, band.open_low, band.open_high) == (1.95, 2.05, True, True)
 
@@ -60,7 +60,8 @@ def test_spectral_radius_of_a_band_is_its_maximum():
 
 
 def combined():
-    """Two oscillators of frequencies 1 and √2·1.5 that a symmetric coupling at order 1 pumps together."""
+    """Two oscillators with the frequencies 1 and √2·1.5, which a symmetric coupling of order 1 excites
+    together."""
 
     def matrices(phase, speed):
         M = np.tile(np.eye(2), (len(phase), 1, 1))
@@ -71,7 +72,7 @@ def combined():
     return systems.system(matrices, 2)
 
 
-def test_a_combination_resonance_is_a_complex_pair():
+def test_combination_resonance_has_a_complex_pair():
     system, total = combined(), 1.0 + np.sqrt(4.5)
     bands = solve.bands(system, np.linspace(0.9 * total, 1.1 * total, 12))
     (band,) = [band for band in bands if band.kind == "complex"]
@@ -84,7 +85,7 @@ def test_a_combination_resonance_is_a_complex_pair():
 
 
 def test_bands_of_three_nearly_equal_modes_are_separated():
-    """Beside a band in which both of the others are."""
+    """One band is next to a band that contains both of the others."""
 
     def shaken(w, share):
         def matrices(phase, speed):
@@ -112,7 +113,7 @@ def test_damping_removes_a_weak_band():
     assert solve.bands(mathieu(epsilon=0.0, damping=0.3), speeds) == []
 
 
-def test_growth_within_rounding_is_no_band():
+def test_growth_within_round_off_is_not_a_band():
     assert solve.bands(mathieu(epsilon=1e-7), np.linspace(0.9, 4.0, 40)) == []
 
 
@@ -132,7 +133,7 @@ def test_progress_reports_stages_and_points():
 
 
 def test_unresolved_tiny_multipliers_count_as_stable():
-    """At 1 rad/s no grid resolves the cam's multipliers; their relative errors are infinite."""
+    """At 1 rad/s, no grid resolves the multipliers of the cam; their relative errors are infinite."""
     cam = solve.load("cam")
     bands = solve.bands(cam, [1.0, 1.2], rtol=1e-2)
     assert list(bands) == []
@@ -142,17 +143,17 @@ def test_unresolved_tiny_multipliers_count_as_stable():
     assert alone.verdict == "asymptotically stable"
 
 
-def test_one_speed_is_no_range():
+def test_single_speed_is_refused():
     with pytest.raises(ValueOutOfBoundsError, match="at least two speeds"):
         solve.bands(mathieu(), [2.0, 2.0])
 
 
-def test_an_empty_range_is_refused():
+def test_empty_range_is_refused():
     with pytest.raises(ValueOutOfBoundsError, match="no speeds given; give speeds, such as"):
         solve.bands(mathieu(), [])
 
 
-def test_a_range_may_be_one_text():
+def test_range_may_be_a_text():
     assert solve.bands(mathieu(), "0.9:4:12 rad/s") == solve.bands(mathieu(), np.linspace(0.9, 4.0, 12))
 
 
@@ -166,7 +167,8 @@ def rpm(*speeds):
 
 @pytest.mark.parametrize("count", [2, 3, 17])
 def test_bands_do_not_depend_on_the_speeds_between_the_ends(count):
-    """Two wide bands, two narrow ones where multipliers meet off the real axis, stable speeds between."""
+    """There are two wide bands, two narrow ones in which multipliers meet off the real axis, and stable
+    speeds between them."""
     coupler = undamped_coupler()
     bands = solve.bands(coupler, f"4200:6000:{count} rpm")
     assert [band.kind for band in bands] == ["-1", "complex", "complex", "+1"]

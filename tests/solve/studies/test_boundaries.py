@@ -1,4 +1,4 @@
-"""The search for edges, with an evaluation that solves nothing."""
+"""Search for edges, with functions in place of solutions."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,8 @@ OUT_ABOVE, BACK, OUT_BELOW = 0.3, 0.6, 0.7
 @pytest.mark.parametrize("far", [0.9, 1.0, 1.3])
 @pytest.mark.parametrize("turned", [False, True])
 def test_intermediate_edge_of_another_kind_costs_at_most_bisection(far, turned):
-    """Beyond +1 between 0.3 and 0.6, beyond -1 from 0.7 on: whichever edge is found, within 1e-9."""
+    """A multiplier is beyond +1 between 0.3 and 0.6, and another one beyond -1 from 0.7 on. Either edge is
+    located to within 1e-9."""
     evaluated = 0
 
     def evaluate(points):
@@ -37,7 +38,8 @@ def test_intermediate_edge_of_another_kind_costs_at_most_bisection(far, turned):
 
 @pytest.mark.parametrize("edges", [1, 40, 2000])
 def test_smooth_edges_are_found_in_few_calls(edges):
-    """ρ = 1 + f(x) with f bent as much as inclined: a chord over the bracket misses its zero by a tenth."""
+    """ρ = 1 + f(x), where slope and curvature of f have similar effects: a chord over the bracket misses the
+    zero by a tenth."""
     zeros, calls = np.linspace(0.2, 0.8, edges), []
 
     def evaluate(points):
@@ -59,8 +61,8 @@ def test_smooth_edges_are_found_in_few_calls(edges):
 
 
 @pytest.mark.parametrize("damped", [True, False])
-def test_edges_of_pairs_are_found_as_smoothly(damped):
-    """With damping a pair passes through the circle, without it two pairs meet there and leave it."""
+def test_edges_of_complex_pairs_are_found_in_few_calls(damped):
+    """With damping, a pair crosses the circle; without damping, two pairs meet there and leave it."""
     edges, evaluated = 200, 0
     zeros = np.linspace(0.2, 0.8, edges)
 
@@ -85,8 +87,9 @@ def test_edges_of_pairs_are_found_as_smoothly(damped):
 
 
 @pytest.mark.parametrize("back", [0.35, 0.4, 0.5])
-def test_a_stable_stretch_ends_where_a_third_multiplier_leaves(back):
-    """Beyond -1 up to 0.3, beyond +1 from 0.7 on; a third one beyond +1 up to `back` leaves less stable."""
+def test_stable_interval_ends_where_a_third_multiplier_leaves(back):
+    """One multiplier is beyond -1 up to 0.3, and another one beyond +1 from 0.7 on. A third one beyond +1 up
+    to `back` shortens the stable interval."""
 
     def evaluate(points):
         x = points[:, 0]

@@ -1,4 +1,4 @@
-"""Stability charts against characteristic values and single solves."""
+"""Stability charts, compared with characteristic values and single solutions."""
 
 import pickle
 
@@ -22,13 +22,13 @@ def undamped():
 
 
 def distances(points):
-    """From each point (k, 2) to every characteristic curve a_0 … a_4, b_1 … b_4, along delta."""
+    """Distance along delta from each point (k, 2) to every characteristic curve a_0 … a_4 and b_1 … b_4."""
     delta, q = points[:, 0], points[:, 1] / 2
     curves = [mathieu_a(k, q) for k in range(5)] + [mathieu_b(k, q) for k in range(1, 5)]
     return np.abs(np.array(curves) - delta)
 
 
-def test_boundaries_are_characteristic_values(undamped):
+def test_boundaries_match_characteristic_values(undamped):
     for curve in undamped.boundaries:
         assert distances(curve.points).min(axis=0).max() < 1e-6
 
@@ -52,8 +52,9 @@ def test_tongues_thinner_than_a_cell_are_followed(undamped):
 
 
 @pytest.mark.slow
-def test_a_thin_tongue_is_followed_from_where_it_was_found():
-    """Two Mathieu oscillators: the third tongue of the second is thinner than a thirtieth of a cell."""
+def test_thin_tongue_is_followed_from_its_first_point():
+    """Of two Mathieu oscillators, the third tongue of the second one is thinner than a thirtieth of a
+    cell."""
     squares, loads = np.array([1014.6, 16233.5]), np.array([1233.7, 4934.8])
 
     def build(load):
@@ -77,7 +78,7 @@ def test_a_thin_tongue_is_followed_from_where_it_was_found():
             assert np.abs(row - speed).min() < 1e-6, (edge, load)
 
 
-def test_points_are_single_solves(undamped):
+def test_points_equal_single_solutions(undamped):
     rng = np.random.default_rng(0)
     for j, i in zip(rng.integers(0, 30, 8), rng.integers(0, 30, 8), strict=True):
         alone = undamped.at(undamped.x[i], undamped.y[j])
@@ -87,7 +88,7 @@ def test_points_are_single_solves(undamped):
         assert (undamped.kinds[j, i] == "") == alone.stable
 
 
-def test_a_stable_sliver_between_unstable_points_has_both_edges():
+def test_narrow_stable_range_has_both_edges():
     chart = solve.chart(
         solve.load("mathieu", zeta=0.0),
         {"delta": np.linspace(-6, -2, 9)},
@@ -103,8 +104,9 @@ def test_a_stable_sliver_between_unstable_points_has_both_edges():
     assert high - low < 0.6
 
 
-def test_no_sliver_where_another_multiplier_stays_outside():
-    """Beside Mathieu's coordinate another one grows everywhere, so that nothing is stable."""
+def test_no_narrow_stable_range_if_another_multiplier_is_outside():
+    """In addition to Mathieu's coordinate, another coordinate grows everywhere, so that no point is
+    stable."""
 
     def build(delta, epsilon):
         def matrices(phase, speed):
@@ -124,7 +126,7 @@ def test_no_sliver_where_another_multiplier_stays_outside():
 
 
 @pytest.mark.parametrize("held", ["x", "y"])
-def test_cuts_cross_where_the_values_are(undamped, held):
+def test_cuts_cross_the_boundaries_at_characteristic_values(undamped, held):
     cut = undamped.cut(x=4.3) if held == "x" else undamped.cut(y=1.0)
     points = [(4.3, at) if held == "x" else (at, 1.0) for at, _ in cut.crossings]
     assert len(points) >= 1
@@ -140,7 +142,7 @@ def test_damped_boundaries_lie_on_the_unit_circle():
             assert chart.at(x, y).spectral_radius == pytest.approx(1.0, abs=1e-5)
 
 
-def test_a_system_of_ones_own():
+def test_chart_of_a_user_function():
     def build(delta, epsilon):
         def matrices(phase, speed):
             one = np.ones((len(phase), 1, 1))
@@ -170,7 +172,7 @@ def test_a_system_of_ones_own():
         (X, {"zeta": [-1, 1]}, ValueOutOfBoundsError, "zeta"),
     ],
 )
-def test_bad_input(x, y, error, text):
+def test_invalid_input_is_refused(x, y, error, text):
     with pytest.raises(error, match=text):
         solve.chart("mathieu", x, y)
 
@@ -197,12 +199,12 @@ def test_chart_uses_the_case_speed_by_default():
     assert (plain != given).all()
 
 
-def test_a_speed_is_needed():
+def test_chart_requires_a_speed():
     with pytest.raises(MissingValueError, match="no speed given"):
         solve.chart(solve.load("cam"), {"k3": [1e8, 2e8]}, {"k2": [1e8, 2e8]})
 
 
-def test_the_picture_names_its_boundaries(undamped):
+def test_figure_labels_the_boundaries(undamped):
     figure = undamped.plot()
     assert figure.axes[0].get_xlabel().startswith("δ")
     names = [text.get_text() for text in figure.legends[0].get_texts()]
@@ -245,7 +247,7 @@ def test_chart_quantity_matches_single_solutions():
 
 
 def test_orbit_chart_warns_where_the_linear_model_fails():
-    """The warning is that of the orbit farthest beyond the bound; a chart of multipliers has no orbits."""
+    """The warning is that of the orbit farthest beyond the bound. A chart of multipliers has no orbits."""
     cam, speeds, stiff = solve.load("cam"), {"speed": [50.0, 60.0]}, {"k1": [7e4, 8e4]}
     orbits = [solve.periodic(cam.varied({"k1": k1}), speed) for k1 in (7e4, 8e4) for speed in (50.0, 60.0)]
     largest = max(orbit.statistics("q1").max_abs for orbit in orbits)
@@ -270,7 +272,7 @@ def test_violated_bounds_are_reported_despite_points_without_orbit():
 
 
 def test_orbit_chart_solves_once_and_keeps_stability_without_an_orbit(monkeypatch):
-    """Without damping cos(φ) forces the oscillator x″ + k x at speed 1: at k = 1 it has no orbit."""
+    """The undamped oscillator x″ + k x = cos φ has no orbit at k = 1 and speed 1."""
     solved, whole = [], Task.solved
     monkeypatch.setattr(Task, "solved", lambda *of: solved.append(len(of[2])) or whole(*of))
 

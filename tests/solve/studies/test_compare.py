@@ -1,4 +1,5 @@
-"""Methods side by side: errors against closed forms, least steps, and reasons where there is no result."""
+"""Comparison of methods: errors compared with closed forms, smallest numbers of steps, and reasons for
+missing results."""
 
 import math
 
@@ -15,7 +16,7 @@ SPEED = 3.0
 
 
 def oscillator(stiffness=4.0):
-    """q″ + 0.4 q′ + 4 q = cos φ + cos 5φ."""
+    """System q″ + 0.4 q′ + 4 q = cos φ + cos 5φ."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -30,7 +31,7 @@ def exact(phase):
 
 
 def true_errors(method, steps):
-    """Of orbit and multipliers, against closed forms."""
+    """Errors of orbit and multipliers, compared with closed forms."""
     orbit = solve.periodic(oscillator(), SPEED, method, steps=steps)
     phase = np.linspace(0.0, 2 * math.pi, 4001)
     truth = exact(phase)
@@ -49,7 +50,7 @@ def rows(comparison, at, method=None):
     return [row for row in comparison.rows if row.at == at and method in (None, row.method)]
 
 
-def test_errors_at_equal_steps_are_the_true_ones(comparison):
+def test_stated_errors_at_equal_steps_are_the_true_ones(comparison):
     computed = rows(comparison, "equal steps")
     assert [(row.method, row.steps) for row in computed] == [
         (method, steps) for method in ("radau", "newmark", "rk4") for steps in (50, 200)
@@ -65,7 +66,7 @@ def test_errors_at_equal_steps_are_the_true_ones(comparison):
         assert row.verdict == "asymptotically stable"
 
 
-def test_equal_accuracy_is_reached_with_the_least_steps(comparison):
+def test_target_is_reached_with_the_smallest_number_of_steps(comparison):
     for row in rows(comparison, "equal accuracy"):
         assert row.orbit_error <= row.target
         fewer = math.floor(row.steps / 1.04)
@@ -80,14 +81,14 @@ def test_required_steps_grow_with_the_order_of_the_method(comparison):
         )
 
 
-def test_the_reference_states_its_own_error(comparison):
+def test_reference_states_its_own_error(comparison):
     assert max(comparison.reference.error_estimate) < 1e-11
     assert comparison.warnings == []
     close = compare(oscillator(), SPEED, ["radau"], steps=[50], targets=[1e-13])
     assert "1e-13" in close.warnings[0]
 
 
-def test_every_method_of_the_registry_takes_part(monkeypatch):
+def test_every_registered_method_is_compared(monkeypatch):
     class Renamed(solve.Newmark):
         name = "newcomer"
 
@@ -107,7 +108,7 @@ def test_every_method_of_the_registry_takes_part(monkeypatch):
         assert (row.reason is None) == math.isfinite(row.orbit_error), row
 
 
-def test_settings_that_are_not_the_usual_ones_are_named():
+def test_unusual_settings_are_stated():
     comparison = compare(oscillator(), SPEED, [solve.Newmark(), solve.Newmark(beta=1 / 6)], [40], [0.1])
     assert [row.method for row in rows(comparison, "equal steps")] == ["newmark", f"newmark beta {1 / 6}"]
 
@@ -136,7 +137,8 @@ def test_unstable_method_has_an_unstable_verdict():
 
 
 def test_steps_too_long_for_the_fastest_mode_are_marked():
-    """ω_max h = 2π 100 / (3 · 50) = 4.2, which Newmark neither follows nor damps, and Radau damps."""
+    """ω_max h = 2π 100 / (3 · 50) = 4.2. Newmark's method neither resolves nor damps this mode; Radau damps
+    it."""
     comparison = compare(
         oscillator(stiffness=1e4), SPEED, ["newmark", "radau"], steps=[50, 400], targets=[0.5]
     )
@@ -175,7 +177,7 @@ def test_usual_steps_bracket_the_resolution_of_the_fastest_mode():
     assert usual_steps(oscillator(stiffness=1e8), 1.0) == [50_000, 100_000, 200_000, 500_000]
 
 
-def test_bad_input_is_refused():
+def test_invalid_input_is_refused():
     with pytest.raises(UnknownNameError, match="newmark"):
         compare(oscillator(), SPEED, ["newmrak"])
     with pytest.raises(ValueOutOfBoundsError, match="steps is 0"):

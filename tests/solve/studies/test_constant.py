@@ -1,5 +1,5 @@
-"""Stability with M, C and K constant over the period: closed forms, the solver at single speeds, and the
-number of solutions."""
+"""Stability for M, C and K that are constant over the period: closed forms, single solutions, and number of
+solutions."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 def over(matrices, n):
-    """System with M, C, K = matrices(speed) and a load with harmonics 0 to 2."""
+    """System with M, C, K = matrices(speed), and a load with harmonics 0 to 2."""
 
     def at(phase, speed):
         load = np.zeros((len(phase), n))
@@ -33,14 +33,14 @@ def free_chain(anchor=0.0):
 
 
 def shaft(k2):
-    """Unbalanced shaft of stiffnesses 1 and k2 in rotating coordinates: unstable between √1 and √k2 (S. H.
-    Crandall, P. J. Brosens, J. Appl. Mech. 28 (1961) 567-570)."""
+    """Unbalanced shaft with the stiffnesses 1 and k2 in rotating coordinates, unstable between √1 and √k2 (S.
+    H. Crandall, P. J. Brosens, J. Appl. Mech. 28 (1961) 567-570)."""
     return over(lambda speed: (np.eye(2), 2 * speed * TURN, np.diag([1.0, k2]) - speed**2 * np.eye(2)), 2)
 
 
 @pytest.fixture
 def solutions(monkeypatch):
-    """Counter of the points solved on grids."""
+    """Counter of the points that are solved on grids."""
     counted = [0]
     solved = Batch.solved
 
@@ -53,7 +53,7 @@ def solutions(monkeypatch):
 
 
 @pytest.mark.parametrize("anchor", [0.0, 0.1])
-def test_bands_of_a_chain_need_no_solution(solutions, anchor):
+def test_bands_of_a_chain_require_no_solution(solutions, anchor):
     bands = solve.bands(free_chain(anchor), "500:3000:30 rpm")
     assert list(bands) == []
     assert bands.constant_matrices
@@ -75,7 +75,7 @@ def test_a_shaft_of_two_stiffnesses_is_unstable_between_its_critical_speeds(solu
 
 
 def test_internal_damping_makes_a_rotor_unstable_above_its_threshold():
-    """ω0 (1 + outer / inner damping) (E. J. Gunter, NASA SP-113, 1966)."""
+    """The threshold is ω0 (1 + outer / inner damping) (E. J. Gunter, NASA SP-113, 1966)."""
     outer, inner = 0.02, 0.03
 
     def matrices(speed):
@@ -89,7 +89,7 @@ def test_internal_damping_makes_a_rotor_unstable_above_its_threshold():
 
 
 def test_a_narrow_band_of_flutter_is_found():
-    """K = [[1, p], [-p, 1.2]] flutters for p > 0.1; p exceeds this value near speed 2."""
+    """K = [[1, p], [-p, 1.2]] leads to flutter for p > 0.1. Near speed 2, p exceeds this value."""
 
     def matrices(speed):
         p = 0.1001 * np.exp(-50 * (speed - 2) ** 2)
@@ -102,7 +102,7 @@ def test_a_narrow_band_of_flutter_is_found():
 
 @pytest.mark.parametrize("seed", range(8))
 def test_verdicts_agree_with_the_solver(seed):
-    """Damped, gyroscopic, circulatory and free systems, each at five speeds."""
+    """Damped, gyroscopic, circulatory and free systems at five speeds each."""
     draw = np.random.default_rng(seed)
     n = 3
     A, B, G, P = draw.standard_normal((4, n, n))
@@ -127,7 +127,7 @@ def test_verdicts_agree_with_the_solver(seed):
         assert abs(judged.multipliers[at, 0]) == pytest.approx(modulus, rel=1e-6)
 
 
-def test_matrices_that_vary_a_little_are_not_constant():
+def test_slightly_varying_matrices_are_not_constant():
     K = chain([1.0, 2.0]) + np.eye(3)
 
     def at(phase, speed):
@@ -143,12 +143,12 @@ def test_matrices_that_vary_a_little_are_not_constant():
     assert constant_coefficients(task.batch(np.array([[1.0], [2.0]]))) is None
 
 
-def test_approximate_methods_keep_their_own_verdict():
+def test_approximate_methods_give_their_own_verdict():
     task, _ = task_of(over_speed(shaft(1.5)), "modal", 1e-8, "auto", orbit=False)
     assert constant_coefficients(task.batch(np.array([[1.0], [2.0]]))) is None
 
 
-def test_a_chart_of_a_chain_looks_for_no_tongues(solutions):
+def test_chart_of_a_chain_searches_no_tongues(solutions):
     def build(k1, anchor):
         K = chain([k1, *CHAIN[1:]]) + np.diag([anchor, 0, 0, 0, 0])
         return over(lambda speed: (INERTIA, 0 * K, K), 5)
@@ -159,7 +159,7 @@ def test_a_chart_of_a_chain_looks_for_no_tongues(solutions):
 
 
 def test_a_chart_of_rotors_finds_the_threshold():
-    """Speed ω0 (1 + outer / inner) over the outer damping."""
+    """The threshold ω0 (1 + outer / inner) as a function of the outer damping."""
 
     def build(outer, speed):
         K = np.eye(2) - 0.03 * speed * TURN

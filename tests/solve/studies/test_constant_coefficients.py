@@ -1,4 +1,4 @@
-"""Constant coefficients: the matrix exponential and the frequency response in closed form."""
+"""Constant coefficients, compared with the matrix exponential and the frequency response in closed form."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def state_matrix(M, C, K):
 
 
 def load(seed, n, orders=4):
-    """Complex amplitudes (orders+1, n) of d = Re Σ D_k exp(ikφ), and d itself."""
+    """Complex amplitudes (orders+1, n) of d = Re Σ D_k exp(ikφ), and the function d."""
     rng = np.random.default_rng(seed + 1)
     D = rng.standard_normal((orders + 1, n)) + 1j * rng.standard_normal((orders + 1, n))
     return D, lambda phase: np.real(np.exp(1j * np.outer(phase, np.arange(orders + 1))) @ D)
@@ -45,7 +45,7 @@ def test_multipliers_match_the_matrix_exponential(seed, n, speed, method):
 
 @given(seeds, st.integers(1, 4), st.floats(0.2, 5.0), METHODS)
 @settings(max_examples=40, deadline=None)
-def test_orbit_is_the_frequency_response(seed, n, speed, method):
+def test_orbit_matches_the_frequency_response(seed, n, speed, method):
     """q = Re Σ (K + ikΩC - k²Ω²M)⁻¹ D_k exp(ikφ)."""
     M, C, K = structure(seed, n, damping=0.5)
     D, force = load(seed, n)
@@ -73,8 +73,8 @@ def test_orbit_is_the_frequency_response(seed, n, speed, method):
 
 @given(seeds, st.integers(1, 3), st.floats(0.3, 3.0))
 @settings(max_examples=25, deadline=None)
-def test_exponents_are_the_eigenvalues_up_to_the_speed(seed, n, speed):
-    """λ = ln(ρ)/T differs from an eigenvalue by a whole number of iΩ."""
+def test_exponents_equal_eigenvalues_modulo_the_speed(seed, n, speed):
+    """λ = ln(ρ)/T differs from an eigenvalue by an integer multiple of iΩ."""
     M, C, K = structure(seed, n, damping=0.5)
     stability = floquet(constant(M, C, K, lambda phase: np.zeros((len(phase), n))), speed, rtol=1e-11)
     eigenvalues = np.linalg.eigvals(state_matrix(M, C, K))
@@ -86,7 +86,7 @@ def test_exponents_are_the_eigenvalues_up_to_the_speed(seed, n, speed):
 
 
 @pytest.mark.parametrize("method", ["radau", "gauss"])
-def test_the_quasi_static_solution_leaves_out_inertia_and_damping(method):
+def test_quasi_static_solution_omits_inertia_and_damping(method):
     M, C, K = structure(11, 3, damping=0.5)
     D, force = load(11, 3)
     orbit = periodic(constant(M, C, K, force), 2.0, method)

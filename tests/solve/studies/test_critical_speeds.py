@@ -1,4 +1,4 @@
-"""Critical speeds of systems whose frequencies are known."""
+"""Critical speeds of systems with known frequencies."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ FREQUENCIES, ZETA = np.array([10.0, 37.0]), 0.02
 
 
 def oscillators():
-    """Two oscillators apart from each other, pushed at orders 1 to 4."""
+    """Two uncoupled oscillators under loads of orders 1 to 4."""
     damping = np.diag(2 * ZETA * FREQUENCIES)
 
     def push(phase):
@@ -37,7 +37,7 @@ def rms(speed):
     return np.sqrt((size**2).sum() / 2)
 
 
-def test_the_response_is_largest_where_its_closed_form_is(computed):
+def test_maxima_of_the_response_match_the_closed_form(computed):
     rows = {row.order: row for row in computed.rows if row.mode == 1}
     for order in range(1, 5):
         near = FREQUENCIES[0] / order
@@ -46,7 +46,7 @@ def test_the_response_is_largest_where_its_closed_form_is(computed):
         assert rows[order].response.height == pytest.approx(rms(truth.x), rel=1e-7)
 
 
-def test_multipliers_turn_with_the_damped_frequency(computed):
+def test_maxima_of_multipliers_follow_from_the_damped_frequency(computed):
     decay, turn = ZETA * FREQUENCIES[0], FREQUENCIES[0] * np.sqrt(1 - ZETA**2)
     rows = {row.order: row for row in computed.rows if row.mode == 1}
     for order in range(1, 5):
@@ -78,7 +78,7 @@ def test_constant_matrices_have_no_combination_resonances(computed):
     assert computed.constant_matrices
 
 
-def test_a_range_may_be_one_text():
+def test_range_may_be_a_text():
     text, numbers = (
         solve.critical_speeds(oscillators(), speeds, figure="rms", orders=2)
         for speeds in ("5:6:4 rad/s", np.linspace(5.0, 6.0, 4))
@@ -86,7 +86,7 @@ def test_a_range_may_be_one_text():
     assert [row.speed for row in text.rows] == [row.speed for row in numbers.rows]
 
 
-def test_bad_input():
+def test_invalid_input_is_refused():
     system = oscillators()
     with pytest.raises(ValueOutOfBoundsError, match="at least two speeds"):
         solve.critical_speeds(system, [3.0])
@@ -98,7 +98,7 @@ def test_bad_input():
         solve.critical_speeds(system, [3.0, 4.0], orders=0)
 
 
-def test_the_picture_has_response_multiplier_and_campbell_diagram(computed):
+def test_figure_has_response_multiplier_and_campbell_diagram(computed):
     response, multiplier, campbell = computed.plot().axes
     assert response.get_ylabel().startswith("rms q1")
     assert "multiplier" in multiplier.get_ylabel()
@@ -112,7 +112,7 @@ def test_the_picture_has_response_multiplier_and_campbell_diagram(computed):
 
 
 def _growing(phase, speed):
-    """q″ + c q′ + 4 q, c < 0 between the speeds 2 and 3, where K is frozen at 4 all the same."""
+    """System q″ + c q′ + 4 q with c < 0 between the speeds 2 and 3. The frozen K is 4 at all speeds."""
     one = np.ones((len(phase), 1, 1))
     damping = -0.1 if 2.0 < speed < 3.0 else 0.1
     return one, damping * one, 4.0 * one, np.cos(phase)[:, None]
@@ -144,7 +144,7 @@ def test_imaginary_frozen_frequencies_give_a_warning():
     assert any("integer fractions are meaningless" in text for text in critical.warnings)
 
 
-def test_the_curve_goes_through_the_maxima_that_are_marked(computed):
+def test_curve_passes_through_the_marked_maxima(computed):
     for axes in computed.plot().axes[:2]:
         marks = [line for line in axes.get_lines() if line.get_marker() == "v"]
         points = set(zip(*axes.get_lines()[0].get_data(), strict=True))
@@ -153,7 +153,8 @@ def test_the_curve_goes_through_the_maxima_that_are_marked(computed):
 
 
 def test_peak_is_assigned_to_the_resonant_order():
-    """q1 is pushed at order 3 alone, and the other oscillator's seventh division lies where q1 is largest."""
+    """q1 is excited at order 3 only. The seventh division of the other oscillator lies at the maximum of
+    q1."""
     peak = 30.0 * np.sqrt(1 - 2 * ZETA**2) / 3
     frequencies = np.array([30.0, 7 * peak])
 
@@ -171,8 +172,8 @@ ZETA_OF_ROTOR = 0.01
 
 
 def rotor(asymmetry=0.2, zeta=ZETA_OF_ROTOR, frequency=100.0):
-    """A shaft of unequal stiffnesses with an unbalance, seen from the ground: whirling frequencies
-    ω sqrt(1 ± μ) with the shaft held still, and unstable between."""
+    """Shaft of unequal stiffnesses with an unbalance, in fixed coordinates. The whirling frequencies of the
+    shaft at rest are ω sqrt(1 ± μ); it is unstable between them."""
 
     def matrices(phase, speed):
         one = np.broadcast_to(np.eye(2), (len(phase), 2, 2))
@@ -185,9 +186,9 @@ def rotor(asymmetry=0.2, zeta=ZETA_OF_ROTOR, frequency=100.0):
 
 
 def test_unstable_rotor_growth_is_not_assigned_to_a_division():
-    """The response is largest at both edges of the band, where ρ = +1 meets order 1: turning with the shaft
-    it is constant, (1 + μ - s)(1 - μ - s) + 4 ζ² s = 0 with s = Ω²/ω². Between them no motion is reached, and
-    the multiplier's maximum there belongs to no division."""
+    """The response is largest at both edges of the band, where ρ = +1 and the order is 1: in rotating
+    coordinates it is constant, and (1 + μ - s)(1 - μ - s) + 4 ζ² s = 0 with s = Ω²/ω². Between the edges,
+    there is no sustained motion, and the maximum of the multiplier does not belong to a division."""
     half = np.sqrt(0.2**2 - 4 * ZETA_OF_ROTOR**2 + 4 * ZETA_OF_ROTOR**4)
     low, high = 100 * np.sqrt(1 - 2 * ZETA_OF_ROTOR**2 + np.array([-half, half]))
     critical = solve.critical_speeds(rotor(), np.linspace(40.0, 130.0, 91), orders=4)
@@ -213,8 +214,9 @@ def test_response_is_unbounded_at_edges_of_an_unstable_range():
 
 
 @pytest.mark.parametrize(("shaken", "other"), [(0.2, 102.0), (0.1, 94.0)])
-def test_both_edges_are_found_where_another_mode_leads(shaken, other):
-    """A second mode decays as slowly, so that its real part hides the one that rises beyond +1."""
+def test_both_edges_are_found_despite_another_dominant_mode(shaken, other):
+    """A second mode decays at the same rate, so that its real part hides that of the mode that passes through
+    +1."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -238,7 +240,7 @@ def test_both_edges_are_found_where_another_mode_leads(shaken, other):
     ],
 )
 def test_unstable_ranges_of_two_nearly_equal_modes_are_separated(frequencies, shares, ranges):
-    """Between two of the speeds; of the third pair the ranges overlap."""
+    """The gap is between two of the speeds. The ranges of the third pair overlap."""
     damping = 100 * min(shares) ** 2 / 16
 
     def shaken(w, share, turn):
@@ -271,7 +273,8 @@ def test_unstable_ranges_of_two_nearly_equal_modes_are_separated(frequencies, sh
 
 
 def test_neighbouring_unstable_resonances_are_separate_ranges():
-    """Two modes, parametrically coupled: principal resonances at 200 and 220, their sum at 210."""
+    """Two parametrically coupled modes have principal resonances at 200 and 220 and a combination resonance
+    at 210."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -299,7 +302,7 @@ def test_division_on_a_given_speed_is_reported_once():
     assert divided == [(1, 1), (1, 2), (1, 3), (1, 4)]
 
 
-def test_a_speed_with_a_singular_inertia_leaves_the_others():
+def test_speed_with_singular_inertia_does_not_affect_others():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         load = np.cos(phase)[:, None]
@@ -310,7 +313,7 @@ def test_a_speed_with_a_singular_inertia_leaves_the_others():
     assert "M is singular" in critical.notes[-1]
 
 
-def test_a_table_of_all_columns_fits_a_line_of_80(computed):
+def test_table_of_all_columns_fits_80_columns(computed):
     speed = 337.0
     row = Critical(
         Maximum(speed, 0.0213), Maximum(speed, -0.79), speed, 1, 2, speed, radius=Maximum(speed, 1.2)

@@ -1,4 +1,4 @@
-"""Periodic solutions at many speeds on one grid, against single solutions."""
+"""Periodic solutions at many speeds on one grid, compared with single solutions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Points without a result are reported as unknown, neither stable nor unstable."""
+"""Points without a result are reported as unknown, that is, neither stable nor unstable."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ LOW, HIGH = 1.3, 2.6
 
 
 def holed(delta, epsilon):
-    """Mathieu's equation without damping, NaN between LOW and HIGH."""
+    """Undamped Mathieu equation whose matrices are NaN between LOW and HIGH."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -40,7 +40,7 @@ def test_chart_marks_failed_points(gapped_chart):
 
 
 def test_no_boundary_is_drawn_at_failed_points(gapped_chart):
-    """The tongue of order 1 ends inside the hole for large epsilon: its right edge is not seen there."""
+    """For large epsilon, the right edge of the tongue of order 1 lies in the range without matrices."""
     for curve in gapped_chart.boundaries:
         delta, q = curve.points[:, 0], curve.points[:, 1] / 2
         assert not ((delta > LOW) & (delta < HIGH)).any()
@@ -49,7 +49,7 @@ def test_no_boundary_is_drawn_at_failed_points(gapped_chart):
     assert {curve.name for curve in gapped_chart.boundaries} == {"+1", "-1"}
 
 
-def test_a_cut_through_the_hole(gapped_chart):
+def test_cut_through_failed_points_omits_their_edge(gapped_chart):
     cut = gapped_chart.cut(y=1.0)
     hole = (cut.values > LOW) & (cut.values < HIGH)
     np.testing.assert_array_equal(np.isnan(cut.stable), hole)
@@ -59,7 +59,7 @@ def test_a_cut_through_the_hole(gapped_chart):
     assert [at for at, _ in cut.crossings] == pytest.approx(edges, abs=1e-7)
 
 
-def test_the_picture_of_a_chart_with_holes(gapped_chart):
+def test_figure_of_a_chart_with_failed_points(gapped_chart):
     assert gapped_chart.plot().axes
 
 
@@ -75,7 +75,7 @@ def turning():
     return solve.chart(model, {"speed": speeds}, {"l2": [0.05, 0.2, 0.45, 0.59, 0.61, 0.75]})
 
 
-def test_a_linkage_that_cannot_turn_fails_point_by_point(turning):
+def test_linkage_that_cannot_turn_fails_point_by_point(turning):
     # l1 + l2 < l3 + l4 = 1.6 with l1 = 1.
     np.testing.assert_array_equal(np.isnan(turning.stable).all(axis=1), turning.y > 0.6)
     assert not np.isnan(turning.stable[turning.y < 0.6]).any()
@@ -90,7 +90,7 @@ def test_bounds_of_parameters_are_refused_at_once():
 
 
 def broken(delta, low, high):
-    """An undamped Mathieu equation with epsilon = 2, without matrices between two speeds."""
+    """Undamped Mathieu equation with epsilon = 2, without matrices between two speeds."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -100,7 +100,7 @@ def broken(delta, low, high):
     return systems.system(matrices, 1, period=np.pi)
 
 
-def test_bands_end_open_where_speeds_fail():
+def test_bands_have_open_ends_at_failed_speeds():
     whole = solve.bands(broken(4.0, 9, 9), np.linspace(1.2, 3.0, 20))
     (band,) = whole
     assert whole.notes == []
@@ -143,7 +143,7 @@ def test_critical_speeds_report_failed_speeds():
 
 
 def faulty(fault):
-    """A damped oscillator, except at the speed 2 rad/s."""
+    """Damped oscillator with a fault at the speed 2 rad/s."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 2, 2))
@@ -156,7 +156,7 @@ def faulty(fault):
 
 
 @pytest.mark.parametrize("fault", ["singular", "not periodic"])
-def test_a_sweep_refuses_a_speed_as_a_single_solve_does(fault):
+def test_sweep_and_single_solution_report_the_same_error(fault):
     system = faulty(fault)
     with pytest.raises(MatricesError) as refused:
         solve.periodic(system, 2.0)
@@ -179,7 +179,7 @@ def test_chart_and_single_solution_report_the_same_failure():
 
 
 def known_between(low, high):
-    """A damped oscillator whose stiffness varies, without matrices elsewhere and at rest."""
+    """Damped oscillator with a varying stiffness, without matrices at other speeds and at rest."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -191,8 +191,8 @@ def known_between(low, high):
 
 @pytest.mark.parametrize("speeds", [np.linspace(1.0, 6.0, 11), np.array([1.0, 6.0])])
 def test_failed_speeds_at_the_ends_are_omitted(speeds):
-    """The unstable band and the maximum of the response lie where matrices exist, and are found; the note
-    names the speeds without matrices."""
+    """The unstable band and the maximum of the response lie at speeds with matrices. The note states the
+    speeds without matrices."""
     system, whole = known_between(1.55, 5.1), known_between(-1.0, 9.0)
     gapped_chart, every = solve.bands(system, speeds), solve.bands(whole, speeds)
     assert [band.kind for band in gapped_chart] == [band.kind for band in every] == ["+1", "-1"]

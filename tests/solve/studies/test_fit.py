@@ -1,4 +1,4 @@
-"""Parameters from measurements: known values, unidentifiable ones, outliers and bad files."""
+"""Parameters from measurements: known values, unidentifiable parameters, outliers and invalid files."""
 
 import json
 import re
@@ -27,7 +27,7 @@ TRUE = {"m": 2.2, "c": 0.6, "k": 10.0}
 
 
 def curve(noise=0.0, seed=0, speeds=(SPEED, 2.0), outlier=False, **numbers):
-    """Rows phase, speed, q of the first oscillator, in closed form."""
+    """Rows of phase, speed and q of the first oscillator, in closed form."""
     rng, rows = np.random.default_rng(seed), []
     for speed in speeds:
         size = amplitude(**{**TRUE, **numbers}, speed=speed)
@@ -48,7 +48,7 @@ def file(tmp_path):
     return lambda rows, header="phase (rad),speed (rad/s),q (1)": written(tmp_path / "q.csv", header, rows)
 
 
-def test_exact_curves_give_the_parameters_back(file):
+def test_exact_curves_yield_the_true_parameters(file):
     fitted = solve.fit(model(), file(curve()), list(TRUE))
     for name, value in TRUE.items():
         assert fitted.parameters[name].value == pytest.approx(value, rel=1e-6)
@@ -58,7 +58,7 @@ def test_exact_curves_give_the_parameters_back(file):
 
 
 @pytest.mark.parametrize("phases", [True, False])
-def test_amplitudes_of_orders_give_the_parameters_back(file, phases):
+def test_amplitudes_of_orders_yield_the_true_parameters(file, phases):
     rows = []
     for speed in (1.5, 2.0, SPEED):
         size = amplitude(**TRUE, speed=speed)
@@ -69,7 +69,7 @@ def test_amplitudes_of_orders_give_the_parameters_back(file, phases):
         assert fitted.parameters[name].value == pytest.approx(value, rel=1e-5)
 
 
-def test_natural_frequencies_give_stiffness_by_mass(tmp_path):
+def test_natural_frequencies_yield_the_ratio_of_stiffness_to_mass(tmp_path):
     rows = [(1, np.sqrt(K2) / 2 / np.pi), (2, np.sqrt(TRUE["k"] / M) / 2 / np.pi)]
     rows = [
         (mode, value * (1 + off)) for mode, value in sorted(rows, key=lambda row: row[1]) for off in (0, 1e-9)
@@ -123,7 +123,7 @@ def universal(path, complex_=False):
     return path
 
 
-def test_files_of_matlab_and_universal_files_are_read(tmp_path):
+def test_matlab_and_universal_files_are_read(tmp_path):
     files = [matlab(tmp_path / "q.mat"), universal(tmp_path / "q.uff"), universal(tmp_path / "o.unv", True)]
     for file in files:
         fitted = solve.fit(model(), file, ["k", "c"], speed=SPEED)
@@ -133,7 +133,7 @@ def test_files_of_matlab_and_universal_files_are_read(tmp_path):
             assert fitted.parameters[name].value == pytest.approx(expected.parameters[name].value, rel=1e-3)
 
 
-def test_files_that_cannot_be_read_are_refused_in_a_line(tmp_path, monkeypatch):
+def test_unreadable_files_are_refused_in_one_line(tmp_path, monkeypatch):
     for name, content in (
         ("q.mat", b"no such file\n    58\n" * 9),
         ("q.uff", b"no such file\n"),
@@ -188,7 +188,7 @@ def test_confidence_intervals_have_nominal_coverage(file):
     assert sum(held.values()) < 3 * trials
 
 
-def test_unidentifiable_parameters_are_named(file):
+def test_unidentifiable_parameters_are_reported(file):
     fitted = solve.fit(model(), file(curve(1e-3)), ["m", "c", "k", "f"])
     (text,) = fitted.unidentifiable
     # All four times a number give the same motion.
@@ -230,7 +230,7 @@ def test_fitted_parameter_stays_within_its_bounds(file):
     assert fitted.parameters["k"].value == pytest.approx(10.5, rel=1e-3)
 
 
-def test_a_file_of_an_orbit_is_read_as_it_is(tmp_path):
+def test_saved_orbit_is_read_as_data(tmp_path):
     cam = solve.load("cam")
     solve.periodic(cam.varied({"k1": 8.2e4}), "400 rpm").save(tmp_path / "cam.csv")
     fitted = solve.fit(cam, tmp_path / "cam.csv", "k1", speed="400 rpm")
@@ -307,7 +307,7 @@ def test_speed_column_may_be_first(file, tmp_path):
     }
 
 
-def test_the_command_gives_record_picture_and_case(tmp_path, monkeypatch, capsys):
+def test_command_writes_record_figure_and_case(tmp_path, monkeypatch, capsys):
     from solve.commands.app import run
 
     monkeypatch.chdir(tmp_path)
@@ -338,7 +338,8 @@ def test_the_command_gives_record_picture_and_case(tmp_path, monkeypatch, capsys
 
 @pytest.mark.parametrize("count", [20, 100])
 def test_residual_diagnosis_has_few_false_alarms(count):
-    """Differences after a fit of three waves; 21 of 1000 at 1 % are one case in a thousand."""
+    """Differences after a fit of three waves. With a probability of 1 %, more than 20 of 1000 occur in one
+    case in a thousand."""
     rng, at = np.random.default_rng(5), 2 * np.pi / count * np.arange(count)
     waves = np.linalg.qr(np.stack((np.cos(at), np.sin(at), np.cos(2 * at)), axis=1))[0]
     reported = {0.0: 0, 3.0: 0}
@@ -387,7 +388,7 @@ def test_fewer_values_than_parameters_are_refused(file):
         solve.fit(model(), file(curve()[:1]), ["k"])
 
 
-def test_a_phase_that_is_no_number_is_refused(tmp_path):
+def test_phase_that_is_not_a_number_is_refused(tmp_path):
     from scipy.io import savemat
 
     units = {"phase": "deg", "q": "1", "speed": "rad/s"}

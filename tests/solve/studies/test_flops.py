@@ -1,4 +1,4 @@
-"""Counts of operations against the thesis' Tables 6.2 and 6.3."""
+"""Counts of operations, compared with Tables 6.2 and 6.3 of the thesis."""
 
 import pytest
 
@@ -31,7 +31,7 @@ TABLE_6_3 = [
 
 
 def half_a_digit(printed):
-    """Half a unit of the last of the three digits that the table gives."""
+    """Half a unit of the last of the three digits printed in the table."""
     value = float(printed)
     power = len(str(int(value))) - 3
     return 0.5 * 10.0 ** (power if "." not in printed else -len(printed.split(".")[1]))
@@ -47,18 +47,19 @@ def test_table_6_2(N, n, cycles, stored, not_stored):
 
 @pytest.mark.parametrize(("N", "harmonics", "n", "fourier", "first"), TABLE_6_3)
 def test_table_6_3(N, harmonics, n, fourier, first):
-    """Algorithm 1 to the digits printed; the Fourier series by the formula above the table only to 7 %."""
+    """Algorithm 1 agrees to the digits printed, and the Fourier series agrees with the formula above the
+    table to 7 %."""
     assert algorithm_1(N, n) / 1e6 == pytest.approx(float(first), abs=1.01 * half_a_digit(first))
     assert abs(misfit(N, harmonics, n, fourier)) < 0.07
 
 
 def misfit(N, harmonics, n, printed):
-    """Of the printed number of millions, relative to what the formula gives."""
+    """Deviation of the printed number of millions from the formula, relative to the formula."""
     return printed * 1e6 / fourier_series(N, n, harmonics) - 1
 
 
 def test_printed_fourier_column_differs_from_its_formula():
-    """What the formula gives in the four places where the printed number is furthest from it in digits."""
+    """Values of the formula at the four positions with the largest deviations."""
     assert fourier_series(90, 10, 6) == 216 * 11_200 + 36 * 112 + 6 * 36_700 - 12_460
     for (N, harmonics, n), millions in {
         (90, 6, 10): 2.63, (90, 6, 50): 285, (90, 10, 50): 1214, (720, 15, 10): 38.7,
@@ -70,7 +71,8 @@ def test_printed_fourier_column_differs_from_its_formula():
 
 
 def test_marching_is_cheaper_only_for_few_cycles():
-    """Stored, marching wins while the transient dies soon; algorithm 1 always beats algorithm 2."""
+    """With stored matrices, marching is cheaper if the transient decays quickly. Algorithm 1 is always
+    cheaper than algorithm 2."""
     assert time_marching(90, 10, 5) < algorithm_1(90, 10) < time_marching(90, 10, 100)
     for n in range(1, 60):
         for keep in (True, False):

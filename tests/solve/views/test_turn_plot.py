@@ -80,7 +80,7 @@ def test_the_command_draws_a_curve_for_values_that_are_nearly_equal(tmp_path):
 def test_invalid_figures_are_refused(coupler):
     with pytest.raises(UnknownNameError, match="did you mean 'midpoint_deflection'"):
         turn_figure(coupler, "midpoint")
-    with pytest.raises(ValueOutOfBoundsError, match="13 curves to draw over the turn; allowed: up to 12"):
+    with pytest.raises(ValueOutOfBoundsError, match="13 curves to draw in one picture; allowed: up to 12"):
         turn_figure(coupler[:1] * 13, "q1")
 
 

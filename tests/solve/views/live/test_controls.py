@@ -68,7 +68,7 @@ def test_typed_values_are_converted_to_the_unit_of_the_slider(name, text, value)
     [
         ("k1", "soft", "k1 is 'soft'; give a number, in N m/rad unless a unit follows"),
         ("k1", "3 m", "k1: unit 'm' does not convert to 'N m/rad'"),
-        ("k1", "-3", "k1 (torsion of the shaft) is -3 N m/rad; allowed: > 0"),
+        ("k1", "-3", "k1 (torsional stiffness of the shaft) is -3 N m/rad; allowed: > 0"),
         ("speed", "3 kg", "unit 'kg' does not convert to 'rad/s'"),
         ("speed", "-3", "speed is -3"),
         ("k9", "3", "unknown parameter of cam 'k9'"),

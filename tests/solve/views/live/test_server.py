@@ -309,7 +309,7 @@ def test_used_port_is_refused_in_one_line(capsys):
     [
         (["mathieu", "--port", "70000"], "port is 70000; allowed: 1 … 65535"),
         (["portal_frame"], "portal_frame"),
-        (["cam", "--set", "k1=-1"], "k1 (torsion of the shaft) is -1 N m/rad; allowed: > 0"),
+        (["cam", "--set", "k1=-1"], "k1 (torsional stiffness of the shaft) is -1 N m/rad; allowed: > 0"),
         (["cam", "--speed", "3 kg"], "unit 'kg' does not convert to 'rad/s'"),
     ],
 )

@@ -71,7 +71,7 @@ def test_free_vibration_is_shown_without_a_load(window):
 @pytest.mark.parametrize(
     ("message", "sentence"),
     [
-        ({"values": {"k1": "-1"}}, "k1 (torsion of the shaft) is -1 N m/rad; allowed: > 0"),
+        ({"values": {"k1": "-1"}}, "k1 (torsional stiffness of the shaft) is -1 N m/rad; allowed: > 0"),
         ({"values": {"k1": "3 m"}}, "unit 'm' does not convert to 'N m/rad'"),
         ({"values": {"k9": "1"}}, "unknown parameter of cam 'k9'"),
         ({"speed": "-3 rpm"}, "speed is -3 rpm"),
