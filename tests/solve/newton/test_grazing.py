@@ -46,11 +46,11 @@ def test_the_orbit_beyond_a_grazing_orbit_equals_integration(grazing):
     )
 
 
-def test_an_orbit_with_the_same_events_beyond_does_not_graze():
+def test_an_orbit_far_from_the_switch_does_not_graze():
     model = model_of(stop(), **NUMBERS)
     parameters, _ = continuation(model, SPEED, "gap=0.5:0.4", 1, 1e-7, "auto")
     inside = first_point(parameters, solve.nonlinear(model, SPEED), NUMBERS["gap"])
-    with pytest.raises(solve.errors.NoOrbitError, match="no orbit with other events was found nearby"):
+    with pytest.raises(solve.errors.NoOrbitError, match="the orbit grazes no switch"):
         points_beyond(Manifold(parameters), inside)
 
 
@@ -74,6 +74,47 @@ def test_a_branch_continues_on_the_unstable_orbit_beyond_a_grazing_orbit(speed, 
     rho = np.sort(np.abs(after.orbit.multipliers))
     assert rho[-1] > 1.2
     assert rho == pytest.approx(np.sort(np.abs(np.linalg.eigvals(Phi))), rel=1e-6)
+
+
+HARD = NUMBERS | {"kappa": 300.0}
+HARD_REACH = HARD["f"] / abs(1 - 0.6**2 + 2j * HARD["zeta"] * 0.6)
+"""Numbers of a hard stop, and the amplitude of the mass without this stop at 0.6 times its frequency."""
+
+
+def hard_branch(begin):
+    """Branch over decreasing clearance from `begin` times the amplitude without the stop."""
+    gap = begin * HARD_REACH
+    model = model_of(stop(), **HARD | {"gap": gap})
+    return solve.branch(model, 0.6, over=f"gap={gap!r}:{0.9 * HARD_REACH!r}", rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def hard_fold():
+    """Clearance at the fold of the hard stop, by shooting."""
+    found, zero = hard_branch(1.001), np.zeros(1)
+    curve = found.curve(int(np.flatnonzero(found.turns)[0]))
+    state = np.array([curve(zero)[0, 0], 0.6 * curve(zero, 1)[0, 0]])
+
+    def returned(x, gap):
+        return integrated(x, HARD | {"gap": gap}, 0.6)[:2]
+
+    return located(fold, returned, state, found.folds[0]["gap"])[0]
+
+
+@pytest.mark.parametrize(
+    "begin", [1.00001, 1.001, *(pytest.param(far, marks=pytest.mark.slow) for far in (1.05, 1.2))]
+)
+def test_a_branch_that_starts_near_a_grazing_orbit_has_its_jump(hard_fold, begin):
+    """The branch turns back at a fold that is 5e-6 from the grazing orbit. The nearest starts are within a
+    step of it."""
+    found = hard_branch(begin)
+    assert found.ended == ""
+    assert found.grazing == []
+    jump, only = found.jumps[0], found.folds[0]
+    assert jump["direction"] == "down"
+    assert jump["gap"] == only["gap"]
+    assert only["gap"] == pytest.approx(hard_fold, rel=1e-8)
+    assert 1e-6 < 1 - hard_fold / HARD_REACH < 1e-5
 
 
 def test_grazing_orbits_of_a_branch_have_the_verdict_of_single_orbits():
