@@ -17,7 +17,7 @@ from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
 from solve.period.curve import Curve
 
-_LENGTHS = 0.01, 0.003, 0.001, 3e-4, 1e-4, 3e-5
+_LENGTHS = 0.01, 0.003, 0.001, 3e-4, 1e-4, 3e-5, 1e-5
 """Lengths of the step beyond a grazing orbit, in scaled coordinates, in the order of the trials. Chosen by
 judgement: a long step gets past the orbits whose multipliers change abruptly; the iteration converges for a
 short one."""
@@ -28,9 +28,10 @@ weight is sampled. Measured for a stop 300 times as stiff as the spring: iterati
 1/300 to 1/60 of the period, but not for 1/20, because the weight must be narrow compared with the motion. The
 samples resolve the weight."""
 
-_NEAR = 5.0
-"""Largest distance between the orbits before and after the step, as a multiple of its length. Chosen by
-judgement: beyond this distance, the orbit may belong to another branch."""
+_NEAR = 0.02
+"""Largest distance between the orbits before and after the step, in scaled coordinates. Chosen by judgement:
+beyond this distance, the orbit may belong to another branch. For hard stops, the distance is many times the
+length of the step, because the parameter changes much."""
 
 
 def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
@@ -50,7 +51,7 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
         except SolveError:
             continue
         apart = manifold.distance(after.unknowns, before.unknowns, before.sizes)
-        if apart <= _NEAR * length and _differ(back, _events(manifold, after.unknowns)):
+        if apart <= _NEAR and _differ(back, _events(manifold, after.unknowns)):
             special, _ = special_points(manifold, before, after, (at, length))
             return [*special, after]
     raise NoOrbitError("no orbit with other events was found nearby")
