@@ -28,6 +28,10 @@ weight is sampled. Measured for a stop 300 times as stiff as the spring: iterati
 1/300 to 1/60 of the period, but not for 1/20, because the weight must be narrow compared with the motion. The
 samples resolve the weight."""
 
+_PHASES = 16
+"""Number of phases at which the switching functions are changed if the orbit has no phases of grazing. Chosen
+by judgement."""
+
 _NEAR = 0.02
 """Largest distance between the orbits before and after the step, in scaled coordinates. Chosen by judgement:
 beyond this distance, the orbit may belong to another branch. For hard stops, the distance is many times the
@@ -38,7 +42,7 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
     """Return the first point beyond the grazing orbit near `before`, preceded by the special points on the
     way to it.
 
-    Raises NoOrbitError if the orbit does not graze a switch, or if no such orbit is found."""
+    Raises NoOrbitError if the equations have no switches, or if no such orbit is found."""
     directions = [_towards_switch(manifold, before), *before.tangents[1:]]
 
     def at(length: float) -> Point:
@@ -81,13 +85,15 @@ def _towards_switch(manifold: Manifold, before: Point) -> Unknowns:
     """Return the direction along which a step changes the switching functions at the phases of grazing, as
     the branch does. The inner product of this direction and a small change is the weighted mean of the
     resulting changes of the switching functions; the weight is concentrated at the phases of grazing. Raises
-    NoOrbitError if the orbit does not graze a switch."""
+    NoOrbitError if the equations have no switches."""
     names, curve = manifold.parameters.names, before.unknowns.curve
     task = manifold.parameters.task_at(before.unknowns.values)
     along, varied = task.along(curve), [name for name in names if name != DAMPING]
-    phases = np.array(events_of(along).grazing)
-    if not len(phases):
-        raise NoOrbitError("the orbit grazes no switch")
+    events = events_of(along)
+    if not events.sides:
+        raise NoOrbitError("the equations have no switches")
+    # The distance of a circular orbit from a concentric stop is constant, and no phase is distinguished.
+    phases = np.array(events.grazing or np.arange(_PHASES) * (task.period / _PHASES))
     nodes, n = np.linspace(0.0, task.period, _SAMPLES + 1), task.system.n
     samples, changes = np.zeros((_SAMPLES, n)), np.zeros(len(names))
     for phase, normal in zip(phases, event_normals(along, curve, task.speed, phases, varied), strict=True):
