@@ -139,9 +139,9 @@ class Linearisation(Protocol):
     events: Events
     """Phases at which the motion passes switches."""
 
-    def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
-        """Derivatives (k, 1 + 2n + r) of switching functions at the k events of a motion, at a speed in
-        rad/s. At each event, the function that is zero there is differentiated.
+    def event_normals(self, motion: Motion, speed: float, phases: Array, names: Sequence[str] = ()) -> Array:
+        """Derivatives (k, 1 + 2n + r) of switching functions at phases (k,) of a motion, at a speed in
+        rad/s. At each phase, the function that is nearest to zero there is differentiated.
 
         The derivatives are with respect to the phase, q, dq/dφ and r named parameters; the name "speed" is
         the speed. Those with respect to the speed are at constant q and dq/dφ."""

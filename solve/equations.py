@@ -206,13 +206,15 @@ def events_of(system: PeriodicSystem) -> Events:
     return Events() if linearisation is None else linearisation.events
 
 
-def event_normals(system: PeriodicSystem, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
-    """Result of `Linearisation.event_normals`, derivatives (k, 1 + 2n + r) of switching functions; empty if
-    there are no events."""
+def event_normals(
+    system: PeriodicSystem, motion: Motion, speed: float, phases: Array, names: Sequence[str] = ()
+) -> Array:
+    """Result of `Linearisation.event_normals`, derivatives (k, 1 + 2n + r) of switching functions at phases
+    (k,); empty if there are no switches."""
     linearisation = system.capabilities.linearisation
     if linearisation is None:
         return np.zeros((0, 1 + 2 * system.n + len(names)))
-    return linearisation.event_normals(motion, speed, names)
+    return linearisation.event_normals(motion, speed, phases, names)
 
 
 def roundoff_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:

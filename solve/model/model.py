@@ -382,9 +382,8 @@ class LinearisedModel(Model):
     def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":
         return self.model.along(motion, compiled)
 
-    def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
+    def event_normals(self, motion: Motion, speed: float, phases: Array, names: Sequence[str] = ()) -> Array:
         finder = self.setup.event_finder
-        phases = np.array(self.events.phases)
         if finder is None or not len(phases):
             return np.zeros((0, 1 + 2 * self.n + len(names)))
         normals, order = finder.normals(motion, speed, phases), list(self.setup.case.parameters)

@@ -18,7 +18,7 @@ from solve.newton.branch_store import BranchStep, SavedBranch
 from solve.newton.grazing import grazes, grazes_between, points_beyond
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
-from solve.newton.special_points import special_kinds, special_points
+from solve.newton.special_points import special_points
 from solve.period.grid import Grid
 from solve.results.branch import FOLD, GRAZING
 from solve.results.orbit import Orbit
@@ -146,9 +146,21 @@ class _BranchFollower:
 
     def _next(self, points: Sequence[Point], length: float) -> BranchStep:
         """Return the next step of the branch whose points so far are `points`."""
+        try:
+            step, following = self._step(points, length)
+        except NoOrbitError as reason:
+            try:
+                step, following = self._beyond_grazing(points)
+            except SolveError:
+                words = ", which grazes a switch" if grazes(self.manifold, points[-1]) else ""
+                return self._stored((), length, f"{reason}{words}")
+        return self._within_range(points, step, following)
+
+    def _within_range(self, points: Sequence[Point], step: Sequence[Point], length: float) -> BranchStep:
+        """Return the points of a step up to the point at which the branch is closed or leaves the range.
+        length: length of the following step."""
         before, found = points[-1], list[Point]()
         try:
-            step, length, growth = self._step(points, length)
             start = self._closing_point(points[0], before, step[-1])
             for one, other in pairwise([before, *step]):
                 if start is not None and self._is_beyond(start, before, other):
@@ -158,20 +170,24 @@ class _BranchFollower:
                     return self._stored((*found, self.between(one, other, edge)), length, "")
                 found.append(other)
         except NoOrbitError as reason:
-            if not found:
-                with suppress(SolveError):
-                    return self._stored(self._beyond_grazing(before), _FIRST_STEP)
-            grazing = not found and grazes(self.manifold, before)
-            return self._stored(found, length, f"{reason}{', which grazes a switch' if grazing else ''}")
-        return self._stored(found, min(growth * length, _MAX_STEP))
+            return self._stored(found, length, str(reason))
+        return self._stored(found, length)
 
-    def _beyond_grazing(self, before: Point) -> list[Point]:
-        """Return the last point `before` of the branch, marked as a grazing point, and the first points
-        beyond it. Raises SolveError if there are no such points within the range."""
-        points = points_beyond(self.manifold, before)
-        if not self.ends[0] <= points[-1].value <= self.ends[1]:
-            raise NoOrbitError("the orbit beyond is outside the range")
-        return [replace(before, kind=GRAZING), *points]
+    def _beyond_grazing(self, points: Sequence[Point]) -> tuple[list[Point], float]:
+        """Return the first points beyond a grazing orbit near the last point of the branch, and the length of
+        the following step. Unless there is a special point at the grazing orbit, the last point is repeated
+        as a grazing point. Raises SolveError if there are no such points."""
+        before = points[-1]
+        beyond = points_beyond(self.manifold, before)
+        length = self.manifold.distance(beyond[-1].unknowns, before.unknowns, before.sizes)
+        near = [
+            point
+            for point in points[-_RECENT:]
+            if self.manifold.distance(point.unknowns, before.unknowns, before.sizes) <= length
+        ]
+        if any(point.kind for point in (*near, *beyond)):
+            return beyond, length
+        return [replace(before, kind=GRAZING), *beyond], length
 
     def _closing_point(self, start: Point, before: Point, after: Point) -> Point | None:
         """Return the first point of the branch if the step from `before` to `after` returns to it, so that
@@ -226,9 +242,9 @@ class _BranchFollower:
             with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))
         return with_errors
 
-    def _step(self, points: Sequence[Point], length: float) -> tuple[list[Point], float, float]:
-        """Return the special points of the next step followed by its end point, the length of this step, and
-        the ratio of the next step length to this length."""
+    def _step(self, points: Sequence[Point], length: float) -> tuple[list[Point], float]:
+        """Return the special points of the next step followed by its end point, and the length of the
+        following step."""
         unforced, first, before = DAMPING in self.parameters.names, length, points[-1]
         regular = [point for point in points[-_RECENT:-1] if not point.kind]
         curvature = self.manifold.curvature(regular[-1], before) if regular else None
@@ -240,11 +256,11 @@ class _BranchFollower:
                 turns = before.orientation != after.orientation and not unforced
                 if turns and (length > _CROSSING or grazes_between(self.manifold, before, after)):
                     raise NoOrbitError("the step may have left the branch")
-                special = special_points(self.manifold, before, after)
-                is_located = len(special) == len(special_kinds(before, after))
+                special, is_located = special_points(self.manifold, before, after)
                 if not is_located and (length > _CROSSING or self._is_near_grazing(before, after)):
                     raise NoOrbitError("a special point within the step cannot be located")
-                return [*special, after], length, self._growth(corrections, length == first)
+                growth = self._growth(corrections, length == first)
+                return [*special, after], min(growth * length, _MAX_STEP)
             except SolveError:
                 length /= 2
         at = self.parameters.text(before.orbit.values)

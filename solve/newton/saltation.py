@@ -70,7 +70,7 @@ def event_jumps(
     jumps = after - before
     if np.abs(jumps[:, n:]).max() <= _JUMP * np.abs(curve.sampled(1, 2)[:, :inertial]).max():
         return []
-    normals, found = event_normals(along, curve, speed, names), []
+    normals, found = event_normals(along, curve, speed, events, names), []
     for k, (normal, state) in enumerate(zip(normals, states, strict=True)):
         gradient, by_parameters = normal[1 : n + inertial + 1], normal[2 * n + 1 :]
         weight = jumps[k] / (normal[0] + gradient @ before[k])

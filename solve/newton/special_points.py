@@ -33,22 +33,23 @@ NumPy returns the real eigenvalues of real matrices without imaginary part."""
 
 Test = Callable[[Point], float]
 
+Path = tuple[Callable[[float], Point], float]
+"""Function that returns the point at a length along a path between two points, and the length of the path."""
 
-def special_points(manifold: Manifold, before: Point, after: Point) -> list[Point]:
-    """Return the special points between two neighbouring points of a branch, in the order along the branch.
-    Special points that cannot be located are omitted."""
-    found = []
-    for kind, test in _tests(before, after).items():
+
+def special_points(
+    manifold: Manifold, before: Point, after: Point, path: Path | None = None
+) -> tuple[list[Point], bool]:
+    """Return the special points between two neighbouring points of a branch, in the order along the branch,
+    and whether all of them are located. Special points that cannot be located are omitted. path: path from
+    `before` to `after`; by default along the tangent at `before`."""
+    found, tests = [], _tests(before, after)
+    for kind, test in tests.items():
         with suppress(SolveError):
-            length, point = _located(manifold, before, after, test)
+            path = path or _along_tangent(manifold, before, after)
+            length, point = _located(manifold, before, after, test, path)
             found.append((length, replace(point, kind=kind)))
-    return [point for _, point in sorted(found, key=lambda pair: pair[0])]
-
-
-def special_kinds(before: Point, after: Point) -> list[str]:
-    """Return the kinds of the special points between two neighbouring points of a branch, including points
-    that `special_points` omits."""
-    return list(_tests(before, after))
+    return [point for _, point in sorted(found, key=lambda pair: pair[0])], len(found) == len(tests)
 
 
 def _tests(before: Point, after: Point) -> dict[str, Test]:
@@ -104,17 +105,27 @@ def _torus_test(point: Point) -> float:
     return float(pairs[np.abs(pairs - 1).argmin()] - 1)
 
 
-def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tuple[float, Point]:
-    """Return the length along the tangent at `before` at which a test function is zero, and the point there.
-    Raises SolveError subclasses."""
+def _along_tangent(manifold: Manifold, before: Point, after: Point) -> Path:
+    """Return the path from `before` to `after` on which the length is measured along the tangent."""
     curvature = manifold.curvature(before, after)
 
-    def at(length: float) -> tuple[float, Point]:
-        point, _ = manifold.along(before, length, curvature=curvature)
+    def at(length: float) -> Point:
+        return manifold.along(before, length, curvature=curvature)[0]
+
+    return at, manifold.component(before, after, before.direction)
+
+
+def _located(manifold: Manifold, before: Point, after: Point, test: Test, path: Path) -> tuple[float, Point]:
+    """Return the length along a path at which a test function is zero, and the point there. Raises SolveError
+    subclasses."""
+    at, length = path
+
+    def tested(along: float) -> tuple[float, Point]:
+        point = at(along)
         return test(point), point
 
-    ends = (0.0, manifold.component(before, after, before.direction)), (test(before), test(after))
-    return zero_between(at, *ends, lambda one, other: is_located(manifold, one, other), before)
+    ends = (0.0, length), (test(before), test(after))
+    return zero_between(tested, *ends, lambda one, other: is_located(manifold, one, other), before)
 
 
 def is_located(manifold: Manifold, one: Point, other: Point) -> bool:

@@ -226,7 +226,8 @@ class Branch(BranchPoints):
         values, peaks = self.values[first], self.peaks[first]
         verdicts = np.array(self.verdicts)[first].tolist()
         records = []
-        for jump in jumps_of(values, peaks, [KINDS[kind] for kind in self.kinds[first]], verdicts):
+        kinds = [KINDS[kind] for kind in self.kinds[first]]
+        for jump in jumps_of(values, peaks, self.radius[first], kinds, verdicts):
             before, after = peaks[jump.at], jump.after
             most = 0 if after is None else int(relative_change(before, after).argmax())
             records.append(

@@ -28,18 +28,20 @@ class Jump:
     after: Array | None
 
 
-def jumps_of(values: Array, peaks: Array, kinds: Sequence[str], verdicts: Sequence[str]) -> list[Jump]:
+def jumps_of(
+    values: Array, peaks: Array, radii: Array, kinds: Sequence[str], verdicts: Sequence[str]
+) -> list[Jump]:
     """Jumps along a branch of P orbits. They begin at turning points, folds or corners, with stable orbits on
     one side only.
 
-    values, peaks: values (P,) of the parameter, and largest moduli (P, n) of the coordinates; kinds,
-    verdicts: names (P,)."""
+    values, peaks, radii: values (P,) of the parameter, largest moduli (P, n) of the coordinates, and spectral
+    radii (P,); kinds, verdicts: names (P,)."""
     jumps = []
     for at, kind in enumerate(kinds):
         before, after = _beside(values, at, -1), _beside(values, at, 1)
         if kind != FOLD and not (kind == GRAZING and (before - values[at]) * (after - values[at]) > 0):
             continue
-        stable = [way for way in (-1, 1) if _is_stable(kinds, verdicts, at, way)]
+        stable = [way for way in (-1, 1) if _is_stable(radii, kinds, verdicts, at, way)]
         if len(stable) == 1:
             direction = "up" if values[at] > (before if stable[0] < 0 else after) else "down"
             jumps.append(Jump(at, direction, _target(values, peaks, verdicts, at)))
@@ -58,16 +60,18 @@ def _beside(values: Array, at: int, way: int) -> float:
     return float(others[0]) if len(others) else np.nan
 
 
-def _is_stable(kinds: Sequence[str], verdicts: Sequence[str], at: int, way: int) -> bool:
+def _is_stable(radii: Array, kinds: Sequence[str], verdicts: Sequence[str], at: int, way: int) -> bool:
     """Whether the orbits next to a turning point in one direction along the branch are stable. The verdicts
     of the nearest orbits may be undetermined, but there must be no special point among these, except grazing
-    orbits next to a fold."""
+    orbits next to a fold. If all verdicts up to the end of the branch are undetermined, as near a grazing
+    orbit, the spectral radius of the nearest orbit decides."""
     place, passed = at + way, (REGULAR, GRAZING) if kinds[at] == FOLD else (REGULAR,)
     while 0 <= place < len(kinds) and kinds[place] in passed:
         if verdicts[place] != UNDETERMINED:
             return verdicts[place] == STABLE
         place += way
-    return False
+    is_end = place != at + way and not 0 <= place < len(kinds)
+    return is_end and bool(radii[at + way] < 1)
 
 
 def _target(values: Array, peaks: Array, verdicts: Sequence[str], at: int) -> Array | None:

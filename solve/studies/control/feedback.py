@@ -196,9 +196,9 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
         return self._about(nonlinear_of(self.model).along_events(self._of_system(motion), speed, compiled))
 
-    def event_normals(self, motion: Motion, speed: float, names: Sequence[str] = ()) -> Array:
+    def event_normals(self, motion: Motion, speed: float, phases: Array, names: Sequence[str] = ()) -> Array:
         n = self.n_open
-        open_loop_normals = event_normals(self.open_loop, self._of_system(motion), speed, names)
+        open_loop_normals = event_normals(self.open_loop, self._of_system(motion), speed, phases, names)
         normals = np.zeros((len(open_loop_normals), 1 + 2 * self.n + len(names)))
         normals[:, : n + 1], normals[:, self.n + 1 : self.n + 1 + n] = (
             open_loop_normals[:, : n + 1],

@@ -273,6 +273,25 @@ def stop():
 
 
 @cache
+def two_stops():
+    """Mass between two elastic stops: q̈ + 2ζ q̇ + k q + κ (q - gap)⁺ - κ (-q - gap)⁺ = f cos φ."""
+    made = Mechanism("two_stops", "Mass between two stops", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    zeta, k, kappa, gap, f = made.parameters(
+        zeta=("1/s", "damping"),
+        k=("1/s^2", "stiffness"),
+        kappa=("1/s^2", "stiffness of the stops"),
+        gap=("1", "clearance on either side"),
+        f=("1/s^2", "amplitude of the load"),
+    )
+    made.kinetic, made.dissipation = rate(q) ** 2 / 2, zeta * rate(q) ** 2
+    made.potential = k * q**2 / 2 + kappa * (Max(0, q - gap) ** 2 + Max(0, -q - gap) ** 2) / 2
+    made.force(f * cos(made.phase), along=q)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
 def tuned_absorber():
     """Mass on a cubic spring with a tuned absorber: m1 x1'' + c1 x1' + k1 x1 + n1 x1³ + f = F cos φ,
     m2 x2'' = f with y = x1 - x2 and f = c2 y' + k2 y + n2 y³ (G. Habib et al., Mech. Syst. Signal Process.,

@@ -11,21 +11,24 @@ NUMBERS = {"zeta": 0.1, "k": 1.0, "kappa": 10.0, "gap": 0.5, "f": 1.0}
 SPEED = 1.3
 
 
-def integrated(start, numbers=NUMBERS, speed=SPEED):
+def integrated(start, numbers=NUMBERS, speed=SPEED, reach=float):
     """Integrate a mass with a stop over one period, in which two linear systems alternate. Return the final
-    state, its derivatives with respect to the initial state, and the phases of contact and release."""
+    state, its derivatives with respect to the initial state, and the phases of contact and release.
+
+    reach: function of the displacement that is compared with the gap; `abs` for stops on both sides."""
     zeta, k, kappa, gap, f = numbers.values()
     time, last, x, Phi, events = 0.0, 2 * np.pi / speed, np.array(start), np.eye(2), []
     while True:
-        touches = x[0] > gap or (x[0] == gap and x[1] > 0)
+        side = np.sign(x[0])
+        touches = reach(x[0]) > gap or (reach(x[0]) == gap and side * x[1] > 0)
         A = np.array([[0, 1], [-k - kappa * touches, -2 * zeta]])
 
-        def rate(t, y, A=A, touches=touches):
-            load = np.array([0, f * np.cos(speed * t) + kappa * gap * touches])
+        def rate(t, y, A=A, push=kappa * gap * touches * side):
+            load = np.array([0, f * np.cos(speed * t) + push])
             return np.concatenate((A @ y[:2] + load, (A @ y[2:].reshape(2, 2)).ravel()))
 
         def passes(t, y):
-            return y[0] - gap
+            return reach(y[0]) - gap
 
         passes.terminal, passes.direction = True, -1 if touches else 1
         run = solve_ivp(
@@ -41,7 +44,7 @@ def integrated(start, numbers=NUMBERS, speed=SPEED):
         time, x, Phi = run.t[-1], run.y[:2, -1], run.y[2:, -1].reshape(2, 2)
         if run.status == 0:
             return x, Phi, events
-        x[0] = gap
+        x[0] = np.sign(x[0]) * gap
         events.append(speed * float(time))
 
 

@@ -12,7 +12,7 @@ from solve.newton.grazing import points_beyond
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import zero_between
 from solve.results.branch import DOUBLING, FOLD, GRAZING, KINDS
-from tests.solve.newton.mechanisms import model_of, stop
+from tests.solve.newton.mechanisms import model_of, stop, two_stops
 from tests.solve.newton.shooting import doubling, fold, located
 from tests.solve.newton.test_events import NUMBERS, SPEED, integrated
 
@@ -74,6 +74,75 @@ def test_branch_continues_on_the_unstable_orbit_after_grazing(speed, kappa, way)
     rho = np.sort(np.abs(after.orbit.multipliers))
     assert rho[-1] > 1.2
     assert rho == pytest.approx(np.sort(np.abs(np.linalg.eigvals(Phi))), rel=1e-6)
+
+
+HARD = NUMBERS | {"kappa": 300.0}
+HARD_REACH = HARD["f"] / abs(1 - 0.6**2 + 2j * HARD["zeta"] * 0.6)
+"""Numbers of a hard stop, and the amplitude of the mass without this stop at 0.6 times its frequency."""
+
+
+def hard_branch(begin):
+    """Branch over decreasing clearance from `begin` times the amplitude without the stop."""
+    gap = begin * HARD_REACH
+    model = model_of(stop(), **HARD | {"gap": gap})
+    return solve.branch(model, 0.6, over=f"gap={gap!r}:{0.9 * HARD_REACH!r}", rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def hard_fold():
+    """Clearance at the fold of the hard stop, by shooting."""
+    found, zero = hard_branch(1.001), np.zeros(1)
+    curve = found.curve(int(np.flatnonzero(found.turns)[0]))
+    state = np.array([curve(zero)[0, 0], 0.6 * curve(zero, 1)[0, 0]])
+
+    def returned(x, gap):
+        return integrated(x, HARD | {"gap": gap}, 0.6)[:2]
+
+    return located(fold, returned, state, found.folds[0]["gap"])[0]
+
+
+@pytest.mark.parametrize(
+    "begin", [1.00001, 1.001, *(pytest.param(far, marks=pytest.mark.slow) for far in (1.05, 1.2))]
+)
+def test_a_branch_that_starts_near_a_grazing_orbit_has_its_jump(hard_fold, begin):
+    """The branch turns back at a fold that is 5e-6 from the grazing orbit. The nearest starts are within a
+    step of it."""
+    found = hard_branch(begin)
+    assert found.ended == ""
+    assert found.grazing == []
+    jump, only = found.jumps[0], found.folds[0]
+    assert jump["direction"] == "down"
+    assert jump["gap"] == only["gap"]
+    assert only["gap"] == pytest.approx(hard_fold, rel=1e-8)
+    assert 1e-6 < 1 - hard_fold / HARD_REACH < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("zeta", "kappa"), [(0.05, 300.0), pytest.param(0.1, 2000.0, marks=pytest.mark.slow)]
+)
+def test_a_branch_passes_the_orbit_that_grazes_two_stops_at_once(zeta, kappa):
+    """Beyond this orbit the symmetric orbits are unstable, although the branch does not turn back."""
+    numbers = {"zeta": zeta, "k": 1.0, "kappa": kappa, "gap": 2.0, "f": 1.0}
+    grazing_speed = np.sqrt(1 - 2 * zeta**2 - np.sqrt((1 - 2 * zeta**2) ** 2 - 3 / 4))
+    model, speed = model_of(two_stops(), **numbers), 0.73
+    branch = solve.branch(model, (0.7, speed), rtol=1e-6)
+    assert branch.ended == ""
+    assert (branch.folds, branch.doublings, branch.tori) == ([], [], [])
+    touches, is_near = branch.peaks[:, 0] > 2, np.abs(branch.values / grazing_speed - 1) < 2e-6
+    assert (touches | is_near).tolist() == ((branch.values > grazing_speed) | is_near).tolist()
+    assert branch.values[-1] == speed
+    # The stored curve is too inaccurate to start shooting for such multipliers.
+    orbit = solve.nonlinear(model, speed, start=branch.curve(len(branch.values) - 1))
+    x = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
+    for _ in range(2):
+        after, Phi, events = integrated(x, numbers, speed, abs)
+        x = x + np.linalg.solve(np.eye(2) - Phi, after - x)
+    assert len(events) == 4
+    assert np.array(events[2:]) - events[:2] == pytest.approx(np.pi, abs=1e-6)
+    assert branch.peaks[-1, 0] == pytest.approx(orbit.statistics("q").max_abs, rel=1e-6)
+    rho = np.sort(np.abs(branch.multipliers[-1]))
+    assert rho[-1] > 10
+    assert rho == pytest.approx(np.sort(np.abs(np.linalg.eigvals(Phi))), rel=1e-4)
 
 
 def test_grazing_orbits_on_a_branch_have_the_single_verdict():
