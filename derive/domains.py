@@ -4,7 +4,7 @@ A domain condition restricts the argument of a root, quotient or arccosine. Inac
 expressions should contribute nothing, even if they are singular: the contact `Heaviside(r - gap)*k*(r -
 gap)*x/r` would be 0·(0/0) at r = 0. Such a piece is replaced by a selection: its value if it is active,
 otherwise 0. Where the piece is inactive, arguments at which a function or its derivatives would be infinite
-are replaced by safe ones. Values and automatic derivatives of any order are then finite.
+are replaced by safe arguments. Values and automatic derivatives of any order are then finite.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -98,7 +98,7 @@ class MechanismStatement(Quantities):
         if not isinstance(condition, StrictLessThan | StrictGreaterThan) or not meaning:
             raise DeclarationError(
                 f"require({condition}, {meaning!r}): give an inequality with < or > between expressions of "
-                "parameters, and a text that states what is wrong if it does not hold"
+                "parameters, and a string that states what is wrong if it does not hold"
             )
         text = re.sub(r"Abs\(([^()]*)\)", r"|\1|", str(condition))
         greater: Any = condition.gts

@@ -80,7 +80,7 @@ class Mechanism(MechanismStatement):
 
 
 class Structure(StructureStatement, Mechanism):
-    """A plane structure of beams, called links, and joints between them.
+    """A plane structure of beams (called links) and joints.
 
     A joint is a pin, about which links rotate independently, unless `weld` or `clamp` declares otherwise.
     `damping_ratio` applies to every mode. Energies and coordinates follow from the links and from their

@@ -262,7 +262,7 @@ class StructureStatement(MechanismStatement):
         if any(stated):
             raise DeclarationError(
                 f"{self.name} is a structure: its coordinates and energies follow from its links; "
-                "state them in a Mechanism instead"
+                "specify them in a Mechanism instead"
             )
         if len(self.damping_ratios) > 1:
             raise DeclarationError(

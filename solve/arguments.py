@@ -78,7 +78,7 @@ def first_is(
 def matches_annotations(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Decorator that raises ValueOutOfBoundsError for arguments that do not match their annotations.
 
-    Two cases are left to the function itself: a text in place of a sequence, which is a single name or a
+    Two cases are left to the function itself: a string in place of a sequence, which is a single name or a
     range, and a number of any type in place of an integer.
 
     >>> @matches_annotations
@@ -205,7 +205,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_sequence(value: Any, annotation: Any) -> bool:
-    """Whether a value is a text, or a sequence whose entries are of the annotated type."""
+    """Whether a value is a string, or a sequence whose entries are of the annotated type."""
     if isinstance(value, str):
         return conforms("", annotation)
     if not isinstance(value, Iterable) or isinstance(value, bytes | Mapping):
@@ -264,7 +264,7 @@ def require_index(name: str, value: object, count: int) -> None:
 
 def require_steps(steps: object, least: int = 1) -> None:
     """Raise StepsError unless `steps` is an integer >= `least`."""
-    require_integer("steps", steps, least, "; leave out steps for automatic selection", StepsError)
+    require_integer("steps", steps, least, "; omit steps for automatic selection", StepsError)
 
 
 @contextmanager

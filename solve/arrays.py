@@ -27,8 +27,9 @@ CACHE_SIZE = 8
 judgement."""
 
 SPLIT = 1e-6
-"""Relative distance between computed eigenvalues up to which the exact ones may be equal: round-off splits a
-double eigenvalue by the square root of `EPS`, 1.5e-8, times a condition number. Chosen by judgement."""
+"""Relative distance between computed eigenvalues up to which the exact eigenvalues may be equal: round-off
+splits a double eigenvalue by the square root of `EPS`, 1.5e-8, times a condition number. Chosen by
+judgement."""
 
 
 def covers_all(selection: Array, count: int) -> bool:

@@ -17,7 +17,7 @@ class Statistics(NamedTuple):
     Attributes
     ----------
     max, min, max_abs, mean : float
-        Maximum, minimum, largest modulus and mean.
+        Maximum, minimum, largest absolute value and mean.
     max_phase, min_phase : float
         Phases of the maximum and of the minimum in rad.
     rms : float

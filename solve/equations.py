@@ -135,7 +135,7 @@ def limits_of(system: PeriodicSystem, quantities: Iterable[str], linear: bool = 
 def exceeded_limits(
     system: PeriodicSystem, figures: Mapping[str, Statistics], linear: bool = True
 ) -> list[str]:
-    """Warnings about exceeded limits. `figures` maps quantities to their statistics. linear: as in
+    """Warnings about violated limits. `figures` maps quantities to their statistics. linear: as in
     `warnings_of`."""
     pairs = ((limit, figures[limit.quantity]) for limit in limits_of(system, figures, linear))
     return [limit.message(values) for limit, values in pairs if limit.exceeded(values)]

@@ -85,7 +85,7 @@ def unit_of(system: Labelled, name: str) -> ShownUnit:
 
 
 def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
-    """Convert a value of a parameter, a number or a text such as "30 mm", to the declared unit of the
+    """Convert a value of a parameter, a number or a string such as "30 mm", to the declared unit of the
     parameter. Raises UnknownNameError, UnitError, and ValueOutOfBoundsError if the value is not a number."""
     labels = system.labels
     if isinstance(value, str):
@@ -135,8 +135,8 @@ def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
 
 
 def speed_or_usual(system: Labelled, speed: float | str | None) -> float:
-    """Convert a speed, a number in rad/s or a text with unit, to rad/s. By default, it is the speed of the
-    case. Raises MissingValueError if there is neither, UnitError, ValueOutOfBoundsError."""
+    """Convert a speed, a number in rad/s or a string with a unit, to rad/s. By default, it is the speed of
+    the case. Raises MissingValueError if there is neither, UnitError, ValueOutOfBoundsError."""
     labels = system.labels
     chosen = labels.case_speed if speed is None else speed
     if chosen is None:

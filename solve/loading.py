@@ -107,7 +107,7 @@ def load(
     reduce : int, optional
         Number of modes retained per link of a beam structure. Results then state the error of the reduction.
     **parameters : float or str
-        Values that override those of the case, in the units of the model or as texts such as "30 mm".
+        Values that override those of the case, in the units of the model or as strings such as "30 mm".
 
     Returns
     -------

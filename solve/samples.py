@@ -36,8 +36,8 @@ _FEWEST_FOR_POWER = 8
 quarter has two harmonics."""
 
 _SIGNIFICANT = 64 * EPS
-"""Amplitude of a harmonic, relative to the largest entry of its matrix, up to which it counts as round-off.
-Chosen by judgement: about ten operations have this round-off."""
+"""Amplitude of a harmonic, relative to the largest amplitude in the same matrix, up to which it counts as
+round-off. Chosen by judgement: about ten operations have this round-off."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,8 @@ class Samples:
 
     @cached_property
     def envelope(self) -> Array:
-        """Amplitude (h,) of each harmonic from 0 on, relative to the largest entry of its matrix, maximal
-        over all entries."""
+        """Largest amplitude (h,) of each harmonic from 0 on, over all entries of all matrices. The amplitudes
+        of a matrix are divided by its largest amplitude."""
         envelope = np.zeros(len(self.arrays[0]) // 2 + 1)
         for array in self.arrays:
             amplitudes = np.abs(np.fft.rfft(array, axis=0)).reshape(len(envelope), -1)
@@ -168,7 +168,7 @@ class Samples:
     def truncated(self, harmonics: int) -> "Samples":
         """Samples of the interpolants without harmonics above `harmonics`.
 
-        For nonuniform azimuths, higher harmonics alias to all lower ones. Interpolants through fewer
+        For nonuniform azimuths, higher harmonics alias to all lower harmonics. Interpolants through fewer
         azimuths, which have comparable errors, are used instead."""
         if self.given is not None:
             azimuths, arrays = self.given

@@ -34,7 +34,7 @@ def periodic(
     system : PeriodicSystem
         System to solve.
     speed : float or str
-        Speed in rad/s, or a text with unit such as "600 rpm".
+        Speed in rad/s, or a string with a unit such as "600 rpm".
     method : str or Method
         Name of a method, a method object, or "auto".
     steps : int, optional
@@ -102,7 +102,7 @@ def floquet(
     system : PeriodicSystem
         System to solve.
     speed : float or str
-        Speed in rad/s, or a text with unit such as "600 rpm".
+        Speed in rad/s, or a string with a unit such as "600 rpm".
     method, steps : optional
         As in `periodic`.
     rtol : float

@@ -237,7 +237,7 @@ class PeriodicSystem:
 
 
 def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) -> None:
-    """Raise ValueOutOfBoundsError unless `names` is a sequence of distinct texts, none of which is in
+    """Raise ValueOutOfBoundsError unless `names` is a sequence of distinct strings, none of which is in
     `others`."""
     texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
     if not texts or len({*others, *names}) != len(others) + len(names):

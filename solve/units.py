@@ -128,10 +128,10 @@ def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:
 
 
 def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
-    """Convert a number in rad/s, or a text such as "600 rpm", "62.8 rad/s" or "10 Hz", to a speed in rad/s
+    """Convert a number in rad/s, or a string such as "600 rpm", "62.8 rad/s" or "10 Hz", to a speed in rad/s
     with its unit.
 
-    Raises UnitError for a text without a unit of rotation. Raises ValueOutOfBoundsError unless the speed is
+    Raises UnitError for a string without a unit of rotation. Raises ValueOutOfBoundsError unless the speed is
     finite and > 0 (with `zero`, ≥ 0).
 
     >>> round(speed_in_si("600 rpm"), 6)
@@ -141,7 +141,7 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
 
 
 def _in_si(speed: float | str, zero: bool) -> GivenSpeed:
-    """Result of `speed_in_si`. It is cached for texts."""
+    """Result of `speed_in_si`. It is cached for strings."""
     unit = getattr(speed, "unit", None)
     try:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
@@ -171,8 +171,8 @@ def require_size_of_number(what: str, value: float) -> None:
 
 
 def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed]:
-    """Convert speeds to rad/s. They are a number in rad/s, a text with unit, a sequence of these, or one text
-    with several speeds, such as "1:3:3 rad/s".
+    """Convert speeds to rad/s. They are a number in rad/s, a string with a unit, a sequence of these, or one
+    string with several speeds, such as "1:3:3 rad/s".
 
     Raises UnitError, ValueOutOfBoundsError.
 
@@ -205,8 +205,8 @@ def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> li
 
 
 def speeds_in_si(text: str) -> list[GivenSpeed]:
-    """Convert a text to speeds in rad/s. The text is "A:B:N unit", for N speeds from A to B, or a list such
-    as "600 900 1200 rpm"."""
+    """Convert a string to speeds in rad/s. The string is "A:B:N unit", for N speeds from A to B, or a list
+    such as "600 900 1200 rpm"."""
     *numbers, unit = apart(text).split() or [""]
     usage = f"speeds are '{text}'; give 'A:B:N unit' or numbers with one unit, such as '600 900 1200 rpm'"
     if len(numbers) == 1 and ":" in numbers[0]:
@@ -224,8 +224,8 @@ def speeds_in_si(text: str) -> list[GivenSpeed]:
 
 
 def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
-    """Return the first and the last speed of a ramp, in rad/s. `speeds` is a text "A:B unit", or two numbers
-    in rad/s or texts with unit.
+    """Return the first and the last speed of a ramp, in rad/s. `speeds` is a string "A:B unit", or two
+    numbers in rad/s or strings with a unit.
 
     One of the speeds may be 0. The relative difference between the speeds must exceed 1e-9. Raises UnitError,
     ValueOutOfBoundsError.
@@ -257,7 +257,7 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
 
 
 def evenly(text: str, name: str) -> list[float] | list[str]:
-    """Return N equidistant values from A to B: numbers for a text "A:B:N", or texts for "A:B:N unit".
+    """Return N equidistant values from A to B: numbers for a string "A:B:N", or strings for "A:B:N unit".
 
     name: name of the quantity in messages. Raises ValueOutOfBoundsError.
 
@@ -287,7 +287,7 @@ def evenly(text: str, name: str) -> list[float] | list[str]:
 
 
 def in_unit(value: float | str, unit: str, name: str) -> float:
-    """Convert a number, or a text with or without a unit, to a number in `unit`.
+    """Convert a number, or a string with or without a unit, to a number in `unit`.
 
     name: name of the quantity in messages. Raises UnitError, and ValueOutOfBoundsError if the value is not a
     number.
@@ -318,8 +318,8 @@ def apart(text: str) -> str:
 
 
 def quantity(text: str) -> float | str:
-    """Convert a text without unit to a number; return a text with unit unchanged. Raises ValueError for other
-    texts.
+    """Convert a string without a unit to a number; return a string with a unit unchanged. Raises ValueError
+    for other strings.
 
     >>> quantity("1.5e3"), quantity("30mm")
     (1500.0, '30mm')
@@ -336,7 +336,7 @@ def spaced(low: float, high: float, count: int) -> list[float]:
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number without a unit."""
+    """Whether a string is a number without a unit."""
     try:
         float(text)
     except ValueError:
@@ -345,7 +345,7 @@ def is_number(text: str) -> bool:
 
 
 def with_unit(text: str, unit: str) -> float:
-    """Convert a text such as "70 deg" to a number in `unit`. Raises UnitError."""
+    """Convert a string such as "70 deg" to a number in `unit`. Raises UnitError."""
     number, _, text_unit = apart(text).partition(" ")
     example = {"rad/s": "'600 rpm'", "rad": "'70 deg'"}.get(unit, f"'1 {unit}'")
     try:

@@ -13,7 +13,7 @@ four_bar = solve.load("four_bar")
 
 
 def cycles(zeta):
-    """Until a disturbance at 62 rad/s has fallen to 1e-4."""
+    """Until a perturbation at 62 rad/s has fallen to 1e-4."""
     rho = solve.floquet(four_bar.varied({"zeta": zeta}), "62 rad/s", rtol=1e-6).spectral_radius
     return math.ceil(math.log(1e-4) / math.log(rho))
 

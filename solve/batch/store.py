@@ -111,7 +111,7 @@ def opened(
 ) -> Iterator[Store]:
     """Open the store in a folder for one writer; create it if necessary.
 
-    work: numbers and texts that identify the calculation. columns: values (P,) of the varied quantities.
+    work: numbers and strings that identify the calculation. columns: values (P,) of the varied quantities.
     Raises MissingLibraryError. Raises FileError if the folder contains other files or another calculation, is
     used by another process, or cannot be written."""
     _require_zarr()

@@ -1,1 +1,1 @@
-"""Plane structures of beams: matrices, exact dynamic stiffness and natural frequencies."""
+"""Plane beam structures: matrices, exact dynamic stiffness and natural frequencies."""

@@ -183,7 +183,7 @@ class Beams:
         return np.array(tables)
 
     def spread(self, member: Member, local: Array) -> Array:
-        """Table (5, n, n) of a link for which all elements have the local matrix `local` (k, k)."""
+        """Table (5, n, n) of a link whose elements all have the local matrix `local` (k, k)."""
         return self.spread_singly(member, local).sum(axis=0)
 
     def spread_singly(self, member: Member, local: Array) -> Array:

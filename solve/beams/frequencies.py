@@ -1,4 +1,4 @@
-"""Natural frequencies and modes of a structure of beams at fixed positions.
+"""Natural frequencies and modes of a beam structure at fixed positions.
 
 With finite elements, these are the frequencies of M q̈ + K q = 0 (thesis, Eq. (4.40)). With exact elements,
 the stiffness depends on the frequency (Wittrick and Williams; section 5.3 of the thesis). The number of

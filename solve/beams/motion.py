@@ -1,4 +1,4 @@
-"""Equations of motion of a structure of beams with moving links (thesis, Eqs. (4.32), (6.15)).
+"""Equations of motion of a beam structure with moving links (thesis, Eqs. (4.32), (6.15)).
 
 Coordinates are displacements from the rigid positions, in ground axes. The matrix R, with R′ = J R,
 transforms from ground axes to link axes. The angular velocity and acceleration of the link are ω and ω̇. In

@@ -1,4 +1,4 @@
-"""Outputs of a moving structure of beams: deflections and stresses at points of links, forces at joints, and
+"""Outputs of a moving beam structure: deflections and stresses at points of links, forces at joints, and
 contributions of modes (thesis, Fig. 6.4)."""
 
 from collections.abc import Callable

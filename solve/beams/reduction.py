@@ -49,7 +49,7 @@ class Body:
         return body
 
     def assembled(self, local: Array) -> Array:
-        """Matrix (k, k) of a link for which all elements have the matrix `local` (f, f)."""
+        """Matrix (k, k) of a link whose elements all have the matrix `local` (f, f)."""
         return self.assembled_singly(local).sum(axis=0)
 
     def assembled_singly(self, local: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Model of a structure of beams from a generated module, with numerically assembled matrices."""
+"""Model of a beam structure from a generated module, with numerically assembled matrices."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -110,7 +110,7 @@ class InterpolationError(NamedTuple):
     harmonic : int
         Highest harmonic of the samples with an amplitude above round-off.
     orbit, multipliers : float
-        Relative errors, defined as in `ErrorEstimate`; 0 if all harmonics above the resolved ones are
+        Relative errors, defined as in `ErrorEstimate`; 0 if all harmonics above the resolved harmonics are
         round-off.
     sufficient : int or None
         Estimated number of azimuths that meets the tolerance; None if the harmonics do not decay.
@@ -222,8 +222,8 @@ class Certified:
                 warnings.append(error.sentence)
         if is_below_round_off:
             warnings.append(
-                "all multipliers are below the round-off of the monodromy matrix; disturbances vanish within "
-                "one period"
+                "all multipliers are below the round-off of the monodromy matrix; perturbations vanish "
+                "within one period"
             )
         if request.steps is not None or multipliers > request.rtol:
             phase_advance = float(self.modes[np.array([at])].phase_advance[0])

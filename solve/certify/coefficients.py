@@ -77,8 +77,8 @@ def _entries(entry: Array) -> tuple[Array, Array]:
 
 
 def _relative(values: Array, largest: Array, entries: Array, n: int) -> Array:
-    """Return the maximum (P, k) over all entries of `values` (P, k, E), relative to `largest` (P, E), the
-    largest value of each entry. Values within round-off are 0."""
+    """Divide `values` (P, k, E) by the largest value of each entry, `largest` (P, E), and return the maximum
+    (P, k) over the entries. Values within round-off count as 0."""
     scale = np.where(largest > 0, largest, 1.0)[:, None]
     is_visible = values > ROUND_OFF * _entry_sizes(largest, entries, n)[:, None]
     return np.where(is_visible, values / scale, 0.0).max(axis=-1)

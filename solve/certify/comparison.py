@@ -101,13 +101,15 @@ class Comparison(PointSolver):
         return self.chunks(steps * self.step_ratio, positions, self.better)
 
     def pair(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
-        """Return the solution with `steps` steps and a more accurate one, for points at positions (k,)."""
+        """Return the solution with `steps` steps and a more accurate one, for the points with the indices
+        `positions` (k,)."""
         equations, rigid = self.equations[positions], self.rigid_body_modes(positions)
         first = self.solve_points(self.method, equations, steps, rigid)
         return first, self.solve_points(self.better, equations, steps * self.step_ratio, rigid)
 
     def roundoff(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
-        """Return round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
+        """Return round-off errors (k, 2) of the solutions of the points with the indices `positions` (k,), on
+        a grid of `steps` steps.
 
         The errors include the round-off of the step maps. If the effect of round-off in the coefficients may
         exceed the `errors` (k, 2), it is also included. This effect is computed as the difference from
@@ -127,8 +129,8 @@ class Comparison(PointSolver):
         return roundoff
 
     def _linear_modes(self, positions: Array, equations: Points) -> Free | None:
-        """Return the rigid-body modes of points at positions (k,). equations: linear equations of these
-        points."""
+        """Return the rigid-body modes of the points with the indices `positions` (k,). equations: linear
+        equations of these points."""
         return self.rigid_body_modes(positions) if self.method.linear else free(equations)
 
     def _change(
@@ -144,8 +146,8 @@ class Comparison(PointSolver):
         return change
 
     def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        """Return errors (k, 2) due to variations of the coefficients that neither grid samples, for points at
-        positions (k,) with `steps` steps."""
+        """Return errors (k, 2) due to variations of the coefficients that neither grid samples, for the
+        points with the indices `positions` (k,) on a grid of `steps` steps."""
         if self.step_ratio == 1:
             return self._between_stages(steps, positions, solutions)
         if self.method.samples_evenly:

@@ -21,7 +21,7 @@ harmonics.
   to the harmonics to which they alias.
 
 The larger of the two errors is used. It is zero if the resolved harmonics end within round-off. Harmonics
-beyond the resolved range that alias to lower ones are then not detected."""
+beyond the resolved range that alias to lower harmonics are then not detected."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping

@@ -74,7 +74,7 @@ class PointSolver:
         return self.method.most_steps(self.points.n, self.points.first_order)
 
     def rigid_body_modes(self, positions: Array) -> Free | None:
-        """Rigid-body modes of points at positions (k,)."""
+        """Rigid-body modes of the points with the indices `positions` (k,)."""
         return None if self.free is None else self.free[positions]
 
     @cached_property
@@ -133,8 +133,8 @@ class PointSolver:
         return [*failures, *self.unstable_points(self.request.steps, rest)]
 
     def singular_points(self, steps: int, positions: Array) -> list[Failed]:
-        """Return failures for points at positions (k,) with an M that is singular between the sampled phases
-        of the frozen modes, if the grid has many steps."""
+        """Return failures for those of the points with the indices `positions` (k,) whose M is singular
+        between the sampled phases of the frozen modes. Only grids with many steps are tested."""
         if steps <= _FINE:
             return []
         grid = Grid.uniform(steps, self.points.period, self.points.breaks)
@@ -169,7 +169,7 @@ class PointSolver:
         return np.array_split(positions, min(len(positions), count))
 
     def solve(self, steps: int, positions: Array) -> Solutions:
-        """Return solutions of the points at positions (k,) on a grid of `steps` steps."""
+        """Return solutions of the points with the indices `positions` (k,) on a grid of `steps` steps."""
         rigid = self.rigid_body_modes(positions)
         return self.solve_points(self.method, self.equations[positions], steps, rigid)
 
@@ -202,8 +202,8 @@ class PointSolver:
 
 
 def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, MatricesError]]:
-    """Yield the position of each point with an M that is singular at some phase, and the exception for it.
-    The phase may lie between the sampled phases.
+    """Yield the index of each point whose M is singular at some phase, and the exception for it. The phase
+    may lie between the sampled phases.
 
     The phase is searched only for points without steady inertia at the sampled phases; see
     `FrozenModes.has_steady_inertia`. A shorter dip of det M is found on a fine grid; see

@@ -70,7 +70,7 @@ def on_one_grid(
     points: Points, method: Method, request: SolveRequest, steps: int
 ) -> Iterator[tuple[Array, Solutions]]:
     """Yield solutions by the more accurate method on one grid, without error estimates. They are computed in
-    chunks, and yielded with the positions (k,) of their points. Points without a solution are omitted."""
+    chunks, and yielded with the indices (k,) of their points. Points without a solution are omitted."""
     solver = PointSolver(points, method.with_another_stage or method, request)
     for chunk in solver.chunks(steps, np.arange(len(points))):
         solutions = solver.solve(steps, chunk)
@@ -78,7 +78,7 @@ def on_one_grid(
 
 
 def _rigid_body_groups(solver: PointSolver) -> list[Array]:
-    """Return the positions of the points in up to three groups: points with rigid-body modes but no conserved
+    """Return the indices of the points in up to three groups: points with rigid-body modes but no conserved
     momentum, points with conserved momentum, and points without rigid-body modes. Empty groups are omitted.
     """
     if solver.free is None:
@@ -100,10 +100,10 @@ def _at_positions(result: Certified | Failed, positions: Array) -> Certified | F
 class _GridComparison:
     """Two solutions of the same k points on related grids.
 
-    positions (k,): positions of the points. solutions, better: first solution, and the more accurate one.
+    positions (k,): indices of the points. solutions, better: first solution, and the more accurate one.
     errors (k, 2): errors of the first solution. roundoff (k, 2): round-off errors of the first solution.
     tolerances (k, 2): allowed errors, at least the round-off. remainder (k,): size, after a period, of a unit
-    disturbance in modes that the steps do not resolve."""
+    perturbation in modes that the steps do not resolve."""
 
     positions: Array
     modes: FrozenModes
@@ -316,8 +316,7 @@ def _add(pending: dict[int, list[Array]], steps: Array, positions: Array) -> Non
 
 
 def _failed(failures: Mapping[int, SolveError], positions: Array) -> Iterator[Failed]:
-    """Return failures with the positions of their points. The keys of `failures` are indices in
-    `positions`."""
+    """Return failures with the indices of their points. The keys of `failures` are indices in `positions`."""
     return (Failed(int(positions[row]), reason) for row, reason in failures.items())
 
 

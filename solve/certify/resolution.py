@@ -3,7 +3,8 @@
 With coefficients frozen at a phase, a step of length h of a one-step method multiplies a mode of rate λ by
 R(hλ) instead of exp(hλ). If these two factors differ, two solutions may agree on a wrong multiplier: an
 L-stable method damps an undamped mode, and other methods preserve a decaying mode. The larger of the two
-factors bounds the disturbance that remains after a period."""
+factors, multiplied over all steps of a period, bounds what remains of a perturbation of this mode after one
+period."""
 
 from functools import lru_cache
 
@@ -89,8 +90,9 @@ def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> A
     k).
 
     Harmonics above the frequency ω₁ of the fastest mode, `fastest` (P,), have the additional weight (ω₁/ω)³:
-    inertia reduces the response by (ω₁/ω)², and local errors accumulate only over a period of the mode. The
-    factor 1.25 on ω accounts for the response, whose harmonics extend beyond those of the coefficients."""
+    inertia reduces the response by (ω₁/ω)², and local errors accumulate only over one vibration period 2π/ω₁
+    of the fastest mode. In (ωT)^(p + 1), ω is multiplied by 1.25, because the harmonics of the response
+    extend beyond those of the coefficients."""
     omega = np.arange(1, amplitudes.shape[1]) * 2 * np.pi / T
     response = 3 * np.minimum(np.log(fastest)[:, None] - np.log(omega), 0.0)
     powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
@@ -110,8 +112,8 @@ def grid_sizes(steps: Array) -> Array:
 
 
 def unresolved_remainder(method: Method, modes: FrozenModes, steps: int) -> Array:
-    """Return the remainder (P,), after a period, of a unit disturbance in modes that the steps do not
-    resolve.
+    """Return a bound (P,) on what remains, after one period, of a unit perturbation in modes that the steps
+    do not resolve.
 
     The remainder is 0 if all modes are resolved. It is infinite if a method without a stability function
     preserves unresolved modes. The mean damping of a mode over a few phases would be wrong if the damping had

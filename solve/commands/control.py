@@ -65,7 +65,7 @@ def control(
 
 
 def _numbers(flag: str, text: str) -> dict[str, float]:
-    """Parse a text "NAME=NUMBER, NAME=NUMBER" to a mapping. Raises ValueOutOfBoundsError."""
+    """Parse a string "NAME=NUMBER, NAME=NUMBER" to a mapping. Raises ValueOutOfBoundsError."""
     numbers = {}
     for piece in filter(None, (piece.strip() for piece in text.split(","))):
         name, equals, value = (part.strip() for part in piece.partition("="))

@@ -62,7 +62,7 @@ class CaseNumbers:
 
     @property
     def parameters(self) -> dict[str, float | str]:
-        """Mapping from the names in --set to values: numbers, or texts with a unit. Raises
+        """Mapping from the names in --set to values: numbers, or strings with a unit. Raises
         ValueOutOfBoundsError."""
         return quantities("--set", self.set or [])
 
@@ -156,7 +156,7 @@ class Problem(Numbers):
         return load(self.model, self.case, options, self.reduce, **self.parameters)
 
     def numbers_set(self) -> str:
-        """Return a text with the values of --set in the model's units, and in the case's units where these
+        """Return a string with the values of --set in the model's units, and in the case's units where these
         differ; empty if the model needs further values."""
         if is_system_file(self.model):
             return ""

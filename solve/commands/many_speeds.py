@@ -240,7 +240,7 @@ def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
 
 
 def _held(text: str, model: Model) -> tuple[str, float]:
-    """Return the name, and the value in the model's unit, from a text NAME=NUMBER[unit]."""
+    """Return the name, and the value in the model's unit, from a string NAME=NUMBER[unit]."""
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)

@@ -44,7 +44,7 @@ def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:
 
 
 def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> dict[str, str]:
-    """Parse texts NAME=VALUE to a mapping. Raises ValueOutOfBoundsError for texts of another form.
+    """Parse strings NAME=VALUE to a mapping. Raises ValueOutOfBoundsError for strings of another form.
 
     >>> assignments("--option", ["load=constant"])
     {'load': 'constant'}
@@ -75,7 +75,7 @@ def require_with(needed: str, is_given: bool, flags: Mapping[str, Any]) -> None:
 
 
 def listed(flag: str, text: str) -> list[str]:
-    """Parse a text of names separated by commas. Raises ValueOutOfBoundsError for a repeated name.
+    """Parse a string of names separated by commas. Raises ValueOutOfBoundsError for a repeated name.
 
     >>> listed("--free", "a1, a3")
     ['a1', 'a3']
@@ -88,7 +88,7 @@ def listed(flag: str, text: str) -> list[str]:
 
 
 def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
-    """Parse texts NAME=NUMBER to a mapping. A value with a unit remains a text.
+    """Parse strings NAME=NUMBER to a mapping. A value with a unit remains a string.
 
     >>> quantities("--set", ["k1=8e4", "r=30mm"])
     {'k1': 80000.0, 'r': '30mm'}
@@ -106,8 +106,8 @@ def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
 
 
 def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
-    """Parse a text NAME=A:B:N to the name and N values from A to B, both included. Values with a unit are
-    texts.
+    """Parse a string NAME=A:B:N to the name and N values from A to B, both included. Values with a unit are
+    strings.
 
     >>> points("--over", "L2=0.2:0.6:3")
     ('L2', [0.2, 0.4, 0.6])
@@ -143,7 +143,7 @@ def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) 
 
 
 def statistic_name(text: str) -> str:
-    """Return the name of a statistic of the modulus over a period, from the text max or rms. Raises
+    """Return the name of a statistic of the modulus over a period, from the string max or rms. Raises
     UnknownNameError."""
     figures = {"max": "max_abs", "rms": "rms"}
     require_name("figure", text, figures)
@@ -164,7 +164,7 @@ class Flag(NamedTuple):
     """Description of a flag for `--help`.
 
     `form` is the placeholder of the value; None for a Boolean flag. `default` describes a default that is
-    chosen later. `read` converts the text of a value that is neither a number nor a text.
+    chosen later. `read` converts the text of a value that is neither a number nor a string.
     """
 
     help: str

@@ -49,8 +49,8 @@ def identifier(model: Model) -> str:
 
 
 def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
-    """Return the texts of FILE.c and FILE.h, for FILE = `file_stem`. Raises LinearModelError, NoMotionError,
-    FileError."""
+    """Return the contents of FILE.c and FILE.h, for FILE = `file_stem`. Raises LinearModelError,
+    NoMotionError, FileError."""
     if not file_stem.isprintable() or set(file_stem) & set('"\\'):
         raise FileError(
             f"{file_stem!r} cannot be the name of a C file; leave out quotes, backslashes and "

@@ -74,7 +74,7 @@ def controller_mat(result: Controller, samples: int) -> bytes:
 
 
 def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, str, list[str]]:
-    """Return the texts of FILE.c and FILE.h, for FILE = `stem`, and warnings.
+    """Return the contents of FILE.c and FILE.h, for FILE = `stem`, and warnings.
 
     Matrices are interpolated linearly between samples. Estimates are advanced by the Runge–Kutta method of
     order 4, with constant measured quantities."""

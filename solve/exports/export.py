@@ -59,7 +59,7 @@ def export(
     path : str or Path
         File to be written. Its ending selects the format; see Notes.
     speed : float or str, optional
-        Speed Ω in rad/s, or a text with unit; by default the speed of the case. The C functions have the
+        Speed Ω in rad/s, or a string with a unit; by default the speed of the case. The C functions have the
         speed as an argument.
     samples : int
         Number of phases per period in a .mat file and in the tables of a controller.

@@ -240,7 +240,7 @@ def harmonic_transfer(
     system : PeriodicSystem
         System. Its inputs and outputs are those of `solve.state_space`.
     speed : float or str
-        Speed Ω in rad/s, or a text with unit.
+        Speed Ω in rad/s, or a string with a unit.
     harmonics : int
         Highest harmonic N of inputs and outputs, which have the harmonics -N … N.
     orders : int, optional
@@ -282,7 +282,7 @@ def harmonic_transfer(
     least = max(int(harmonics), 1)
     if orders is not None and not (isinstance(orders, int | np.integer) and least <= orders <= most):
         raise ValueOutOfBoundsError(
-            f"orders is {orders!r}; allowed for {counted(system.n, 'coordinate')} and "
+            f"the value of orders is {orders!r}; allowed for {counted(system.n, 'coordinate')} and "
             f"{counted(harmonics, 'harmonic')}: "
             f"{least} … {most}"
         )

@@ -227,7 +227,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     system : PeriodicSystem
         System. The system of a nonlinear orbit, `solve.nonlinear(…).system`, is linearised about the orbit.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     samples : int
         Number of equidistant phases per period. At a jump, the matrices just after the jump are used.
 

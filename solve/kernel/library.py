@@ -66,7 +66,7 @@ def lanes(size: Size) -> int:
 
 @lru_cache
 def trouble() -> str:
-    """Reason why compilation is impossible on this machine, or an empty text."""
+    """Reason why compilation is impossible on this machine, or an empty string."""
     try:
         library(Size(1, 1, 2, True, False))
     except CompilerError as error:

@@ -48,8 +48,8 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
     """Return the parameters of a generated module as finite numbers in the declared units, within their
     bounds.
 
-    values: numbers in the declared units, or texts with a unit such as "30 mm". Raises ValueOutOfBoundsError,
-    UnitError."""
+    values: numbers in the declared units, or strings with a unit such as "30 mm". Raises
+    ValueOutOfBoundsError, UnitError."""
     checked = {}
     for name, unit, meaning, bound in module.PARAMETERS:
         try:
@@ -147,8 +147,8 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
 
 
 def _option_per_link(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
-    """Value of an option of a link: one value for all links, or a text with one value per link, separated by
-    commas."""
+    """Value of an option of a link: one value for all links, or a string with one value per link, separated
+    by commas."""
     parts = (
         value.split(",") if isinstance(value, str) else value if isinstance(value, list | tuple) else [value]
     )
@@ -173,7 +173,7 @@ def _checked_option(module: ModuleType, name: str, value: Any, allowed: Sequence
 
 
 def _as_integer(value: Any) -> Any:
-    """Convert a text or a NumPy integer to an integer; return other values unchanged."""
+    """Convert a string or a NumPy integer to an integer; return other values unchanged."""
     if isinstance(value, np.integer):
         return int(value)
     return int(value) if isinstance(value, str) and re.fullmatch("-?[0-9]+", value.strip()) else value

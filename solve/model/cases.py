@@ -172,7 +172,7 @@ def read_cases(
         speed = entry.get("speed")
         if speed is not None and not isinstance(speed, str):
             raise CaseFileError(
-                f"speed of case '{name}' is {speed!r}; give a text with unit, such as '600 rpm'"
+                f"speed of case '{name}' is {speed!r}; give a string with a unit, such as '600 rpm'"
             )
         specific = _parameters(entry.get("parameters", {}), units, series, path)
         cases[name] = replace(shared, name=name, speed=speed).replaced(*specific)
@@ -297,7 +297,8 @@ def _spreads(
     texts = [entry[key] for key in sorted(_SPREAD_KEYS & entry.keys())]
     if len(texts) > 1 or not all(isinstance(text, str) for text in texts):
         raise CaseFileError(
-            f"{name} in {path.name} needs one text, tolerance = '±2 %' or distribution = 'normal(8e4, 2e3)'"
+            f"{name} in {path.name} requires exactly one string: either tolerance = '±2 %' or "
+            "distribution = 'normal(8e4, 2e3)'"
         )
     try:
         for member, value in numbers.items() if texts else ():

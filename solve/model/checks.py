@@ -106,7 +106,7 @@ def require_no_jump(system: PeriodicSystem, speed: float) -> None:
         raise MatricesError(
             f"{symbols[entry[jump]]} jumps by {change[jump]:.3g} at phase "
             f"{low[jump] % system.period:.6g}, where the model has no break; use angles that are "
-            "continuous beyond π (atan2 jumps there by 2π), and state an intended jump with Heaviside, "
+            "continuous beyond π (atan2 jumps there by 2π), and declare an intended jump with Heaviside, "
             "Piecewise or wrapped"
         )
 

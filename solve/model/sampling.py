@@ -87,7 +87,7 @@ def by_rows(matrices: Iterable[Any]) -> Any:
 
 @symbolic
 def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
-    """Substitute the parameters of a generated function, except those at the positions `free`, which become
+    """Substitute the parameters of a generated function, except those with the indices `free`, which become
     its last input. The outputs are concatenated, each in row order."""
     import casadi
 

@@ -248,7 +248,7 @@ def _text_of(
 ) -> tuple[str | None, int]:
     """Return the C code of a generated function after `transform`, and its number of outputs.
 
-    The parameters at the positions `free` are inputs; all other parameters are 0. count: number of all
+    The parameters with the indices `free` are inputs; all other parameters are 0. count: number of all
     parameters."""
     function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
     return c_text(function), function.size1_out(0)

@@ -70,9 +70,9 @@ def branch(
     system : Model
         Model with nonlinear equations.
     speeds : str or (float or str, float or str), optional
-        First and last speed of the range: a text such as "300:600 rpm", or a pair of speeds (numbers in rad/s
-        or texts with unit). The branch starts at the first speed, and ends where it leaves the range. If
-        `over` is given, `speeds` is the constant speed; by default, the speed of the case.
+        First and last speed of the range: a string such as "300:600 rpm", or a pair of speeds (numbers in
+        rad/s or strings with a unit). The branch starts at the first speed, and ends where it leaves the
+        range. If `over` is given, `speeds` is the constant speed; by default, the speed of the case.
     over : str, optional
         Parameter that varies instead of the speed, with its first and last value, such as "k1=1e4:9e4".
     switch : bool

@@ -349,7 +349,7 @@ def correct(
 ) -> Solutions:
     """Return the next Newton iterate from `curve`.
 
-    through_jumps: whether to include the jumps of disturbances at events with discontinuous forces.
+    through_jumps: whether to include the jumps of perturbations at events with discontinuous forces.
     otherwise: the iterate without these jumps, if already computed; it is returned if there are no jumps."""
     along, grid = linearised_along(task, curve, grid)
     jumps = event_jumps(along, curve, task.speed, grid) if through_jumps else []

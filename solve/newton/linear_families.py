@@ -215,7 +215,7 @@ class _Equations:
         return columns
 
     def jumps(self, grid: Grid) -> list[EventJump]:
-        """Return the jumps of disturbances at the events of the motion, and at breaks whose phase depends on
+        """Return the jumps of perturbations at the events of the motion, and at breaks whose phase depends on
         a parameter."""
         names = [name for name in self.names if name != DAMPING]
         motion = self.along, self.motion, self.task.speed, grid

@@ -67,7 +67,7 @@ def nonlinear(
     system : Model
         Model with nonlinear equations.
     speed : float or str
-        Speed in rad/s, or a text with unit.
+        Speed in rad/s, or a string with a unit.
     start : Orbit, Transient, (q, q̇), callable or path, optional
         Initial motion of Newton's iteration, over the period of the orbit or an integer fraction of it:
 

@@ -1,7 +1,7 @@
-"""Saltation: the jump of a disturbance at an event at which the force jumps (M. di Bernardo, C. Budd, A. R.
+"""Saltation: the jump of a perturbation at an event at which the force jumps (M. di Bernardo, C. Budd, A. R.
 Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
 
-A disturbance y moves the phase of the event, and so does a change δ of a parameter θ of the switching
+A perturbation y moves the phase of the event, and so does a change δ of a parameter θ of the switching
 function g. The states are x = (q, q'), where first-order coordinates have no q'. With the rates f⁻ and f⁺ of
 the states before and after the event,
 
@@ -35,7 +35,7 @@ above the errors due to the phases of events, and far below jumps that affect mu
 
 @dataclass(frozen=True)
 class EventJump:
-    """Jump of disturbances at an event of a motion.
+    """Jump of perturbations at an event of a motion.
 
     step: index of the step before the event. matrix: S (N, N). state (N,): state of the motion at the event.
     by_parameters: s (N, k)."""
@@ -122,7 +122,7 @@ def _at_nodes(
 def solutions_with_jumps(
     method: Collocated, points: Points, grid: Grid, engine: str, held: Free | None, jumps: Sequence[EventJump]
 ) -> Solutions:
-    """Return the solutions of a single point with jumps of disturbances at events. held: rigid-body modes of
+    """Return the solutions of a single point with jumps of perturbations at events. held: rigid-body modes of
     the point; with such modes, only the monodromy matrix includes the jumps."""
     with np.errstate(all="ignore"):
         chain = method.discretise(points, grid)

@@ -54,7 +54,7 @@ def scatter(
     system : Model
         Model with nonlinear equations.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; by default the speed of the case.
+        Speed in rad/s, or a string with a unit; by default the speed of the case.
     count : int
         Number of initial states.
     seed : int

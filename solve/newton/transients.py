@@ -86,7 +86,7 @@ def transient(
     system : PeriodicSystem
         System to solve.
     speed : float or str, optional
-        Constant speed in rad/s, or a text with unit.
+        Constant speed in rad/s, or a string with a unit.
     turns : int
         Number of periods, from phase 0.
     start : 'rest', 'orbit', (q, q̇) or path

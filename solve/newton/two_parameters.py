@@ -56,7 +56,7 @@ def special_curves(
     over : sequence of str
         Two parameters with their ranges, such as ["speed=1:2 rad/s", "f=0.3:0.1"].
     speed : float or str, optional
-        Constant speed in rad/s, or a text with unit, if the speed is not one of the two parameters. By
+        Constant speed in rad/s, or a string with a unit, if the speed is not one of the two parameters. By
         default, the speed of the case.
     periods : int
         Number of model periods per period of the orbits.

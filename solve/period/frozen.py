@@ -193,9 +193,9 @@ class FrozenModes:
     def rates_and_decay(self) -> tuple[Array, Array]:
         """Return moduli (P, N) and decay factors (P, N).
 
-        The moduli of the eigenvalues, maximal over the phases, are in ascending order. The mean decay factor
-        of a mode over a period is relative to that of the least damped mode, or to `UNDERFLOW` if that is
-        larger."""
+        The moduli of the eigenvalues, maximal over the phases, are in ascending order. The decay factor of a
+        mode is exp(σT) with the mean σ of its growth rate over the phases. It is divided by the factor of the
+        least damped mode, or by `UNDERFLOW` if that factor is below `UNDERFLOW`."""
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -261,7 +261,7 @@ class FrozenModes:
         return (np.einsum("pij,pj->pi", coupling, sizes) + largest) / stiffness
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array:
-        """Whether (k,) the points at positions `points` (k,) can drift freely in some direction v.
+        """Whether (k,) the points with indices `points` (k,) can drift freely in some direction v.
 
         The conditions are C v = K v = 0 at every phase, within round-off, and Φ (v, 0) = (v, 0); the
         monodromy matrix Φ (k, 2n, 2n) depends on all phases. Then q = v t is a solution, and the multiplier
@@ -270,8 +270,9 @@ class FrozenModes:
         return np.array([is_periodic_drift(*arguments) for arguments in drifts], dtype=bool)
 
     def _damping_and_stiffness(self, points: Array) -> Array:
-        """Rows (k, r, n) of C and K of the points at positions `points` (k,), relative to the rigid-body
-        modes. The equations of these rows contain no acceleration along the modes."""
+        """Return rows (k, r, n) of C and K at all phases, for the points with indices `points` (k,). If there
+        are rigid-body modes, the equations are solved for the accelerations and projected onto the
+        coordinates relative to the modes. The projected equations contain no acceleration along the modes."""
         M, C, K = np.moveaxis(self._matrices_at(slice(None))[..., points, :], (3, 4), (1, 2))
         modes = None if self.rigid_body_modes is None else self.rigid_body_modes[points]
         if modes is not None and modes.any.any():
@@ -284,7 +285,7 @@ class FrozenModes:
         return np.concatenate((C, K), axis=2).reshape(len(points), -1, self.n)
 
     def units(self, points: Array) -> Array:
-        """Units (k, N) that make the states of the points at positions `points` (k,) comparable.
+        """Units (k, N) that make the states of the points with indices `points` (k,) comparable.
 
         They are the square root of the mean inertia for rates, the square root of the mean stiffness for
         coordinates (of the inertia if that is larger), and 1 for first-order coordinates."""

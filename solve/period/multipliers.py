@@ -36,8 +36,8 @@ ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 
 class StateScales(Protocol):
-    """Protocol for what the verdict requires of points: drift and units of states at positions (k,). See
-    `FrozenModes`."""
+    """Protocol for what the verdict requires of points: drift and units of states, for points with indices
+    (k,). See `FrozenModes`."""
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array: ...
 
@@ -51,7 +51,7 @@ class Multipliers:
     Attributes
     ----------
     values : (…, N)
-        Complex multipliers. Unresolved ones, with moduli up to `bound`, are replaced by zero.
+        Complex multipliers. Unresolved multipliers, with moduli up to `bound`, are replaced by zero.
     resolved : (…)
         Number of resolved multipliers.
     bound : (…)
@@ -219,8 +219,8 @@ def _absolute_errors(multipliers: Multipliers, errors: Array) -> Array:
 
 
 def radius_verdicts(radius: Array, errors: Array) -> list[str]:
-    """Verdicts, as texts, from spectral radii (P,) and their absolute errors (P,); undetermined near the unit
-    circle."""
+    """Verdicts, as strings, from spectral radii (P,) and their absolute errors (P,); undetermined near the
+    unit circle."""
     beyond = np.where(radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
     inside = radius + errors < 1 - UNIT_CIRCLE
     return [VERDICTS[verdict] for verdict in np.where(inside, ASYMPTOTICALLY_STABLE, beyond).tolist()]

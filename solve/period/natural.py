@@ -143,9 +143,9 @@ def _is_positive(A: Array) -> bool:
 def _of_symmetric(M: Array, K: Array) -> Array:
     """Eigenvalues λ (m, n) in ascending order, for positive definite M.
 
-    If λ is computed, small λ are inaccurate beside large ones; if 1/λ is computed, large λ are. If K is
-    positive definite, each λ is taken from the computation with the smaller relative error: eps λmax/λ for λ,
-    or eps λ/λmin for 1/λ."""
+    If λ is computed, small λ are inaccurate if there are large λ; if 1/λ is computed, large λ are inaccurate.
+    If K is positive definite, each λ is taken from the computation with the smaller relative error: eps
+    λmax/λ for λ, or eps λ/λmin for 1/λ."""
     found = _reduced(M, K)
     if not _is_positive(K):
         return found

@@ -110,7 +110,8 @@ class Tables:
 
     @property
     def _weights(self) -> Array:
-        """Matrix (3n² + n, R) that combines the terms into the entries of the first point."""
+        """Matrix (3n² + n, R) that combines the terms into the entries of M, C, K and d at the first
+        point."""
         every = np.arange(3 * self.n**2 + self.n)
         return np.where(every[:, None] == self.entry, self.coefficients[0], 0.0)
 
@@ -150,7 +151,7 @@ class Points(Protocol):
     def __len__(self) -> int: ...
 
     def __getitem__(self, positions: Array) -> "Points":
-        """Points at the positions `positions` (k,)."""
+        """Points with the indices `positions` (k,)."""
         ...
 
     def tables(self, phase: Array) -> Tables:

@@ -192,7 +192,8 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
 
 
 def with_unit_states(mass: Array, first_order: int) -> Array:
-    """Mass matrices (P, n, n) in which the diagonal entry of first-order coordinates, the last ones, is 1.
+    """Mass matrices (P, n, n) in which the diagonal entries of first-order coordinates (the last coordinates)
+    are 1.
 
     If the block of the other coordinates is not positive definite, for example because the equations are in
     another order, it is replaced by the identity."""

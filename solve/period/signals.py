@@ -79,7 +79,7 @@ def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list
     """Return the phase (…) and the value of the maximum, then those of the minimum. The value of the minimum
     has the opposite sign.
 
-    Each extremum is sought near the largest sample (the first of several equal ones), and near lower samples
+    Each extremum is sought near the largest sample (the first if several are equal), and near lower samples
     if the curve may be higher there."""
     reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
     firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]

@@ -120,8 +120,8 @@ class Outputs:
 
 
 def _polynomials(matrix: Matrix, terms: list[Matrix], error: Ball) -> list[Polynomial]:
-    """Products of each row of a matrix and a polynomial, given by its coefficients `terms`, with error
-    bounds."""
+    """Return the product of each row of `matrix` with the vector polynomial whose coefficients are `terms`,
+    together with error bounds. `error` bounds the error of each component of the polynomial."""
     products = [(matrix * term).entries() for term in terms]
     errors = [sum((abs(x) for x in row), arb(0)) * error for row in matrix.table()]
     return [([product[i] for product in products], each.upper()) for i, each in enumerate(errors)]

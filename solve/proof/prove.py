@@ -41,7 +41,7 @@ def prove(
         A model with generated matrices, a system from samples or from a function that accepts symbolic phases
         (see docs/proof.md), or a result for one of these, such as a linear or nonlinear orbit.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit. It must be omitted if `system` is a result.
+        Speed in rad/s, or a string with a unit. It must be omitted if `system` is a result.
     digits : int, optional
         Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 for a
         nonlinear orbit.
@@ -80,7 +80,7 @@ def prove(
     wanted = checked_digits(digits)
     if isinstance(system, Stability):
         if speed is not None:
-            raise ValueOutOfBoundsError("the result already has a speed; leave out the speed")
+            raise ValueOutOfBoundsError("the result already has a speed; omit the speed")
         result = system
     elif speed is None:
         raise MissingValueError('no speed given; add one, such as "600 rpm"')

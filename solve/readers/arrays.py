@@ -11,7 +11,7 @@ from solve.errors import FileError
 from solve.readers.sampled import SampledMixed, SampledStates, SampledSystem, Source
 
 _TEXTS = "coordinates", "states", "inputs", "outputs"
-"""Names of arrays that contain texts."""
+"""Names of arrays that contain strings."""
 
 _KNOWN = "M, C (or Cq), K, d; A, B, C, D, b; phase, phase_period, speed, " + ", ".join(_TEXTS)
 

@@ -39,14 +39,14 @@ def matching_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
 
 
 def checked_path(path: object) -> str | Path:
-    """Return the object if it is a path or a text. Raises FileError otherwise."""
+    """Return the object if it is a path or a string. Raises FileError otherwise."""
     if not isinstance(path, str | Path):
         raise FileError(f"path is {path!r}; give the path of a file")
     return path
 
 
 def is_system_file(text: str) -> bool:
-    """Whether a text is the path of a file from which a system is read, or a pattern of such files.
+    """Whether a string is the path of a file from which a system is read, or a pattern of such files.
 
     The files contain matrices, an FMU, or Python code that defines `system` and not a mechanism. The code is
     not executed.

@@ -61,7 +61,7 @@ def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     ----------
     path : str or Path
         File (.npz) with the arrays of `read_mat`, but with the azimuth as the first index: M (k, n, n), d (k,
-        n). Names are arrays of texts. Arrays of objects are rejected, because they can be stored only as
+        n). Names are arrays of strings. Arrays of objects are rejected, because they can be stored only as
         pickles.
     speed : float or str, optional
         As in `read_mat`.

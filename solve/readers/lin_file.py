@@ -135,7 +135,7 @@ class _Parser:
         }[name]
 
     def _numbers(self, text: str, count: int | None) -> Sequence[float]:
-        """Finite numbers in a text. Raises FileError."""
+        """Finite numbers in a string. Raises FileError."""
         try:
             values = [float(word) for word in text.split()]
         except ValueError:

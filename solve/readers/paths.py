@@ -60,12 +60,12 @@ def read(
 
 
 _ABSENT = {".lin": "parameters or cases", ".fmu": "cases", ".py": "cases or options"}
-"""Mapping from endings to a text that names the arguments that do not apply. For files of matrices, none
+"""Mapping from endings to a string that names the arguments that do not apply. For files of matrices, none
 apply."""
 
 
 def _numbers(text: str, parameters: Mapping[str, float | str]) -> dict[str, float]:
-    """Mapping from variables of an FMU to values. Raises ValueOutOfBoundsError for texts."""
+    """Mapping from variables of an FMU to values. Raises ValueOutOfBoundsError for strings."""
     for name, value in parameters.items():
         if isinstance(value, str):
             raise ValueOutOfBoundsError(

@@ -59,8 +59,8 @@ class BranchPoints(ResultOver):
     figures : (P, q, 7) array
         Statistics of each coordinate and output: the fields of `solve.contracts.Statistics`.
     figure_errors : (P, q) array
-        Estimated errors of the extrema, relative to the largest modulus of the quantity or, for a coordinate
-        on which the forces cancel, to its scale.
+        Estimated errors of the extrema, relative to the largest absolute value of the quantity or, for a
+        coordinate on which the forces cancel, to its scale.
     multipliers : (P, 2n) array
         Floquet multipliers, largest modulus first.
     radius : (P,) array
@@ -117,7 +117,7 @@ class BranchPoints(ResultOver):
 
     @property
     def peaks(self) -> Array:
-        """Largest moduli (P, n) of the coordinates."""
+        """Largest absolute values (P, n) of the coordinates."""
         return self.figures[:, : self.system.n, FIGURES.index("max_abs")]
 
     @property
@@ -220,8 +220,8 @@ class Branch(BranchPoints):
     def jumps(self) -> list[dict[str, Any]]:
         """Jumps of the response while the varied quantity changes slowly along the first branch. Each has the
         direction of the change, the value of the varied quantity, the coordinate whose relative change is
-        largest, and the largest modulus of this coordinate before the jump ("from") and after it ("to"). The
-        latter is None if the branch has no stable orbit to jump to."""
+        largest, and the largest absolute value of this coordinate before the jump ("from") and after it
+        ("to"). The latter is None if the branch has no stable orbit to jump to."""
         first = np.flatnonzero(self.numbers == 0)
         values, peaks = self.values[first], self.peaks[first]
         verdicts = np.array(self.verdicts)[first].tolist()
@@ -275,7 +275,7 @@ class Branch(BranchPoints):
 
     @property
     def _digits(self) -> str:
-        """Format of numbers, with enough digits to distinguish neighbouring values."""
+        """Number format with enough digits to distinguish neighbouring values."""
         return ".7g" if np.ptp(self.values) > _NARROW * np.abs(self.values).max() else ".10g"
 
     @property
@@ -312,8 +312,8 @@ class Branch(BranchPoints):
         return columns_by_name(columns)
 
     def _columns_of(self, name: str, number: int) -> list[tuple[str, Column]]:
-        """Columns of the statistics of the quantity with index `number`. Tables show only the largest moduli
-        of the first coordinates."""
+        """Columns of the statistics of the quantity with index `number`. Tables show only the largest
+        absolute values of the first coordinates."""
         unit, meaning = self.system.labels.units.get(name, ""), self.system.labels.meanings.get(name, name)
         columns = []
         for figure in ("max", "min", "max_abs", "mean", "rms"):

@@ -20,8 +20,8 @@ STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 @dataclass(frozen=True)
 class Jump:
     """Jump of the response during a slow change of the parameter: the number `at` of the turning point at
-    which it begins, the direction of the change, and the largest moduli (n,) of the coordinates on the orbit
-    to which it leads, or None without a stable orbit at this value."""
+    which it begins, the direction of the change, and the largest absolute values (n,) of the coordinates on
+    the orbit to which it leads, or None without a stable orbit at this value."""
 
     at: int
     direction: str
@@ -34,8 +34,8 @@ def jumps_of(
     """Jumps along a branch of P orbits. They begin at turning points, folds or corners, with stable orbits on
     one side only.
 
-    values, peaks, radii: values (P,) of the parameter, largest moduli (P, n) of the coordinates, and spectral
-    radii (P,); kinds, verdicts: names (P,)."""
+    values, peaks, radii: values (P,) of the parameter, largest absolute values (P, n) of the coordinates, and
+    spectral radii (P,); kinds, verdicts: names (P,)."""
     jumps = []
     for at, kind in enumerate(kinds):
         before, after = _beside(values, at, -1), _beside(values, at, 1)

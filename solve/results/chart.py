@@ -185,13 +185,14 @@ class ChartPoints(Result):
 
     @property
     def verdicts(self) -> Array:
-        """Verdicts (ny, nx), as texts: "asymptotically stable", "stable", "unstable", "undetermined" or
+        """Verdicts (ny, nx), as strings: "asymptotically stable", "stable", "unstable", "undetermined" or
         "failed"."""
         return np.array([*VERDICTS, "failed"])[self.results.verdicts].reshape(self.shape)
 
     @property
     def kinds(self) -> Array:
-        """Kind (ny, nx) of the largest multiplier of unstable points, as a text: "+1", "-1" or "complex"."""
+        """Kind (ny, nx) of the largest multiplier of unstable points, as a string: "+1", "-1" or
+        "complex"."""
         return self.results.kinds.reshape(self.shape)
 
     @property

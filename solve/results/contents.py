@@ -49,7 +49,7 @@ class Column(NamedTuple):
     values : array_like
         Values along `axes`; None and NaN denote missing values.
     unit : str
-        Unit; empty for texts and counts.
+        Unit; empty for strings and counts.
     meaning : str
         Description.
     heading : str
@@ -69,7 +69,7 @@ class Column(NamedTuple):
 
     @property
     def array(self) -> Array:
-        """Values as an array, in which NaN or an empty text replaces missing values."""
+        """Values as an array, in which NaN or an empty string replaces missing values."""
         if isinstance(self.values, np.ndarray):
             return self.values
         present = [value for value in self.values if value is not None]
@@ -92,7 +92,7 @@ def known(value: Any) -> bool:
 Columns = Mapping[str, Column]
 
 HeaderRows = Sequence[tuple[str, str]]
-"""Type of the rows of a result's heading: pairs of a label and a text."""
+"""Type of the rows of a result's heading: pairs of a label and a string."""
 
 
 def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
@@ -151,8 +151,8 @@ def varied_column(system: PeriodicSystem, name: str, values: Any, form: str = ".
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:
-    """Return columns of the largest moduli (P, n) of the coordinates. Tables show as many of these as fit
-    next to `beside` other columns."""
+    """Return columns of the largest absolute values (P, n) of the coordinates. Tables show as many of these
+    as fit next to `beside` other columns."""
     numbered = enumerate(zip(system.coordinates, peaks.T, strict=True), start=beside)
     return [
         (f"{name}_max_abs", peak_column(system, name, values, number < MOST_SHOWN))
@@ -161,8 +161,8 @@ def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tupl
 
 
 def peak_column(system: PeriodicSystem, name: str, peaks: Array, is_shown: bool) -> Column:
-    """Return a column of the largest moduli of a coordinate or output. Tables show it if `is_shown` is
-    True."""
+    """Return a column of the largest absolute values of a coordinate or output. Tables show it if `is_shown`
+    is True."""
     unit, meaning = system.labels.units.get(name, ""), system.labels.meanings.get(name, name)
     factor, shown = prefixed(unit, float(np.nanmax(peaks, initial=0.0)))
     heading = headed(f"max|{name}|", shown) if is_shown else ""

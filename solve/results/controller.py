@@ -26,8 +26,8 @@ _TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with
 
 @serializable
 class Vibration(NamedTuple):
-    """Vibration of a quantity in SI units: largest modulus over a period without feedback, the same with
-    feedback, and root mean square with feedback."""
+    """Vibration of a quantity in SI units: largest absolute value over a period without feedback, the same
+    with feedback, and root mean square with feedback."""
 
     without: float
     controlled: float
@@ -93,7 +93,8 @@ class SampledLoop(NamedTuple):
     verdict : str
         "asymptotically stable", "unstable" or "undetermined".
     largest : mapping of str to float
-        Largest moduli of coordinates and inputs on the periodic orbit, at the nodes of the grid, in SI units.
+        Largest absolute values of coordinates and inputs on the periodic orbit, at the nodes of the grid, in
+        SI units.
     """
 
     samples: int

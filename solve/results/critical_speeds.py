@@ -190,7 +190,7 @@ class CriticalSpeeds(SolvedSpeeds):
         if self.unstable_ranges:
             ranges = unit.spans((low, high) for low, high, _ in self.unstable_ranges)
             sentences.append(
-                f"the motion is unstable {ranges}: the response there is not sustained; "
+                f"the motion is unstable {ranges}: the periodic response does not persist there; "
                 "`bands` finds the edges"
             )
         if not np.nan_to_num(self.response).any():

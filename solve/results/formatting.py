@@ -18,8 +18,8 @@ _GREEK = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
 
 
 def listed(texts: Sequence[str]) -> str:
-    """Return a text that lists the first texts, separated by commas, and states the number of the remaining
-    ones.
+    """Return a string that lists the first strings, separated by commas, and states the number of the
+    remaining ones.
 
     >>> listed(["a", "b", "c", "d", "e"])
     'a, b, c, d and 1 more'
@@ -29,7 +29,7 @@ def listed(texts: Sequence[str]) -> str:
 
 
 def linearisation(error: float) -> str:
-    """Return a text that states a relative linearisation error in percent.
+    """Return a string that states a relative linearisation error in percent.
 
     >>> linearisation(0.0123), linearisation(3e-15), linearisation(math.nan)
     ('1.2 %', 'none above round-off', 'unknown')

@@ -140,7 +140,7 @@ class Frequencies(Roots):
     @matches_annotations
     def shapes(self, number: int = 0) -> list[ModeShape]:
         """Mode shapes at the position with index `number`. Raises ValueOutOfBoundsError for other indices and
-        for systems that are not structures of beams."""
+        for systems that are not beam structures."""
         require_index("number", number, len(self.positions))
         return structure_of(self.system).mode_shapes(float(self.positions[number]), self.values[number])
 
@@ -235,7 +235,7 @@ class Variation(Roots):
     @property
     def shown_modes(self) -> list[int]:
         """Indices (from 0) of the lowest mode and of the lowest elastic mode. The latter is the first mode
-        that is not a rigid-body mode at one position at least."""
+        whose frequency is nonzero at one or more positions."""
         signed = np.nan_to_num(self.signed).any(axis=(0, 1))
         return sorted({0, int(signed.argmax())})
 

@@ -48,7 +48,7 @@ class FreeParameter(NamedTuple):
 
     @property
     def at_bound(self) -> str:
-        """Bound on which the optimal value lies: "low", "high", or an empty text for neither."""
+        """Bound on which the optimal value lies: "low", "high", or an empty string for neither."""
         margin = AT_BOUND * (self.high - self.low)
         if self.value - self.low <= margin:
             return "low"

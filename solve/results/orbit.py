@@ -194,7 +194,7 @@ class Orbit(Stability, SolvedMotion):
 
     @property
     def summary(self) -> str:
-        """Sentence on the verdict and the largest moduli of the coordinates."""
+        """Sentence on the verdict and the largest absolute values of the coordinates."""
         units, names = self.system.labels.units, self.coordinates[:MOST_SHOWN]
         largest = ((name, abs(self.statistics(name).max_abs)) for name in names)
         maxima = [f"max|{greek(name)}| = {measured(size, units.get(name, ''))}" for name, size in largest]

@@ -79,7 +79,7 @@ class PointResults:
     reductions : (P, 2) array
         Errors of orbits and multipliers due to the reduction of the system; NaN if it is not reduced.
     warnings, failures : dict
-        Mapping from indices of points to texts.
+        Mapping from indices of points to strings.
     rigid : (P,) array
         Number of multipliers of rigid-body modes.
     """
@@ -167,8 +167,8 @@ class PointResults:
 
     @property
     def kinds(self) -> Array:
-        """Kinds (P,), elements of KINDS, of the largest multiplier; an empty text if no multiplier is outside
-        the unit circle."""
+        """Kinds (P,), elements of KINDS, of the largest multiplier; an empty string if no multiplier is
+        outside the unit circle."""
         return np.where(self._outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
 
     def insert(self, index: Array, part: "PointResults") -> None:

@@ -85,7 +85,7 @@ class Result(Serializable):
         return {name: getattr(self, name) for name in self._recorded.split()}
 
     def header_rows(self) -> HeaderRows:
-        """Rows of the heading below those for model and speed, each with a label and a text."""
+        """Rows of the heading below those for model and speed, each with a label and a string."""
         return []
 
     def plot(self, *args: Any, **options: Any) -> Figure:

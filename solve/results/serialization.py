@@ -42,7 +42,7 @@ _LABELS = (
 """Names of those labels of a system that files contain."""
 
 _DATA = "period", "coordinates", "breaks", "outputs", "states", "inputs"
-"""Names of those attributes of a system that files contain. Files of earlier versions lack the last ones."""
+"""Names of those attributes of a system that files contain. Files of earlier versions lack the last names."""
 
 Kind = TypeVar("Kind", bound=type)
 Value = TypeVar("Value")
@@ -300,7 +300,10 @@ def from_arrays(arrays: Mapping[str, Array]) -> Any:
     """
     state = {name: arrays[name] for name in ("state", *(f"state{k}" for k in range(len(arrays) - 2)))}
     if not np.array_equal(_checksum(state), arrays["seal"]):
-        raise ValueError("the checksum differs from that of the file")
+        raise ValueError(
+            "the checksum of the contents does not match the checksum stored in the file: the file is "
+            "damaged or was edited"
+        )
     content = json.loads(state.pop("state").tobytes())
     if content["format"] > FORMAT:
         raise FileError(

@@ -31,7 +31,7 @@ class SpecialCurves(Result):
     values : (P, 2) array
         Values of the two parameters; speeds in rad/s.
     peaks : (P, n) array
-        Largest moduli of the coordinates.
+        Largest absolute values of the coordinates.
     radius : (P,) array
         Spectral radii.
     errors : (P,) array

@@ -23,10 +23,10 @@ from solve.results.serialization import NOT_STORED, serializable, stored_propert
 from solve.system import PeriodicSystem
 
 _CONSEQUENCES = (
-    "disturbances decay by a factor {radius:.3g} per period",
-    "disturbances neither decay nor grow",
-    "disturbances grow by a factor {radius:.4g} per period, and this vibration is not sustained",
-    "the accuracy is insufficient to decide whether disturbances decay or grow",
+    "perturbations decay by a factor {radius:.3g} per period",
+    "perturbations neither decay nor grow",
+    "perturbations grow by a factor {radius:.4g} per period, so that the periodic vibration does not persist",
+    "the accuracy is insufficient to decide whether perturbations decay or grow",
 )
 """Texts that state the consequence of each verdict."""
 
@@ -41,7 +41,7 @@ def short_verdict(verdict: str) -> str:
 
 
 def method_text(method: Method) -> str:
-    """Return a text with the name and the settings of a method.
+    """Return a string with the name and the settings of a method.
 
     >>> from solve.methods.newmark import Newmark
     >>> method_text(Newmark())
@@ -224,7 +224,7 @@ class Stability(Solution):
 
     @stored_property
     def rigid_body_modes(self) -> Sequence[RigidBodyMode]:
-        """Rigid-body modes; undamped ones come first."""
+        """Rigid-body modes; undamped modes come first."""
         solutions = self.certified.solutions
         if solutions.free is None:
             return []
@@ -276,7 +276,7 @@ class Stability(Solution):
         if self.certified.solutions.curve is None:
             return text
         if not mode.damped:
-            return f"{text}; the vibration has zero mean along this mode, weighted by the inertia"
+            return f"{text}; the inertia-weighted mean of the vibration along this mode is zero"
         drift, size = mode.drift or 0.0, np.abs(self.certified.solutions.curve[0].sampled(1)).max()
         if abs(drift) * self.period <= max(self.error_estimate.orbit, ROUND_OFF) * size:
             return f"{text}; the motion has no steady velocity along this mode"

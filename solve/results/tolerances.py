@@ -1,5 +1,5 @@
-"""Effects of parameter tolerances: probabilities of instability and of exceeded limits, Sobol indices, worst
-cases."""
+"""Effects of parameter tolerances: probability of instability, probabilities that limits are violated, Sobol
+indices, and worst cases."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ UNSTABLE = "unstable"
 
 @serializable
 class ParameterSpread(NamedTuple):
-    """Spread of a parameter as a text, its nominal value, and the range in which the worst case is searched
+    """Spread of a parameter as a string, its nominal value, and the range in which the worst case is searched
     for, in the model's unit."""
 
     text: str

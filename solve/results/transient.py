@@ -177,8 +177,8 @@ class TransientMotion(Result):
 
     @property
     def _figures_of_states(self) -> Array:
-        """Fields of `Statistics` from the states alone: maximum, minimum and largest modulus; the other
-        fields are NaN."""
+        """Fields of `Statistics` from the states alone: maximum, minimum and largest absolute value; the
+        other fields are NaN."""
         names, last = (*self.system.coordinates, *self.system.outputs), len(self.nodes) - 1
         columns = np.arange(self.turns)[:, None] * last + np.arange(last + 1)
         values = np.stack([self.values(name)[columns] for name in names], axis=1)
@@ -200,7 +200,7 @@ class TransientMotion(Result):
 
     @cached_property
     def extremes(self) -> Mapping[str, Statistics]:
-        """Maximum, minimum and largest modulus of each coordinate and output over all periods; other
+        """Maximum, minimum and largest absolute value of each coordinate and output over all periods; other
         statistics are NaN."""
         figures = np.moveaxis(self._figures, -1, 0)
         unknown = [np.nan] * (len(Statistics._fields) - 3)
@@ -212,7 +212,7 @@ class TransientMotion(Result):
 
     @property
     def peaks(self) -> Array:
-        """Largest modulus (turns, n) of each coordinate in each period."""
+        """Largest absolute value (turns, n) of each coordinate in each period."""
         return self._figures[:, : self.system.n, 2]
 
 
@@ -288,7 +288,8 @@ class Transient(TransientMotion):
 
     def record(self) -> dict[str, Any]:
         """JSON object of `solve transient --json`. It contains the extrema of every coordinate and output
-        and, for each period, the largest modulus of each coordinate and its distance from the orbit."""
+        and, for each period, the largest absolute value of each coordinate and its distance from the
+        orbit."""
         coordinates = {
             name: {**self._record(name), "peaks": peaks, "distances": distances}
             for name, peaks, distances in zip(

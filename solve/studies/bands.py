@@ -100,8 +100,8 @@ def bands(
     system : PeriodicSystem
         System to solve.
     speeds : str or sequence of float or str
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Bands are searched between the
-        lowest and the highest of them.
+        Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm". Bands are searched
+        between the lowest and the highest of them.
     method : str or Method
         Method, as in `periodic`.
     rtol : float

@@ -306,7 +306,7 @@ def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
 
 
 def _next_distances(radii: Array, first: Array) -> Array:
-    """Return the distances (E,) from the next predicted edges at which the edges are expected.
+    """Return the expected distances (E,) of the edges from their next predictions.
 
     `radii` (E, k) are the distances of the last trials on either side of the prediction; `first` (E,) are the
     indices of the first trials beyond the edge.

@@ -74,8 +74,8 @@ def chart(
         only the speed; or a function that builds a system from the two values, given as keyword arguments.
     x, y : str or mapping of str to values
         Parameter, or "speed", with its values: a mapping {name: values}, with values in the model's unit or
-        as texts with a unit; or a text such as "delta=0:10:60", "k1=10:90:50 kN m/rad" or "speed=100:400:40
-        rpm".
+        as strings with a unit; or a string such as "delta=0:10:60", "k1=10:90:50 kN m/rad" or
+        "speed=100:400:40 rpm".
     speed : float or str, optional
         Speed, if neither `x` nor `y` is the speed; by default the speed of the case.
     case : str or int, optional
@@ -267,7 +267,7 @@ def _axis(
     array = np.array(numbers)
     if array.ndim != 1 or len(array) < 2 or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
         raise ValueOutOfBoundsError(
-            f"values of {name} must be at least two finite numbers, in increasing order; texts with a unit "
+            f"values of {name} must be at least two finite numbers, in increasing order; strings with a unit "
             "require a model that declares units"
         )
     return name, numbers

@@ -64,7 +64,7 @@ def compare(
     system : PeriodicSystem
         System to solve.
     speed : float or str
-        Speed in rad/s, or a text with unit.
+        Speed in rad/s, or a string with a unit.
     methods : str or sequence of str or Method, optional
         Methods, by default all.
     steps : sequence of int, optional

@@ -37,10 +37,10 @@ def contours(
 ) -> list[BoundaryCurve]:
     """Connect crossings to stability boundaries through the cells of a grid.
 
-    `axes` are x (nx,) and y (ny,). `stable` (ny, nx) is 1 at stable grid points, 0 at unstable ones, and NaN
-    at failed ones. `rows` and `columns` are the crossings on the grid lines along x and along y. `is_stable`
-    evaluates the stability of points (k, 2); it is called where the crossings around a cell can be connected
-    in two ways. Cells with a NaN at a corner have no boundary.
+    `axes` are x (nx,) and y (ny,). `stable` (ny, nx) is 1 at stable grid points, 0 at unstable points, and
+    NaN at failed points. `rows` and `columns` are the crossings on the grid lines along x and along y.
+    `is_stable` evaluates the stability of points (k, 2); it is called where the crossings around a cell can
+    be connected in two ways. Cells with a NaN at a corner have no boundary.
     """
     rims = _CellCrossings(axes, rows, columns)
     i, j = rims.cells

@@ -77,8 +77,8 @@ def critical_speeds(
     system : PeriodicSystem
         System to solve.
     speeds : str or sequence of float or str
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Speeds are added where fewer
-        than 24 lie between two integer divisions of the lowest frequency.
+        Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm". Speeds are added where
+        fewer than 24 lie between two integer divisions of the lowest frequency.
     quantity : str, optional
         Coordinate or output whose maxima are searched for; by default the first coordinate.
     figure : str

@@ -89,7 +89,8 @@ class PeriodicCurves:
 
     @matches_annotations
     def __call__(self, speeds: float | str | Iterable[float | str]) -> SolvedCurves:
-        """Solve at speeds (P,), in rad/s or as texts with a unit. Raises UnitError, ValueOutOfBoundsError."""
+        """Solve at speeds (P,), in rad/s or as strings with a unit. Raises UnitError,
+        ValueOutOfBoundsError."""
         speeds = np.array(speeds_given(speeds), dtype=float)
         n, coarse_steps = self.system.n, self.steps // 2
         coarse, fine = np.full((2, len(speeds), n, len(self.phase)), np.inf)

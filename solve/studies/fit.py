@@ -31,7 +31,7 @@ judgement."""
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 """Type of mappings from names of parameters to lower and upper bounds: numbers in the unit of the parameter,
-or texts with a unit."""
+or strings with a unit."""
 
 
 @of_model
@@ -58,9 +58,9 @@ def fit(
     free : sequence of str
         Names of the free parameters. For positive parameters, the logarithm is fitted.
     bounds : mapping of str to (float or str, float or str), optional
-        Lower and upper bounds by name, in the model's units or as texts with unit.
+        Lower and upper bounds by name, in the model's units or as strings with a unit.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; required if the file has no column of speeds.
+        Speed in rad/s, or a string with a unit; required if the file has no column of speeds.
     robust : bool
         Whether large residuals contribute their moduli, instead of their squares, to the objective.
     method : str or Method

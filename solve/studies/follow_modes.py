@@ -109,7 +109,7 @@ def follow_modes(
     system : PeriodicSystem
         System of second or first order.
     speeds : float, str or sequence of float or str, optional
-        Two or more speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm"; if `over` is
+        Two or more speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm"; if `over` is
         given, one speed, by default the speed of the case.
     method : str or Method
         Method with step maps, radau or gauss; by default radau.

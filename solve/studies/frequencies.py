@@ -50,7 +50,7 @@ def frequencies(
     system : PeriodicSystem
         System to solve.
     position : float, str or sequence of float
-        Angle in rad, a text with unit such as "70 deg", or several angles in rad.
+        Angle in rad, a string with a unit such as "70 deg", or several angles in rad.
     count : int, optional
         Number of modes, by default 4.
 
@@ -140,7 +140,7 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
 
 
 def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[RigidBodyMode]:
-    """Return the rigid-body modes of K at a position (1,); an empty list for structures of beams."""
+    """Return the rigid-body modes of K at a position (1,); an empty list for beam structures."""
     if system.labels.links:
         return []
     _, C, K, _ = system.at(position, 0.0)
@@ -182,7 +182,7 @@ def frequencies_over(
     parameter : str
         Name of the parameter.
     values : sequence of float or str
-        Values in the parameter's own unit, or texts with unit.
+        Values in the parameter's own unit, or strings with a unit.
     positions : ndarray, shape (m,)
         Angles in rad.
     count : int, optional

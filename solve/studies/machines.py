@@ -52,10 +52,10 @@ STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
 
 
 class Event(NamedTuple):
-    """Event, such as an exceeded limit, at P points and k speeds. `margins` (P, k) are positive where the
-    event occurs, and NaN without a result. `occurs` (P,) is True if the event occurs at any of the speeds. If
-    it does not occur, `failed` (P,) is True if any of the speeds has no result, and otherwise `undetermined`
-    (P,) is True if the event is undetermined at any of the speeds."""
+    """Event, such as the violation of a limit, at P points and k speeds. `margins` (P, k) are positive where
+    the event occurs, and NaN without a result. `occurs` (P,) is True if the event occurs at any of the
+    speeds. If it does not occur, `failed` (P,) is True if any of the speeds has no result, and otherwise
+    `undetermined` (P,) is True if the event is undetermined at any of the speeds."""
 
     margins: Array
     occurs: Array

@@ -66,10 +66,10 @@ def optimise(
         differences.
     free : mapping of str to (float or str, float or str)
         Mapping from the name of each free parameter to its lower and upper bound, in the model's units or as
-        texts with a unit. The search starts from the parameters of the model.
+        strings with a unit. The search starts from the parameters of the model.
     speeds : float, str or sequence, optional
-        Speeds in rad/s, texts with a unit, or one text such as "50:300:11 rpm"; by default the speed of the
-        case. A text of this form is a range: speeds between the given ones are checked too.
+        Speeds in rad/s, strings with a unit, or one string such as "50:300:11 rpm"; by default the speed of
+        the case. A string of this form is a range: speeds between the given ones are checked too.
     keep : sequence of str
         Quantities that must not change: a statistic such as "lift.range" or "lift.max", or a curve such as
         "lift@80:100 deg". Changes up to a tolerance are allowed by "lift.range within 0.1 mm".
@@ -85,7 +85,7 @@ def optimise(
         Whether to prove the verdicts of the optimum, as by `solve.prove`.
     robust : float or str, optional
         Minimise a statistic of the quantity over machines whose parameters deviate by the tolerances of the
-        case and of `vary`: the mean plus this number of standard deviations or, for a text such as "95 %",
+        case and of `vary`: the mean plus this number of standard deviations or, for a string such as "95 %",
         this quantile. Tolerances in per cent refer to the initial values of the parameters.
     vary : mapping of str to str, optional
         Mapping from parameters to tolerances or distributions, as in `tolerances`.

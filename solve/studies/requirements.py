@@ -1,4 +1,4 @@
-"""Requirements on designs, parsed from texts: bounds on quantities, and statistics or curves to be kept
+"""Requirements on designs, parsed from strings: bounds on quantities, and statistics or curves to be kept
 unchanged. Spreads of parameters are parsed here too."""
 
 import math
@@ -44,8 +44,8 @@ class Bound:
 
     @classmethod
     def parse(cls, system: PeriodicSystem, text: str) -> "Bound":
-        """Bound from a text such as "spectral_radius < 0.9". Raises ValueOutOfBoundsError, UnknownNameError,
-        UnitError."""
+        """Bound from a string such as "spectral_radius < 0.9". Raises ValueOutOfBoundsError,
+        UnknownNameError, UnitError."""
         parts = _RELATION.fullmatch(text)
         if parts is None:
             raise ValueOutOfBoundsError(
@@ -71,7 +71,7 @@ class Kept:
 
     @classmethod
     def parse(cls, system: PeriodicSystem, text: str) -> "Kept":
-        """Quantity to be kept unchanged, from a text such as "lift.range", "lift@80:100 deg" or "lift.max
+        """Quantity to be kept unchanged, from a string such as "lift.range", "lift@80:100 deg" or "lift.max
         within 0.1 mm". Raises ValueOutOfBoundsError, UnknownNameError, UnitError."""
         what, within, width = (part.strip() for part in text.partition(" within "))
         name, at, interval = what.partition("@")

@@ -83,7 +83,7 @@ def sensitivities_over(
     system : Model
         Model with generated equations.
     speeds : float, str or sequence of float or str
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
+        Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm".
     of, by, method, steps, rtol, engine, nonlinear, periods : optional
         As in `sensitivities`.
 

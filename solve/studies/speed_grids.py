@@ -123,8 +123,8 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
 
 
 def without_result(speeds: Array, failed: Array, unit: ShownUnit, reason: str) -> str:
-    """Return a message with the number and the ranges of the failed ones among ascending speeds (P,), and the
-    reason."""
+    """Return a message with the number and the ranges of the failed speeds among ascending speeds (P,), and
+    the reason."""
     ranges = unit.spans((float(speeds[low]), float(speeds[high])) for low, high in runs(failed))
     of = f"of {len(speeds)} speeds"
     return f"{counted(failed.sum(), f'{of} has', f'{of} have')} no result, {ranges}: {reason}"

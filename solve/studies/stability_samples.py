@@ -153,8 +153,8 @@ def coalescence_distance(multipliers: Array, leading: Array) -> Array:
     (k,) among `multipliers` (k, N), and its partner. The distance is the square of half the difference of the
     two, divided by the modulus of their product.
 
-    It is negative for conjugate pairs, positive for real ones, and passes smoothly through zero where the two
-    multipliers meet on the real axis.
+    It is negative for conjugate pairs, positive for real pairs, and passes smoothly through zero where the
+    two multipliers meet on the real axis.
     """
     rows = np.arange(len(leading))
     rho = multipliers[rows, leading]

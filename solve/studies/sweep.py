@@ -38,7 +38,7 @@ from solve.terminal import progress
 from solve.units import evenly, speeds_given
 
 Over = str | Sequence[str] | Mapping[str, str | Sequence[float | str] | Array]
-"""Type of varied parameters: a mapping from names to values, or texts such as "k1=1e4:9e4:50" and
+"""Type of varied parameters: a mapping from names to values, or strings such as "k1=1e4:9e4:50" and
 "k1=10:90:50 kN m/rad"."""
 
 
@@ -65,7 +65,7 @@ def sweep(
     system : PeriodicSystem
         System to solve.
     speeds : float, str or sequence of float or str, optional
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". If `over` is given, the
+        Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm". If `over` is given, the
         default is the speed of the case.
     method, steps, rtol : optional
         As in `periodic`.
@@ -81,7 +81,7 @@ def sweep(
     engine : str
         "compiled", "numpy", or "auto" for compiled code if a C compiler is available.
     over : str, sequence of str or mapping of str to values, optional
-        Mapping from names of parameters to values, in the model's units or as texts with a unit; or texts
+        Mapping from names of parameters to values, in the model's units or as strings with a unit; or strings
         such as "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad". Every combination is solved; the speed varies
         fastest.
     store : str or Path, optional
@@ -203,12 +203,12 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     name : str
         Name of the parameter or option.
     values : sequence of float or str
-        Values of a parameter, in its unit or as texts with a unit; or values of an option.
+        Values of a parameter, in its unit or as strings with a unit; or values of an option.
 
     Returns
     -------
     dict
-        Mapping from the text of each value to the model.
+        Mapping from the string of each value to the model.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def sweeps(
     systems : mapping of str to PeriodicSystem
         Mapping from labels to systems.
     speeds : float, str or sequence of float or str
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
+        Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm".
     quantities : sequence of str
         Quantities whose statistics are stored: coordinates and outputs that all systems have, or names formed
         by `largest_of`.
@@ -309,7 +309,7 @@ def validity(
     system : Model
         Model with nonlinear equations.
     speeds : float, str or sequence of float or str
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
+        Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm".
     at : float
         Largest acceptable relative error.
     method, rtol : optional

@@ -1,5 +1,5 @@
-"""Effects of parameter tolerances: probabilities of instability and of exceeded limits, Sobol indices, worst
-cases."""
+"""Effects of parameter tolerances: probability of instability, probabilities that limits are violated, Sobol
+indices, and worst cases."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -75,15 +75,15 @@ def tolerances(
     store: str | Path | None = None,
     seed: int = 0,
 ) -> Tolerances:
-    """Compute the effects of parameter tolerances: instability, exceeded limits, and spread of quantities.
+    """Compute the effects of parameter tolerances: instability, violated limits, and spread of quantities.
 
     Parameters
     ----------
     model : Model
         Model with the nominal parameters, and with derivatives with respect to those that vary.
     speeds : float, str or sequence, optional
-        Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm"; by default the speed of the
-        case. A machine counts as unstable if it is unstable at one of these speeds.
+        Speeds in rad/s, strings with a unit, or one string such as "50:300:11 rpm"; by default the speed of
+        the case. A machine counts as unstable if it is unstable at one of these speeds.
     vary : mapping of str to str, optional
         Mapping from parameters to tolerances or distributions, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)"
         or "uniform(7e4, 9e4)". They supplement those of the case, or replace them for the same parameter.

@@ -178,7 +178,9 @@ class Function:
 
 
 def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> Single | Extrema:
-    """Return a smooth function whose largest value is the quantity at one speed, multiplied by a sign."""
+    """Return smooth functions of x, the largest of which is `sign` times a quantity at one speed. There is
+    one function for each relevant local maximum if `sign` times the quantity is a maximum of a signal, and
+    otherwise a single function."""
     sides = {("max", 1.0): (1.0,), ("min", -1.0): (-1.0,), ("max_abs", 1.0): (1.0, -1.0)}.get(
         (quantity.figure, sign)
     )

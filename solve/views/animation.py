@@ -65,7 +65,7 @@ class Animation:
     about : str
         Kind of vibration.
     doubt : str
-        Reason why the vibration would not be observed, or an empty text.
+        Reason why the vibration would not be observed, or an empty string.
     warnings : sequence of str
         Sentences on what is doubtful.
     """
@@ -166,7 +166,7 @@ def animate(
     system : PeriodicSystem or Orbit
         System, or an orbit of a system.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; by default the speed of the case.
+        Speed in rad/s, or a string with a unit; by default the speed of the case.
     scale : float, optional
         Magnification; by default chosen so that the vibration is visible.
     frames : int, optional
@@ -244,7 +244,7 @@ def _require_nothing(is_given: bool) -> None:
 def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animation:
     """Return the animation of an orbit, before its magnification is chosen."""
     signals = {name: orbit.signal(name) for name in names}
-    unstable = "unstable: disturbances grow, and this vibration is not sustained"
+    unstable = "unstable: perturbations grow, so that the periodic vibration does not persist"
     doubt = unstable if orbit.verdict == "unstable" else ""
     return Animation(
         orbit.system,

@@ -52,8 +52,9 @@ _SIGNS = "o", "^", "s", "D", "v"
 
 @figure.register(Branch)
 def branch_figure(branch: Branch) -> Figure:
-    """Figure of the largest moduli and the spectral radius versus the varied quantity, dashed where the
-    branch is unstable. For unforced modes, the energy is drawn instead of the spectral radius."""
+    """Figure of the largest absolute values of the coordinates and the spectral radius versus the varied
+    quantity, dashed where the branch is unstable. For unforced modes, the energy is drawn instead of the
+    spectral radius."""
     names = branch.system.coordinates[: MOST_SHOWN - 1]
     count = len(names) + 1
     title = "unforced nonlinear modes" if len(branch.energies) else "branch of nonlinear orbits"

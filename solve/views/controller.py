@@ -21,7 +21,7 @@ _SHOWN = 4
 @figure.register(Controller)
 def controller_figure(result: Controller) -> Figure:
     """Figure of the gains versus phase, with one panel per signal, and of the multipliers. Each gain is
-    divided by its largest modulus."""
+    divided by its largest absolute value."""
     phase = np.linspace(0.0, result.system.period, HALF_DEGREES)
     gains = np.moveaxis(result.gain(phase), 0, -1)
     gains = gains.swapaxes(0, 1) if result.kind == "kalman" else gains
@@ -39,14 +39,14 @@ def controller_figure(result: Controller) -> Figure:
 
 
 def _draw_gains(axes: Axes, result: Controller, name: str, degrees: np.ndarray, curves: np.ndarray) -> None:
-    """Draw the gains of one signal for all states, each divided by its largest modulus."""
+    """Draw the gains of one signal for all states, each divided by its largest absolute value."""
     sizes = np.abs(curves).max(axis=1)
     for state, curve, size in list(zip(result.states, curves, sizes, strict=True))[:MOST_DRAWN]:
         axes.plot(degrees, curve / (size or 1.0), label=f"{state} ({size:.3g})")
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.set_ylim(-1.1, 1.1)
     axes.set_ylabel("gain / largest")
-    axes.set_title(f"gain of {name} by state (its largest modulus, SI)", loc="left", color=GREY)
+    axes.set_title(f"gain of {name} by state (its largest absolute value, SI)", loc="left", color=GREY)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
@@ -78,7 +78,7 @@ def _vibration_table(result: Controller) -> RenderableType:
         factor, unit = prefixed(result.system.labels.units.get(name, ""), max(each.without, each.controlled))
         values = (f"{factor * value:.5g}" for value in each)
         rows.append((name, unit, *values))
-    title = "Periodic vibration: largest moduli, and root mean square with feedback"
+    title = "Periodic vibration: largest absolute values, and root mean square with feedback"
     return table(title, "", "unit", "without", "with", "rms with", left=2, rows=rows)
 
 
@@ -87,7 +87,7 @@ def _norm_table(result: Controller) -> RenderableType:
     for name, each in result.norms.items():
         values = each.h2_without, each.h2, each.hinf_without, each.hinf, each.frequency
         rows.append((name, *("" if value is None else f"{value:.5g}" for value in values)))
-    title = "Norms from disturbances at the inputs, SI units; rad/s"
+    title = "Norms from the disturbances at the inputs (SI units; frequencies in rad/s)"
     headings = "H2 without", "H2 with", "H∞ without", "H∞ with", "frequency"
     return table(title, "", *headings, left=1, rows=rows)
 

@@ -17,8 +17,8 @@ from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION
 from solve.views.tables import MOST_LISTED, RenderableType, Table, table_of, text
 
 _CAPTIONS = {
-    "–": "mode –: no division of a frequency and no combination up to order {0} explains the row",
-    "?": "mode ?: several combinations of modes match the speed of the row equally well",
+    "–": 'mode "–": no division of a frequency and no combination up to order {0} explains the row',
+    "?": 'mode "?": several combinations of modes match the speed of the row equally well',
     "+": "mode i+j: (ω̄i + ω̄j)/k",
     "−": "mode i−j: (ω̄i − ω̄j)/k",
     "|ρ|": "multiplier: speed of the maximum of Re ρ or, in rows without Re ρ, of |ρ|",
@@ -100,9 +100,9 @@ def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -
 
 
 def _near_poles(speeds: Array, response: Array, poles: Sequence[float]) -> list[tuple[float, float]]:
-    """Return points of the response curve between each pole, a speed of unbounded response, and its
-    neighbours among ascending speeds (P,). Near a pole, the response (P,) is proportional to the inverse
-    distance from the pole."""
+    """Return points of the response curve between each pole and the neighbouring speeds in the ascending
+    `speeds` (P,). A pole is a speed at which the response is unbounded. Near a pole, the `response` (P,) is
+    inversely proportional to the distance from the pole."""
     points, distances = [], np.geomspace(1.0, 1e-3, 24)[1:]
     for pole in poles:
         above = int(np.searchsorted(speeds, pole))

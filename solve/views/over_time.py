@@ -72,22 +72,28 @@ def _add_speeds(axes: Axes, transient: Transient) -> None:
 
 @tables.register(Transient)
 def transient_tables(transient: Transient) -> Sequence[RenderableType]:
-    """Table of the largest moduli and of the distances from the orbit, with one row per period; and table of
-    the extrema of outputs."""
+    """Table of the largest absolute values and of the distances from the orbit, with one row per period; and
+    table of the extrema of outputs."""
     columns = {"": Column(range(1, transient.turns + 1), heading="turn")}
     for name, peaks in zip(transient.system.coordinates[:MOST_SHOWN], transient.peaks.T, strict=False):
         columns[name] = sized(peaks, transient.system.labels.units.get(name, ""), "", name, 6)
     distances = Column(transient.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
     speeds = speeds_of(transient.system, transient.ends[1:], heading="to {}")
     columns["end"] = speeds if transient.ramp else distances
-    printed = [table_of("Largest moduli, turn by turn", columns, most=MOST_ROWS), *_output_tables(transient)]
+    printed = [
+        table_of("Largest absolute values, turn by turn", columns, most=MOST_ROWS),
+        *_output_tables(transient),
+    ]
     if transient.ramp:
         return printed
-    words = f"the orbit is not reached to {transient.rtol:g} within {counted(transient.turns, 'turn')}"
+    words = (
+        f"the motion does not approach the orbit to a relative distance of {transient.rtol:g} within "
+        f"{counted(transient.turns, 'turn')}"
+    )
     if transient.reached is not None:
         words = (
-            f"the orbit is reached to {transient.rtol:g} after {transient.reached} of "
-            f"{counted(transient.turns, 'turn')}"
+            f"the relative distance from the orbit is at most {transient.rtol:g} after "
+            f"{transient.reached} of {counted(transient.turns, 'turn')}"
         )
     return [*printed, text("\n" + words)]
 

@@ -238,7 +238,7 @@ def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...
 
 
 def _joined(first: str, last: str) -> str:
-    """Return a text for a range of names with a common beginning.
+    """Return a string for a range of names with a common beginning.
 
     >>> _joined("order 1", "order 12"), _joined("b1", "b12")
     ('order 1 … 12', 'b1 … b12')

@@ -60,10 +60,10 @@ def report(
     system : PeriodicSystem or str
         System, or the name of a model.
     speeds : float, str or sequence of float or str, optional
-        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Not required for a structure
-        at rest.
+        Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm". Not required for a
+        structure at rest.
     speed : float or str, optional
-        Speed in rad/s, or a text with unit; by default the speed of the case.
+        Speed in rad/s, or a string with a unit; by default the speed of the case.
     method : str or Method
         Method, as in `periodic`.
     rtol : float
@@ -168,9 +168,9 @@ def _over_speeds(
     system: PeriodicSystem, omega: float, omegas: Sequence[float], options: Mapping[str, Any]
 ) -> list[Request]:
     between = f"from {system.labels.speed_unit.span(min(omegas), max(omegas))}"
-    response = f"Largest moduli over a period and the spectral radius {between}."
+    response = f"Largest absolute values over a period and the spectral radius {between}."
     critical = f"Maxima of the response and of the dominant multiplier, divisions of frequencies, {between}."
-    unstable = f"Speeds {between} at which disturbances grow."
+    unstable = f"Speeds {between} at which perturbations grow."
     off = f"Difference between the linear and the nonlinear vibration {between}."
 
     @cache

@@ -32,7 +32,7 @@ from solve.views.tables import RenderableType, table_of
 
 REFERENCE = "reference"
 _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
-"""Elements of the reference model: quintic ones, with which its stresses are accurate to about 0.2 %."""
+"""Elements of the reference model: quintic elements, with which its stresses are accurate to about 0.2 %."""
 
 
 @serializable
@@ -91,7 +91,7 @@ class Corrections(Result):
         further = (name for name in Statistics._fields if name != "max_abs")
         return {
             "name": Column(list(self.models), "", "elements per link", "elements per link"),
-            "max_abs": sized(maxima, unit, "largest modulus", "max|…|", 5, reference),
+            "max_abs": sized(maxima, unit, "largest absolute value", "max|…|", 5, reference),
             "at": Column(phases, "rad", "where", "at", lambda phase: f"{math.degrees(phase):.1f}°"),
             "excess": Column(excess, "1", "over the reference", "excess (%)", digits("+.2f", 100.0)),
             "spectral_radius": Column(radii, "1", "largest modulus of a multiplier", "|ρ|", digits(".6f")),

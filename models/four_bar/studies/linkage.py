@@ -334,7 +334,7 @@ def linkage(
 
 
 def _point(text: str) -> complex:
-    """Return the coupler point X + iY from a text "X,Y"."""
+    """Return the coupler point X + iY from a string "X,Y"."""
     try:
         x, y = (float(coordinate) for coordinate in text.split(","))
     except ValueError:

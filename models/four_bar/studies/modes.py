@@ -46,7 +46,7 @@ class Modes(AtOneSpeed):
 
     @property
     def error(self) -> float:
-        """Largest error of the uncoupled solution, relative to the largest modulus of the output."""
+        """Largest error of the uncoupled solution, relative to the largest absolute value of the output."""
         assert self.uncoupled is not None
         total = self.contributions.total
         return float(np.abs(self.uncoupled - total).max() / np.abs(total).max())
@@ -215,8 +215,8 @@ def element_kinds(
     """Compute the lowest `count` frequencies at `turn` positions. `kinds` are types of elements with their
     number per link, such as "cubic:3".
 
-    Raises ValueOutOfBoundsError for texts of another form and for numbers out of bounds, and UnknownNameError
-    for an unknown type of element.
+    Raises ValueOutOfBoundsError for strings of another form and for numbers out of bounds, and
+    UnknownNameError for an unknown type of element.
     """
     if not (1 <= count <= _MOST_COUNT and 1 <= turn <= _MOST_TURN):
         raise ValueOutOfBoundsError(

@@ -85,8 +85,8 @@ def _systems(
 
 
 def _values(over: str) -> tuple[str, Sequence[float | str]]:
-    """Parse a text NAME=A,B,C or NAME=A:B:N, with an optional common unit, to the name and the values. Values
-    of options may be words."""
+    """Parse a string NAME=A,B,C or NAME=A:B:N, with an optional common unit, to the name and the values.
+    Values of options may be words."""
     ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
     if ":" in text:
         return points("--over", over)

@@ -40,7 +40,7 @@ def lqr(
         System with r inputs, of first or second order. The states x are (q, q̇), or the states of a
         first-order system.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     Q : (N, N) array, mapping or callable
         Weights of the states: a positive semidefinite matrix; a mapping from names of states and outputs to
         numbers, such as {"q1": 1e6, "q1_dot": 10}; or a function of phases (k,) that returns matrices (k, N,
@@ -103,7 +103,7 @@ def kalman(
     system : PeriodicSystem
         System of first or second order.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     W : (N, N) array, mapping or callable
         Spectral density of the process noise: a positive semidefinite matrix; a mapping to numbers from names
         of inputs along which noise acts, or of states to whose rates it is added; or a function of phases
@@ -168,7 +168,7 @@ def lqg(
     system : PeriodicSystem
         System with inputs.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     Q, R : array, mapping or callable
         Weights of the regulator, as in `lqr`.
     W, V : array, mapping or callable
@@ -230,7 +230,7 @@ def control(
     system : PeriodicSystem
         System with inputs.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     lqr : mapping of str to float, or pair of matrices, optional
         Mapping from names of inputs, states and outputs to weights, such as {"q3": 1e6, "u": 1}; or Q and R.
     kalman : mapping of str to float, or pair of matrices, optional

@@ -40,7 +40,7 @@ def stability_margin(
     system : PeriodicSystem
         Asymptotically stable system with parameters, such as the closed loop of a model.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     by : sequence of str
         Names of parameters that differ from 0.
     rtol : float

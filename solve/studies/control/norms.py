@@ -59,7 +59,7 @@ def h2_norm(
         Asymptotically stable system with inputs. The inputs of a closed loop are disturbances, such as
         u_disturbance.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     outputs : sequence of str
         Names of states and outputs.
     inputs : sequence of str, optional
@@ -126,7 +126,7 @@ def hinf_norm(
         Asymptotically stable system with inputs. The inputs of a closed loop are disturbances, such as
         u_disturbance.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     outputs : sequence of str
         Names of states and outputs.
     inputs : sequence of str, optional

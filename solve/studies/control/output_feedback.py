@@ -60,14 +60,14 @@ class OutputFeedback(FeedbackLoop):
     harmonics : int
         Highest harmonic of the gains; 0 for constant gains.
     delay : float or str
-        Delay of the measured outputs in s, or a text with unit. A digital controller that computes during one
-        sampling period T, and then holds its output, delays the outputs by 1.5 T.
+        Delay of the measured outputs in s, or a string with a unit. A digital controller that computes during
+        one sampling period T, and then holds its output, delays the outputs by 1.5 T.
     sections : int
         Number of equal sections into which the delay is divided.
     resonators : sequence of int
         Harmonics at which resonators amplify the measured outputs, for repetitive control.
     notches : sequence of float or str
-        Frequencies that filters remove from the measured outputs, in rad/s or as texts with a unit, such as
+        Frequencies that filters remove from the measured outputs, in rad/s or as strings with a unit, such as
         "18 Hz".
 
     Raises

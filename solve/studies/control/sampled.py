@@ -40,7 +40,7 @@ def sampled(
     system : PeriodicSystem
         Closed loop: `closed` of a controller, or an `OutputFeedback` without delay and filters.
     speed : float or str
-        Ω in rad/s, or a text with unit.
+        Ω in rad/s, or a string with a unit.
     samples : int
         Number of samples per period, the first one at phase 0.
     delay : int
@@ -51,8 +51,8 @@ def sampled(
     Returns
     -------
     SampledLoop
-        Spectral radius with its error, verdict, and largest moduli of coordinates and inputs on the periodic
-        orbit.
+        Spectral radius with its error, verdict, and largest absolute values of coordinates and inputs on the
+        periodic orbit.
 
     Raises
     ------

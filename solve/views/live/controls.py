@@ -233,7 +233,7 @@ def with_speed_unit(text: str, unit: ShownUnit) -> str:
 
 def changed_parameters(model: Model, texts: Mapping[str, str]) -> dict[str, Any]:
     """Return a mapping from parameters to their values, from the texts of the page: numbers in the units of
-    the model, or texts with a unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
+    the model, or strings with a unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
     for name in texts:
         require_name(f"parameter of {model.labels.name}", name, model.parameters)
     return {name: in_own_unit(model, name, text) for name, text in texts.items()}

@@ -61,7 +61,7 @@ class Origin:
 @dataclass(frozen=True)
 class State:
     """State of a window: the model with the values of the sliders, the texts of the changed values, and the
-    speed as a text with a unit."""
+    speed as a string with a unit."""
 
     origin: Origin
     stated: Mapping[str, float]

@@ -89,7 +89,7 @@ class LiveWindow:
 
     @property
     def speed(self) -> str:
-        """Speed in the window that was opened last, as a text with a unit."""
+        """Speed in the window that was opened last, as a string with a unit."""
         return self._server.state.speed
 
     @property
@@ -130,8 +130,8 @@ def explore(
         Model, the name of a model, or the path of a mechanism file. Its parameters are the initial values of
         the sliders.
     speed : float or str, optional
-        Initial speed in rad/s, or a text with unit; by default the speed of the case, or a speed well below
-        resonance.
+        Initial speed in rad/s, or a string with a unit; by default the speed of the case, or a speed well
+        below resonance.
     port : int
         Port on this machine; 0 selects a free one.
 

@@ -154,7 +154,7 @@ def test_transient_reports_the_turns_needed_to_reach_the_orbit(command, tmp_path
     assert len(record["coordinates"]["q1"]["peaks"]) == 4
     assert (tmp_path / "t.png").is_file()
     again = command(*cam, "--start", "t.npz")
-    assert "is reached to 0.001 after 0 of 4 turns" in again.out
+    assert "is at most 0.001 after 0 of 4 turns" in again.out
     assert max(map(len, again.out.splitlines())) <= 80
     assert command(*cam, "--start", "tset").status == 2
 

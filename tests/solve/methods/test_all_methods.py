@@ -252,7 +252,7 @@ def oscillator(omega):
 @parametrised_by(EVERY)
 @pytest.mark.parametrize("steps", [0, -3, 2.5])
 def test_invalid_step_counts_are_refused(method, steps):
-    with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; leave out steps"):
+    with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; omit steps"):
         periodic(SYSTEM, 1.0, method, steps=steps)
 
 

@@ -68,7 +68,7 @@ def entry(text):
         ("[common]\nk1 = 1", CaseFileError, r"belong in \[common.parameters\]"),
         ("[common]\nk = 1", UnknownNameError, r"unknown key of \[common\] in mine.toml 'k'"),
         ("[case.1]\ntitel = 'x'", UnknownNameError, r"'titel'; did you mean 'title'"),
-        ("[case.1]\nspeed = 600", CaseFileError, "speed of case '1' is 600; give a text with unit"),
+        ("[case.1]\nspeed = 600", CaseFileError, "speed of case '1' is 600; give a string with a unit"),
         ("[case.1]\nparameters = 3", CaseFileError, "parameters in mine.toml is 3; a table was expected"),
         (entry("k1 = 1"), CaseFileError, 'k1 in mine.toml is 1; write k1 = { value = NUMBER, unit = "N/m"'),
         (entry("k1 = '1 N/m'"), CaseFileError, "k1 in mine.toml is '1 N/m'; write k1 = { value = NUMBER, "),

@@ -24,9 +24,9 @@ def oscillator(damping, stiffness=4.0, load=1.0):
     ("damping", "words"),
     [
         # |ρ| = exp(−π · damping / Ω): both multipliers are a pair.
-        (0.2, "asymptotically stable: disturbances decay by a factor "
+        (0.2, "asymptotically stable: perturbations decay by a factor "
               f"{math.exp(-0.2 * math.pi):.3g} per period"),
-        (-0.2, f"unstable: disturbances grow by a factor {math.exp(0.2 * math.pi):.4g} per period"),
+        (-0.2, f"unstable: perturbations grow by a factor {math.exp(0.2 * math.pi):.4g} per period"),
     ],
 )  # fmt: skip
 def test_a_verdict_in_plain_words(damping, words):
