@@ -67,8 +67,8 @@ class Family:
     def compared_entries(self, points: Array, engine: str = NUMPY) -> Iterator[tuple[Array, Array]]:
         """Yield phases (k,) and the entries (P, k, 3n² + n) at these phases, in chunks that fit into memory.
 
-        Together, they are the phases at which the error estimate of a single point compares the
-        coefficients, and a phase between each pair of neighbouring breaks."""
+        The phases are those that the error estimate of a single point compares, and one phase between each
+        pair of neighbouring breaks."""
         period = self.example.period
         breaks = {b for group, _ in self.by_breaks(points) for b in group or ()}
         ends, _ = pieces(period, tuple(breaks))

@@ -91,8 +91,8 @@ class Separation:
             self._nested.append(rest / factors[-1])
 
     def _represents_every_phase(self, points: Array) -> bool:
-        """Whether the terms represent points (P, v) at all phases at which the error estimate of a single
-        point compares the coefficients. A feature between the training phases has no term of its own."""
+        """Whether the terms represent the matrices of points (P, v) at all phases that the error estimate of
+        a single point compares. No term represents a feature that lies between the training phases."""
         coefficients, is_represented = self.coefficients(points)
         points, coefficients = points[is_represented], coefficients[is_represented]
         errors, largest = [], []
@@ -123,7 +123,8 @@ class Separation:
         return np.ascontiguousarray(self._by_term(terms, len(phase)))
 
     def _by_term(self, stages: list[Array], count: int) -> Array:
-        """Values (count, R) of all terms, from values (count, E) of each stage of the elimination."""
+        """Return values (count, R) of all terms. `stages` contains one array (count, E) for each stage of the
+        elimination."""
         return np.array(stages).reshape(-1, count, len(self._active.T))[self._stage, :, self.entry].T
 
     def tables(self, phase: Array, coefficients: Array) -> Tables:

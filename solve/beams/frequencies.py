@@ -17,7 +17,7 @@ from solve.model.modes import lowest_frequencies, modes, roundoff_frequency
 
 
 def lowest(positions: Positions, count: int) -> Array:
-    """Lowest `count` frequencies (m, count) in rad/s at every position, in ascending order."""
+    """Lowest `count` frequencies (m, count) in rad/s at m positions, in ascending order."""
     if positions.beams.exact_links:
         return exact_frequencies(positions, count)
     return lowest_frequencies(*positions.matrices(), count)
@@ -36,8 +36,8 @@ judgement."""
 
 
 def exact_frequencies(positions: Positions, count: int) -> Array:
-    """Lowest `count` frequencies (m, count) in rad/s at every position, in ascending order. Multiple
-    frequencies are repeated."""
+    """Lowest `count` frequencies (m, count) in rad/s at m positions, in ascending order. Multiple frequencies
+    are repeated."""
     m = len(positions.phase)
     all_positions, zero = np.arange(m), np.zeros(m)
     static = positions.dynamic_stiffness(all_positions, zero)
@@ -112,7 +112,7 @@ def count_below(positions: Positions, index: Array, omega: Array) -> Array:
 
 
 def _upper_bound(positions: Positions, count: int) -> Array:
-    """Upper bound (m,) on the lowest `count` frequencies at every position."""
+    """Upper bounds (m,) on the lowest `count` frequencies at m positions."""
     all_positions = np.arange(len(positions.phase))
     omega = np.ones(len(all_positions))
     for _ in range(_DOUBLINGS):

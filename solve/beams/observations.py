@@ -114,7 +114,8 @@ def _element_forces(state: State, member: Member, index: int) -> Array:
 
 
 def quantity(state: State, kind: str, member: Member, place: float) -> Array:
-    """Values (k,) of an output of kind `kind` at a fraction of the length of a link."""
+    """Values (k,) of the output `kind` of a link. `place` is the fraction of the link's length or, for a
+    joint force, the index of the link's end."""
     if kind == "strain_energy":
         return state.strain_energy()
     if kind in _JOINT_FORCES:

@@ -93,8 +93,9 @@ class ReducedMotion:
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:
-        """Two tables: for the terms 2ω ṗ and ω̇ p, and for the term ω² p. They include the effects of the
-        moving basis and, with terms=full, of the accelerations of the deflections."""
+        """Return two tables: the coefficients of the terms 2ω ṗ and ω̇ p, and the coefficients of the term ω²
+        p. The tables include the effects of the moving basis and, with terms=full, of the accelerations of
+        the deflections."""
         turning, centrifugal = [], []
         for link in self.basis.links:
             body, (B, B2) = link.body, link.turned
@@ -169,8 +170,8 @@ are retained."""
 
 
 class ReducedStructure(StructureModel):
-    """Structure of beams with reduced coordinates: displacements of the joints and shared rotations of links
-    in ground axes, followed by the modal amplitudes of each link.
+    """Beam structure with reduced coordinates: displacements of the joints and shared rotations of links in
+    ground axes, followed by the modal amplitudes of each link.
 
     Outputs, deflections, stresses and forces are computed from all degrees of freedom, q = T(φ) p."""
 

@@ -77,8 +77,8 @@ class Body:
         return loads[:-1]
 
     def _rows(self) -> list[tuple[Array, Array]]:
-        """For each element, the positions of its degrees of freedom in `freedoms`, and a mask of those that
-        are fixed. For a fixed one, the position is len(freedoms)."""
+        """For each element: indices of its degrees of freedom in `freedoms`, and a mask of the fixed degrees
+        of freedom, whose index is len(freedoms)."""
         indices = self.member.indices
         return [
             (np.where(row < 0, len(self.freedoms), np.searchsorted(self.freedoms, row)), row < 0)

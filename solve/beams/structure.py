@@ -149,8 +149,8 @@ class StructureModel(Model, Outputs):
         return np.tensordot(weights, entries_one_by_one(self, phase, nodes), axes=1)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Terms of the powers of the speed. None for large systems, for which points are solved one at a time
-        to save memory."""
+        """Terms that are multiplied by powers of the speed. None for large systems, whose points are solved
+        one at a time to save memory."""
         if self.n > SMALL:
             return None
         require_motion(self)

@@ -67,7 +67,7 @@ class GridMultipliers:
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages, for the derivative of log |ρ|,
-        or for those of the real and the imaginary part of log ρ.
+        or for the derivatives of the real and the imaginary part of log ρ.
 
         Each array of weights is preceded by its factor, 1 or i."""
         problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()

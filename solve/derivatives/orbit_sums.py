@@ -81,8 +81,8 @@ class WeightedSums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """Forward derivatives of the orbit with respect to r quantities θ. This is efficient if there are many
-    statistics.
+    """Derivatives of the orbit with respect to r quantities θ, by forward differentiation, which is efficient
+    if there are many statistics.
 
     nodes (m, r): derivatives with respect to θ of the phases at which the steps start. If q″ jumps by a at
     such a phase, the derivative of q′ jumps by -a times the derivative of the phase. level: derivatives of
@@ -186,8 +186,9 @@ def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
 def _direct_and_orbit_terms(
     orbit: GridOrbit, dependence: Dependence, figures: Sequence[WeightedSums], term: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Return the derivatives (r, c) of all sums with respect to θ at fixed orbit, which are 0 for
-    coordinates, and the weights (m, 2 + k, n, c) of the data that define the curve of the orbit.
+    """Return derivatives (r, c) and weights (m, 2 + k, n, c) of c sums. The derivatives are with respect to θ
+    at fixed orbit; they are 0 for sums of coordinates. The weights are those of the data that define the
+    curve of the orbit.
 
     term: function applied to each term, the modulus or the identity."""
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])

@@ -399,7 +399,8 @@ def _midpoints(count: int, period: float) -> Array:
 
 
 def entry_phases(count: int) -> slice:
-    """Selection of about `_ENTRY_PHASES` of `count` phases, at which the sizes of entries are evaluated."""
+    """Return a slice that selects about `_ENTRY_PHASES` of `count` phases. The sizes of entries are evaluated
+    at the selected phases."""
     return slice(None, None, max(1, count // _ENTRY_PHASES))
 
 

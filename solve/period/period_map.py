@@ -120,7 +120,8 @@ def period(steps: Steps) -> tuple[Array, Array, Array]:
 
 
 def _most_blocks(steps: Steps) -> int:
-    """Number of blocks at which multiplication ends, for the number of states of `steps`."""
+    """Number of blocks at which the multiplication of steps into blocks ends. It depends on the number of
+    states."""
     return BLOCKS if steps.A.shape[-1] <= _LARGE else _BLOCKS_OF_LARGE
 
 
@@ -197,8 +198,8 @@ def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Arra
 
 
 def _largest_residual(blocks: Steps, x: Array) -> Array:
-    """Largest residual (...) at the ends of the blocks, relative to the largest sum of the moduli of the
-    terms. It is due to round-off and to digits lost in elimination."""
+    """Largest residual (...) at the ends of the blocks, divided by the largest value of `_largest_term_sums`.
+    It is due to round-off and to digits lost in elimination."""
     ahead = np.roll(x, -1, axis=-3)
     left = np.abs(blocks.A @ x + blocks.b - ahead).max(axis=(-2, -1))
     acting = (np.abs(blocks.A) @ np.abs(x) + np.abs(blocks.b)).max(axis=(-2, -1))
@@ -220,8 +221,9 @@ def rest_threshold(rounding: Array) -> Array:
 
 
 def _cancellation(acting: Array, size: Array, rounding: Array) -> Array:
-    """Largest ratio (...) of `acting`, the sum of the moduli of the terms of a state, to `size`, the state.
-    Both are (..., N), in the units of the chain. States that are round-off of their terms are excluded."""
+    """Largest ratio (...) of `acting` to `size`. For each state, `acting` is the sum of the moduli of its
+    terms, and `size` is its modulus. Both are (..., N), in the units of the chain. States that are round-off
+    of their terms are excluded."""
     moving = size > rest_threshold(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
     return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
 

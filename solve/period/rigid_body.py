@@ -114,8 +114,9 @@ class RigidBodyModes:
         return rows
 
     def weighted(self, mass: Array) -> Array:
-        """Rows l (P, r, n) with l_i e_j = δ_ij for which the motion relative to the modes has zero momentum.
-        `mass` (P, n, n) is the mass matrix."""
+        """Return the rows l (P, r, n) with l_i e_j = δ_ij that measure the amplitudes l q of the modes e. The
+        relative motion q - Σ e_i l_i q has no momentum along the modes. `mass` (P, n, n) is the mass
+        matrix."""
         rows, count = np.swapaxes(self.vectors, 1, 2) @ mass, self.vectors.shape[2]
         both = self.present[:, :, None] & self.present[:, None]
         return np.linalg.solve(np.where(both, rows @ self.vectors, np.eye(count)), rows)
@@ -208,12 +209,14 @@ def with_unit_states(mass: Array, first_order: int) -> Array:
 
 
 def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, period: float) -> Array:
-    """Rows `momentum` (P, 2n) of `RigidBodyModes`, from M, C, K (P, k, n, n) without jumps at the midpoints
-    of k equal intervals of the period. Derivatives are with respect to the phase.
+    """Return the rows `momentum` (P, 2n) of `RigidBodyModes`. M, C, K (P, k, n, n), which must not jump, are
+    the matrices at the midpoints of k equal intervals of the period. Derivatives are with respect to the
+    phase.
 
-    For g with gᵀK = 0, the product of gᵀ and the equations is a total derivative, (gᵀM q′ + bᵀq)′ = gᵀd, if b
-    = Cᵀg - (Mᵀg)′ is constant. If also bᵀe = 0, a rigid-body motion changes this momentum only through its
-    velocity. Only points with a single mode are examined."""
+    Let e be the rigid-body mode, g a vector with gᵀK = 0, and b = Cᵀg - (Mᵀg)′. If b is constant, the product
+    of gᵀ and the equations is (gᵀM q′ + bᵀq)′ = gᵀd: the momentum gᵀM q′ + bᵀq is conserved if gᵀd = 0. If
+    also bᵀe = 0, a rigid-body motion changes this momentum only through its velocity. Only points with a
+    single mode are examined."""
     count, phases, n, _ = M.shape
     momentum = np.zeros((count, 2 * n))
     harmonics = np.fft.rfftfreq(phases, 1 / phases)

@@ -261,8 +261,8 @@ def _followed(solver: _Solver, samples: Sequence[Sample]) -> tuple[Tracks, Track
 
 
 def _unresolved(points: _Points, solver: _Solver, samples: Sequence[Sample]) -> list[str]:
-    """Return a sentence on the values at which the steps do not resolve the harmonics of all modes; an empty
-    list if there are none."""
+    """Return a list with a sentence on the values where the steps do not resolve the harmonics of all modes.
+    The list is empty if there are no such values."""
     values = [sample.x for sample in samples if not sample.modes.resolved]
     if not values:
         return []

@@ -74,8 +74,9 @@ class Event(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Results of P machines: the event of instability, the events `beyond` of exceeding each bound, and the
-    values (q, P, k) of q quantities at k speeds."""
+    """Results of P machines at k speeds. `unstable` is the event that a machine is unstable, `beyond`
+    contains the event that a bound is violated, for each bound, and `values` (q, P, k) are the values of q
+    quantities."""
 
     unstable: Event
     beyond: Sequence[Event]
@@ -169,8 +170,8 @@ class Machines:
         return Design(self.model, names, low, high, [speed], rule, rtol, request.orbit)
 
     def gradient(self, limit: Bound, speed: float) -> Gradient:
-        """Function of z (r,) that returns the margin of a limit at a speed, positive if the limit is
-        exceeded, and the derivatives (r,) of the margin with respect to z."""
+        """Return a function of z (r,). It returns the margin of a limit at a speed, which is positive if the
+        limit is violated, and the derivatives (r,) of the margin with respect to z."""
         design = self.design(speed)
         width = design.high - design.low
 

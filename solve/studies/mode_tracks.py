@@ -86,8 +86,8 @@ class Approach(NamedTuple):
 
 
 class State(NamedTuple):
-    """Index (T,) of the mode, and shift (T,) of the harmonics, of each track at a sample. The index is -1 for
-    a track without a mode."""
+    """State of the tracks at a sample. For each track: index (T,) of its mode, -1 if it has no mode, and
+    shift (T,) of the harmonics."""
 
     modes: Array
     shifts: Array
@@ -360,8 +360,8 @@ class Step:
 
 
 def _assigned(overlaps: Array) -> Array:
-    """Return the index (T,) of the mode of each track, assigned so that the sum of the overlaps (T, k) is
-    maximal; -1 for a track without a mode."""
+    """Assign modes to tracks so that the sum of the `overlaps` (T, k) is maximal. Return, for each track, the
+    index (T,) of its mode; -1 for a track without a mode."""
     from scipy.optimize import linear_sum_assignment
 
     modes = np.full(len(overlaps), -1)

@@ -221,8 +221,8 @@ class Search:
         return best
 
     def _least_violation(self, state: State) -> State:
-        """Return a design near an infeasible one at which the largest violation is a local minimum. Raises
-        SolveError subclasses."""
+        """Minimise the largest violation of the limits locally, starting from an infeasible design. Return
+        the best design. Raises SolveError subclasses."""
         for _ in range(_MAX_RESTORATIONS):
             excess = [Excess(each) for each in self._limits(state.x)]
             with progress.subtask(ROUNDS):

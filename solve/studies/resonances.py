@@ -197,8 +197,9 @@ class MultiplierMatcher:
     def _assignments(
         self, pair: int, others: list[int], low: int, high: int, signed_order: int
     ) -> list[dict[int, int]]:
-        """Assignments of modes to pairs with which the combination of the modes `low` and `high` can excite a
-        pair, either alone or together with one of the pairs `others` at the same angle."""
+        """Return those assignments of modes to pairs of multipliers for which the combination of the modes
+        `low` and `high` can excite `pair`. Two different modes require a second pair at the same angle, one
+        of `others`."""
         if low != high:
             return [{pair: one, other: two} for other in others for one, two in ((low, high), (high, low))]
         angle = _folded(signed_order * self.revolutions / 2)
@@ -266,8 +267,8 @@ def assign(
 
 
 def _row_of_division(rows: list[Critical], label: Label, ratios: Array, column: str) -> int | None:
-    """Return the index of the row of the nearest division of the label whose column is empty; None if no such
-    division is near enough."""
+    """Return the index of the row whose division is nearest, among the rows that belong to a division of the
+    label and have no entry in `column`. Return None if no such division is near enough."""
     distances = [
         (abs(ratios[(row.mode or 0) - 1] - (row.order or 0)), at)
         for at, row in enumerate(rows)

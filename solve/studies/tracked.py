@@ -239,9 +239,9 @@ def _half_widths(phases: Array, period: float) -> Array:
 
 
 def _refined(values: Array, indices: Array, phases: Array) -> Array:
-    """Return the phases (k,) of the vertices of parabolas through three samples, the middle one of which has
-    the index `indices` (k,) among `values` (k, j) at `phases` (k, j). Where this is the first or the last
-    sample, its own phase is returned."""
+    """Return the phases (k,) of the vertices of parabolas through three samples. The middle sample has the
+    index `indices` (k,) among the `values` (k, j) at `phases` (k, j). If it is the first or the last sample,
+    its own phase is returned."""
     rows, inner = np.arange(len(indices)), np.clip(indices, 1, values.shape[1] - 2)
     below, top, above = (values[rows, inner + shift] for shift in (-1, 0, 1))
     bend = 2 * top - below - above

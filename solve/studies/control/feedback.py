@@ -82,7 +82,8 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         """Return M, C, K and d of the closed loop at phases (k,). The speed is a number or an array (k,).
 
         `matrices` and `inputs` are M, C, K, d and the input matrix of the system without feedback. `observed`
-        is a function that returns the same for the system for which the feedback was designed."""
+        is a function that returns the same quantities for the design system, which is the system for which
+        the feedback was designed."""
 
     @abstractmethod
     def inputs_of(self, phase: Array, speed: Any, q: Array, qd: Array) -> Array:

@@ -133,9 +133,9 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 
     """Return the maps of the steps, by the Gauss method of the given order, and their stages, for G = sign E
     Eᵀ.
 
-    Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, with
-    those inputs w at the stages for which the sum of xᵀQx + sign wᵀw over the stages is stationary (W. W.
-    Hager, Numer. Math. 87 (2000) 247-282). The latter has half as many unknowns."""
+    Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, if the
+    inputs w at the stages make the sum of xᵀQx + sign wᵀw over the stages stationary (W. W. Hager, Numer.
+    Math. 87 (2000) 247-282). The latter has half as many unknowns."""
     method = Gauss(order).collocation
     s, phases = len(method.c), grid.stages(np.array(method.c))
     A, E, Q = coefficients(phases.ravel())

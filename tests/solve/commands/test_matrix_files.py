@@ -44,7 +44,7 @@ def test_live_window_refuses_matrices(tmp_path, command):
         (("none.*.lin",), "no file matches"),
         (("none.mat",), "there is no file"),
         (("k.npz",), "states no speed"),
-        (("k.npz", "--set", "k=1"), "omit k"),
+        (("k.npz", "--set", "k=1"), "leave out k"),
         (("k.npz", "--case", "1"), "no parameters, cases or options; leave out case"),
         (("text.nc",), "cannot be read"),
     ],
