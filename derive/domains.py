@@ -141,7 +141,7 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """Return the functions in an expression, inner ones first, with their domain conditions.
+    """Return the functions in an expression, inner functions first, with their domain conditions.
 
     The margin of a condition is 1 where the piece that contains the function is inactive.
     """

@@ -159,12 +159,12 @@ class StructureStatement(MechanismStatement):
         self.supported.append(joint)
 
     def clamp(self, joint: str, *links: str) -> None:
-        """Fix the position of a joint and the directions of its links (all, or the named ones)."""
+        """Fix the position of a joint and the directions of its links (all, or the named links)."""
         self.support(joint)
         self.clamped += [(joint, name) for name in self._links_at(joint, links)]
 
     def weld(self, joint: str, *links: str) -> None:
-        """Connect the links of a joint (all, or the named ones) rigidly to one another."""
+        """Connect the links of a joint (all, or the named links) rigidly to one another."""
         self.welded.append((joint, self._links_at(joint, links)))
 
     def spring(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:

@@ -77,7 +77,7 @@ class PeriodicSystem:
     """Names, parameter values, units and meanings."""
 
     states: tuple[str, ...] = ()
-    """Names of the coordinates without second derivatives, which are the last ones."""
+    """Names of the coordinates without second derivatives, which come last."""
     inputs: tuple[str, ...] = ()
     """Names of the inputs u, such as forces of drives, which are zero unless a controller sets them."""
     outputs: tuple[str, ...] = ()

@@ -66,7 +66,7 @@ class RunUp:
 
     @property
     def turns(self) -> int:
-        """Number of revolutions, including the last ones at constant speed."""
+        """Number of revolutions, including the last revolutions at constant speed."""
         stay = self.returning if self.home is not None else 0.0
         return math.ceil((self._arrival + self.target * stay) / TURN) + 2
 

@@ -289,7 +289,7 @@ class Proving:
         int | None, Flag("With --prove: number of decimal digits of the multipliers; 20 by default.", "N")
     ] = None
     rounded: Annotated[
-        bool, Flag("With --prove: prove the results for all parameter values that round to the given ones.")
+        bool, Flag("With --prove: prove the results for all parameter values that round to the given values.")
     ] = False
     workers: Annotated[
         int | None, Flag("With --prove: number of processes on this machine that compute steps.", "N")

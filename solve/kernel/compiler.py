@@ -18,7 +18,7 @@ from typing import NamedTuple
 from solve.errors import counted
 
 _NATIVE = ("-march=native",), ("-mcpu=native",), ()
-"""Flags for the instruction set of the processor. The first ones that the compiler accepts are used. Clang
+"""Flags for the instruction set of the processor. The first flags that the compiler accepts are used. Clang
 requires the second ones on ARM."""
 
 MACHINE: tuple[str, ...] = ()

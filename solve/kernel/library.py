@@ -26,7 +26,7 @@ class Size(NamedTuple):
 
     n: number of coordinates. stages: number of stages. nodes: number of accelerations per step that define
     the curve. stiff: whether a step ends at a stage. orbit: whether orbits are computed. first_order: number
-    of first-order coordinates, which are the last ones."""
+    of first-order coordinates, which come last."""
 
     n: int
     stages: int

@@ -109,8 +109,8 @@ def solutions_on(
 
 
 def anchored_for(method: Method, points: Points, held: Free) -> Anchored:
-    """Points with anchored rigid-body modes. If the method requires symmetric matrices, the anchored ones are
-    symmetric."""
+    """Points with anchored rigid-body modes. If the method requires symmetric matrices, the anchored matrices
+    are symmetric."""
     weights = held.modes.weighted(held.mass) if method.symmetric else None
     return Anchored(points, held.modes, weights=weights)
 

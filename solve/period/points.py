@@ -31,7 +31,7 @@ class Tables:
     n : int
         Number of coordinates.
     first_order : int
-        Number of coordinates without second derivatives, which are the last ones.
+        Number of coordinates without second derivatives, which come last.
     """
 
     table: Array
@@ -125,8 +125,8 @@ class Points(Protocol):
     """Protocol of batches of P points with n coordinates. A batch has a period in phase, and breaks: the
     phases at which the matrices jump.
 
-    first_order: number of coordinates without second derivatives. These coordinates are the last ones. The
-    state x = (q, q′) contains all n coordinates, and the rates of those with second derivatives.
+    first_order: number of coordinates without second derivatives. These coordinates come last. The state x =
+    (q, q′) contains all n coordinates, and the rates of those with second derivatives.
     bytes_a_phase: bytes per point and phase of tables that are not shared. alone: whether this is a single
     point that is not part of a batch."""
 

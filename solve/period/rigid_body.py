@@ -77,7 +77,7 @@ class RigidBodyModes:
 
     def of_one_kind(self, first_order: int) -> "RigidBodyModes":
         """Only those modes that move either first-order or second-order coordinates, not both. The
-        first-order coordinates are the last ones."""
+        first-order coordinates come last."""
         if not first_order:
             return self
         moves = self.vectors != 0

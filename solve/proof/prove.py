@@ -46,7 +46,7 @@ def prove(
         Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 for a
         nonlinear orbit.
     rounded : bool, optional
-        Whether the proof covers all real numbers within two units in the last place of the given ones.
+        Whether the proof covers all real numbers within two units in the last place of the given numbers.
         Integers are exact. By default, the proof covers exactly the given double-precision numbers.
     orbit : bool, optional
         Whether to enclose the periodic solution also. The orbit of a result is always enclosed.

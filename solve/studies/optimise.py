@@ -69,7 +69,7 @@ def optimise(
         strings with a unit. The search starts from the parameters of the model.
     speeds : float, str or sequence, optional
         Speeds in rad/s, strings with a unit, or one string such as "50:300:11 rpm"; by default the speed of
-        the case. A string of this form is a range: speeds between the given ones are checked too.
+        the case. A string of this form is a range: speeds between the given speeds are checked too.
     keep : sequence of str
         Quantities that must not change: a statistic such as "lift.range" or "lift.max", or a curve such as
         "lift@80:100 deg". Changes up to a tolerance are allowed by "lift.range within 0.1 mm".
