@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "5e4aacd7f48b0aa33880cd02a4a212d586037d4645ad83ae53687739c5dc5d8d"
-DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
+DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b229ed2db9a83f7270f8f07b4894b84a57d2519bff24ac83f7d0d61e119555f9"
+FILE_SHA256 = "1c1693bf5f8d5eafbe8147e17f4bbcc44ab18a74e0b2bdfc64c3957d2678dabd"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "60778e6fa0e0fef3c52bd858d071d87b4bcb71ebc2fa174a810a61214d57dd48"
-DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
+DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c6701daba7c83270954ba9b41cacfd16bbbddf3bd060d653ad2637dca5b6f5ba"
+FILE_SHA256 = "5e1b1ca4e2fd87a4e61791b4ae58d7a4336d2dbc76b48e45f91d107499627a92"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

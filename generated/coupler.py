@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "875b8ad64c3de8b3d4b9f29db3ad45d65a183cc4b553a091ae3ed93b0dfa2678"
-DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
+DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f6359df5c2eb06024df3b1a5e2ef5f735e26ff4b627508502e60e77ca4cdbe5d"
+FILE_SHA256 = "2ffa412744997c0faa91efef51926630a5bdae04bd096d589be98bdd93933915"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "aa2f973e67a241bbabf0d094294fc20422114482b56c34373a30615143e258e8"
-DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
+DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ed786b322444021d0b28aa2a17b3d2e2c84faa563eba7c9cbe8400fc020eebaa"
+FILE_SHA256 = "504f8aeeeecad851ec0aab24afdd9433883bc2e82dec8f25c851cf746e56416e"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c48d21b1c43b00642919b95fca0aad7fe3c0cc91a16b9cf5b9accea478f79095"
-DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
+DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "cb3b9ef404d99b789b2255abe0c5e0ca4bca30a3896982544c6dc37d514566d7"
+FILE_SHA256 = "bba941aa735704a78fea57c1c3ec3933aca3bffb1fc766a5c81ebbdfc269d11c"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2ac2eddd29f7bf45af84a7ac9b8a100ea9b9a3945b60c8aa8edf763b93f5bb17"
-DERIVE_SHA256 = "c216b3fb7c8a2b053f34a28abeb8dd6cd3e8813b9cffe9feae22d35785b46b96"
+DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0397a5d5c8809acd67ecbd0149ca4d0c1ea000a0584f60ef4543abb1c3ed876a"
+FILE_SHA256 = "1c31440c160ee48c7235564496b3e7ff93041aaff3b2d881da2816152712a1d4"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
