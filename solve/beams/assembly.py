@@ -38,7 +38,8 @@ class Properties:
 
     length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m): one value per link. mass (kg): point masses
     at the joints. damping_ratio: damping ratio of all modes. spring, dashpot: constants of the springs and
-    dashpots to the ground (N/m or N m, N s/m or N m s), one value per degree of freedom that has one."""
+    dashpots to the ground (N/m or N m, N s/m or N m s), one value per degree of freedom with a spring or
+    dashpot."""
 
     length: Array
     E: Array
@@ -259,8 +260,8 @@ class Positions:
         return self.placed(self._spans)
 
     def placed(self, spans: Array) -> Array:
-        """Vectors (m, joints) of the joints, sums of the vectors `spans` (m, links) along the links. Vectors
-        are x + iy. The vector of the first joint with a rigid or elastic support is 0."""
+        """Return vectors x + iy (m, joints) of the joints, as sums of the vectors `spans` (m, links) along
+        the links. The vector of the first joint with a rigid or elastic support is 0."""
         joints, anchored = self.beams.freedoms.joints, self.beams.freedoms.anchored
         still = np.zeros(len(self.phase), dtype=complex)
         located = {next((number for number, (name, _) in enumerate(joints) if name in anchored), 0): still}

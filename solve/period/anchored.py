@@ -227,8 +227,8 @@ class _Shares:
         raise NotImplementedError
 
     def sum(self, curve: PeriodicCurve, vectors: Array, *parts: "tuple[_Shares, Array]") -> PeriodicCurve:
-        """Return the curve plus, for each of `parts`, vectors (P, n, r) times the functions times factors (P,
-        r)."""
+        """Return the curve plus a motion along the vectors (P, n, r). Its amplitudes are the sum over
+        `parts`, each of which consists of functions and of their factors (P, r)."""
         assert isinstance(curve, Curve | FourierCurve)
         degrees = max(curve.coefficients.shape[-1], *(each.coefficients.shape[-1] for each, _ in parts))
         total = np.zeros((*curve.coefficients.shape[:-1], degrees), dtype=curve.coefficients.dtype)

@@ -374,7 +374,8 @@ class FrozenModes:
         return FrozenModes(tables, self.period, self._engine)
 
     def _largest_rates(self) -> Array:
-        """Return sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C), whichever is larger, at each phase (P, k)."""
+        """Return the larger of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C) at each phase, as an array (P, k); ρ is the spectral
+        radius."""
         M, C, K = np.moveaxis(self._rates_at(slice(None)), (3, 4), (1, 2))
         if self.n == 1:
             stiffness, damping = (np.abs(matrix[..., 0, 0] / M[..., 0, 0]) for matrix in (K, C))

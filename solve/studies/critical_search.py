@@ -154,9 +154,9 @@ class CriticalSearch:
     def add_crossings(
         self, speeds: Array, results: PointResults, others: Array
     ) -> tuple[Array, PointResults]:
-        """Return speeds and results, with further speeds solved and inserted: `others` (k,), and speeds at
-        and near those at which a multiplier passes through +1 on the real axis. There the response may have
-        an unbounded maximum of any width."""
+        """Solve at further speeds, and return `speeds` and `results` with these inserted. The further speeds
+        are `others` (k,), and speeds where a multiplier passes through +1 on the real axis, with their
+        neighbours. There the response may have an unbounded maximum of any width."""
         speeds, results = self._insert(speeds, results, others)
         evaluate_all = self.constant.evaluate if self.constant else evaluator(self.multipliers)
 

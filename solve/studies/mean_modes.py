@@ -94,8 +94,9 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
 
 
 def _of_states(rates: Array, n: int) -> MeanModes:
-    """Return the means, for n modes of x′ = A x, of the moduli of complex eigenvalues and of their decay
-    rates, from A (k, N, N) at k phases. If fewer than n modes oscillate, the first modes have frequency 0."""
+    """Return the mean moduli and the mean decay rates of the complex eigenvalues of n modes of x′ = A x.
+    `rates` (k, N, N) contains A at k phases. If fewer than n modes oscillate, the first modes have frequency
+    0."""
     values = np.linalg.eigvals(rates)
     values = np.where(np.imag(values) > ROUND_OFF * np.abs(values).max(), values, 0.0)
     order = np.argsort(np.abs(values), axis=1, kind="stable")[:, -n:]

@@ -167,8 +167,8 @@ def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[A
 
 
 def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> tuple[Array, Array]:
-    """Return the harmonics (H,) relative to the main one, and their participation (P, M, n, H) in each mode
-    and coordinate."""
+    """Return the harmonics (H,) relative to the main harmonic, and their participation (P, M, n, H) in each
+    mode and coordinate."""
     window = np.arange(-_MOST_HARMONICS, _MOST_HARMONICS + 1)
     n = len(path.samples[0].modes.inertia)
     values = np.full((len(given), len(tracks), n, len(window)), np.nan)

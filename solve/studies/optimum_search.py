@@ -67,7 +67,7 @@ class State:
 
     def better_than(self, other: "State") -> bool:
         """Whether this design is preferred to another. A feasible design is better if its objective is lower.
-        An infeasible one is better if its violation is less than half, or if neither its violation nor its
+        An infeasible design is better if its violation is less than half, or if neither its violation nor its
         objective is higher."""
         if other.feasible:
             return self.feasible and self.objective < other.objective
@@ -207,7 +207,7 @@ class Search:
         return state
 
     def _feasible_near(self, state: State) -> State:
-        """Return a feasible design near an infeasible one or near random designs; if none is found, the
+        """Return a feasible design near an infeasible design or near random designs; if none is found, the
         design of least violation. Random designs help if an unstable band moves across the speeds, because
         the violation then has several local minima. Raises SolveError subclasses."""
         best = self._least_violation(state)

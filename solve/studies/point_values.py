@@ -36,9 +36,9 @@ def values_of(quantity: Named, results: PointResults, speeds: Array, period: flo
 
 
 def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Array, period: float) -> Array:
-    """Return the estimated absolute errors (P,) of `values` (P,), from the errors of the orbit, which are
-    relative to its largest modulus, and the errors of the multipliers, which are relative to the spectral
-    radius."""
+    """Return the estimated absolute errors (P,) of `values` (P,). They follow from the errors of the orbit,
+    which are relative to its largest absolute value, or from the errors of the multipliers, which are
+    relative to the spectral radius."""
     orbit, multipliers = results.errors.T
     if quantity.of_orbit:
         place = results.kept.names.index(quantity.subject)

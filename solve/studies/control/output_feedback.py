@@ -347,8 +347,8 @@ class GainDependence(Dependence):
         return by, by_states
 
     def _of_input(self, phase: Array, speed: float, states: Array) -> Array:
-        """For each of the r gains, return the derivative with respect to the gain of the input on which it
-        acts, as an array (k, r)."""
+        """Return an array (k, r) with one column per gain: the derivative, with respect to the gain, of the
+        input on which the gain acts."""
         loop = self._loop
         rates = np.array([speed, 1.0])[:, None] * states[:, 1:]
         values = np.einsum("kscn,kcn->ks", loop.signals(phase, speed)[0], rates)
