@@ -54,7 +54,8 @@ def jumping_system():
 
 
 def varying_with_output():
-    """Return an oscillator whose stiffness is neither even nor odd in phase, with its position as the output."""
+    """Return an oscillator whose stiffness is neither even nor odd in phase, with its position as the
+    output."""
 
     def A(phase):
         matrices = np.zeros((len(phase), 2, 2))

@@ -18,7 +18,8 @@ def followed(planted):
 
 
 def values_agree(result, planted):
-    """Check at every speed that the exponents are those of the constant system, up to multiples of the speed."""
+    """Check at every speed that the exponents are those of the constant system, up to multiples of the
+    speed."""
     for row, speed in enumerate(SPEEDS):
         for exponent in result.exponents[row]:
             difference = exponent - np.append(planted.exponents(speed), planted.exponents(speed).conj())

@@ -1,4 +1,5 @@
-"""Sensitivities versus speed, of maxima over speed in closed form, and of band edges found by another search."""
+"""Sensitivities versus speed, of maxima over speed in closed form, and of band edges found by another
+search."""
 
 import math
 import re

@@ -26,7 +26,8 @@ def pulsed(start, length, stiffness=STIFFNESS, is_declared=True):
 
 
 def spectral_radius(speed, length):
-    """Return the spectral radius for the rectangular pulse, from the product of the two transition matrices."""
+    """Return the spectral radius for the rectangular pulse, from the product of the two transition
+    matrices."""
     total = np.eye(2)
     for stiffness, duration in (
         (STIFFNESS + IMPULSE / length, length / speed),
