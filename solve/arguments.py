@@ -264,7 +264,7 @@ def require_index(name: str, value: object, count: int) -> None:
 
 def require_steps(steps: object, least: int = 1) -> None:
     """Raise StepsError unless `steps` is an integer >= `least`."""
-    require_integer("steps", steps, least, "; leave out steps for automatic selection", StepsError)
+    require_integer("steps", steps, least, "; omit steps for automatic selection", StepsError)
 
 
 @contextmanager

@@ -119,7 +119,7 @@ def periods_of(nonlinear: bool, periods: int | None) -> int:
     linear orbit."""
     if periods is not None and not nonlinear:
         raise ValueOutOfBoundsError(
-            f"periods is {periods!r}, which requires nonlinear=True; add nonlinear=True, or leave out periods"
+            f"periods is {periods!r}, which requires nonlinear=True; add nonlinear=True, or omit periods"
         )
     return 1 if periods is None else periods
 
@@ -177,7 +177,7 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
     """Names without duplicates. Raises ValueOutOfBoundsError if the list is empty."""
     names = list(unique_names(default if given is None else given))
     if not names:
-        raise ValueOutOfBoundsError(f"'{what}' is empty; give names, or leave out '{what}'")
+        raise ValueOutOfBoundsError(f"'{what}' is empty; give names, or omit '{what}'")
     return names
 
 

@@ -226,7 +226,7 @@ class Method:
         if steps > most:
             raise StepsError(
                 f"{self.name} takes at most {most} steps a period for {counted(points.n, 'coordinate')}; "
-                f"given: {steps}; use fewer, raise --limit, or leave out steps for automatic selection"
+                f"given: {steps}; use fewer, raise --limit, or omit steps for automatic selection"
             )
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:

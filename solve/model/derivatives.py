@@ -113,7 +113,7 @@ class ModelDerivatives:
             if name not in smooth:
                 raise NoDerivativeError(
                     f"derivatives with respect to {name} are not available: {name} {self._obstacle(name)}; "
-                    f"leave out {name}"
+                    f"omit {name}"
                 )
 
     def _obstacle(self, name: str) -> str:

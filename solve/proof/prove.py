@@ -80,7 +80,7 @@ def prove(
     wanted = checked_digits(digits)
     if isinstance(system, Stability):
         if speed is not None:
-            raise ValueOutOfBoundsError("the result already has a speed; leave out the speed")
+            raise ValueOutOfBoundsError("the result already has a speed; omit the speed")
         result = system
     elif speed is None:
         raise MissingValueError('no speed given; add one, such as "600 rpm"')

@@ -82,7 +82,7 @@ class NonlinearOrbit(Orbit):
     def quasi_static(self) -> QuasiStatic:
         """Raise ValueOutOfBoundsError, because a nonlinear orbit has no quasi-static solution."""
         raise ValueOutOfBoundsError(
-            "the quasi-static solution belongs to the linear model; leave out --quasi-static or --nonlinear"
+            "the quasi-static solution belongs to the linear model; omit --quasi-static or --nonlinear"
         )
 
     @stored_property

@@ -155,7 +155,7 @@ def test_public_name_is_looked_up_only_once():
     "called", [[2], pytest.param([0, 1, 2], marks=pytest.mark.slow)], ids=["one", "every"]
 )
 def test_public_functions_work_after_any_import_order(called):
-    """One process imports all packages once."""
+    """A single process imports the modules in several orders. Other packages are imported only once."""
     lines = ["import importlib, inspect, sys"]
     for seed in called:
         order = random.Random(seed).sample(MODULES, len(MODULES))

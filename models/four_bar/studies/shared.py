@@ -32,7 +32,7 @@ class FourBar(Numbers):
         input."""
         for name in assignments("--option", self.option or []):
             if name in ("reduce", *replaced):
-                raise ValueOutOfBoundsError(f"--option {name} has no effect on this command; leave it out")
+                raise ValueOutOfBoundsError(f"--option {name} has no effect on this command; omit it")
         model = StructureModel.from_setup(self.setup("four_bar"))
         require_motion(model)
         return model

@@ -36,8 +36,8 @@ def test_json_has_gain_feedforward_and_observer(capsys):
     ("flags", "words"),
     [
         ([], "requires weights; add --lqr"),
-        (["--lqr", "q2=1e8"], "names no input (inputs of the system: u)"),
-        (["--lqr", "u=1"], "names no state"),
+        (["--lqr", "q2=1e8"], "contains no input (inputs of the system: u)"),
+        (["--lqr", "u=1"], "contains no state"),
         (["--lqr", "q2=1e8, u"], "write each name once"),
         (["--lqr", "q2=1, q2=2, u=1"], "write each name once"),
         (["--lqr", "q9=1, u=1"], "q9"),
@@ -57,7 +57,7 @@ def test_invalid_weights_are_refused_in_one_line(capsys, flags, words):
 
 def test_model_without_inputs_is_refused(capsys):
     assert run(["control", "mathieu", "--lqr", "q=1, u=1"]) == 2
-    assert "names no input (inputs of the system: none)" in capsys.readouterr().err
+    assert "contains no input (inputs of the system: none)" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

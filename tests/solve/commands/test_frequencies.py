@@ -158,7 +158,7 @@ BAD = {
     "zero length": (("four_bar", "--set", "L2=0"), ("L2", "is 0 m", "> 0")),
     "position without unit": (("four_bar", "--position", "70"), ("'70'", "no unit", "'70 deg'")),
     "a position where there is none": (("portal_frame", "--position", "3 deg"), ("is a structure at rest",)),
-    "a turn where there is none": (("portal_frame", "--turn", "4"), ("at rest; leave out turn",)),
+    "a turn where there is none": (("portal_frame", "--turn", "4"), ("at rest; omit turn",)),
     "no frequency": (("four_bar", "--count", "0"), ("count is 0", "1 … 9")),
     "too many": (("portal_frame", "--count", "4"), ("count is 4", "1 … 3")),
     "a turn of one position": (("four_bar", "--turn", "1"), ("turn is 1", "2 or more")),

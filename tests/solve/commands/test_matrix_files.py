@@ -35,7 +35,7 @@ def test_live_window_refuses_matrix_files(tmp_path, command):
     np.savez(tmp_path / "k.npz", M=np.eye(1), K=np.eye(1), speed=1.0)
     ran = command("explore", "k.npz", "--no-browser")
     assert ran.status == 2
-    assert ran.err.strip().endswith("the live window needs a mechanism, such as cam")
+    assert ran.err.strip().endswith("the live window requires a mechanism, such as cam")
 
 
 @pytest.mark.parametrize(
@@ -44,8 +44,8 @@ def test_live_window_refuses_matrix_files(tmp_path, command):
         (("none.*.lin",), "no file matches"),
         (("none.mat",), "there is no file"),
         (("k.npz",), "states no speed"),
-        (("k.npz", "--set", "k=1"), "leave out k"),
-        (("k.npz", "--case", "1"), "no parameters, cases or options; leave out case"),
+        (("k.npz", "--set", "k=1"), "omit k"),
+        (("k.npz", "--case", "1"), "no parameters, cases or options; omit case"),
         (("text.nc",), "cannot be read"),
     ],
 )

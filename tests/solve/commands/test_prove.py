@@ -57,7 +57,7 @@ def test_terminal_output_shows_verdict_bounds_and_assumption(command):
         ((*MATHIEU, "--workers", "2"), "solve: --workers 2 requires --prove; add it\n"),
         (
             (*MATHIEU, "--prove", "--rounded", "--digits", "9"),
-            "solve: --rounded limits the precision to that of the given numbers; leave out --digits\n",
+            "solve: --rounded limits the precision to that of the given numbers; omit --digits\n",
         ),
         ((*MATHIEU, "--prove", "--digits", "0"), "solve: digits is 0; allowed: 1 to 1000\n"),
     ],

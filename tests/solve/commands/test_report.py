@@ -12,7 +12,7 @@ def test_command_and_python_write_the_same_report(command, tmp_path):
     assert (tmp_path / "mine.html").read_text("utf-8") == report.html
     assert ran.out.split() == " ".join(report.summary).split()
     (left_out,) = (line for line in ran.err.splitlines() if "mathieu has no load" in line)
-    assert left_out.startswith("warning: left out: Vibration and stability, ")
+    assert left_out.startswith("warning: omitted: Vibration and stability, ")
     assert "Response versus speed, Critical speeds" in left_out
     assert "wrote mine.html" in ran.err
 

@@ -237,7 +237,7 @@ def test_jumps_inside_the_period_only(method):
 @pytest.mark.parametrize("solve_it", [periodic, floquet])
 def test_jumps_are_refused_with_the_remedy(method, solve_it):
     with pytest.raises(
-        MatricesError, match=rf"{method.name} needs matrices without jumps, .* use radau or gauss"
+        MatricesError, match=rf"{method.name} requires matrices without jumps, .* use radau or gauss"
     ):
         solve_it(EQUATION, 1.0, method)
 
@@ -252,7 +252,7 @@ def oscillator(omega):
 @parametrised_by(EVERY)
 @pytest.mark.parametrize("steps", [0, -3, 2.5])
 def test_invalid_step_counts_are_refused(method, steps):
-    with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; leave out steps"):
+    with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; omit steps"):
         periodic(SYSTEM, 1.0, method, steps=steps)
 
 

@@ -222,7 +222,7 @@ BAD_ENTRIES = {
     "range": (given("beam.npz").replace(str(ROWS), "[0, 1]"), CaseFileError, "from 1 to 24"),
     "twice": (given("beam.npz").replace(str(ROWS), "[1, 1]"), CaseFileError, "different"),
     "ending": (given("beam.op2"), CaseFileError, "allowed: .mat"),
-    "source": ('file = "beam.npz", unit = "m kg s"', CaseFileError, "needs a file"),
+    "source": ('file = "beam.npz", unit = "m kg s"', CaseFileError, "requires a file"),
     "key": (given("beam.npz", ", modes = 3"), UnknownNameError, "modes"),
 }
 

@@ -54,7 +54,7 @@ def test_multipliers_of_the_bead_match_the_closed_form(hoop, speed):
 @pytest.mark.parametrize("speed", [6.0, 0.999 * LEAST])
 def test_bead_is_refused_below_the_minimum_speed(hoop, work, speed):
     with pytest.raises(
-        DesiredMotionError, match=r"fundamental motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs"
+        DesiredMotionError, match=r"fundamental motion of q .* acos\(g/\(a\*speed\*\*2\)\) requires"
     ):
         work(hoop, speed)
 
@@ -274,7 +274,7 @@ def test_infinite_stiffness_is_reported_with_its_phase():
 def test_natural_frequencies_without_motion_at_speed_0_are_refused(hoop):
     """cos q = g/(a Ω²) has no solution at speed 0. If the motion does not depend on the speed, the
     frequencies exist."""
-    expected = r"at speed 0, .* motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs .* solve critical"
+    expected = r"at speed 0, .* motion of q .* acos\(g/\(a\*speed\*\*2\)\) requires .* solve critical"
     with pytest.raises(DesiredMotionError, match=expected):
         solve.frequencies(hoop)
     with pytest.raises(NoResultError, match=expected):

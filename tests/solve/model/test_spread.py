@@ -95,8 +95,8 @@ def test_replaced_value_keeps_tolerance_but_not_distribution(tmp_path):
     ("entry", "error", "message"),
     [
         ('tolerance = "2 %"', CaseFileError, "cases.toml: spread of m is '2 %'"),
-        ("tolerance = 2", CaseFileError, "needs one text"),
-        ('tolerance = "±1 %", distribution = "normal(1, 1)"', CaseFileError, "needs one text"),
+        ("tolerance = 2", CaseFileError, "requires one text"),
+        ('tolerance = "±1 %", distribution = "normal(1, 1)"', CaseFileError, "requires one text"),
         ('tolerance = "±1 m"', UnitError, "spread of m"),
         ('toleranc = "±1 %"', UnknownNameError, "did you mean 'tolerance'"),
     ],

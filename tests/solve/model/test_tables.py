@@ -109,7 +109,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
 @pytest.mark.parametrize(
     ("text", "table", "error", "message"),
     [
-        (entry("P", "Pa"), GOOD[:6], CaseFileError, "has 6 rows; 3 harmonics need 7 or more"),
+        (entry("P", "Pa"), GOOD[:6], CaseFileError, "has 6 rows; 3 harmonics require 7 or more"),
         (
             entry("P", "Pa"),
             [(x, 1.0) for x in range(0, 230, 10)],
@@ -144,7 +144,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             CaseFileError,
             "more values than columns in the row '345, 2, 5'",
         ),
-        (entry("P", "Pa"), [], CaseFileError, "has 0 rows; 3 harmonics need 7 or more"),
+        (entry("P", "Pa"), [], CaseFileError, "has 0 rows; 3 harmonics require 7 or more"),
         (
             entry("P", "Pa").replace("value", "valve"),
             GOOD,
@@ -168,8 +168,13 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
         (entry("P", "Pa").replace("harm", "ham"), GOOD, UnknownNameError, "'hamonics'; did you mean 'harm"),
         (entry("P", "Pa").replace("mine", "none"), GOOD, CaseFileError, "cannot be read .no such file"),
         (entry("P", "Pa").replace("mine.csv", "."), GOOD, CaseFileError, "is not a file; give a CSV file"),
-        ('P = { table = "mine.csv" }', GOOD, CaseFileError, "P in mine.toml needs a table and two columns"),
-        ('P = { table = 3, columns = ["a", "b"] }', GOOD, CaseFileError, "needs a table and two columns"),
+        (
+            'P = { table = "mine.csv" }',
+            GOOD,
+            CaseFileError,
+            "P in mine.toml requires a table and two columns",
+        ),
+        ('P = { table = 3, columns = ["a", "b"] }', GOOD, CaseFileError, "requires a table and two columns"),
         (
             entry("P", "Pa") + '\nPa2 = { value = 1, unit = "Pa", source = "x" }',
             GOOD,

@@ -165,7 +165,7 @@ def test_chart_reports_proved_fractions_and_contradictions():
 def test_unsupported_proofs_are_refused():
     ranges = ((60.0, 63.0), (7e4, 8e4))
     with pytest.raises(
-        StepsError, match=r"cam is too stiff for a proved chart: a box of 0.0117 by 39.1 needs"
+        StepsError, match=r"cam is too stiff for a proved chart: a box of 0.0117 by 39.1 requires"
     ):
         prove_boxes(solve.load("cam"), ("speed", "k1"), ranges, None)
     with pytest.raises(LinearModelError, match=r"jumps of the equations move with share or w1"):

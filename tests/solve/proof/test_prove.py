@@ -183,7 +183,7 @@ def test_rounded_parameters_widen_the_enclosures():
 def test_result_is_proved_at_its_speed():
     orbit = solve.periodic(mathieu(delta=1.3, epsilon=0.4, zeta=0.03), 1.0)
     assert prove(orbit).result is orbit
-    with pytest.raises(ValueOutOfBoundsError, match="leave out the speed"):
+    with pytest.raises(ValueOutOfBoundsError, match="omit the speed"):
         prove(orbit, 1.0)
     with pytest.raises(MissingValueError, match="no speed given"):
         prove(orbit.system)

@@ -38,9 +38,9 @@ def test_paths_of_matrices_are_loaded(tmp_path, ending):
         write(second_order(), tmp_path / f"rotor{ending}")
     expected = np.diag([4.0, 9.0]) if ending == ".op4" else second_order()["K"][0]
     np.testing.assert_allclose(solve.load(path).at(np.zeros(1), 1.0)[2][0], expected, atol=1e-12)
-    with pytest.raises(ValueOutOfBoundsError, match="no parameters, cases or options; leave out k1"):
+    with pytest.raises(ValueOutOfBoundsError, match="no parameters, cases or options; omit k1"):
         solve.load(path, k1=1.0)
-    with pytest.raises(ValueOutOfBoundsError, match="leave out reduce"):
+    with pytest.raises(ValueOutOfBoundsError, match="omit reduce"):
         solve.load(path, reduce=2)
 
 

@@ -175,7 +175,7 @@ def test_incompatible_systems_and_weights_are_refused():
         solve.control(system, 1.0, lqr={"q": 1.0})
     with pytest.raises(MissingValueError, match="requires weights"):
         solve.control(system, 1.0)
-    with pytest.raises(MissingValueError, match="V names no measured quantity"):
+    with pytest.raises(MissingValueError, match="V contains no measured quantity"):
         solve.kalman(system, 1.0, {"u": 1.0}, {})
     with pytest.raises(ControlError, match=r"^the Kalman filter holds no feedback"):
         solve.closed_loop(system, solve.kalman(system, 1.0, {"u": 1.0}, {"q": 1.0}))

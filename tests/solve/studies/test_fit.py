@@ -387,7 +387,7 @@ def test_duplicate_rows_are_reported(file):
 
 def test_fewer_values_than_parameters_is_refused(file):
     with pytest.raises(
-        ValueOutOfBoundsError, match="1 parameter needs 2 or more measured values, not 1; fit fewer"
+        ValueOutOfBoundsError, match="1 parameter requires 2 or more measured values, not 1; fit fewer"
     ):
         solve.fit(model(), file(curve()[:1]), ["k"])
 

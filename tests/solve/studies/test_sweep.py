@@ -226,7 +226,7 @@ def test_too_many_lines_for_one_figure_are_refused():
     ):
         sweep.plot()
     with pytest.raises(
-        ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn over one of these quantities"
+        ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn versus one quantity"
     ):
         solve.sweep(
             solve.load("mathieu"), "1:2:2 rad/s", spectra=["q"], over={"epsilon": [0.1, 0.2]}

@@ -273,7 +273,7 @@ def test_two_limits_of_one_quantity_are_stored_and_drawn(model, limits, tmp_path
         ({"vary": {"k": "±1 kg"}}, UnitError, "kg"),
         ({"vary": {"k": "uniform(-1, 1)"}}, ValueOutOfBoundsError, "allowed: > 0"),
         ({"subject": ["q.max"]}, ValueOutOfBoundsError, "is not a bound"),
-        ({"of": ["q"]}, ValueOutOfBoundsError, "names no statistic"),
+        ({"of": ["q"]}, ValueOutOfBoundsError, "contains no statistic"),
         ({"of": ["rho1"]}, ValueOutOfBoundsError, "is complex"),
         ({"samples": 10}, ValueOutOfBoundsError, "samples is 10"),
         ({"samples": 10**9}, ValueOutOfBoundsError, "up to"),

@@ -321,7 +321,7 @@ def test_invalid_animations_are_refused():
 def test_animated_orbit_has_its_speed_method_and_equations():
     orbit = solve.periodic(solve.load("coupler"), "600 rpm", **ROUGH)
     for wrong in ({"speed": "100 rpm"}, {"nonlinear": True}, {"method": "radau"}):
-        with pytest.raises(ValueOutOfBoundsError, match="leave out speed"):
+        with pytest.raises(ValueOutOfBoundsError, match="omit speed"):
             solve.animate(orbit, **wrong)
     assert solve.animate(orbit, show="q2").signals.keys() == {"q2"}
 

@@ -160,7 +160,7 @@ def test_chart_has_verdicts_and_boundaries(window):
         ({"x": {"name": "k9", "low": 1, "high": 2, "count": 3}}, "unknown parameter of cam 'k9'"),
         (
             {"x": {"name": "k1", "low": 2, "high": 1, "count": 3}},
-            "k1 from 2 to 1; give two different values, the smaller first",
+            "k1 ranges from 2 to 1; give two different values, the smaller first",
         ),
         (
             {"x": {"name": "k1", "low": 1, "high": 2, "count": 1}},
