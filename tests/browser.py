@@ -1,4 +1,4 @@
-"""Chromium without a window, where it is installed."""
+"""Headless Chromium, if it is installed."""
 
 import shutil
 import subprocess
@@ -9,7 +9,8 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 
 
 def run(page: Path, *flags: str) -> tuple[str, str]:
-    """Standard output and error of the browser that opens a page. Raises LookupError where there is none."""
+    """Return standard output and standard error of the browser after it has opened a page. Raises LookupError
+    if there is no browser."""
     if CHROMIUM is None:
         raise LookupError("no Chromium is installed")
     with tempfile.TemporaryDirectory() as own:

@@ -1,7 +1,7 @@
-"""What holds for every test: property tests draw the same examples in every run, so that a pass is a pass
-everywhere, and a shared machine may be slow, which is no failure.
+"""Settings of all tests. Property tests use the same examples in every run, and have no time limit because
+other programs may slow the machine.
 
-`--hypothesis-profile=search` draws anew: for looking for failures that no run has seen.
+`--hypothesis-profile=search` uses new examples, to search for further failures.
 """
 
 import atexit
@@ -58,9 +58,9 @@ def _without_privileges():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
-    """What is collected stays: looking for garbage among it takes a fifth of the time, and later more. The
-    default thresholds, 700 objects and ten times ten such collections, would take 6 % of the time of tests;
-    these take 2 %."""
+    """Exclude collected tests from garbage collection, which otherwise takes a fifth of the time of
+    collection. With the default thresholds, 700 objects and ten times ten such collections, it would then
+    take 6 % of the time of tests; with these, it takes 2 %."""
     gc.disable()
     try:
         return (yield)
@@ -72,8 +72,8 @@ def pytest_collection():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report(collector):
-    """Every other process reads folders backwards, so that in a fresh clone no two compile the same modules
-    at the same time: one finds what the other has compiled."""
+    """Let every other process read folders in reverse order, so that in a fresh clone no two processes
+    compile the same modules at the same time: each finds modules that the others have compiled."""
     report = yield
     if isinstance(collector, pytest.Directory) and _WORKER % 2:
         report.result.reverse()
@@ -81,13 +81,13 @@ def pytest_make_collect_report(collector):
 
 
 def pytest_collection_modifyitems(items):
-    """The same order in all processes again, which have to agree on it."""
+    """Restore the same order in all processes, which pytest-xdist requires."""
     items.sort(key=lambda item: item.path.parts)
 
 
 @pytest.fixture
 def laid_out(monkeypatch):
-    """Figures have the layout that users see."""
+    """Lay out figures as users see them."""
     monkeypatch.setattr(Figure, "set_layout_engine", _SET_LAYOUT)
 
 

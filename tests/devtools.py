@@ -1,4 +1,4 @@
-"""Pages of Chromium driven over the DevTools protocol, where it is installed."""
+"""Chromium pages controlled through the DevTools protocol, if Chromium is installed."""
 
 import asyncio
 import base64
@@ -23,11 +23,11 @@ _FLAGS = (
 
 
 class PageError(AssertionError):
-    """Exception in a page, or a condition that it does not meet in time."""
+    """Exception in a page, or a condition that is not met in time."""
 
 
 class Tab:
-    """Page under test. Its methods wait for their effect."""
+    """Page under test. Its methods return after their effect."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, connection: Any, session: str):
         self._loop, self._connection, self._session, self._number = loop, connection, session, 0
@@ -35,7 +35,7 @@ class Tab:
         self.errors: list[str] = []
 
     def command(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Result of a command of the protocol."""
+        """Return the result of a protocol command."""
         return self._loop.run_until_complete(self._command(method, parameters))
 
     async def _command(self, method: str, parameters: dict[str, Any]) -> dict[str, Any]:
@@ -58,7 +58,7 @@ class Tab:
             self.errors.append(details.get("exception", {}).get("description", details["text"]))
 
     def evaluate(self, expression: str) -> Any:
-        """Value of an expression of JavaScript; of a promise, what it resolves to."""
+        """Return the value of a JavaScript expression, or the result of its promise."""
         result = self.command(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True, userGesture=True
         )
@@ -67,7 +67,7 @@ class Tab:
         return result["result"].get("value")
 
     def wait(self, expression: str, seconds: float = _SECONDS) -> Any:
-        """Value of an expression as soon as it is true."""
+        """Return the value of an expression as soon as it is true."""
         end = time.monotonic() + seconds
         reason = ""
         while time.monotonic() < end:
@@ -89,7 +89,7 @@ class Tab:
         )
 
     def mouse(self, kind: str, x: float, y: float) -> None:
-        """Event of the mouse: Pressed, Moved or Released, with the left button."""
+        """Send a mouse event with the left button: Pressed, Moved or Released."""
         buttons = 0 if kind == "Released" else 1
         self.command(
             "Input.dispatchMouseEvent",
@@ -105,7 +105,7 @@ class Tab:
         self.evaluate(f"document.querySelector({json.dumps(selector)}).click()")
 
     def type(self, selector: str, text: str) -> None:
-        """Replace the text of a field and leave it."""
+        """Replace the text of a field and leave the field."""
         field = f"document.querySelector({json.dumps(selector)})"
         self.evaluate(f"{field}.focus(); {field}.select?.()")
         self.command("Input.insertText", text=text)
@@ -115,7 +115,7 @@ class Tab:
         return self.evaluate(f"document.querySelector({json.dumps(selector)}).textContent")
 
     def picture(self) -> bytes:
-        """Picture of the window as PNG."""
+        """Return an image of the window as PNG."""
         return base64.b64decode(self.command("Page.captureScreenshot")["data"])
 
     def screenshot(self, file: Path) -> None:
@@ -139,7 +139,7 @@ class Browser:
         return await connect(*arguments, **keywords)
 
     def open(self, url: str, width: int = 1280, height: int = 900) -> Tab:
-        """New window with a page: pages behind others are not painted."""
+        """Open a page in a new window. Hidden pages are not painted."""
         target = self._plain("Target.createTarget", url="about:blank", newWindow=True)["targetId"]
         self._targets.append(target)
         session = self._plain("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -152,7 +152,7 @@ class Browser:
         return tab
 
     def close_pages(self) -> None:
-        """Close all pages: those in motion cost as much time behind others as before them."""
+        """Close all pages. Hidden pages with animations take as much time as visible ones."""
         while self._targets:
             self._plain("Target.closeTarget", targetId=self._targets.pop())
 
@@ -178,7 +178,7 @@ class Browser:
 
 @contextmanager
 def browser(*flags: str) -> Iterator[Browser]:
-    """Browser for tests, with further flags. Raises LookupError where there is none."""
+    """Yield a browser for tests with additional flags. Raises LookupError if there is none."""
     if CHROMIUM is None:
         raise LookupError("no Chromium is installed")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as own:
@@ -195,7 +195,7 @@ def browser(*flags: str) -> Iterator[Browser]:
 
 
 def _address(said: Path) -> str:
-    """Address of the protocol, which the browser prints."""
+    """Return the protocol address that the browser prints."""
     end = time.monotonic() + _SECONDS
     while time.monotonic() < end:
         if found := re.search(r"DevTools listening on (ws://\S+)", said.read_text(errors="replace")):

@@ -1,4 +1,4 @@
-"""The pages: README and docs, with their links, anchors and places in the site."""
+"""Documentation pages: README and docs, with their links, anchors and entries in the site."""
 
 import re
 import unicodedata
@@ -14,7 +14,7 @@ _INCLUDED = re.compile(r"```\{include\} (\S+)\n")
 
 
 class Link(NamedTuple):
-    """A relative link of a page: the file that it names, and the anchor in it."""
+    """Relative link of a page: the file and the anchor in it."""
 
     page: Path
     target: Path
@@ -22,7 +22,7 @@ class Link(NamedTuple):
 
 
 def links(page: Path) -> list[Link]:
-    """Of links and pictures; those to other sites are left out."""
+    """Return the relative links of a page, including pictures. Links to other sites are omitted."""
     prose = re.sub(r"`[^`\n]+`", "", _CODE.sub("", page.read_text(encoding="utf-8")))
     found = []
     for address in re.findall(r"\]\(([^)\s]+)\)", prose):
@@ -33,7 +33,7 @@ def links(page: Path) -> list[Link]:
 
 
 def anchors(page: Path) -> set[str]:
-    """Of the headings, as repository viewers and MyST name them."""
+    """Return the anchors of the headings, as repository viewers and MyST generate them."""
     text = _CODE.sub("", page.read_text(encoding="utf-8"))
     return {_slug(title) for title in re.findall(r"^#+ (.*)$", text, flags=re.MULTILINE)}
 
@@ -45,7 +45,7 @@ def _slug(title: str) -> str:
 
 
 def of_the_site() -> set[Path]:
-    """Pages that the site's contents name, the front page and what pages include."""
+    """Return the pages in the table of contents of the site, the front page and included pages."""
     index = DOCS / "index.md"
     found = {index}
     for body in re.findall(r"```\{toctree\}\n(.*?)```", index.read_text(encoding="utf-8"), flags=re.DOTALL):

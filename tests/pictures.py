@@ -1,8 +1,8 @@
-"""`python -m tests.pictures [NAME …]`: renew the pictures of the pages by the commands beside them.
+"""`python -m tests.pictures [NAME …]`: renew the figures of the pages with the commands printed next to them.
 
-A picture's command is the line of its page that draws a file of its name, `--plot NAME` or `--out NAME`, or
-that writes an HTML page of its name, whose beginning Chromium shows, or Python with `savefig("NAME")`: a
-script beside the picture, or a block of the page.
+The command of a figure is the line of its page that writes a file of this name: with `--plot NAME`, with
+`--out NAME`, or as an HTML page, the top of which Chromium shows. Otherwise it is Python code with
+`savefig("NAME")`, either a script next to the figure or a code block of the page.
 """
 
 import re
@@ -20,7 +20,7 @@ from tests.pages import EVERY, ROOT
 
 
 class Picture(NamedTuple):
-    """A picture of a page, and what draws it: the words of a command, as they stand there."""
+    """Figure of a page with the arguments of the command that draws it, as printed on the page."""
 
     page: Path
     file: Path
@@ -28,7 +28,7 @@ class Picture(NamedTuple):
 
 
 def pictures() -> list[Picture]:
-    """Of all pages. Raises LookupError for one that no command of its page draws."""
+    """Return the figures of all pages. Raises LookupError if no command on its page draws a figure."""
     return [
         Picture(page, (page.parent / name).resolve(), _command(page, name))
         for page in EVERY
@@ -52,7 +52,8 @@ def _command(page: Path, place: str) -> str:
 
 
 def run_script(picture: Picture) -> dict[str, Any]:
-    """Draw it by its Python; the names of this by their values."""
+    """Draw the figure with its Python code and return the variables of the code as a mapping from their
+    names."""
     names: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         exec(picture.command.replace(f'"{picture.file.name}"', f'"{picture.file.as_posix()}"'), names)
@@ -60,7 +61,7 @@ def run_script(picture: Picture) -> dict[str, Any]:
 
 
 def run_command(picture: Picture, *flags: str) -> None:
-    """Draw it by its command and further flags. Raises RuntimeError where that fails."""
+    """Draw the figure with its command and additional flags. Raises RuntimeError if the command fails."""
     from models.coupler.__main__ import run as coupler
     from models.four_bar.__main__ import run as four_bar
     from models.portal_frame.__main__ import run as portal_frame
@@ -80,7 +81,8 @@ def run_command(picture: Picture, *flags: str) -> None:
 
 
 def renew(picture: Picture) -> None:
-    """Draw it where the page shows it, in 256 colours. Raises RuntimeError where its command fails."""
+    """Write the figure at its place in the page with 256 colours. Raises RuntimeError if its command
+    fails."""
     run_script(picture) if "savefig(" in picture.command else run_command(picture)
     with Image.open(picture.file) as drawn:
         few = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
@@ -88,7 +90,7 @@ def renew(picture: Picture) -> None:
 
 
 def main() -> None:
-    """Renew those whose name holds one of the arguments, by default all."""
+    """Renew the figures whose names contain one of the arguments; by default, all."""
     for picture in pictures():
         place = picture.file.relative_to(ROOT).as_posix()
         if any(name in place for name in sys.argv[1:] or [""]):

@@ -21,7 +21,7 @@ of two lines"""
 '''
 
 
-def test_comments_and_docstrings_are_no_lines_of_code():
+def test_comments_and_docstrings_are_not_counted_as_code():
     assert code_lines(MODULE) == 8
 
 

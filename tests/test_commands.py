@@ -1,5 +1,5 @@
-"""Every command that a page prints ends in 0, in a folder with the files of its page, with fewer points than
-printed. Pages with tests of their own are left to these, and so is what is printed twice."""
+"""Every command printed on a page exits with status 0, in a folder with the files of the page and with fewer
+points than printed. Pages with separate tests are omitted, and repeated commands run once."""
 
 import re
 import shlex
@@ -42,7 +42,8 @@ _OWN = ("duffing", "mesh", "chain", "tower", "rocker", "press", "column")
 
 
 def commands(page: Path) -> list[str]:
-    """Whole ones: in lines of code, and in prose those with a model's name and no placeholder."""
+    """Return complete commands: lines of code, and inline code with the name of a model and no
+    placeholder."""
     text = page.read_text(encoding="utf-8")
     program = r"(?:python -m )?(?:solve|derive|models\.\w+) "
     lines = re.findall(rf"^(?:    )?({program}[^#\n]*)$", text, flags=re.MULTILINE)
@@ -56,7 +57,7 @@ def commands(page: Path) -> list[str]:
 
 
 def key(command: str) -> str:
-    """What two commands have in common that differ in the name of what they draw alone."""
+    """Return the parts that are equal in commands that differ only in the name of their figure file."""
     return re.sub(r"--(plot|out) \S+", r"--\1", command.removeprefix("python -m "))
 
 
@@ -73,14 +74,14 @@ ASKED = {
 
 
 def fewer(command: str) -> str:
-    """Five points of a range of more than nine, and two turns of a motion in time."""
+    """Reduce a range of more than nine points to five, and a transient to two periods."""
     command = re.sub(r"(:\d+):\d\d+(?= rpm| rad/s| |\"|$)", r"\1:5", command)
     return re.sub(r"--turns \d+", "--turns 2", command)
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder of one's own, with the measured torque that some pages speak of."""
+    """Return an empty folder with the measured torque that some pages use."""
     monkeypatch.chdir(tmp_path)
     orbit = solve.periodic(solve.load("cam", k1=9e4), "400 rpm", rtol=1e-6)
     angles = np.arange(0, 360, 2.0)
@@ -103,7 +104,7 @@ def status(words: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "command"), ASKED.values(), ids=ASKED)
-def test_a_command_that_a_page_prints_runs(page, command, folder, monkeypatch, capsys):
+def test_printed_command_runs(page, command, folder, monkeypatch, capsys):
     for name, text in re.findall(r"```\w+\n# (\w+\.\w+)\n(.*?)```", page.read_text("utf-8"), flags=re.DOTALL):
         Path(name).write_text(text, encoding="utf-8")
     for own in re.findall(r"\w+\.py\b", command) if "--new" not in command else ():
@@ -117,7 +118,7 @@ def test_a_command_that_a_page_prints_runs(page, command, folder, monkeypatch, c
         assert Path(file).stat().st_size > 100
 
 
-def test_exceptions_occur_in_pages_and_named_tests_exist():
+def test_excluded_commands_are_printed_and_their_tests_exist():
     assert len(ASKED) > 30
     for text in EXCEPTIONS:
         assert any(text in command for _, command in PRINTED.values()), text

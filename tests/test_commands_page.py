@@ -74,7 +74,7 @@ models.four_bar design --allowable "100 MPa" --speeds "8:30:20 rad/s" --L4 "0.53
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a measured vibration of the cam."""
+    """Return a folder with a measured vibration of the cam."""
     path = tmp_path_factory.mktemp("keys")
     solve.periodic(solve.load("cam"), "300 rpm", rtol=1e-4).save(path / "measured.csv")
     return path
@@ -82,7 +82,7 @@ def folder(tmp_path_factory):
 
 @cache
 def paths_of(command, folder):
-    """Name of the command, and the keys of its output with a value."""
+    """Return the name of the command, and the keys of its output with a value."""
     program, *arguments = shlex.split(command)
     module = "solve.commands.app" if program == "solve" else f"{program}.__main__"
     output = io.StringIO()
@@ -93,7 +93,7 @@ def paths_of(command, folder):
 
 
 def paths(value, place=()):
-    """Keys of the innermost objects, as tuples, and their values."""
+    """Return the keys of the innermost objects, as tuples, with their values."""
     if isinstance(value, dict) and value:
         for key, inner in value.items():
             yield from paths(inner, (*place, key))
@@ -105,7 +105,7 @@ def paths(value, place=()):
 
 
 def documented(command):
-    """Patterns of the page for a command."""
+    """Return the patterns of the page for a command."""
     names = {command, "*"}
     return [
         pattern
@@ -116,7 +116,8 @@ def documented(command):
 
 
 def matches(pattern, path, value):
-    """Whether a pattern describes a key. A value that is null or empty may stand for an inner object."""
+    """Return whether a pattern describes a key. A value that is null or empty may represent an inner
+    object."""
     names = pattern.split(".")
     if value in (None, [], {}):
         names = names[: len(path)]
@@ -128,7 +129,7 @@ def matches(pattern, path, value):
 
 
 def undocumented(command, folder):
-    """Keys of the output of a command that the page does not contain."""
+    """Return the keys of the output of a command that the page does not contain."""
     name, keys = paths_of(command, folder)
     patterns = documented(name)
     return [
@@ -136,12 +137,12 @@ def undocumented(command, folder):
     ]
 
 
-def test_the_page_is_as_generated():
+def test_page_is_up_to_date():
     text = page.PAGE.read_text(encoding="utf-8")
     assert page.renewed(text) == text, f"docs/commands.md is out of date; renew it with: {page.COMMAND}"
 
 
-def test_the_page_lists_every_flag():
+def test_page_lists_every_flag():
     text = page.PAGE.read_text(encoding="utf-8")
     for name, flags in page.flags().items():
         assert flags, name
@@ -162,8 +163,8 @@ def test_printed_keys_of_longer_commands_are_documented(command, folder):
 
 @cache
 def records():
-    """Records of rigid-body modes, combination resonances, finite margins and points without a result: no
-    included model has these within its bounds or in a short time."""
+    """Return records with rigid-body modes, combination resonances, finite margins and points without a
+    result. No included model has these within its bounds or in a short time."""
     free = solve.periodic(train(C=DRAG, mean=1.0), 10.0, rtol=1e-4)
     critical = solve.critical_speeds(
         two_modes((1.0, 9.0), (lambda _: 0.2, lambda _: 0.3), 1.8), np.linspace(9.0, 11.0, 41), orders=5
@@ -214,7 +215,7 @@ def test_documented_keys_are_printed(folder):
     assert not missing
 
 
-def test_no_repeatable_flag_takes_equal_values():
+def test_repeatable_flags_refuse_equal_values():
     flags = [
         (command, parameter.opts[0])
         for _, command in page.programs()

@@ -1,5 +1,5 @@
-"""The comparison page: no cell is empty, and the column "here" agrees with docs/abilities.toml, each entry of
-which is verified."""
+"""The comparison page has no empty cell, and its column "here" agrees with docs/abilities.toml, in which
+every entry is verified."""
 
 import re
 import tomllib
@@ -20,7 +20,7 @@ ABILITIES = tomllib.loads((ROOT / "docs" / "abilities.toml").read_text(encoding=
 
 
 def tables():
-    """Rows of cells of each table, the headings first."""
+    """Return the rows of cells of each table, headings first."""
     for table in re.findall(r"(?:^\|.*\|\n)+", PAGE, re.M):
         rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
         yield [row for row in rows if not set("".join(row)) <= set("- ")]
@@ -30,7 +30,7 @@ BESIDE = [row for table in tables() if table[0][1] == "here" for row in table[1:
 PACKAGES = [row for table in tables() if table[0][0] == "package" for row in table[1:]]
 
 
-def test_every_feature_is_judged_for_everybody():
+def test_table_has_no_empty_cell():
     assert len(BESIDE) > 20
     assert {len(row) for row in BESIDE} == {8}
     assert len(PACKAGES) == 9
@@ -39,7 +39,7 @@ def test_every_feature_is_judged_for_everybody():
         assert all(row), row[0]
 
 
-def test_the_column_here_matches_the_abilities():
+def test_column_here_matches_the_listed_abilities():
     assert {row[0]: row[1] for row in BESIDE} == {row: entry["text"] for row, entry in ABILITIES.items()}
     assert all(("absent" in entry) == (entry["text"] == "no") for entry in ABILITIES.values())
     assert all(len(entry.keys() & {"run", "absent"}) == 1 for entry in ABILITIES.values())
@@ -68,7 +68,7 @@ def refused(work, *arguments, **keywords):
 
 @pytest.fixture
 def names(tmp_path):
-    """Names available to entries of docs/abilities.toml."""
+    """Return the names available to entries of docs/abilities.toml."""
     oscillator = model_of(duffing(), zeta=0.1, k=1.0, alpha=1.0, f=1.0)
     rows = solve.periodic(oscillator, 0.5)
     file = tmp_path / "q.csv"
@@ -95,7 +95,7 @@ def test_listed_features_work(row, names):
 
 @pytest.mark.parametrize("row", [row for row, entry in ABILITIES.items() if "absent" in entry])
 def test_absent_features_have_no_name(row):
-    """A new feature of this name fails here, as a reminder to update the page."""
+    """If a new feature has this name, the test fails as a reminder to update the page."""
     from solve.commands.app import COMMANDS
 
     public = [*dir(solve), *dir(derive), *dir(derive.Mechanism), *COMMANDS]

@@ -11,7 +11,7 @@ import solve
 
 
 def modules():
-    """Names of all modules of `solve` and `derive`, except those that run as programs."""
+    """Return the names of all modules of `solve` and `derive`, except those that run as programs."""
     for package in (solve, derive):
         for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             if not found.name.endswith("__main__"):

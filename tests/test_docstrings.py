@@ -25,7 +25,7 @@ that are not always needed (See Also, Examples, extended summary)."""
 
 
 def public() -> Iterator[tuple[str, object]]:
-    """Full names of the public functions and classes."""
+    """Return the full names of the public functions and classes."""
     for package in (solve, derive):
         for name in sorted(set(package.__all__)):
             about = getattr(package, name)
@@ -53,7 +53,7 @@ def test_functions_name_their_errors_in_a_section(name):
 
 
 def returned() -> dict[str, type]:
-    """Classes of the public functions' results, and the public classes."""
+    """Return the classes of the results of public functions, and the public classes."""
     classes = {name: about for name, about in NAMES.items() if inspect.isclass(about)}
     for function in FUNCTIONS.values():
         result = typing.get_type_hints(function).get("return")
@@ -67,7 +67,7 @@ CLASSES = returned()
 
 
 def described(about: type) -> list[list[str]]:
-    """Names of each entry in the sections Parameters and Attributes of a class."""
+    """Return the names of each entry in the sections Parameters and Attributes of a class."""
     document = ClassDoc(about)
     entries = [*document["Parameters"], *document["Attributes"]]
     return [[name.strip() for name in entry.name.split(",")] for entry in entries]
@@ -92,7 +92,7 @@ def test_classes_describe_their_fields_in_order(name):
 
 @pytest.mark.parametrize("name", CLASSES)
 def test_members_of_classes_have_docstrings(name):
-    """Members that only override one of a base class inherit its docstring."""
+    """Members that override a member of a base class inherit its docstring."""
     bare = [
         member
         for member, value in vars(CLASSES[name]).items()

@@ -1,4 +1,4 @@
-"""Examples in Python on the pages print what the pages show."""
+"""Python examples on the pages print the output shown on the pages."""
 
 import doctest
 
@@ -13,7 +13,7 @@ ELSEWHERE = DOCS / "interfaces.md"
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page != ELSEWHERE], ids=lambda page: page.stem)
-def test_examples_produce_the_output_on_the_page(page, tmp_path, monkeypatch):
+def test_examples_print_the_output_on_the_page(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = doctest.testfile(str(page), module_relative=False)
     assert (found.failed, found.attempted) == (0, page.read_text("utf-8").count(_EXAMPLE))

@@ -33,7 +33,7 @@ def test_no_rule_is_listed_twice():
     assert len(RULES) >= 120
 
 
-def test_the_page_names_no_tests():
+def test_page_names_no_tests():
     assert not re.search(r"tests/|test_", PAGE)
 
 
@@ -44,5 +44,5 @@ def test_named_errors_exist():
 
 
 @pytest.mark.parametrize("status", [0, 1, 2, 70, 130])
-def test_each_exit_status_is_explained(status):
+def test_all_exit_statuses_are_explained(status):
     assert re.search(rf"^\| {status} \| \w+", PAGE, flags=re.MULTILINE)

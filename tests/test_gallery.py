@@ -1,5 +1,5 @@
-"""Each picture of the gallery is drawn by its script or command, and one number of it is held to a closed
-form, a printed value or another method."""
+"""Every figure of the gallery is drawn by its script or command, and one of its numbers is compared with a
+closed form, a printed value or another method."""
 
 import json
 
@@ -28,20 +28,22 @@ def printed(text):
 
 
 def meissner(script):
-    """Over one second each, the multipliers sum to twice Meissner's function."""
+    """Over one second in each state, the sum of the multipliers is twice Meissner's function."""
     x, y = 3.0, 5.0
     J = np.cos(x) * np.cos(y) - (x**2 + y**2) / (2 * x * y) * np.sin(x) * np.sin(y)
     return script["trace"], pytest.approx(2 * J, rel=1e-9)
 
 
 def kapitza(script):
-    """By the phase, halved, the upright pendulum is Mathieu's with a = -4g/(LΩ²) and q = 2A/L."""
+    """With half the phase as the independent variable, the upright pendulum is Mathieu's equation with a =
+    -4g/(LΩ²) and q = 2A/L."""
     g, L, A = 9.81, 0.2, 0.02
     return script["edge"], pytest.approx(np.sqrt(4 * g / (L * -mathieu_a(0, 2 * A / L))), rel=1e-7)
 
 
 def column(script):
-    """The lower edge of the second mode's first region: (1 - P0/Pk) ω²/Ω² = a1(q), q = P1 ω²/(2 Pk Ω²)."""
+    """The lower edge of the first region of the second mode is (1 - P0/Pk) ω²/Ω² = a1(q) with q = P1 ω²/(2 Pk
+    Ω²)."""
     L, mu, EI, P0, P1 = 2.0, 3.0, 500.0, 100.0, 400.0
     euler = EI * (2 * np.pi / L) ** 2
     square = euler * (2 * np.pi / L) ** 2 / mu
@@ -63,7 +65,7 @@ def ground_resonance(script):
 
 
 def duffing(script):
-    """The lower amplitude near 1.5 rad/s, from rest until 130 periods have passed, by DOP853."""
+    """The smaller amplitude near 1.5 rad/s results from integration by DOP853 from rest over 130 periods."""
     speeds, amplitudes = script["branches"]["falling"]
     at = np.argmin(abs(speeds - 1.5))
     period = 2 * np.pi / speeds[at]
@@ -89,23 +91,23 @@ def shaft_fit(script):
 
 
 def cam_nonlinear(record):
-    """A transient from the linear orbit, by CVODES."""
+    """The reference is a transient from the linear orbit, integrated by CVODES."""
     cam = solve.load("cam", F="40 kN")
     settled = solve.transient(cam, "200 rpm", turns=8, nonlinear=True, start="orbit")
     return record["coordinates"]["q1"]["max_abs"], pytest.approx(settled.peaks[-1, 0], rel=1e-4)
 
 
 def coupler_campbell(record):
-    """The lowest frequency is that of a pinned beam, apart from the effects of its weight and of the
-    mechanism."""
+    """The lowest frequency is that of a pinned beam, except for the effects of weight and of the motion of
+    the mechanism."""
     row = next(row for row in record["rows"] if row["mode"] == 1)
     beam = (np.pi / 0.8) ** 2 * np.sqrt(2.1e11 * 45e-9 / (7800 * 6e-4))
     return row["order"] * row["division_at_rest"], pytest.approx(beam, rel=1e-3)
 
 
 def four_bar_stress(record):
-    """At its root the crank bends as v = αx² + βx³: (σ+ - σ-)/2 = -E h α, at the phase where σ+ is largest
-    and σ- nearly smallest."""
+    """At its root, the crank deflects as v = αx² + βx³, so that (σ+ - σ-)/2 = -E h α. The phase is that at
+    which σ+ is largest and σ- nearly smallest."""
     model = solve.load("four_bar", options={"elements": 2})
     p, orbit = model.parameters, solve.periodic(model, "30 rad/s", rtol=1e-6)
     plus, minus = (record["outputs"][f"crank_root_stress_{side}"] for side in ("plus", "minus"))
@@ -123,8 +125,8 @@ def manipulator_map(record):
 
 
 def manipulator_validity(record):
-    """One correction of Newton's, 3 %, against the whole difference to the nonlinear orbit, of which it
-    misses a few percent in turn."""
+    """The estimated 3 % from one Newton correction is compared with the difference from the nonlinear orbit.
+    The correction itself has a relative error of a few per cent."""
     model, phase = solve.load("manipulator"), np.linspace(0, 2 * np.pi, 721)
     linear, whole = (each(model, "50 rpm").at(phase)[1] for each in (solve.periodic, solve.nonlinear))
     error = record["points"][3]["linearisation_error"]["q2"]
@@ -132,14 +134,14 @@ def manipulator_validity(record):
 
 
 def operations(script):
-    """Marching by the steps' maps from rest: each coordinate's own distance, which another norm than that
-    of the multiplier's decay shifts by a turn."""
+    """The steps are marched from rest. The distance is measured for each coordinate; with another norm than
+    that of the multiplier's decay, the count may differ by one period."""
     marched = solve.transient(solve.load("four_bar"), "62 rad/s", turns=40, rtol=1e-4)
     return script["cycles"](0.02), pytest.approx(marched.reached, abs=1)
 
 
 def absorber(script):
-    """Deviations, relative to what is allowed, from Den Hartog's fixed points, from the optimum of O.
+    """Deviations, relative to the allowed ones, from Den Hartog's fixed points, from the optimum of O.
     Nishihara and T. Asami (J. Vib. Acoust. 124 (2002) 576-582), and from equal nonlinear peaks."""
     e, F, optimum, model = script["e"], script["F"], script["optimum"], script["start"]
     root = np.sqrt(4 + 3 * e)
@@ -167,7 +169,8 @@ def absorber(script):
 
 
 def impeller(script):
-    """Matrices by hand give the spectral radius at the highest speed; the unstable band begins just above."""
+    """Hand-coded matrices give the spectral radius at the highest speed. The unstable band begins just above
+    it."""
     values = script["optimum"].system.parameters
     mean, half = (values["I1"] + values["I2"]) / 2, (values["I1"] - values["I2"]) / 2
 
@@ -203,7 +206,7 @@ def impeller(script):
 
 
 def follower_acceleration(script):
-    """By differences of the angle from the triangle ABC."""
+    """The acceleration follows from differences of the angle in the triangle ABC."""
     t1, step = np.radians(120), 1e-3
     angles = [script["linkage"].motion(t1 + shift).t[2] for shift in (-step, 0.0, step)]
     return script["linkage"].motion(t1, 30.0).alpha[2], pytest.approx(
@@ -255,13 +258,13 @@ HELD = {
 }
 
 
-def test_gallery_has_at_least_sixteen_checked_pictures():
+def test_gallery_has_at_least_sixteen_verified_figures():
     assert set(HELD) == set(PICTURES)
     assert len(PICTURES) >= 16
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_gallery_script_is_short_and_shown_with_its_picture(script):
+def test_gallery_script_is_short_and_shown_with_its_figure(script):
     text = script.read_text(encoding="utf-8")
     assert len(text.splitlines()) <= MOST_LINES
     assert PICTURES[script.stem].command == text
@@ -271,7 +274,7 @@ def test_gallery_script_is_short_and_shown_with_its_picture(script):
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in PICTURES]
 )
-def test_a_picture_is_drawn_and_its_number_true(name, tmp_path, capsys):
+def test_figure_is_drawn_and_its_number_verified(name, tmp_path, capsys):
     picture = PICTURES[name]._replace(file=tmp_path / f"{name}.png")
     if "savefig(" in picture.command:
         drawn = pictures.run_script(picture)

@@ -1,4 +1,4 @@
-"""The notebooks run from their first cell to the last, hold a number each, and stand here without outputs."""
+"""The notebooks run completely, contain a number each, and are stored without outputs."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def test_three_notebooks_exist():
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_is_valid_has_no_outputs_and_asserts_a_number(path):
+def test_notebook_has_no_outputs_and_asserts_a_number(path):
     notebook = cells(path)
     nbformat.validate(notebook)
     assert all(cell.outputs == [] and cell.execution_count is None for cell in code(notebook))
@@ -34,7 +34,7 @@ def test_a_notebook_is_valid_has_no_outputs_and_asserts_a_number(path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_and_shows_tables_and_pictures(path, tmp_path, monkeypatch):
+def test_notebook_runs_and_shows_tables_and_pictures(path, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     notebook = cells(path)
     ran = nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}})

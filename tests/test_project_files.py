@@ -37,7 +37,7 @@ def loaded(name):
     return yaml.safe_load((ROOT / name).read_text("utf-8"))
 
 
-def test_version_is_that_of_the_project_everywhere():
+def test_all_files_state_the_project_version():
     stated = PROJECT["project"]["version"]
     assert version("parametric-vibration") == stated
     assert loaded("CITATION.cff")["version"] == stated
@@ -46,7 +46,7 @@ def test_version_is_that_of_the_project_everywhere():
 
 
 def test_citation_has_the_keys_that_its_format_requires():
-    """Citation File Format 1.2.0: cff-version, message, title and authors."""
+    """The format is Citation File Format 1.2.0: cff-version, message, title and authors."""
     citation = loaded("CITATION.cff")
     assert {"cff-version", "message", "title", "authors"} <= citation.keys()
     assert citation["title"] == PROJECT["project"]["name"]
@@ -54,11 +54,11 @@ def test_citation_has_the_keys_that_its_format_requires():
 
 @pytest.mark.parametrize("package", ["solve", "derive"])
 def test_packages_have_the_marker_of_type_information(package):
-    """PEP 561."""
+    """The marker is py.typed (PEP 561)."""
     assert (ROOT / package / "py.typed").is_file()
 
 
-def test_hooks_run_tools_of_the_development_environment():
+def test_hooks_use_tools_of_the_development_environment():
     tools = {re.split(r"[\[<>= ]", each)[0] for each in EXTRAS["dev"]} | {"lint-imports", "python"}
     checks = re.sub(r'"\$(?:bin/|python\b)|"', "", (ROOT / ".ci" / "run").read_text("utf-8"))
     (repository,) = loaded(".pre-commit-config.yaml")["repos"]
@@ -67,7 +67,7 @@ def test_hooks_run_tools_of_the_development_environment():
         assert hook["entry"].removeprefix("python ") in checks, hook
 
 
-def test_public_host_runs_the_checks_with_every_python():
+def test_public_host_runs_the_checks_with_every_python_version():
     jobs = loaded(".github/workflows/checks.yml")["jobs"]
     assert {"run": "bash .ci/run"} in jobs["all"]["steps"]
     tested = jobs["quick"]["strategy"]["matrix"]["python-version"]
@@ -78,7 +78,7 @@ def test_public_host_runs_the_checks_with_every_python():
 
 
 def test_every_file_of_the_live_page_is_in_the_package():
-    """The wheel holds whole packages; the page's files are in one of them."""
+    """The wheel contains whole packages. The files of the page are in one of them."""
     page = ROOT / "solve" / "views" / "live" / "page"
     assert {file.suffix for file in page.iterdir()} == {".css", ".html", ".js"}
     assert "solve" in PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
@@ -116,8 +116,8 @@ def test_schema_refuses_output_without_a_key(capsys):
         validated("floquet", found)
 
 
-def test_output_in_an_older_encoding_is_the_same_object():
-    """As of a pipe on Windows."""
+def test_output_in_an_older_encoding_is_unchanged():
+    """The encoding is that of a pipe on Windows."""
     words = ["floquet", "mathieu", "--method", "newmark", "--steps", "4", "--json"]
     command = [sys.executable, "-m", "solve", *words]
 
@@ -132,7 +132,7 @@ def test_output_in_an_older_encoding_is_the_same_object():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("line", RECIPES)
-def test_recipe_prints_one_object_with_the_keys_beside_it(line, capsys):
+def test_recipe_prints_one_object_with_the_listed_keys(line, capsys):
     assert run(shlex.split(line)[1:]) == 0
     out = capsys.readouterr().out
     found = json.loads(out)

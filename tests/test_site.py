@@ -1,4 +1,5 @@
-"""The site, as far as it can be seen without building it: links, contents, entries of everything public."""
+"""Documentation site, as far as it can be checked without building it: links, table of contents, entries of
+all public names."""
 
 import inspect
 import pkgutil
@@ -26,13 +27,13 @@ EXECUTED = [page for page in pages.EVERY if "```console\n" in page.read_text("ut
 
 
 @pytest.mark.parametrize("page", pages.EVERY, ids=lambda page: page.name)
-def test_relative_links_lead_somewhere(page):
+def test_relative_links_have_a_target(page):
     for link in pages.links(page):
         assert link.target.exists(), link
         assert not link.anchor or link.anchor in pages.anchors(link.target), link
 
 
-def test_a_broken_link_is_found(tmp_path):
+def test_broken_link_is_detected(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("# One, two: `three`\n[a](#one-two-three) [b](no.md) ![c](#one)\n```\n[d](x)\n# e\n```\n")
     assert [(link.target.name, link.anchor) for link in pages.links(page)] == [
@@ -43,7 +44,7 @@ def test_a_broken_link_is_found(tmp_path):
     assert pages.anchors(page) == {"one-two-three"}
 
 
-def test_every_page_has_its_place_in_the_site():
+def test_every_page_is_in_the_table_of_contents():
     notebooks = pages.DOCS.glob("notebooks/*.ipynb")
     assert {*pages.EVERY, *notebooks} - pages.of_the_site() == set()
 
@@ -54,7 +55,7 @@ def test_every_public_name_has_its_entry(package):
 
 
 def test_every_public_name_has_a_docstring():
-    """A dataclass without words has its signature in their place."""
+    """Without a docstring, a dataclass would have its signature instead."""
     for name in solve.__all__:
         docstring = inspect.getdoc(getattr(solve, name)) or ""
         assert docstring, name
@@ -85,7 +86,7 @@ def test_every_error_has_its_entry():
 
 
 def digits(text: str) -> tuple[str, list[float]]:
-    """A text without its numbers, nor the widths that these take, and the numbers."""
+    """Return a text without its numbers and without padding that depends on their widths, and the numbers."""
     number = r"[-±]?\d+(?:\.\d+)?(?:e[-+]\d+)?"
     return re.sub(r"[\s─]+", " ", re.sub(number, "#", text)), [
         float(each.lstrip("±")) for each in re.findall(number, text)
@@ -103,7 +104,8 @@ def test_machine_dependent_output_is_removed_from_pages(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("page", EXECUTED, ids=lambda page: page.name)
 def test_page_matches_the_output_of_its_commands(page, tmp_path):
-    """Word by word. Numbers differ by rounding, and errors of that size by machine."""
+    """The comparison is word by word. Numbers may differ by rounding, and error estimates of this size depend
+    on the machine."""
     copy = shutil.copy(page, tmp_path)
     subprocess.run([sys.executable, str(pages.DOCS / "extensions" / "executed.py"), copy], check=True)
     (words, expected), (now, found) = (digits(each.read_text("utf-8")) for each in (page, Path(copy)))
@@ -114,7 +116,7 @@ def test_page_matches_the_output_of_its_commands(page, tmp_path):
 
 @pytest.mark.slow
 def test_kernels_of_the_site_start_without_a_warning(tmp_path):
-    """Kernels start with the configuration of the site."""
+    """Kernels are started with the configuration of the site."""
     pytest.importorskip("myst_nb", reason="the site needs the extra `docs`")
     code = "import runpy, sys; runpy.run_path(sys.argv[1]); " + KERNEL
     run = [sys.executable, "-c", code, str(pages.DOCS / "conf.py")]

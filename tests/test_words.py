@@ -27,7 +27,7 @@ def _docstrings(tree):
             yield str(node.value.value)
 
 
-def test_the_patterns_find_such_words():
+def test_patterns_match_unwanted_words():
     assert NAMES.search("next_rung")
     assert not NAMES.search("space")
     assert PROSE.search("The grid tells the error.")

@@ -342,7 +342,7 @@ class Outcome(Serializable):
         error = stresses.error_until(self.target)
         absolute = np.unique(stresses.allowable) / 1e6 * least
         target = unit.text(self.target, ".4g")
-        need = f"a run-up to {target} needs at least {least:.4g} times the allowable stress"
+        need = f"a run-up to {target} requires at least {least:.4g} times the allowable stress"
         if len(absolute) == 1:
             need += f", {absolute[0]:.4g} MPa"
         if least * (1 - error) > 1:

@@ -80,7 +80,7 @@ def branch(
         )
     if follow is not None and len(over) != 2:
         raise ValueOutOfBoundsError(
-            f"--follow {follow} needs two ranges; give --over NAME=A:B twice; one of them may be the speed, "
+            f"--follow {follow} requires two ranges; give --over NAME=A:B twice; one may be the speed, "
             'such as --over "speed=300:600 rpm"'
         )
     if follow is None and len(over) > 1:

@@ -91,7 +91,7 @@ def deliver_page(report: "Report", file: Path) -> None:
         headings = dict[str, list[str]]()
         for heading, reason in report.missing.items():
             headings.setdefault(reason, []).append(heading)
-        missing = [f"left out: {', '.join(names)}: {reason}" for reason, names in headings.items()]
+        missing = [f"omitted: {', '.join(names)}: {reason}" for reason, names in headings.items()]
         warnings = []
         for warning, names in report.warnings.items():
             orbits = ", ".join(filter(None, map(report.orbit_of, names)))

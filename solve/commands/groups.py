@@ -151,7 +151,7 @@ class Problem(Numbers):
         if not is_system_file(self.model):
             return self.named_model(self.model, still, rigid, varied)
         if self.cases is not None:
-            raise ValueOutOfBoundsError(f"'{self.model}' has no cases; leave out --cases")
+            raise ValueOutOfBoundsError(f"'{self.model}' has no cases; omit --cases")
         options = assignments("--option", self.option or [])
         return load(self.model, self.case, options, self.reduce, **self.parameters)
 
@@ -301,7 +301,7 @@ class Proving:
         require_with("--prove", self.prove, flags)
         if self.rounded and self.digits is not None:
             raise ValueOutOfBoundsError(
-                "--rounded limits the precision to that of the given numbers; leave out --digits"
+                "--rounded limits the precision to that of the given numbers; omit --digits"
             )
         if self.prove:
             from solve.proof.prove import checked_digits, require_provable

@@ -113,7 +113,7 @@ def sweep(
     require_with("--waterfall NAME", waterfall is not None, {"--harmonics": harmonics})
     rule = accuracy.rule, accuracy.steps, accuracy.rtol
     if nonlinear and turn is not None:
-        raise ValueOutOfBoundsError("--turn draws linear orbits; leave out --turn or --nonlinear")
+        raise ValueOutOfBoundsError("--turn draws linear orbits; omit --turn or --nonlinear")
     output: dict[str, Any] = {"spectra": spectra, "harmonics": harmonic, "over": varied or None}
     output["nonlinear"] = nonlinear
     with execution.given() as resources:

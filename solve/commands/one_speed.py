@@ -90,7 +90,7 @@ def _check_flags(nonlinear: bool, quasi_static: bool, fits: bool, data: str | No
         raise ValueOutOfBoundsError("--fits and --data select two different pictures; give one of them")
     if nonlinear and quasi_static:
         raise ValueOutOfBoundsError(
-            "--quasi-static requires the linear orbit; leave out --quasi-static or --nonlinear"
+            "--quasi-static requires the linear orbit; omit --quasi-static or --nonlinear"
         )
 
 

@@ -140,7 +140,7 @@ def optimise(
     model = problem.loaded()
     if feedback is not None:
         if toml is not None or robust is not None:
-            raise ValueOutOfBoundsError("--feedback allows neither --toml nor --robust; leave them out")
+            raise ValueOutOfBoundsError("--feedback allows neither --toml nor --robust; omit them")
         measured = listed("--feedback", feedback)
         model = solve.OutputFeedback(model, measured, gain_harmonics, delay or 0.0, notches=notch or ())
         limits = model.bounds_of_gains(limits)
@@ -203,7 +203,8 @@ def _free_names(text: str) -> list[str]:
         if equals:
             bounds = text if ":" in text and len(names) == 1 else f"{name}=A:B"
             raise ValueOutOfBoundsError(
-                f"--free is '{text}'; give names only, and bounds apart: --free {name} --bounds \"{bounds}\""
+                f"--free is '{text}'; give only names, and bounds separately: "
+                f'--free {name} --bounds "{bounds}"'
             )
     return names
 

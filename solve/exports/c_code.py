@@ -53,8 +53,7 @@ def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
     NoMotionError, FileError."""
     if not file_stem.isprintable() or set(file_stem) & set('"\\'):
         raise FileError(
-            f"{file_stem!r} cannot be the name of a C file; leave out quotes, backslashes and "
-            "control characters"
+            f"{file_stem!r} cannot be the name of a C file; omit quotes, backslashes and control characters"
         )
     model = require_formulas(system, "C code")
     names = [name for name in _FUNCTIONS if name != "outputs" or model.outputs]

@@ -203,7 +203,7 @@ def _controller(
     filter without a regulator, and if a speed is given."""
     if speed is not None:
         raise ValueOutOfBoundsError(
-            f"speed is {speed!r}, but a controller is exported for its design speed; leave speed out"
+            f"speed is {speed!r}, but a controller is exported for its design speed; omit speed"
         )
     if result.kind == "kalman":
         raise ValueOutOfBoundsError(

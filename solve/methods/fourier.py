@@ -71,7 +71,7 @@ class Fourier(Method):
     def _solution(self, point: Points, grid: Grid, odd: Grid, orbit: bool) -> Solutions:
         if not grid.smooth:
             raise MatricesError(
-                f"{self.name} needs matrices without jumps, and this system has breaks; use radau or gauss"
+                f"{self.name} requires matrices without jumps, and this system has breaks; use radau or gauss"
             )
         if not np.isfinite(state_rate(point, odd.nodes[:-1])).all():
             raise self._no_map(point, odd)

@@ -241,7 +241,7 @@ def _body(
         bodies = [each for each, value in declared.items() if isinstance(value, Body)]
         raise UnknownNameError(f"body in {path.name}", name, bodies)
     if not isinstance(entry["file"], str) or not isinstance(entry.get("source"), str):
-        raise CaseFileError(f"{name} in {path.name} needs a file, a unit and a source; write {EXAMPLE}")
+        raise CaseFileError(f"{name} in {path.name} requires a file, a unit and a source; write {EXAMPLE}")
     return body_parameters(body, entry, path)
 
 
@@ -262,7 +262,7 @@ def _fit(
     texts = columns if isinstance(columns, list) else []
     if len(texts) != 2 or not all(isinstance(text, str) for text in (entry["table"], *texts)):
         raise CaseFileError(
-            f"{name} in {path.name} needs a table and two columns; write "
+            f"{name} in {path.name} requires a table and two columns; write "
             '{ table = "mine.csv", columns = ["angle (deg)", "pressure (bar)"], harmonics = 12 }'
         )
     unit = units[f"{chosen.first}1"]

@@ -107,7 +107,7 @@ class Domain:
         where = self._where(row, violations.phase[of_row], violations.value[of_row])
         cure = "the parameters" if speed is None or not self._by_speed[row] else "the speed or the parameters"
         raise DesiredMotionError(
-            f"{what} is not real and finite{at and ' at '}{at}: {function} needs {margin} {relation}, "
+            f"{what} is not real and finite{at and ' at '}{at}: {function} requires {margin} {relation}, "
             f"which is {where}; change {cure}"
         )
 

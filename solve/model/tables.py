@@ -138,7 +138,7 @@ def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) ->
     if len(angles) < 2 * harmonics + 1:
         raise CaseFileError(
             f"{name}: {path.name} has {counted(len(angles), 'row')}; "
-            f"{counted(harmonics, 'harmonic needs', 'harmonics need')} {2 * harmonics + 1} or more"
+            f"{counted(harmonics, 'harmonic requires', 'harmonics require')} {2 * harmonics + 1} or more"
         )
     ordered = np.sort(angles)
     gaps, span = np.diff(ordered), float(ordered[-1] - ordered[0])

@@ -92,7 +92,7 @@ class Named:
     def _of_turn(cls, system: PeriodicSystem, text: str, subject: str, figure: str) -> "Named":
         unit = system.labels.units.get(subject, "")
         if not figure:
-            raise ValueOutOfBoundsError(f"'{text}' names no statistic; add one, such as {text}.max_abs")
+            raise ValueOutOfBoundsError(f"'{text}' contains no statistic; add one, such as {text}.max_abs")
         found = _NUMBERED.fullmatch(figure)
         if found is not None and found[1] in (HARMONIC, PHASE):
             return cls(text, unit if found[1] == HARMONIC else "rad", subject, found[1], int(found[2]))

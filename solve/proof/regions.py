@@ -139,7 +139,7 @@ def require_degrees(plane: Plane, box: Box) -> None:
         pass
     widths = " by ".join(f"{high - low:.3g}" for low, high in box)
     raise StepsError(
-        f"{plane.system.labels.name} is too stiff for a proved chart: a box of {widths} needs more than "
+        f"{plane.system.labels.name} is too stiff for a proved chart: a box of {widths} requires more than "
         f"{_MOST_NODES} monodromy matrices; choose narrower ranges"
     )
 

@@ -126,7 +126,7 @@ class Unit:
             if not pending:
                 break
         else:
-            raise FileError("its discrete states do not settle")
+            raise FileError("its discrete states do not converge")
         self.event = float(time) if timed else np.inf
         unit.enterContinuousTimeMode()
         self.start = self._filled(unit.getContinuousStates, len(self.states))

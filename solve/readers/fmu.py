@@ -106,7 +106,7 @@ def read_fmu(
     if speed is not None:
         return linearised(float(speed_in_si(speed)))[0]
     if motion is not None:
-        raise ValueOutOfBoundsError("'motion' applies to one speed; give 'speed' too")
+        raise ValueOutOfBoundsError("'motion' applies to one speed; also give 'speed'")
     with Unit(file, values or {}) as unit:
         kept = _kept(unit, exclude)
         states, inputs, outputs = _names(unit, kept)
@@ -145,7 +145,7 @@ def _kept(unit: Unit, exclude: Sequence[str]) -> Array:
         require_name(f"state of '{unit.path}'", name, unit.states)
     kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
     if not len(kept):
-        raise ValueOutOfBoundsError("'exclude' contains all states; leave out at least one")
+        raise ValueOutOfBoundsError("'exclude' contains all states; omit at least one")
     return kept
 
 
@@ -200,7 +200,7 @@ def _require_one_set_of_equations(unit: Unit, states: Array, duration: float) ->
     signs = np.array([unit.indicators(t, x) for t, x in zip(times, states, strict=True)])
     switches = np.flatnonzero((signs.max(axis=0, initial=0.0) > 0) & (signs.min(axis=0, initial=0.0) < 0))
     if unit.event < duration or len(switches):
-        raise FileError(f"'{unit.path}' has events within the period; allowed: equations that do not switch")
+        raise FileError(f"'{unit.path}' has events within the period; allowed: equations without events")
 
 
 def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:

@@ -45,7 +45,7 @@ def read(
     useless += [name for name in options if not allowed]
     if useless:
         raise ValueOutOfBoundsError(
-            f"'{text}' has no {_ABSENT.get(ending, 'parameters, cases or options')}; leave out {useless[0]}"
+            f"'{text}' has no {_ABSENT.get(ending, 'parameters, cases or options')}; omit {useless[0]}"
         )
     for name in options:
         require_name(f"option of '{text}'", name, allowed)

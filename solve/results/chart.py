@@ -259,7 +259,7 @@ class Chart(ChartPoints):
         """Stability along the line of constant x or y, with refined crossings. Raises ValueOutOfBoundsError
         unless exactly one of x and y is given."""
         if (x is None) == (y is None):
-            raise ValueOutOfBoundsError("a cut needs exactly one of x and y; give one of them")
+            raise ValueOutOfBoundsError("a cut requires exactly one of x and y; give one of them")
         return self.solve_cut(0, float(x)) if x is not None else self.solve_cut(1, float(y or 0.0))
 
     @matches_annotations

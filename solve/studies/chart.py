@@ -172,7 +172,7 @@ def _provable(model: object) -> Model:
     require_provable(model)
     if not isinstance(model, Model):
         raise LinearModelError(
-            f"{model.labels.name} has no generated equations, which 'prove' requires; leave out 'prove'"
+            f"{model.labels.name} has no generated equations, which 'prove' requires; omit 'prove'"
         )
     return model
 
@@ -284,7 +284,7 @@ def _family(
     function."""
     if case is not None:
         raise ValueOutOfBoundsError(
-            f"case is '{case}', but a system already has values of its parameters; leave out the case"
+            f"case is '{case}', but a system already has values of its parameters; omit the case"
         )
     if not isinstance(model, PeriodicSystem):
         return BuiltFamily(model, names, points, _speed_unless_varied(speed, names))

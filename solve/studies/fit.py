@@ -96,8 +96,8 @@ def fit(
     count = sum(len(values) for values in problem.measured)
     if count <= len(names):
         raise ValueOutOfBoundsError(
-            f"{counted(len(names), 'parameter needs', 'parameters need')} {len(names) + 1} or more measured "
-            f"values, not {count}; fit fewer parameters, or measure more values"
+            f"{counted(len(names), 'parameter requires', 'parameters require')} {len(names) + 1} or more "
+            f"measured values, not {count}; fit fewer parameters, or measure more values"
         )
     limits = _limits(problem, bounds or {})
     with progress.task("trials"):
@@ -113,7 +113,7 @@ def _limits(problem: Problem, bounds: Bounds) -> tuple[Array, Array]:
         if name not in problem.names:
             raise ValueOutOfBoundsError(
                 f"bounds are given for {name}, which is not free; add it to the free parameters, or "
-                "leave out its bounds"
+                "omit its bounds"
             )
         least, most = bounds_in_own_unit(problem.model, name, ends)
         at = list(problem.names).index(name)

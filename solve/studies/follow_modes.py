@@ -197,7 +197,7 @@ class _Points:
         ranges = varied_values(over, system)
         if len(ranges) != 1:
             raise ValueOutOfBoundsError(
-                f"'over' gives {len(ranges)} parameters; modes are followed over one: give one parameter"
+                f"'over' gives {len(ranges)} parameters; modes are followed versus one parameter; give one"
             )
         ((name, numbers),) = ranges.items()
         numbers = np.unique(numbers)

@@ -262,7 +262,7 @@ def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
 def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Mapping[str, Array]) -> None:
     """Raise ValueOutOfBoundsError for invalid phases, orders, speeds or channels."""
     if not np.isfinite(at).all():
-        raise ValueOutOfBoundsError(f"data: {file} has a {axis} that is not finite; leave the row out")
+        raise ValueOutOfBoundsError(f"data: {file} has a {axis} that is not finite; omit the row")
     if axis == "order" and not ((at == np.round(at)) & (at >= 0)).all():
         other = at[(at != np.round(at)) | (at < 0)][0]
         raise ValueOutOfBoundsError(
@@ -287,7 +287,7 @@ def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Map
             )
     zero = [name for name, values in channels.items() if not values.any()]
     if zero:
-        raise ValueOutOfBoundsError(f"data: {file} has only zeros for {zero[0]}; leave out this column")
+        raise ValueOutOfBoundsError(f"data: {file} has only zeros for {zero[0]}; omit this column")
 
 
 def _frequencies(
@@ -309,7 +309,7 @@ def _frequencies(
     if not (columns[FREQUENCY] > 0).all():
         raise ValueOutOfBoundsError(
             f"data: {read.path.name} has a natural frequency of {columns[FREQUENCY].min() / (2 * np.pi):g} "
-            "Hz; allowed: above 0; leave rigid-body modes out"
+            "Hz; allowed: above 0; omit rigid-body modes"
         )
     positions = columns.get(_POSITION, np.zeros(len(modes)))
     measurements = []

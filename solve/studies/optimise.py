@@ -151,9 +151,7 @@ def _machines(
     SolveError subclasses."""
     if statistic is None:
         if vary:
-            raise ValueOutOfBoundsError(
-                "'vary' requires 'robust'; add robust=3, for example, or leave out 'vary'"
-            )
+            raise ValueOutOfBoundsError("'vary' requires 'robust'; add robust=3, for example, or omit 'vary'")
         return []
     if is_range or not isinstance(objective, Named):
         raise ValueOutOfBoundsError(
@@ -162,7 +160,7 @@ def _machines(
         )
     if not isinstance(design.model, Model):
         raise ValueOutOfBoundsError(
-            f"'robust' requires a model, and {design.model.labels.name} is not a model; leave out 'robust'"
+            f"'robust' requires a model, and {design.model.labels.name} is not a model; omit 'robust'"
         )
     return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 

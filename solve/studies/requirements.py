@@ -87,7 +87,8 @@ class Kept:
             return cls(text, name, (), _phases(interval, text), tolerance)
         if not figure:
             raise ValueOutOfBoundsError(
-                f"'{text}' names no statistic; write {name}.{RANGE}, or {name}@80:100 deg for this interval"
+                f"'{text}' contains no statistic; write {name}.{RANGE}, "
+                f"or {name}@80:100 deg for this interval"
             )
         require_name(f"figure of {name}", figure, [RANGE, *FIGURES])
         return cls(text, name, ("max", "min") if figure == RANGE else (figure,), None, tolerance)

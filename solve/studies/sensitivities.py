@@ -129,7 +129,7 @@ def sensitivities_over(
             if at_speed.warnings:
                 reasons[at] = at_speed.warnings
     if np.isnan(values).all():
-        raise NoResultError(f"no speed has a result; at the first, {reasons[0][0]}")
+        raise NoResultError(f"no speed has a result; at the first speed, {reasons[0][0]}")
     if not (np.imag(values).any() or np.imag(derivatives).any()):
         values, derivatives = np.real(values), np.real(derivatives)
     constant = [system.labels.parameters.get(name, np.nan) for name in names]
@@ -216,7 +216,7 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
     if by is not None and SPEED in differentiable:
         raise ValueOutOfBoundsError(
             "'by' contains speed, but the quantities to differentiate are themselves speeds; give "
-            "parameters, such as 'k1', or leave out 'by'"
+            "parameters, such as 'k1', or omit 'by'"
         )
     return [name for name in differentiable if name != SPEED]
 

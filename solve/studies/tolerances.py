@@ -327,5 +327,5 @@ def _doubts(probability: Mapping[str, Probability], unknown: int) -> list[str]:
                 "includes them"
             )
     if unknown:
-        doubts.append(f"the Sobol indices leave out {counted(unknown, 'group')} of samples without a result")
+        doubts.append(f"the Sobol indices omit {counted(unknown, 'group')} of samples without a result")
     return doubts

@@ -236,7 +236,7 @@ def _require_nothing(is_given: bool) -> None:
     """Raise ValueOutOfBoundsError if an argument is given that does not apply to an existing orbit."""
     if is_given:
         raise ValueOutOfBoundsError(
-            "an orbit already has a speed, a method and equations; leave out speed, method and nonlinear, "
+            "an orbit already has a speed, a method and equations; omit speed, method and nonlinear, "
             "or give the model instead of the orbit"
         )
 
@@ -315,7 +315,7 @@ def require_magnification(scale: float | None) -> None:
     if scale is None:
         return
     if isinstance(scale, bool | str) or not 0 <= number_or_nan(scale) < math.inf:
-        raise ValueOutOfBoundsError(f"scale is {scale}; allowed: a number >= 0, such as 50, or leave it out")
+        raise ValueOutOfBoundsError(f"scale is {scale}; allowed: a number >= 0, such as 50, or omit it")
 
 
 def frame_count(frames: int | None, free: bool, still: bool) -> int:

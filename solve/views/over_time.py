@@ -188,7 +188,9 @@ def fits_figure(model: Model) -> Figure:
     """Figure of the series fitted to the tables of the model's case, with one panel per table. Raises
     NoResultError for a case without tables."""
     if not model.fits:
-        raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")
+        raise NoResultError(
+            f"{title_of(model)} has no series from a table that --fits could draw; omit --fits"
+        )
     offsets = np.linspace(0.0, 2 * np.pi, HALF_DEGREES)
     with page(0.8 + 2.4 * len(model.fits), f"{title_of(model)}: series fitted to tables") as figure:
         panels = figure.subplots(len(model.fits), squeeze=False)[:, 0]

@@ -187,7 +187,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     *others, along = moving(varied)
     if others:
         raise ValueOutOfBoundsError(
-            f"{', '.join([*others, along])} vary; a spectrum is drawn over one of these quantities; give a "
+            f"{', '.join([*others, along])} vary; a spectrum is drawn versus one quantity; give a "
             "single value of every other quantity"
         )
     if amplitudes.shape[1] < 2:
@@ -220,7 +220,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
     `Bands.plot`."""
     if not isinstance(sweep, Sweep | None):
         raise ValueOutOfBoundsError(
-            f"sweep is {described(sweep)}; give a Sweep, such as solve.sweep(...), or leave it out; "
+            f"sweep is {described(sweep)}; give a Sweep, such as solve.sweep(...), or omit it; "
             'plot().savefig("FILE") writes a picture'
         )
     system, edges = bands.system, [(band.low, band.high, band.kind) for band in bands]

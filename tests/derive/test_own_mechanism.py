@@ -118,5 +118,5 @@ def test_measured_pressure_of_the_page(in_pump_folder, capsys):
     assert f"warning: {warning}\n" in capsys.readouterr().err
     assert Path("fit.png").stat().st_size > 10_000
     assert solve_command(shlex.split(line.replace("measured", "idle"))) == 2
-    message = "solve: pump, case idle has no series from a table; nothing to draw for --fits\n"
+    message = "solve: pump, case idle has no series from a table that --fits could draw; omit --fits\n"
     assert capsys.readouterr().err == message

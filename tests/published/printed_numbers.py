@@ -1,5 +1,5 @@
 """Numbers of the figures, tables and equations of the three sources, transcribed from their captions, and the
-sections whose claims are gone through. Letters of parts stand together: "3.11.abc"."""
+sections whose claims are tested. Letters of figure parts are joined: "3.11.abc"."""
 
 
 def run(*ends: tuple[int, int], before: str = "") -> list[str]:

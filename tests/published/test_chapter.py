@@ -1,4 +1,4 @@
-"""The chapter's three examples against values converged to 1e-10 by other programs, digit by digit."""
+"""The three examples of the chapter, compared with values that other programs converged to 1e-10."""
 
 import functools
 import math
@@ -40,13 +40,13 @@ def orbit(model, speed, case="1", **options):
 
 
 @pytest.mark.parametrize(("model", "speed", "coordinate", "quantity", "value"), EXTREMA)
-def test_extrema_to_their_last_digit(model, speed, coordinate, quantity, value):
+def test_extrema_agree_to_all_printed_digits(model, speed, coordinate, quantity, value):
     computed = getattr(orbit(model, speed).statistics(coordinate), quantity)
     assert computed == pytest.approx(float(value), rel=0, abs=half_a_digit(value))
 
 
 @pytest.mark.parametrize(("model", "case", "speed", "value"), SPECTRAL_RADII)
-def test_spectral_radii(model, case, speed, value):
+def test_spectral_radii_match_converged_values(model, case, speed, value):
     computed = orbit(model, speed, case)
     assert computed.spectral_radius == pytest.approx(value, rel=1e-6)
     assert computed.verdict == "asymptotically stable"
@@ -62,8 +62,9 @@ def test_error_estimates_meet_the_tolerance(model, speed):
 
 @pytest.mark.parametrize("case", ["1", "2"])
 @pytest.mark.parametrize("speed", ["100 rpm", "600 rpm"])
-def test_the_load_alone_gives_the_mean_of_the_cams_deflections(case, speed):
-    """Over a turn the inertia forces of a link that returns cancel: k2 q2 = k3 q3 = -F in the mean."""
+def test_mean_deflections_of_the_cam_follow_from_the_load(case, speed):
+    """Over a period, the inertia forces of a link that returns to its position cancel: the mean values
+    satisfy k2 q2 = k3 q3 = -F."""
     computed = orbit("cam", speed, case)
     for name, stiffness in (("q2", 8.2e8), ("q3", 2.6e8)):
         scale = computed.statistics(name).max_abs
@@ -71,8 +72,9 @@ def test_the_load_alone_gives_the_mean_of_the_cams_deflections(case, speed):
         assert computed.harmonics(name)[0][0] == pytest.approx(-100.0 / stiffness, abs=1e-12 * scale + 1e-18)
 
 
-def test_runge_kutta_with_9300_steps():
-    """The step count at which the chapter's method reaches 1e-6 on q3: all extrema are good to 1e-5."""
+def test_runge_kutta_with_9300_steps_is_accurate_to_1e_5():
+    """With this number of steps, the method of the chapter reaches 1e-6 for q3. All extrema are accurate to
+    1e-5."""
     coarse = solve.periodic(solve.load("cam"), "600 rpm", "rk4", steps=9300, rtol=1e-5)
     fine = orbit("cam", "600 rpm")
     for name in ("q1", "q2", "q3"):
@@ -96,8 +98,9 @@ def test_runge_kutta_with_9300_steps():
         ("newmark", 10_000, 5.6e-3),
     ],
 )
-def test_discretisation_errors_of_the_two_procedures(method, steps, error):
-    """Cam, 600 rpm, worst coordinate: at equal steps Newmark is faster, at equal accuracy it is not."""
+def test_newmark_is_faster_at_equal_steps_but_less_accurate(method, steps, error):
+    """For the worst coordinate of the cam at 600 rpm, Newmark's method is faster with equal steps, but not at
+    equal accuracy."""
     coarse = solve.periodic(solve.load("cam"), "600 rpm", method, steps=steps, rtol=0.5).at(TURN)
     fine = orbit("cam", "600 rpm").at(TURN)
     worst = (np.abs(coarse - fine).max(axis=1) / np.abs(fine).max(axis=1)).max()
@@ -129,7 +132,7 @@ def test_coarse_newmark_multipliers_are_wrong_and_flagged():
 
 
 def test_unverified_orbits_are_not_reported_as_correct():
-    """Steps that see nothing of the slow cam's modes, and multipliers without an orbit."""
+    """The steps do not resolve the modes of the slow cam, or only the multipliers are computed."""
     for computed in (
         solve.periodic(solve.load("cam"), "100 rpm", "newmark", steps=40, rtol=1e-6),
         solve.floquet(solve.load("cam"), "100 rpm", "newmark", steps=1000, rtol=1e-2),
@@ -138,14 +141,14 @@ def test_unverified_orbits_are_not_reported_as_correct():
 
 
 def test_printed_spectral_radii_contradict_the_printed_inputs():
-    """0.001992 and 0.001623 are printed; what the inputs give rounds to 0.001997 and 0.001454."""
+    """The printed values are 0.001992 and 0.001623. The printed inputs give 0.001997 and 0.001454."""
     computed = [round(orbit("manipulator", "50 rpm", case).spectral_radius, 6) for case in "12"]
     assert computed == [0.001997, 0.001454]
 
 
 def test_manipulator_spectral_radius_is_too_sensitive_to_its_inputs():
-    """A relative change of k1 or I1 returns 15 to 18 times as large, so that the last digit printed of
-    I1 = 1.11 alone moves the third digit of |ρ|."""
+    """A relative change of k1 or I1 changes |ρ| by a relative value 15 to 18 times as large. The last printed
+    digit of I1 = 1.11 therefore affects the third digit of |ρ|."""
     truth = orbit("manipulator", "50 rpm").spectral_radius
     for name, value in (("k1", 7692.0), ("I1", 1.11)):
         changed = solve.floquet(solve.load("manipulator", **{name: value * 1.001}), "50 rpm", rtol=RTOL)
@@ -153,14 +156,14 @@ def test_manipulator_spectral_radius_is_too_sensitive_to_its_inputs():
 
 
 def gear_pair():
-    """Reduced mass, Eq. (70), mean frequency, and mesh damping, from Tables 3 and 4."""
+    """Return reduced mass, Eq. (70), mean frequency, and mesh damping from Tables 3 and 4."""
     J1, J2, rb1, rb2, k0, zeta = 0.093, 0.272, 30.46e-3, 84.86e-3, 8.1846e8, 0.024
     m_red = J1 * J2 / (J1 * rb2**2 + J2 * rb1**2)
     omega0 = math.sqrt(k0 / m_red)
     return m_red, omega0, 2 * omega0 * zeta * m_red
 
 
-def test_constants_of_the_gear_pair():
+def test_constants_of_the_gear_pair_match_the_tables():
     m_red, omega0, c_z = gear_pair()
     assert m_red == pytest.approx(27.4336825, abs=0.5e-7)
     assert omega0 == pytest.approx(5462.0626, abs=0.5e-4)
@@ -171,20 +174,21 @@ def test_constants_of_the_gear_pair():
     assert K.mean() == pytest.approx(8.1846e8, rel=1e-13)
 
 
-def test_the_gear_pairs_multipliers_are_liouvilles():
-    """A complex pair: |ρ|² = det Φ = exp(-2 ζ ω0 T), whatever the mesh stiffness does."""
+def test_multipliers_of_the_gear_pair_satisfy_liouvilles_formula():
+    """The multipliers are a complex pair with |ρ|² = det Φ = exp(-2 ζ ω0 T), whatever the mesh stiffness."""
     computed = orbit("gear_pair", "1800 rpm")
     assert computed.spectral_radius == pytest.approx(math.exp(-0.024 * gear_pair()[1] / 30), rel=1e-9)
 
 
 @pytest.mark.parametrize(("hertz", "amplitude"), [(840, "1.227935e-2"), (420, "1.555781e-3")])
-def test_meshing_lines_of_the_transmission_error_rate(hertz, amplitude):
+def test_meshing_lines_of_the_transmission_error_rate_match(hertz, amplitude):
     rate = orbit("gear_pair", "1800 rpm").harmonics("transmission_error_rate")[0]
     assert rate[hertz // 30] == pytest.approx(float(amplitude), rel=0, abs=half_a_digit(amplitude))
 
 
-def test_sidebands_rest_on_the_load_that_tracks_the_error():
-    """870 Hz, one pinion order above 2 f_z: 1.33e-3 with Eq. (71), 1.6e-6 under a constant torque."""
+def test_sidebands_result_from_the_load_proportional_to_the_error():
+    """At 870 Hz, one pinion order above 2 f_z, the amplitude is 1.33e-3 with Eq. (71) and 1.6e-6 with a
+    constant torque."""
     tracking, constant = (
         orbit("gear_pair", "1800 rpm", load=load).harmonics("transmission_error_rate")[0][29]
         for load in ("tracking", "constant")

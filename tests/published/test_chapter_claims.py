@@ -1,4 +1,4 @@
-"""Claims of chapter and paper about their figures: harmonics, sidebands, profiles, both procedures."""
+"""Claims of chapter and paper about their figures: harmonics, sidebands, profiles, and both methods."""
 
 import functools
 
@@ -23,7 +23,8 @@ def orbit(model, speed, case=None):
 
 
 def orders(model, speed, case, name):
-    """Amplitudes of the orders of the shaft's frequency, the mean left out: entry k is order k + 1."""
+    """Return the amplitudes of harmonics of the shaft frequency without the mean: entry k is harmonic k +
+    1."""
     return orbit(model, speed, case).harmonics(name)[0][1:]
 
 
@@ -32,42 +33,44 @@ def strongest(amplitudes, count):
 
 
 def test_coupler_midpoint_has_first_and_second_harmonic():
-    """Paper § 3; the third order has under 1 % of the first."""
+    """Paper § 3. The third harmonic is below 1 % of the first."""
     computed = orders("coupler", "62.8 rad/s", None, "midpoint_deflection")
     assert strongest(computed, 2) == {1, 2}
     assert computed[2:].max() < 0.01 * computed[0]
 
 
 def test_higher_coupler_modes_are_small_compared_with_the_first():
-    """Paper § 3: by its own Table 2 they have 3.3 % and 0.4 % of it at 600 rpm."""
+    """Paper § 3. By Table 2 of the paper, they are 3.3 % and 0.4 % of the first mode at 600 rpm."""
     first, *higher = (orbit("coupler", "600 rpm").statistics(name).max_abs for name in ("q1", "q2", "q3"))
     assert [each / first for each in higher] == pytest.approx([0.0090 / 0.2750, 0.0011 / 0.2750], rel=0.05)
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
-def test_the_slow_cam_moves_with_orders_1_3_and_5(case):
-    """Chapter § 4.1, Fig. 4: all of them over 10 % of the largest; with profile 2 the ninth is too."""
+def test_motion_of_the_slow_cam_has_harmonics_1_3_and_5(case):
+    """Chapter § 4.1, Fig. 4. Each exceeds 10 % of the largest; for profile 2, harmonic 9 does too."""
     computed = orders("cam", "100 rpm", case, "q3")
     large = {int(k) + 1 for k in np.flatnonzero(computed > 0.1 * computed.max())}
     assert large == ({1, 3, 5} if case == "1" else {1, 3, 5, 9})
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
-def test_the_fast_cam_moves_with_tens_of_harmonics(case):
-    """Chapter § 4.1, Figs. 5 and 6: over 20 orders beyond 10 % of the largest; at 100 rpm four at most."""
+def test_motion_of_the_fast_cam_has_over_twenty_harmonics(case):
+    """Chapter § 4.1, Figs. 5 and 6. More than 20 harmonics exceed 10 % of the largest; at 100 rpm, at most
+    four."""
     computed = orders("cam", "600 rpm", case, "q3")
     assert np.count_nonzero(computed > 0.1 * computed.max()) > 20
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
 def test_cam_error_grows_faster_than_its_load(case):
-    """Chapter § 4.1, "more serious at high speeds": six times the speed, 36 times the inertia force."""
+    """Chapter § 4.1, "more serious at high speeds". At six times the speed, the inertia force is 36 times as
+    large."""
     slow, fast = (orbit("cam", speed, case).statistics("q3") for speed in ("100 rpm", "600 rpm"))
     assert (fast.max - fast.min) / (slow.max - slow.min) > 36
 
 
 def test_cam_profile_changes_the_vibration():
-    """Chapter §§ 4.1 and 4.3: by half and more of the smaller peak to peak."""
+    """Chapter §§ 4.1 and 4.3. The peak-to-peak values differ by at least half of the smaller one."""
     for model, speed, name in (("cam", "100 rpm", "q3"), ("manipulator", "50 rpm", "q2")):
         size = [
             computed.max - computed.min
@@ -77,8 +80,8 @@ def test_cam_profile_changes_the_vibration():
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
-def test_the_manipulators_orders_are_odd(case):
-    """Chapter § 4.3, Figs. 18 and 19: Ω, 3Ω and 5Ω. With profile 2, at the printed numbers, the orders next
+def test_manipulator_motion_has_odd_harmonics(case):
+    """Chapter § 4.3, Figs. 18 and 19: Ω, 3Ω and 5Ω. For profile 2 and the printed numbers, the harmonics next
     to the natural frequency of q2, sqrt(k2/m2) = 16.4 Ω, are larger than these."""
     computed = orders("manipulator", "50 rpm", case, "q2")
     assert computed[1::2].max() < 1e-3 * computed.max()
@@ -91,8 +94,9 @@ def lines(case):
 
 
 def test_gear_sidebands_follow_tooth_errors():
-    """Chapter § 4.2, Fig. 10. The stiffness joins orders that differ by the number of teeth alone, so that
-    the sidebands at ±i of every meshing line grow as e_i, and the meshing lines themselves do not."""
+    """Chapter § 4.2, Fig. 10. The stiffness couples only harmonics whose orders differ by multiples of the
+    number of teeth. The sidebands at ±i of every meshing line are therefore proportional to e_i, and the
+    meshing lines do not change."""
     first, second = lines("1"), lines("2")
     for meshing in TEETH * np.arange(1, 4):
         assert second[meshing] == pytest.approx(first[meshing], rel=1e-6)
@@ -102,7 +106,8 @@ def test_gear_sidebands_follow_tooth_errors():
 
 
 def test_gear_sidebands_are_larger_in_case_2():
-    """Chapter § 4.2: those at ±30 and ±150 Hz; not at ±60, ±90 and ±180 Hz, where its e_i are smaller."""
+    """Chapter § 4.2. Those at ±30 and ±150 Hz are larger. Those at ±60, ±90 and ±180 Hz are not, because
+    their e_i are smaller."""
     first, second = lines("1"), lines("2")
     for meshing in (TEETH, 2 * TEETH):
         for i, larger in ((1, True), (2, False), (3, False), (5, True), (6, False)):
@@ -119,8 +124,9 @@ def test_gear_sidebands_are_larger_in_case_2():
         ("cam", "100 rpm", 20_000, 1e-4),
     ],
 )
-def test_both_procedures_give_the_same_where_both_are_fine_enough(model, speed, steps, within):
-    """Paper § 3 with its steps of 1e-4 s, chapter § 4: largest difference of any coordinate over the turn."""
+def test_both_methods_agree_with_sufficiently_fine_steps(model, speed, steps, within):
+    """Paper § 3 with its steps of 1e-4 s, and chapter § 4. The largest difference of any coordinate over a
+    period is compared."""
     average = solve.Newmark(gamma=1 / 2, beta=1 / 6 if model == "coupler" else 1 / 4)
     computed = [
         solve.periodic(solve.load(model), speed, method, steps=steps, rtol=0.5).at(TURN)

@@ -1,4 +1,4 @@
-"""Paper Tables 1 and 2 from the hand-coded equations by an independent harmonic collocation."""
+"""Tables 1 and 2 of the paper, from hand-coded equations and an independent harmonic collocation."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,8 @@ LAST_DIGIT = 0.5e-4
 
 
 def maxima(parameters, rpm, modes=3, branch="open", misprints=CORRECTED, count=65):
-    """Largest |q| (mm) on the continuous curve of the periodic solution, collocated at `count` phases."""
+    """Return the largest |q| (mm) on the continuous curve of the periodic solution, collocated at `count`
+    phases."""
     speed = rpm * np.pi / 30
     phase = 2 * np.pi * np.arange(count) / count
     M, B, C, h = published.paper_matrices(phase, speed, parameters, modes, branch, misprints)
@@ -40,17 +41,17 @@ def reproduces_table_2(parameters, misprints=CORRECTED):
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MAXIMA_MM)
-def test_table_2(rpm):
+def test_collocation_reproduces_table_2(rpm):
     np.testing.assert_allclose(maxima(TABLE_2, rpm), PRINTED_MAXIMA_MM[rpm], rtol=0, atol=LAST_DIGIT)
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MAXIMA_MM)
-def test_the_collocation_has_converged(rpm):
+def test_collocation_has_converged(rpm):
     np.testing.assert_allclose(maxima(TABLE_2, rpm, count=65), maxima(TABLE_2, rpm, count=129), rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["I", "rho"])
-def test_neither_printed_parameter_of_table_1_gives_table_2(name):
+def test_printed_parameters_of_table_1_contradict_table_2(name):
     assert not reproduces_table_2(TABLE_2 | {name: TABLE_1[name]})
 
 
@@ -61,14 +62,14 @@ def test_corrected_parameters_agree_with_section_and_mass():
     assert TABLE_2["rho"] * TABLE_2["A"] * TABLE_2["l3"] == pytest.approx(TABLE_2["m3"], abs=0.005)
 
 
-def test_table_1_as_printed_is_an_order_of_magnitude_softer():
+def test_printed_table_1_gives_a_ten_times_softer_coupler():
     at_printed_mass = TABLE_1 | {"A": TABLE_1["m3"] / (TABLE_1["rho"] * TABLE_1["l3"])}
     assert maxima(TABLE_1, 600)[0] == pytest.approx(3.0345, abs=LAST_DIGIT)
     assert maxima(at_printed_mass, 600)[0] == pytest.approx(3.0045, abs=LAST_DIGIT)
     assert maxima(TABLE_1, 1500)[0] == pytest.approx(35.01, abs=0.005)
 
 
-def test_table_1_as_printed_comes_near_buckling_at_1500_rpm():
+def test_printed_table_1_is_near_buckling_at_1500_rpm():
     loads = published.load_functions(np.linspace(0, 2 * np.pi, 2001), 50 * np.pi, TABLE_1)
     euler = (np.pi / TABLE_1["l3"]) ** 2
     assert abs(loads.f4).max() / euler == pytest.approx(0.84, abs=0.005)
@@ -87,14 +88,14 @@ def test_table_1_as_printed_comes_near_buckling_at_1500_rpm():
     ],
 )
 def test_table_2_detects_the_stated_misprints(misprint, seen):
-    """The unseen ones change no printed digit: they rest on the second derivation alone."""
+    """The other misprints change no printed digit. They are detected only by the second derivation."""
     assert reproduces_table_2(TABLE_2, frozenset({misprint})) is not seen
 
 
-def test_the_equations_as_printed_miss_table_2():
+def test_printed_equations_do_not_reproduce_table_2():
     assert not reproduces_table_2(TABLE_2, AS_PRINTED)
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MAXIMA_MM)
-def test_three_modes_are_enough(rpm):
+def test_three_modes_are_sufficient(rpm):
     assert maxima(TABLE_2, rpm, modes=8)[0] == pytest.approx(maxima(TABLE_2, rpm, modes=3)[0], rel=1e-5)

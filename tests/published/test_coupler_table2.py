@@ -1,4 +1,4 @@
-"""Paper Table 2 and what else the paper claims of its coupler, through the derived model and the solver."""
+"""Table 2 of the paper and further claims about its coupler, tested with the derived model and the solver."""
 
 import numpy as np
 import pytest
@@ -25,24 +25,25 @@ def maxima_mm(orbit):
 
 
 def paper_orbit(rpm, method):
-    """The paper's step, 1e-4 s, as nearly as whole steps divide the period."""
+    """Return the orbit with the number of whole steps per period whose length is nearest to the paper's step,
+    1e-4 s."""
     return solve.periodic(solve.load("coupler"), f"{rpm} rpm", method, steps=round(60 / rpm / 1e-4))
 
 
-def test_the_default_case_reproduces_all_of_table_2():
+def test_default_case_reproduces_all_of_table_2():
     points = sweep(solve.load("coupler"), SPEEDS)
     computed = 1e3 * np.array([points.figures(name) for name in ("q1", "q2", "q3")]).T
     np.testing.assert_allclose(computed, list(PRINTED_MM.values()), rtol=0, atol=LAST_DIGIT_MM)
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MM)
-def test_newmark_with_linear_acceleration_gives_table_2(rpm):
+def test_newmark_with_linear_acceleration_reproduces_table_2(rpm):
     computed = maxima_mm(paper_orbit(rpm, LINEAR_ACCELERATION))
     np.testing.assert_allclose(computed, PRINTED_MM[rpm], rtol=0, atol=LAST_DIGIT_MM)
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MM)
-def test_newmark_in_the_printed_form_lacks_entries(rpm):
+def test_newmark_in_the_printed_form_has_missing_entries(rpm):
     orbit = paper_orbit(rpm, AS_PRINTED)
     missed = np.abs(np.array(maxima_mm(orbit)) - PRINTED_MM[rpm]) > LAST_DIGIT_MM
     assert list(missed) == [rpm >= 1200, False, False]
@@ -50,20 +51,21 @@ def test_newmark_in_the_printed_form_lacks_entries(rpm):
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MM)
-def test_the_model_is_trusted_at_every_speed_of_table_2(rpm):
+def test_model_is_valid_at_every_speed_of_table_2(rpm):
     orbit = solve.periodic(solve.load("coupler"), f"{rpm} rpm", "radau")
     assert orbit.warnings == []
     assert orbit.verdict == "asymptotically stable"
 
 
-def test_table_1_as_printed_is_far_too_soft():
+def test_printed_table_1_gives_a_much_too_soft_coupler():
     orbit = solve.periodic(solve.load("coupler", "table1"), "600 rpm", "radau")
     assert maxima_mm(orbit)[0] == pytest.approx(3.0345, abs=LAST_DIGIT_MM)
     assert orbit.warnings == []
 
 
-def test_table_1_with_its_printed_mass():
-    """m3/l3 for the mass a length: a density that gives it, with the rotary inertia that goes along."""
+def test_table_1_with_its_printed_mass_gives_large_deflections():
+    """The density is chosen to give the printed mass per unit length, m3/l3. The rotary inertia follows from
+    it."""
     printed_mass, table1 = 3.74, solve.load("coupler", "table1").parameters
     density = printed_mass / table1["l3"] / table1["A"]
     orbit = solve.periodic(solve.load("coupler", "table1", rho=density), "600 rpm", "radau")
@@ -81,7 +83,7 @@ def test_printed_table_1_exceeds_the_validity_at_1500_rpm():
     )
 
 
-def test_three_modes_are_enough_and_twenty_are_possible():
+def test_three_modes_are_sufficient_and_twenty_are_possible():
     first = {
         modes: sweep(solve.load("coupler", options={"modes": modes}), SPEEDS).figures("q1")
         for modes in (3, 8, 20)
@@ -91,14 +93,14 @@ def test_three_modes_are_enough_and_twenty_are_possible():
     assert solve.load("coupler", options={"modes": 20}).coordinates[-1] == "q20"
 
 
-def test_the_crossed_branch_is_another_mechanism():
+def test_crossed_branch_is_a_different_mechanism():
     computed = sweep(solve.load("coupler", options={"branch": "crossed"}), SPEEDS).figures("q1")
     assert (abs(1e3 * computed - [row[0] for row in PRINTED_MM.values()]) > 100 * LAST_DIGIT_MM).all()
 
 
 @pytest.mark.slow
-def test_unstable_bands_without_damping():
-    """The band of a combination resonance, below, may be met besides these two."""
+def test_undamped_coupler_has_the_expected_unstable_bands():
+    """A search may also find the band of a combination resonance, which is tested below."""
     undamped = solve.load("coupler", alpha=0, cx=0, cy=0)
     computed = bands(undamped, [f"{rpm} rpm" for rpm in np.linspace(4000, 6000, 41)])
     wide = [band for band in computed if band.spectral_radius > 1.001]
@@ -109,8 +111,9 @@ def test_unstable_bands_without_damping():
 
 
 @pytest.mark.parametrize("method", ["gauss", "radau"])
-def test_a_narrow_band_where_two_modes_combine(method):
-    """Two pairs meet off the real axis: between 4685.2847 and 4685.2862 rpm a turn grows by 4e-6."""
+def test_narrow_band_of_a_combination_resonance_is_found(method):
+    """Two pairs of multipliers meet off the real axis. Between 4685.2847 and 4685.2862 rpm, the motion grows
+    by a factor of 1 + 4e-6 per period."""
     undamped = solve.load("coupler", alpha=0, cx=0, cy=0)
     radius = [
         solve.floquet(undamped, f"{rpm} rpm", method).spectral_radius

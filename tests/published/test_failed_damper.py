@@ -1,4 +1,4 @@
-"""Ground resonance with a failed damper, beside the printed 46 % of Gandhi and Whitt (2022)."""
+"""Ground resonance with a failed damper, compared with the 46 % printed by Gandhi and Whitt (2022)."""
 
 import re
 from pathlib import Path
@@ -22,8 +22,8 @@ def names():
 
 
 def multiblade(phase, blades):
-    """x, y and the lag angles by x, y and the collective, cosine, sine and, of four blades, differential lag
-    (m, n, n)."""
+    """Return x, y and the lag angles (m, n, n) in terms of x, y and the collective, cosine, sine and, for
+    four blades, differential lag."""
     T = np.zeros((len(phase), blades + 2, blades + 2))
     T[:, 0, 0] = T[:, 1, 1] = 1.0
     for blade in range(2, blades + 2):
@@ -35,7 +35,7 @@ def multiblade(phase, blades):
 
 
 def constant_growth(system, speed):
-    """Largest growth rate of the averages of the coefficients in multi-blade coordinates."""
+    """Return the largest growth rate of the system with averaged coefficients in multi-blade coordinates."""
     phase, n = np.arange(64) * 2 * np.pi / 64, system.n
     M, C, K, _ = system.at(phase, speed)
     T, ahead, behind = (multiblade(phase + shift, n - 2) for shift in (0.0, np.pi / 2, -np.pi / 2))
@@ -53,7 +53,7 @@ def constant_growth(system, speed):
 
 
 @pytest.mark.parametrize("rpm", [200, 235, 255])
-def test_averaged_coefficients_are_those_of_three_quarters_of_the_damping(names, rpm):
+def test_averaged_coefficients_have_three_quarters_of_the_damping(names, rpm):
     speed = rpm * np.pi / 30
     failed = constant_growth(names["helicopter"]([0.0, LAG, LAG, LAG]), speed)
     assert names["growth"]([0.75 * LAG] * 4, speed) == pytest.approx(failed, abs=1e-7)
@@ -61,7 +61,7 @@ def test_averaged_coefficients_are_those_of_three_quarters_of_the_damping(names,
     assert names["growth"]([LAG] * 4, speed) == pytest.approx(whole, abs=1e-7)
 
 
-def test_averages_catch_46_percent_of_the_lost_damping(names):
+def test_averages_predict_46_percent_of_the_lost_damping(names):
     whole, failed, averaged = (
         names["growth"](dampers, "235 rpm") for dampers in ([LAG] * 4, [0, LAG, LAG, LAG], [0.75 * LAG] * 4)
     )
@@ -70,7 +70,8 @@ def test_averages_catch_46_percent_of_the_lost_damping(names):
 
 
 def test_hinge_springs_and_weaker_dampers_change_the_ratio_as_printed(names):
-    """A hingeless rotor, as far as the hinges of the page permit; the page prints the rates."""
+    """The hingeless rotor is represented with the hinges of the model on the page; the page prints the
+    rates."""
     stiffness, speed = names["INERTIA"] * (2 * np.pi * 3.0) ** 2, 400 * np.pi / 30
 
     def growth(dampers):
@@ -95,8 +96,8 @@ def test_hinge_springs_and_weaker_dampers_change_the_ratio_as_printed(names):
         assert ratio == pytest.approx(printed[3], abs=0.06)
 
 
-def test_three_blades_of_which_one_has_no_damper(names):
-    """The average has two thirds of the damping; the page states the rates."""
+def test_rotor_of_three_blades_with_one_failed_damper_matches(names):
+    """The averaged coefficients have two thirds of the damping. The page states the rates."""
     speed = 235 * np.pi / 30
     growth, helicopter = names["growth"], names["helicopter"]
     whole, failed, averaged = (

@@ -1,4 +1,4 @@
-"""The machines of the page, run as printed and compared with the literature or a second derivation."""
+"""Machines of the page, run as printed and compared with the literature or a second derivation."""
 
 import re
 import shlex
@@ -26,13 +26,13 @@ def stated(name):
 
 
 @pytest.mark.parametrize("name", BLOCKS)
-def test_a_machine_takes_at_most_forty_lines(name):
+def test_machine_definitions_have_at_most_forty_lines(name):
     assert len(BLOCKS[name].splitlines()) <= 40
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BLOCKS)
-def test_the_pages_lines_run(name, tmp_path):
+def test_commands_on_the_page_run(name, tmp_path):
     (tmp_path / f"{name}.py").write_text(BLOCKS[name], encoding="utf-8")
     lines = re.findall(rf"python -m (\w+ .*\b{name}\.py.*|\w+ {name}\.py.*)\n", PAGE)
     assert [line.split()[0] for line in lines] == ["derive", "solve"]
@@ -47,15 +47,16 @@ LOW, HIGH = np.sqrt(SHAFT["k1"] / SHAFT["m"]), np.sqrt(SHAFT["k2"] / SHAFT["m"])
 
 
 def test_a_shaft_of_two_stiffnesses_is_unstable_between_its_natural_frequencies():
-    """94.868… and 120 rad/s."""
+    """The natural frequencies are 94.868… and 120 rad/s."""
     model = solve.load(stated("flat_shaft"), c=0, **SHAFT)
     sides = np.ravel([[edge * (1 - 1e-6), edge * (1 + 1e-6)] for edge in (LOW, HIGH)])
     assert [point.stable for point in solve.sweep(model, sides).points] == [True, False, False, True]
 
 
-def test_gravity_excites_it_at_half_the_critical_speed():
-    """In turning coordinates ζ = A sin φ, η = B cos φ: (ω1² − 2Ω²)A + 2Ω²B = −g = (ω2² − 2Ω²)B + 2Ω²A, whose
-    determinant is zero at ω1ω2/√(2(ω1² + ω2²)); upwards the disc stands at A sin² φ + B cos² φ."""
+def test_gravity_excites_the_shaft_at_half_the_critical_speed():
+    """In rotating coordinates, ζ = A sin φ, η = B cos φ: (ω1² − 2Ω²)A + 2Ω²B = −g = (ω2² − 2Ω²)B + 2Ω²A. The
+    determinant is zero at ω1ω2/√(2(ω1² + ω2²)). The vertical displacement of the disc is A sin² φ + B cos² φ.
+    """
     model = solve.load(stated("flat_shaft"), c=0, **SHAFT)
     secondary = LOW * HIGH / np.sqrt(2 * (LOW**2 + HIGH**2))
     for speed in (0.7 * secondary, 0.999 * secondary, 1.3 * secondary):
@@ -68,7 +69,7 @@ def test_gravity_excites_it_at_half_the_critical_speed():
     assert abs(A + B) < 1e-2 < abs(y).max() * 1e2
 
 
-def test_hookes_joint_turns_between_the_cosine_and_its_inverse():
+def test_speed_ratio_of_hookes_joint_has_the_known_limits():
     numbers = {"J": 0.1, "k": 1e5, "c": 0.5, "alpha": 30.0}
     orbit = solve.periodic(solve.load(stated("hooke"), **numbers), 5.0)
     ratio = orbit.statistics("ratio")
@@ -105,8 +106,8 @@ def test_spectral_radius_of_hookes_joint_matches_time_integration():
 
 @pytest.mark.parametrize("dampers", [(0.0, 0.0), (51078.7, 4067.5)])
 def test_ground_resonance_matches_colemans_equations(dampers):
-    """With z = x + iy and Z = Σ ζ_k exp(iψ_k) the coefficients are constant: (M + 3m)z̈ + Cż + Kz + iSZ̈ = 0,
-    I(Z̈ − 2iΩŻ − Ω²Z) + c(Ż − iΩZ) + Ω²eSZ − (3i/2)Sz̈ = 0; the mean lag stands alone."""
+    """With z = x + iy and Z = Σ ζ_k exp(iψ_k), the coefficients are constant: (M + 3m)z̈ + Cż + Kz + iSZ̈ =
+    0, I(Z̈ − 2iΩŻ − Ω²Z) + c(Ż − iΩZ) + Ω²eSZ − (3i/2)Sz̈ = 0. The mean lag is uncoupled."""
     C, cz = dampers
     M, K, m, S, inertia, e = HAMMOND.values()
     model = solve.load(stated("ground"), **HAMMOND, C=C, cz=cz)
@@ -129,8 +130,9 @@ def test_ground_resonance_matches_colemans_equations(dampers):
     assert verdicts == [any(dampers), True]
 
 
-def test_a_flapping_blade_in_hover_and_in_forward_flight():
-    """In hover Johnson's exponents; in flight |det Φ| = exp(−2πγ/8) and the map by integration."""
+def test_flapping_blade_matches_hover_and_forward_flight_solutions():
+    """In hover, the exponents are Johnson's. In forward flight, |det Φ| = exp(−2πγ/8), and Φ is compared with
+    time integration."""
     gamma, nu, speed = 8.0, 1.1, 30.0
     hover = solve.floquet(solve.load(stated("flapping"), I=1, gamma=gamma, mu=0, nu=nu), speed)
     assert hover.exponents[0].real == pytest.approx(-gamma / 16 * speed, rel=1e-8)
@@ -186,7 +188,7 @@ def whirl_map(speed, V, ka, kb):
 
 
 @pytest.mark.slow
-def test_whirl_flutter_of_two_blades_against_a_second_derivation():
+def test_whirl_flutter_of_two_blades_matches_a_second_derivation():
     model = solve.load(stated("whirl"), c=0.0, V=100.0, ka=8e3, kb=8e3, **WHIRL)
     for V, ka, kb in ((100.0, 8e3, 8e3), (60.0, 3e4, 5e4), (100.0, 2e5, 2e5)):
         found = solve.floquet(model.varied({"V": V, "ka": ka, "kb": kb}), 100.0)
@@ -224,7 +226,7 @@ def test_the_free_drive_train_matches_the_page():
 
 
 def is_unstable_within(system, middle, half_width):
-    """Whether the system is unstable at speeds inside middle ± half width, and stable outside."""
+    """Whether the system is unstable at speeds inside `middle` ± `half width` and stable outside."""
     inside, outside = (
         [solve.floquet(system, middle + sign * part * half_width).stable for sign in (-1, 1)]
         for part in (0.8, 1.2)
@@ -233,7 +235,7 @@ def is_unstable_within(system, middle, half_width):
 
 
 def test_anisotropic_bearings_split_the_unstable_band():
-    """Modes of both planes with D = 0, and Hsu's widths of first order."""
+    """The modes of both planes follow with D = 0, and the widths to first order from Hsu."""
     numbers = {"m": 10.0, "mb": 1.0, "k": 1e5, "kx": 4e5, "ky": 8e5}
     m, mb, k, *bearings = numbers.values()
     planes = []
@@ -248,8 +250,8 @@ def test_anisotropic_bearings_split_the_unstable_band():
         assert is_unstable_within(model, (first + second) / 2, width)
 
 
-def test_variable_inertia_of_a_crank_train():
-    """Boundaries to first order in e, and harmonics to relative errors that fall with e squared."""
+def test_variable_inertia_of_a_crank_train_matches_perturbation_theory():
+    """The boundaries agree to first order in e, and the harmonics to relative errors proportional to e²."""
     J, k, errors = 0.5, 5000.0, []
     omega = np.sqrt(k / J)
     for e in (0.04, 0.02):
@@ -267,7 +269,7 @@ def test_variable_inertia_of_a_crank_train():
 @pytest.mark.slow
 @pytest.mark.parametrize("slider", [0.0, 0.02])
 def test_elastic_rod_of_a_slider_crank_is_unstable_at_twice_its_frequency(slider):
-    """λ = 0.004: terms of second order are some per cent of the width."""
+    """With λ = 0.004, second-order terms are several per cent of the width."""
     numbers = {"r": 1.6e-3, "L": 0.4, "EI": 0.8, "mu": 0.12}
     r, length, bending, mass = numbers.values()
     omega = np.pi**2 * np.sqrt(bending / mass) / length**2
@@ -339,7 +341,7 @@ def planetary_by_kind(planets):
 
 @pytest.mark.parametrize("planets", [3, 4, 5])
 def test_planetary_gear_has_the_frequencies_of_its_symmetry(planetary, planets):
-    """The printed frequencies are checked without the article: they follow from the stated data."""
+    """The published frequencies are recomputed from the stated data."""
     rotational, translational, alone = planetary_by_kind(planets)
     expected = np.sort([*rotational, *np.repeat(translational, 2), *np.repeat(alone, planets - 3)])
     found = solve.frequencies(planetary(planets), count=9 + 3 * planets).values[0] / (2 * np.pi)
@@ -353,8 +355,9 @@ def test_planetary_gear_has_the_frequencies_of_its_symmetry(planetary, planets):
 
 
 @pytest.mark.slow
-def test_parametric_resonance_of_a_planetary_gear(planetary):
-    """A rotational mode alone, two rotational ones, and none of a rotational and a translational one."""
+def test_planetary_gear_has_the_expected_parametric_resonances(planetary):
+    """There is a resonance of one rotational mode and of two rotational modes, but none of a rotational with
+    a translational mode."""
     M, _, K, _ = planetary(3).at(np.zeros(1), 1.0)
     meshes = planetary(3, 1.0).at(np.zeros(1), 1.0)[2][0] - K[0]
     squares, shapes = scipy.linalg.eigh(K[0], M[0])

@@ -1,5 +1,5 @@
-"""The page of all that the sources print: every number of a caption and every section is there, with an
-outcome and with tests that exist."""
+"""Page of the sources: every printed number of a caption and every section has an outcome and existing
+tests."""
 
 import re
 import sys
@@ -29,13 +29,14 @@ KINDS = {"Fig": FIGURES, "Table": TABLES, "Eq": EQUATIONS, "§": CLAIMS}
 
 
 def rows(source):
-    """Cells of the rows of a source."""
+    """Return the cells of the rows of a source."""
     lines = re.findall(r"^\| (.*)\|$", SOURCES[source], re.M)
     return [[cell.strip() for cell in line.split("|")] for line in lines if not line.startswith("place")]
 
 
 def numbers(place):
-    """Single numbers of a place as a row names it: "Figs. 3.4–3.5" or "Fig. 4.6.a–d" or "Eqs. (1)–(3)"."""
+    """Return the single numbers of a place in the form of a row: "Figs. 3.4–3.5", "Fig. 4.6.a–d" or "Eqs.
+    (1)–(3)"."""
     _, text = place.split(" ", 1)
     first, _, last = text.replace("(", "").replace(")", "").partition("–")
     if not last:
@@ -86,7 +87,7 @@ COMMANDS = sorted(set(re.findall(r"`python -m ([^`]*)`", PAGE)))
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_commands_of_the_page_run(command, tmp_path, monkeypatch, capsys):
+def test_commands_on_the_page_run(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     name, *given = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', command.replace(":80", ":4"))]
     if name == "derive":

@@ -1,4 +1,4 @@
-"""Claims of thesis Chapters 3 to 5 and 8.5 about links and elements."""
+"""Claims of Chapters 3 to 5 and Section 8.5 of the thesis about links and elements."""
 
 import numpy as np
 import pytest
@@ -15,8 +15,9 @@ LINKAGE = Linkage(L1, L2, L3, L4)
 TURN = np.arange(720) * (2 * np.pi / 720)
 
 
-def test_a_small_transmission_angle_brings_high_accelerations():
-    """3.3: the least angle falls with L4 until crank and ground in line fold coupler and follower."""
+def test_small_transmission_angle_causes_high_accelerations():
+    """Thesis 3.3. The smallest transmission angle decreases with L4 until crank and ground align and coupler
+    and follower fold."""
     folded = L1 + abs(L3 - L2)
     made = [Linkage(L1, L2, L3, ground) for ground in (L4, 0.5, 0.45, 0.4, 0.37, folded + 1e-3)]
     least = [linkage.transmission_extremes().min for linkage in made]
@@ -28,8 +29,8 @@ def test_a_small_transmission_angle_brings_high_accelerations():
 
 @pytest.mark.parametrize(("speed", "likeness"), [(5.0, 0.99), (17.0, 0.99), (30.0, 0.85)])
 def test_follower_deflection_follows_its_rigid_acceleration(speed, likeness):
-    """3.5, deflection and stress, by the coefficient of correlation over a turn; the coupler is loaded by
-    what its pins do as well."""
+    """Thesis 3.5. The correlation over a period is computed for deflection and stress. The coupler is also
+    loaded by the motion of its pins."""
     orbit = solve.periodic(solve.load("four_bar", options={"elements": 2}), speed, rtol=1e-4)
     outputs = output_values(orbit.system, TURN, speed, *orbit.state(TURN))
     alpha = LINKAGE.motion(TURN, speed).alpha
@@ -40,7 +41,7 @@ def test_follower_deflection_follows_its_rigid_acceleration(speed, likeness):
 
 
 def test_mass_and_stiffness_are_symmetric_without_rotation():
-    """4.2.3, (4.28), without damping; in 2.2.1, (2.1), it is the same two matrices."""
+    """Thesis 4.2.3, (4.28), without damping. In 2.2.1, (2.1), the same two matrices appear."""
     full, still = (
         solve.load("four_bar", options={"terms": terms}, zeta=0.0).at(TURN[::60], 30.0)
         for terms in ("full", "instantaneous")
@@ -56,7 +57,7 @@ def test_mass_and_stiffness_are_symmetric_without_rotation():
 
 
 def mean_errors(**options):
-    """Numbers of freedoms, and errors of the means of the first four frequencies."""
+    """Return the numbers of degrees of freedom and the errors of the mean first four frequencies."""
     model, exact = (solve.load("four_bar", options=each) for each in (options, {"element": "dynamic"}))
     computed, truth = (solve.frequencies(each, turn(each), 4) for each in (model, exact))
     return computed.freedoms, computed.mean / truth.mean - 1
@@ -72,23 +73,24 @@ def mean_errors(**options):
     ],
 )
 def test_p_version_is_more_accurate_at_equal_freedoms(quintic, cubic):
-    """4.1, 4.4: all four means, with as many freedoms, fewer, or one more."""
+    """Thesis 4.1, 4.4. All four means are more accurate, with equally many or fewer degrees of freedom, or
+    one more."""
     (freedoms, errors), (others, coarser) = mean_errors(**quintic), mean_errors(**cubic)
     assert freedoms <= others + 1
     assert (errors < coarser).all()
 
 
 def test_one_curvature_element_matches_three_cubic_elements():
-    """4.3: "almost the same result", 10 freedoms beside 27."""
+    """Thesis 4.3, "almost the same result", with 10 degrees of freedom instead of 27."""
     (few, one), (many, three) = mean_errors(element="curvature"), mean_errors(elements=3)
     assert (few, many) == (10, 27)
     np.testing.assert_allclose(one, three, rtol=0, atol=0.003)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_beam_gives_way_less_under_tension_and_more_under_compression(sign):
-    """4.2.6: what the option adds to the stiffness of the follower's own turns, against the force of B along
-    the follower, quasi-static."""
+def test_tension_stiffens_and_compression_softens_a_beam(sign):
+    """Thesis 4.2.6. The effect of the option on the stiffness for rotations of the follower is compared with
+    the force at B along the follower in the quasi-static solution."""
     stiffened, plain = (solve.load("four_bar", options={"stiffening": how}) for how in ("on", "off"))
     phase, speed = TURN[::15], 10.0
     added = stiffened.at(phase, speed)[2] - plain.at(phase, speed)[2]
@@ -102,14 +104,14 @@ def test_a_beam_gives_way_less_under_tension_and_more_under_compression(sign):
 
 
 def pinned(number, **changed):
-    """(π/L)² sqrt(EI/ρA) of a link between two pins."""
+    """Return (π/L)² sqrt(EI/ρA) of a pinned-pinned link."""
     p = {**PARAMETERS, **changed}
     wave = np.pi / p[f"L{number}"]
     return wave**2 * np.sqrt(p["E"] * p[f"I{number}"] / (p["rho"] * p[f"A{number}"]))
 
 
-def test_most_flexible_links_with_short_and_long_coupler():
-    """8.5.2, and 9.2: the softest link gives the first mean frequency within 2 %."""
+def test_most_flexible_link_determines_the_first_mean_frequency():
+    """Thesis 8.5.2 and 9.2. They agree within 2 %."""
     alone = {}
     for length, softest in ((0.328, "follower"), (0.636, "coupler")):
         alone = {name: pinned(k, L2=length) for k, name in enumerate(("crank", "coupler", "follower"), 1)}

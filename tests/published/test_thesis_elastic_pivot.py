@@ -1,5 +1,5 @@
-"""The outlook of thesis 9.2: an elastic support of the follower's ground pivot lowers the stress at a
-limiting critical speed; a stiff one is the rigid support."""
+"""Proposal of thesis 9.2: an elastic support of the follower's ground pivot reduces the stress at a limiting
+critical speed. A stiff support is equivalent to the rigid support."""
 
 import pytest
 
@@ -13,7 +13,7 @@ STRESSES = ("crank_root_stress_plus", "coupler_midpoint_stress_plus", "follower_
 
 
 def linkage() -> Structure:
-    """The thesis' four-bar with springs of stiffness k where C is held."""
+    """Return the four-bar of the thesis with springs of stiffness k at the ground pivot C."""
     made = Structure("elastic_pivot", "Four-bar linkage on an elastic pivot")
     p = {
         f"{kind}{number}": made.parameter(f"{kind}{number}", unit, kind, "> 0")

@@ -1,4 +1,4 @@
-"""Critical speeds of the four-bar of thesis Table 4.1 (7.3), and its stresses over L4 (7.5, 8.5.1)."""
+"""Critical speeds of the four-bar of thesis Table 4.1 (7.3), and its stresses versus L4 (7.5, 8.5.1)."""
 
 import math
 
@@ -14,7 +14,7 @@ frequency that they belong to; one element a link, ζ = 2 %. Computed by an inde
 
 
 @pytest.mark.slow
-def test_critical_speeds_by_deflection_and_by_divisions_of_the_mean_frequency():
+def test_critical_speeds_match_divisions_of_the_mean_frequency():
     model = solve.load("four_bar")
     critical = solve.critical_speeds(
         model, [25.0, 100.0], "follower_midpoint_deflection", orders=8, rtol=1e-6
@@ -30,7 +30,8 @@ def test_critical_speeds_by_deflection_and_by_divisions_of_the_mean_frequency():
 
 
 def peak(quantity, L4, speed, elements=3):
-    """Largest stress of both surfaces over a turn in MPa, and the crank angle (degrees) where it occurs."""
+    """Return the largest stress of both surfaces over a period in MPa and the crank angle (degrees) at which
+    it occurs."""
     model = solve.load("four_bar", options={"elements": elements}, L4=L4)
     orbit = solve.periodic(model, speed, rtol=1e-5)
     computed = max(
@@ -43,7 +44,7 @@ def peak(quantity, L4, speed, elements=3):
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", [17.0, 30.0])
 def test_follower_stress_is_smallest_near_l4_of_0_65_m(speed):
-    """Not at 0.66 m, as 8.5.1 has it; thesis Figs. 7.13 (30 rad/s) and 8.24 (17 rad/s)."""
+    """Thesis 8.5.1 states 0.66 m; Figs. 7.13 (30 rad/s) and 8.24 (17 rad/s)."""
     lengths = [0.547, 0.60, 0.62, 0.64, 0.65, 0.66, 0.68]
     stress, angle = np.transpose([peak("follower_midpoint_stress", L4, speed) for L4 in lengths])
     assert lengths[int(stress.argmin())] == 0.65
@@ -54,8 +55,9 @@ def test_follower_stress_is_smallest_near_l4_of_0_65_m(speed):
 
 
 @pytest.mark.slow
-def test_damping_lowers_even_the_couplers_smallest_peak():
-    """7.6, "invariably": near 29.4 rad/s. On either side of it the same damping raises the stress."""
+def test_damping_lowers_the_smallest_peak_of_the_coupler():
+    """Thesis 7.6, "invariably". The peak is near 29.4 rad/s. At other speeds on either side, the same damping
+    raises the stress."""
     speeds = [29.0, 29.2, 29.4, 29.6]
     model = solve.load("four_bar", options={"elements": 3})
     sweeps = solve.sweeps(
@@ -67,13 +69,13 @@ def test_damping_lowers_even_the_couplers_smallest_peak():
 
 
 def test_follower_stress_at_0_662_m_peaks_near_180_degrees():
-    """8.5.1, Fig. 8.24: where the transmission angle is largest."""
+    """Thesis 8.5.1, Fig. 8.24. The transmission angle is largest there."""
     _, angle = peak("follower_midpoint_stress", 0.662, 17.0)
     assert angle == pytest.approx(180, abs=15)
 
 
 def test_crank_stress_is_smallest_between_0_64_and_0_65_m():
-    """One element a link at 30 rad/s."""
+    """The model has one element per link; the speed is 30 rad/s."""
     lengths = [0.63, 0.64, 0.645, 0.65, 0.66]
     stress, angle = np.transpose([peak("crank_root_stress", L4, 30.0, 1) for L4 in lengths])
     assert lengths[int(stress.argmin())] == 0.645
@@ -82,7 +84,7 @@ def test_crank_stress_is_smallest_between_0_64_and_0_65_m():
 
 
 def test_mean_frequencies_are_nearly_independent_of_l4():
-    """7.3: the first mean frequency changes by less than 0.5 % while L4 goes from 0.5 m to 0.65 m."""
+    """Thesis 7.3. The first mean frequency changes by less than 0.5 % for L4 from 0.5 m to 0.65 m."""
     means = [
         solve.frequencies(model, np.linspace(0, 2 * np.pi, 36, endpoint=False), 1).mean[0]
         for model in (solve.load("four_bar", L4=L4) for L4 in (0.5, 0.547, 0.6, 0.65))
@@ -92,8 +94,8 @@ def test_mean_frequencies_are_nearly_independent_of_l4():
 
 @pytest.mark.slow
 def test_critical_speeds_but_not_peaks_are_nearly_independent_of_l4():
-    """The peak near 46 rad/s (order 4), found by the deflection: within 1 % for L4 from 0.5 m to 0.65 m,
-    while its height falls to less than half, and no further from 0.6 m on."""
+    """The peak of the deflection near 46 rad/s (harmonic 4) moves by less than 1 % for L4 from 0.5 m to 0.65
+    m. Its height decreases to less than half, and does not decrease further above 0.6 m."""
     speeds = np.linspace(44.0, 48.0, 41)
     models = {str(L4): solve.load("four_bar", L4=L4) for L4 in (0.5, 0.547, 0.6, 0.65)}
     sweeps = solve.sweeps(models, speeds, ["follower_midpoint_deflection"])
@@ -106,9 +108,9 @@ def test_critical_speeds_but_not_peaks_are_nearly_independent_of_l4():
 
 
 @pytest.mark.slow
-def test_damping_helps_at_peaks_and_hurts_some_links_at_quiet_speeds():
-    """7.4.2 and 9.1: three elements a link; more damping lowers the peaks that these speeds tell apart, but
-    not every stress at quiet speeds."""
+def test_damping_lowers_peaks_but_not_all_stresses_between_them():
+    """Thesis 7.4.2 and 9.1, with three elements per link. More damping lowers the resolved peaks, but not
+    every stress at speeds between them."""
     names = [f"{place}_stress" for place in ("crank_root", "coupler_midpoint", "follower_midpoint")]
     model = solve.load("four_bar", options={"elements": 3})
     speeds = np.linspace(24.0, 44.0, 31)

@@ -1,5 +1,5 @@
-"""One modal matrix for all positions (thesis 6.3): whole it changes nothing; without what couples the modes
-it fails, for the four-bar's eigenvectors turn with its links."""
+"""One modal matrix for all positions (thesis 6.3). The complete matrix changes nothing. Without the coupling
+between modes, it fails, because the eigenvectors of the four-bar change with its position."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,8 @@ def modal_matrix(model, position):
 
 
 def errors(model, Phi, coupled):
-    """Of both deflections over the turn, beside their largest, where q = Φ η with one Φ."""
+    """Return the errors of both deflections over a period, relative to their largest values, for q = Φ η with
+    constant Φ."""
 
     def matrices(phase, speed):
         M, C, K, d = model.at(phase, speed)
@@ -42,14 +43,15 @@ def errors(model, Phi, coupled):
 
 
 @pytest.mark.parametrize("position", [0.0, 2.0, 4.0])
-def test_without_the_coupling_both_deflections_are_lost(model, position):
+def test_deflections_are_inaccurate_without_modal_coupling(model, position):
     Phi = modal_matrix(model, position)
     assert max(errors(model, Phi, coupled=True)) < 1e-5
     assert min(errors(model, Phi, coupled=False)) > 0.9
 
 
 def test_off_diagonal_entries_are_as_large_as_diagonal_ones(model):
-    """Beside the geometric mean of their diagonal entries, among the four lowest modes."""
+    """For the four lowest modes, they are compared with the geometric mean of the corresponding diagonal
+    entries."""
     _, _, K, _ = model.at(PHASE, SPEED)
     for position in (0.0, 2.0, 4.0):
         Phi = modal_matrix(model, position)

@@ -1,4 +1,4 @@
-"""Thesis Table 5.1: natural frequencies of the clamped square portal frame, rad/s."""
+"""Thesis Table 5.1: natural frequencies (rad/s) of the clamped square portal frame."""
 
 import numpy as np
 import pytest
@@ -37,13 +37,13 @@ def exact():
     return frequencies(21, element="dynamic")
 
 
-def test_the_case_fixes_the_tables_one_parameter():
+def test_case_has_the_single_parameter_of_the_table():
     p = solve.load("portal_frame").parameters
     a = np.sqrt(p["E"] * p["I"] / (p["rho"] * p["A"])) / p["L"] ** 2
     assert a == pytest.approx(17.6632297, abs=5e-8)
 
 
-def test_exact_column(exact):
+def test_exact_frequencies_match_the_printed_column(exact):
     entries = printed(EXACT)
     for k, (computed, entry) in enumerate(zip(exact, entries, strict=True), start=1):
         if k not in WRONG:
@@ -51,7 +51,7 @@ def test_exact_column(exact):
 
 
 def test_entry_4_is_the_frequency_of_a_clamped_bar(exact):
-    """Symmetric bending of all three bars with the corners at rest and their moments in balance."""
+    """All three bars bend symmetrically, the corners do not move, and their moments are in equilibrium."""
     root = brentq(lambda x: np.cos(x) * np.cosh(x) - 1, 4.5, 5.0, xtol=1e-14)
     assert root == pytest.approx(4.73004, abs=1e-5)
     assert exact[3] == pytest.approx(root**2 * 17.6632297, rel=1e-8)
@@ -65,7 +65,7 @@ def test_entry_10_is_wrong_in_its_last_digits(exact):
 
 
 @pytest.mark.parametrize("elements", FINITE_ELEMENTS)
-def test_finite_element_columns(elements):
+def test_finite_element_frequencies_match_the_printed_columns(elements):
     entries = printed(FINITE_ELEMENTS[elements])
     np.testing.assert_allclose(frequencies(len(entries), elements=elements), entries, rtol=1.5e-5)
 
@@ -83,8 +83,8 @@ QUINTIC_ERRORS = "0.000 0.055 0.277 0.481 0.954 1.980 2.386 59.000 96.616"
 
 
 @pytest.mark.parametrize("elements", ERRORS)
-def test_table_5_1_b(exact, elements):
-    """To 2.5e-3 %, and to a unit where it prints two decimals, which are cut off."""
+def test_frequencies_match_table_5_1_b(exact, elements):
+    """They agree to 2.5e-3 %, and to one unit where the table prints two decimals, which are truncated."""
     entries = printed(ERRORS[elements])
     computed = 100 * (frequencies(len(entries), elements=elements) / exact[: len(entries)] - 1)
     for k, (ours, entry, text) in enumerate(zip(computed, entries, ERRORS[elements].split(), strict=True), 1):
@@ -95,8 +95,8 @@ def test_table_5_1_b(exact, elements):
             assert ours == pytest.approx(entry, abs=max(2.5e-3, 2 * half_a_digit(text))), f"row {k}"
 
 
-def test_the_quintic_column_of_table_5_1_b(exact):
-    """Its row 4 against the first frequency of a clamped bar, as that of the other columns."""
+def test_quintic_column_of_table_5_1_b_matches(exact):
+    """The fourth row is compared with the first frequency of a clamped bar, as in the other columns."""
     clamped = brentq(lambda x: np.cos(x) * np.cosh(x) - 1, 4.5, 5.0, xtol=1e-14) ** 2 * 17.6632297
     computed = 100 * (frequencies(9, element="internal") / exact[:9] - 1)
     for k, (ours, entry) in enumerate(zip(computed, printed(QUINTIC_ERRORS), strict=True), 1):
@@ -109,8 +109,8 @@ def test_the_quintic_column_of_table_5_1_b(exact):
 
 @pytest.mark.parametrize(("elements", "k", "worst"), [(4, 10, 2.18), (3, 7, 1.97), (2, 4, 1.63)])
 def test_lower_half_of_the_frequencies_is_accurate(elements, k, worst):
-    """The thesis' rule of thumb, 2k freedoms for k frequencies: these are within 2.2 %, the last of all is
-    more than 20 % off."""
+    """By the thesis' rule of thumb, 2k degrees of freedom give k frequencies. These are accurate to 2.2 %;
+    the highest has an error above 20 %."""
     count = {4: 21, 3: 15, 2: 9}[elements]
     exact = frequencies(count, element="dynamic")
     errors = 100 * (frequencies(count, elements=elements) / exact - 1)
@@ -118,7 +118,7 @@ def test_lower_half_of_the_frequencies_is_accurate(elements, k, worst):
     assert errors[-1] > 20
 
 
-def test_numbers_of_freedoms():
+def test_numbers_of_degrees_of_freedom_match_the_table():
     counts = [
         solve.frequencies(solve.load("portal_frame", options={"elements": n})).freedoms for n in range(1, 5)
     ]
@@ -126,8 +126,9 @@ def test_numbers_of_freedoms():
 
 
 @pytest.mark.parametrize("element", ["internal", "curvature"])
-def test_quintic_column_has_all_nine_freedoms(element):
-    """Both quintic elements span the same functions here: no end is free of moment, none is pinned."""
+def test_quintic_column_has_nine_degrees_of_freedom(element):
+    """Both quintic elements have the same shape functions here, because no end is free of moment or
+    pinned."""
     entries = printed(QUINTIC)
     model = solve.load("portal_frame", options={"element": element})
     frequencies = solve.frequencies(model, count=9)
@@ -153,7 +154,7 @@ def determinants(omega):
 
 
 def is_root(which, omega):
-    """Whether a determinant passes through zero within 1e-9 of a frequency, without a pole there."""
+    """Whether a determinant changes sign within 1e-9 of a frequency and has no pole there."""
     low, high = omega * (1 - 1e-9), omega * (1 + 1e-9)
     ends, wider = (
         [determinants(x)[which] for x in pair] for pair in ((low, high), (2 * low - omega, 2 * high - omega))
@@ -161,8 +162,8 @@ def is_root(which, omega):
     return ends[0] * ends[1] < 0 and abs(ends[0]) < abs(wider[0]) and abs(ends[1]) < abs(wider[1])
 
 
-def test_frequencies_with_moving_corners_are_roots_of_the_frames_determinant(exact):
-    """All but those of bars clamped at both ends, where the determinants have poles."""
+def test_frequencies_are_roots_of_the_frame_determinant(exact):
+    """Frequencies of bars clamped at both ends are excluded, because the determinants have poles there."""
     for k, omega in enumerate(exact, start=1):
         l = np.sqrt(omega / 17.6632297)  # noqa: E741
         clamped = abs(np.cos(l) - 1 / np.cosh(l)) < 1e-6

@@ -1,1 +1,1 @@
-"""Random command lines over all commands: none may end but in a result or in one line."""
+"""Random command lines for all commands: each must end with a result or a one-line error."""

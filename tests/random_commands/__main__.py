@@ -12,7 +12,7 @@ from tests.random_commands.values import prepare
 
 
 def main(count: int = 5000, seed: int = 1) -> int:
-    """Number of complaints."""
+    """Return the number of complaints."""
     found, statuses = 0, Counter()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)

@@ -1,4 +1,4 @@
-"""Command lines by chance over every command, with the flags that the commands themselves say they have."""
+"""Random command lines with the flags that each command lists in its help."""
 
 import importlib
 import random
@@ -53,7 +53,8 @@ ENDLESS = {"explore"}
 
 @cache
 def flags() -> dict[tuple[str, ...], dict[str, bool]]:
-    """By program and command, its flags and whether each has a value, as the commands themselves say."""
+    """Return a mapping from program and command to its flags, as listed in the help; each flag maps to
+    whether it has a value."""
     found: dict[tuple[str, ...], dict[str, bool]] = {("derive",): _flags_of(get_command(app))}
     models = {program: importlib.import_module(f"{program}.__main__").PROGRAM for program in MODELS}
     for words, program in {"solve": SOLVE, **models}.items():
@@ -66,7 +67,8 @@ def flags() -> dict[tuple[str, ...], dict[str, bool]]:
 def _flags_in(
     program: str, command: Any, names: list[str] | None = None
 ) -> dict[tuple[str, ...], dict[str, bool]]:
-    """Of its commands, those named or all; one alone has no name."""
+    """Return the flags of the given or of all commands of a program. The only command of a program has no
+    name."""
     if not hasattr(command, "commands"):
         return {(program,): _flags_of(command)}
     return {(program, name): _flags_of(command.commands[name]) for name in names or command.commands}
@@ -78,7 +80,7 @@ def _flags_of(command: Any) -> dict[str, bool]:
 
 
 def line(chance: random.Random) -> tuple[str, list[str]]:
-    """A program and its arguments."""
+    """Return a program and its arguments."""
     program = chance.choices(("solve", "derive", "models"), (12, 3, 4))[0]
     if program == "derive":
         models = chance.choices((*MECHANISMS, "cam", "mathieu", *ODD), k=chance.choice((0, 1, 1, 1, 2)))

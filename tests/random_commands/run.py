@@ -1,4 +1,4 @@
-"""One command line run and judged: in this process, or as a process of its own."""
+"""Run a command line, in this process or in another one, and check how it ends."""
 
 import importlib
 import io
@@ -35,24 +35,24 @@ _USUAL = re.compile(r"warning: |wrote |compiling |[a-z]\w*: ")
 
 
 class Ended(NamedTuple):
-    """Exit status (None: it took too long) and standard error."""
+    """Exit status (None if the command took too long) and standard error."""
 
     status: int | None
     error: str
 
 
 class TooLongError(BaseException):
-    """Not caught by the command line."""
+    """Error that the command line does not catch."""
 
 
 def drawn(seed: int, count: int) -> Iterator[tuple[str, list[str]]]:
-    """So many command lines, the same for a seed in every run."""
+    """Return `count` command lines, which are the same for a seed in every run."""
     chance = random.Random(seed)
     return (line(chance) for _ in range(count))
 
 
 def complaint(ended: Ended) -> str:
-    """What is wrong with how a command ended, or nothing."""
+    """Return what is wrong with the end of a command, or an empty text."""
     lines = [line for line in ended.error.strip().splitlines() if " so far" not in line]
     if ended.status is None:
         return f"took more than {SECONDS} s"
@@ -67,7 +67,7 @@ def complaint(ended: Ended) -> str:
 
 
 def inside(program: str, arguments: list[str], folder: Path) -> Ended:
-    """The command in this process; a warning of a calculation is a fault too, others are left out as by a
+    """Run the command in this process. Runtime warnings count as errors; other warnings are ignored, as in a
     program."""
     streams = io.StringIO(), io.StringIO()
     with chdir(folder), redirect_stdout(streams[0]), redirect_stderr(streams[1]), warnings.catch_warnings():
@@ -82,7 +82,7 @@ def inside(program: str, arguments: list[str], folder: Path) -> Ended:
 
 
 def outside(program: str, arguments: list[str], folder: Path) -> Ended:
-    """The command as a process."""
+    """Run the command as a process."""
     command = [sys.executable, "-m", program, *arguments]
     environment = {**os.environ, "PYTHONPATH": str(_CHECKOUT), "PYTHONUTF8": "1"}
     try:
@@ -104,8 +104,8 @@ def _run(program: str, arguments: list[str]) -> int:
 
 @contextmanager
 def _watched() -> Iterator[None]:
-    """Stop a command after a long time: by an interruption if it reports progress, otherwise when its time is
-    over."""
+    """Stop a command after a long time: by an interruption if it reports progress, otherwise by an exception
+    when its time is over."""
     reports, used = 0, 0
 
     def tick(*_: object) -> None:

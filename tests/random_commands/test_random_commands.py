@@ -1,4 +1,5 @@
-"""Random command lines end in a result or in one line; `python -m tests.random_commands 5000` runs more."""
+"""Random command lines end with a result or a one-line error; `python -m tests.random_commands 5000` runs
+more."""
 
 import pytest
 
@@ -16,13 +17,13 @@ def folder(tmp_path_factory):
     return place
 
 
-def test_the_same_seed_draws_the_same_lines():
+def test_same_seed_gives_the_same_command_lines():
     assert list(drawn(3, 50)) == list(drawn(3, 50))
     assert len({str(each) for each in drawn(3, 50)}) > 45
 
 
 def test_every_flag_of_every_command_has_values():
-    """A command or a flag that is new is drawn too."""
+    """New commands and flags must also be tested."""
     known = {flag: valued for command in flags().values() for flag, valued in command.items()}
     assert {flag for flag, valued in known.items() if valued} == set(VALUES)
     assert {each[0] for each in flags()} == {"derive", "solve", *MODELS}
@@ -50,7 +51,7 @@ def test_faults_are_classified(ended, expected):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("run", "seed", "count"), [(inside, SEED, INSIDE), (outside, SEED + 1, OUTSIDE)])
-def test_random_command_lines(folder, run, seed, count):
+def test_random_command_lines_end_with_a_result_or_one_line(folder, run, seed, count):
     wrong = {}
     for program, arguments in drawn(seed, count):
         text = complaint(run(program, arguments, folder))

@@ -1,4 +1,4 @@
-"""Values by chance for every flag: such as fit, such as do not, and odd ones; the files that they name."""
+"""Random values for every flag: valid, invalid and unusual ones; and the files that they name."""
 
 from pathlib import Path
 
@@ -326,7 +326,7 @@ VALUES: dict[str, tuple[str, ...]] = {
 
 
 def prepare(folder: Path) -> None:
-    """The files that the command lines name."""
+    """Write the files that the command lines name."""
     for name, content in {**CASES, **MECHANISMS, **MEASURED, "file.txt": ""}.items():
         (folder / name).write_text(content, encoding="utf-8", errors="surrogateescape")
     for name in ("folder.png", "folder.csv", "folder.c"):

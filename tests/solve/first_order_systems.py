@@ -46,7 +46,7 @@ def swaying(rng, N, amplitude):
 
 
 def with_load(A, size=None):
-    """Matrices A, and a load b with one harmonic."""
+    """Return matrices A and a load b with one harmonic."""
 
     def matrices(phase, speed):
         states = A(phase, speed)
@@ -89,7 +89,7 @@ def restated(seed, n):
 
 
 def error(result, exact):
-    """Largest distance between multipliers and the exact ones, relative to the spectral radius."""
+    """Return the largest distance between multipliers and the exact ones, relative to the spectral radius."""
     from scipy.optimize import linear_sum_assignment
 
     found = np.nan_to_num(result.multipliers)
@@ -99,7 +99,8 @@ def error(result, exact):
 
 
 def orbit_difference(orbit, other, n):
-    """Largest difference of the first n coordinates, relative to the largest value of each."""
+    """Return the largest difference of the first n coordinates, relative to the largest value of each
+    coordinate."""
     phase = np.linspace(0.0, 6.2, 63)
     q, better = orbit.at(phase)[:n], other.at(phase)[:n]
     return (np.abs(q - better).max(axis=1) / np.abs(better).max(axis=1)).max()

@@ -21,7 +21,7 @@ SPEED = 1000 * np.pi / 30
 
 
 def train(C=NONE, mean=0.0, M=J, stiffness=K, torque=TORQUE, order=2):
-    """Discs with a torque proportional to cos kφ, and a mean torque on the first disc."""
+    """Return discs with a torque proportional to cos kφ and a mean torque on the first disc."""
     M, C, stiffness, torque = (np.asarray(part, dtype=float) for part in (M, C, stiffness, torque))
 
     def matrices(phase, speed):
@@ -33,7 +33,7 @@ def train(C=NONE, mean=0.0, M=J, stiffness=K, torque=TORQUE, order=2):
 
 
 def amplitudes(speed, C=NONE, M=J, stiffness=K, torque=TORQUE, order=2):
-    """Amplitudes from the complex solution."""
+    """Return amplitudes from the complex solution."""
     rate_ = order * speed
     return np.abs(np.linalg.solve(stiffness + 1j * rate_ * C - rate_**2 * M, torque))
 
@@ -43,7 +43,7 @@ def orders(orbit: Orbit, order=2):
 
 
 def exact_multipliers(C, speed, M=J, stiffness=K):
-    """Exact multipliers in descending order of modulus."""
+    """Return the exact multipliers in descending order of modulus."""
     zero, one = np.zeros_like(M), np.eye(len(M))
     A = np.block([[zero, one], [-np.linalg.solve(M, stiffness), -np.linalg.solve(M, C)]])
     rho = np.exp(np.linalg.eigvals(A) * 2 * np.pi / speed)
@@ -80,7 +80,7 @@ def cubic(T0=0.0, b=0.0):
 
 
 def mechanism(**numbers):
-    """The chain as a mechanism, with drag at disc 3 and outputs."""
+    """Return the chain as a mechanism, with drag at disc 3 and outputs."""
     names = range(1, 6)
     machine = Mechanism("drive_train", "Five discs on a shaft that turns freely")
     q = machine.coordinates(**{f"q{at}": ("rad", f"disc {at}") for at in names})

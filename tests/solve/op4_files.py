@@ -1,4 +1,4 @@
-"""OUTPUT4 files in the formats of the NASTRAN manual: text or binary, dense or sparse."""
+"""Write OUTPUT4 files in the formats of the NASTRAN manual: text or binary, dense or sparse."""
 
 from itertools import groupby
 
@@ -9,13 +9,13 @@ KINDS = {"f": 1, "d": 2, "F": 3, "D": 4}
 
 
 def strings(column):
-    """First row, from 1, and values of each run of entries that are not zero."""
+    """Return the first row, from 1, and the values of each run of nonzero entries."""
     runs = groupby(enumerate(column, start=1), key=lambda pair: pair[1] != 0)
     return [(pairs[0][0], [value for _, value in pairs]) for used, run in runs if used and (pairs := [*run])]
 
 
 def reals(values):
-    """Real numbers of values: of complex ones real and imaginary parts in turn."""
+    """Return values as real numbers; complex values become alternating real and imaginary parts."""
     return np.ascontiguousarray(values).view(np.asarray(values).real.dtype)
 
 
@@ -24,7 +24,7 @@ def string_header(words, row, big):
 
 
 def text(matrices, layout="dense", digits=16):
-    """Text of a file. layout: "dense", "sparse" or "bigmat"."""
+    """Return the text of a file. `layout` is "dense", "sparse" or "bigmat"."""
     width, lines = digits + 7, []
     per_line = 80 // width
 
@@ -62,7 +62,8 @@ def text(matrices, layout="dense", digits=16):
 
 
 def binary(matrices, layout="dense", order="<", size=4):
-    """Bytes of a file. order: of the bytes; size: bytes of an integer, 4 or 8."""
+    """Return the bytes of a file. `order` is the byte order, and `size` the number of bytes of an integer, 4
+    or 8."""
     made = []
 
     def record(*parts):

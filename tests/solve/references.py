@@ -6,8 +6,8 @@ from scipy.integrate import solve_ivp
 
 
 def rate_matrices(system, phase, speed):
-    """P (m, 2n, 2n) and f (m, 2n) at the phases (m,) in x′ = P x + f, where derivatives are with respect to
-    the phase, chapter Eq. (5)."""
+    """Return P (m, 2n, 2n) and f (m, 2n) of x′ = P x + f at the phases (m,), where derivatives are with
+    respect to the phase, chapter Eq. (5)."""
     M, C, K, d = system.at(np.asarray(phase), speed)
     m, n = d.shape
     inverse = np.linalg.inv(M * speed**2)
@@ -39,7 +39,7 @@ class Shooting:
         self.start = np.linalg.solve(np.eye(N) - self.Phi, whole[:, -1])
 
     def states(self, phase):
-        """x = (q, dq/dphase) of the periodic solution at the phases (k,): (2n, k)."""
+        """Return x = (q, dq/dphase) of the periodic solution at the phases (k,) as an array (2n, k)."""
         maps = self._run.sol(phase).T.reshape(-1, *self._shape)
         return (maps[:, :, :-1] @ self.start + maps[:, :, -1]).T
 
@@ -49,23 +49,25 @@ class Shooting:
 
 
 def relative_error(q, truth):
-    """Largest max|error|/max|truth| over a revolution among the coordinates; arrays (n, k)."""
+    """Return the largest max|error|/max|truth| over a revolution among the coordinates. Both arrays are (n,
+    k)."""
     return float((np.abs(q - truth).max(axis=1) / np.abs(truth).max(axis=1)).max())
 
 
 def multiplier_error(values, truth):
-    """Largest distance to the nearest true multiplier, relative to the true spectral radius."""
+    """Return the largest distance to the nearest true multiplier, relative to the true spectral radius."""
     values, truth = np.asarray(values), np.asarray(truth)
     return float(np.abs(values[:, None] - truth).min(axis=1).max() / np.abs(truth).max())
 
 
 def slope(steps, errors):
-    """Order of convergence: slope of log error versus log step length, by least squares."""
+    """Return the order of convergence: the least-squares slope of log error versus log step length."""
     return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 def closed_chain(A, b, digits=80):
-    """States (m, N) of x_{k+1} = A_k x_k + b_k with x_m = x_0, computed with the given number of digits."""
+    """Return the states (m, N) of x_{k+1} = A_k x_k + b_k with x_m = x_0, computed with the given number of
+    digits."""
     with mpmath.workdps(digits):
         turn, end = mpmath.eye(b.shape[1]), mpmath.zeros(b.shape[1], 1)
         steps = [

@@ -26,7 +26,7 @@ def system(matrices, n, **settings):
 
 
 def constant(M, C, K, force):
-    """Constant M, C, K (n, n) with the load d = force(phase), (m, n)."""
+    """Return constant M, C and K (n, n) with the load d = force(phase), (m, n)."""
     n = len(M)
 
     def matrices(phase, speed):
@@ -36,18 +36,20 @@ def constant(M, C, K, force):
 
 
 def amplitudes(rng, count, size):
-    """Random coefficients (6, count) of cos φ, cos 2φ, cos 3φ and the sines, of magnitude `size`."""
+    """Return random coefficients (6, count), of magnitude `size`, of cos φ, cos 2φ and cos 3φ and then of the
+    sines."""
     return (size * rng.standard_normal((2, 3, count)) / ORDERS[:, None]).reshape(6, count)
 
 
 def spd(rng, n, low, high):
-    """Random symmetric matrix with eigenvalues between low and high."""
+    """Return a random symmetric matrix with eigenvalues between `low` and `high`."""
     Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
     return Q @ np.diag(rng.uniform(low, high, n)) @ Q.T
 
 
 def random_matrices(seed, n, modulation=0.15):
-    """Smooth varying M, C, K and d of a damped system, with derivatives with respect to time, at speed 1."""
+    """Return smoothly varying M, C, K and d of a damped system at speed 1, for derivatives with respect to
+    time."""
     rng = np.random.default_rng(seed)
     means = [spd(rng, n, *bounds).ravel() for bounds in ((1.0, 2.0), (0.1, 0.5), (1.0, 20.0))]
     parts = [amplitudes(rng, n * n, modulation * size / n) for size in (0.5, 0.5, 2.0)]
@@ -108,7 +110,7 @@ def cam(case="1", **changed):
 
 
 def canonical_undamped(seed, n):
-    """System with C = dM/dt and symmetric K: the equations of ½ q̇ᵀM(t)q̇ - ½ qᵀK(t)q, whose flow is
+    """Return a system with C = dM/dt and symmetric K: the equations of ½ q̇ᵀM(t)q̇ - ½ qᵀK(t)q, whose flow is
     symplectic."""
     rng = np.random.default_rng(seed)
     M0, K0 = spd(rng, n, 1.0, 2.0), spd(rng, n, 0.5, 8.0)
@@ -124,8 +126,9 @@ def canonical_undamped(seed, n):
 
 
 def meissner(delta=1.3, epsilon=0.7, zeta=0.05, load=1.0):
-    """System with the stiffness delta + epsilon during the first 0.4 of the period and delta - epsilon during
-    the rest. The load is 1 and then `load`. The jumps are at 0 and at 0.4 of the period."""
+    """Return a system with the stiffness delta + epsilon during the first 0.4 of the period and delta -
+    epsilon during the rest. The load is 1 in the first interval and `load` in the second. The jumps are at 0
+    and at 0.4 of the period."""
     jump = 0.8 * np.pi
 
     def matrices(phase, speed):
@@ -138,19 +141,19 @@ def meissner(delta=1.3, epsilon=0.7, zeta=0.05, load=1.0):
 
 
 def chain_of(method, system, speed, grid):
-    """Affine maps A (m, N, N) and b (m, N) of the steps of a method."""
+    """Return the affine maps A (m, N, N) and b (m, N) of the steps of a method."""
     steps = method.discretise(SinglePoint(system, speed), grid).steps
     return Steps(steps.A[0], steps.b[0])
 
 
 def frozen_modes(system, speed, phases=PHASES):
-    """Modes of a system with its coefficients frozen."""
+    """Return the modes of a system with frozen coefficients."""
     return frozen(SinglePoint(system, speed), phases)
 
 
 def swelling(m, decades):
-    """Chain of m steps: some solutions grow by a number of powers of ten in its middle third, in rotating
-    directions, and fall by as many in the last."""
+    """Return a chain of m steps. Some solutions grow by a number of powers of ten in its middle third, in
+    rotating directions, and decay by the same number in the last third."""
     rng = np.random.default_rng(m)
     turned = np.linalg.qr(rng.standard_normal((m, 4, 4)))[0]
     rates = np.zeros(m)

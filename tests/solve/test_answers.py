@@ -1,4 +1,4 @@
-"""Members of periodic systems of every kind: labels, variation, copies, and evaluation at many points."""
+"""Interface of periodic systems of every kind: labels, variation, copies, and evaluation at many points."""
 
 import copy
 import pickle
@@ -13,7 +13,7 @@ from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
 
 
 def spring(phase, speed):
-    """Matrices of an oscillator with natural frequency 2 rad/s; none above 10 rad/s."""
+    """Return matrices of an oscillator with the natural frequency 2 rad/s. Above 10 rad/s, there are none."""
     if speed > 10:
         raise MatricesError("too fast")
     one = np.ones((len(phase), 1, 1))
@@ -45,14 +45,14 @@ def test_frequencies_and_entries_of_a_user_system(own):
     assert np.isnan(computed[1]).all()
 
 
-def test_user_system_varies_in_speed_only(own):
+def test_only_the_speed_of_a_user_system_varies(own):
     family = SystemFamily(own, [SPEED])
     assert family.system(np.array([3.0])) == (own, 3.0)
     with pytest.raises(UnknownNameError, match="quantity of system 'k'"):
         SystemFamily(own, [SPEED, "k"])
 
 
-def test_a_structure_lists_links_and_their_supports():
+def test_structure_lists_links_and_their_supports():
     frame, linkage = solve.load("portal_frame"), solve.load("four_bar")
     assert (frame.labels.moves, linkage.labels.moves) == (False, True)
     assert linkage.labels.links[0] == ("crank", ("clamped", "joined"))
@@ -61,7 +61,7 @@ def test_a_structure_lists_links_and_their_supports():
 
 
 @pytest.mark.parametrize("name", ["cam", "four_bar"])
-def test_models_are_copied_and_pickled_with_their_numbers(name):
+def test_models_are_copied_and_pickled_with_their_values(name):
     model = solve.load(name)
     phase = np.linspace(0.0, 1.0, 5)
     varied = model.varied({next(iter(model.parameters)): 0.9 * next(iter(model.parameters.values()))})
@@ -74,7 +74,7 @@ def test_models_are_copied_and_pickled_with_their_numbers(name):
 
 
 @pytest.mark.parametrize("name", ["cam", "four_bar"])
-def test_all_points_at_once_and_one_by_one_are_the_same(name):
+def test_batch_of_points_equals_single_points(name):
     model, phase = solve.load(name), np.linspace(0.0, 6.0, 7)
     parameter, value = next((name, value) for name, value in model.parameters.items() if value != 0)
     family = SystemFamily(model, [SPEED, parameter])

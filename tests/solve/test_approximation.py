@@ -1,4 +1,4 @@
-"""Trigonometric interpolation with as many harmonics as rise above round-off."""
+"""Trigonometric interpolation with all harmonics above round-off."""
 
 import numpy as np
 import pytest
@@ -9,14 +9,14 @@ PERIOD = 3.0
 
 
 def smooth(phase):
-    """Harmonics that fall by a factor of 2 to 3.7, and a constant."""
+    """Return a constant plus harmonics that decrease by a factor of 2 to 3.7."""
     angle = 2 * np.pi * phase[:, None] / PERIOD
     return np.concatenate((1 / (1.25 - np.cos(angle)), 1 / (2 + np.sin(angle)), 1 + 0 * angle), axis=1)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-12])
-def test_harmonics_of_roundoff_size_are_dropped(noise):
-    """The slowest fall, 2^-k, reaches round-off at the 53rd harmonic, and 1e-12 at the 40th."""
+def test_harmonics_below_roundoff_are_omitted(noise):
+    """The slowest sequence, 2^-k, reaches round-off at the 53rd harmonic and 1e-12 at the 40th."""
     rng = np.random.default_rng(4)
 
     def function(phase):

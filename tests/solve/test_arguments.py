@@ -28,7 +28,7 @@ OF_OTHERS = {"boundaries", "chart", "signal_statistics", "sweeps"}
 
 
 @pytest.mark.parametrize("name", sorted(set(FUNCTIONS) - OF_OTHERS))
-def test_a_number_is_refused_by_every_public_function(name):
+def test_every_public_function_refuses_a_number(name):
     function = getattr(solve, name)
     first, *others = inspect.signature(function).parameters.values()
     needed = {other.name: None for other in others if other.default is other.empty}
@@ -39,7 +39,7 @@ def test_a_number_is_refused_by_every_public_function(name):
 
 
 class Wrong:
-    """Object of no allowed type."""
+    """Object of an invalid type."""
 
 
 ACCEPTED = {
@@ -55,8 +55,8 @@ ACCEPTED = {
 
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_every_argument_of_wrong_type_is_refused_by_name(name):
-    """Lists and mappings of wrong entries are refused too, and None where it is not allowed. The numbers that
-    `load` collects are checked by the model."""
+    """Lists and mappings with invalid entries are refused, and None if it is not allowed. The model checks
+    the parameter values that are passed to `load`."""
     function, wrong = getattr(solve, name), Wrong()
     hints = typing.get_type_hints(function)
     first, *others = list(hints)[: -2 if name == "load" else -1]
@@ -75,7 +75,7 @@ def test_every_argument_of_wrong_type_is_refused_by_name(name):
             assert message.endswith(f"; see help(solve.{name})"), message
 
 
-def test_a_model_name_instead_of_a_system_names_load():
+def test_error_for_a_model_name_suggests_load():
     message = r"^system is 'cam'; allowed: PeriodicSystem, such as solve\.load\('cam'\)$"
     with pytest.raises(SolveError, match=message):
         solve.periodic("cam", "600 rpm")  # type: ignore[arg-type]
@@ -90,7 +90,7 @@ def test_messages_print_no_address_of_an_object(given):
 
 
 @pytest.mark.parametrize("steps", [0, -1, 2.5, np.nan])
-def test_steps_of_a_nonlinear_orbit_are_whole_numbers(steps):
+def test_steps_of_a_nonlinear_orbit_are_integers(steps):
     with pytest.raises(SolveError, match=r"steps is .*; allowed: whole numbers of at least 1"):
         solve.nonlinear(solve.load("cam"), "100 rpm", steps=steps)
 
@@ -210,7 +210,7 @@ def test_methods_and_constructors_refuse_arguments_of_wrong_type(words):
         (solve.sensitivities_over, {"rtol": 2.0}, "rtol is 2.0"),
     ],
 )
-def test_wrong_settings_are_refused_before_the_first_speed(monkeypatch, study, settings, words):
+def test_invalid_settings_are_refused_before_the_first_speed(monkeypatch, study, settings, words):
     def solved(*_, **__):
         raise AssertionError("a speed was solved")
 
@@ -234,7 +234,7 @@ def test_arguments_of_wrong_type_are_refused(words):
         REFUSED[words]()
 
 
-def test_one_method_may_be_a_text_and_numbers_arrays():
+def test_method_may_be_text_and_numbers_may_be_arrays():
     rows = solve.compare(plane(), 2.0, "gauss", np.array([20]), np.array([0.1])).rows
     assert {row.method for row in rows} == {"gauss"}
 
@@ -249,7 +249,7 @@ def test_arrays_of_other_libraries_are_accepted(kind):
         assert solve.transient(system, 2.0, 2, state).q[0, 0] == 0.1
 
 
-def test_arrays_without_dimension_are_numbers_and_two_rows_are_a_state():
+def test_arrays_without_dimension_are_accepted_as_numbers():
     speed: Any = xr.DataArray(2.0)
     rtol: Any = np.array(1e-6)
     count: Any = np.array(1)
@@ -263,13 +263,13 @@ def test_arrays_without_dimension_are_numbers_and_two_rows_are_a_state():
 
 
 @pytest.mark.parametrize("given", [np.eye(2), pd.DataFrame({"a": [1, 2]}), xr.Dataset({"a": ("x", [1.0])})])
-def test_messages_on_tables_have_one_line(given):
+def test_messages_about_tables_have_one_line(given):
     with pytest.raises(ValueOutOfBoundsError) as caught:
         solve.periodic(plane(), given)
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_cases_are_numbers_and_files_are_paths():
+def test_numeric_cases_and_path_objects_are_accepted():
     file = Path(solve.__file__).parents[1] / "models" / "cam" / "cases.toml"
     assert solve.case_numbers("cam", 1, file) == solve.case_numbers("cam", "1", str(file))
     chart = solve.chart("cam", "k1=6e4:9e4:2", "k2=6e4:9e4:2", "100 rpm", 1, rtol=1e-3, boundaries=False)
@@ -277,7 +277,7 @@ def test_cases_are_numbers_and_files_are_paths():
 
 
 @pytest.mark.parametrize("kind", [Fraction, Decimal, np.float32])
-def test_phases_of_any_number_type_have_the_values_of_floats(kind):
+def test_phases_of_any_number_type_give_the_same_values(kind):
     orbit = solve.periodic(plane(), 2.0)
     expected = orbit.at([0.5, 1.25])
     for given in ([kind(0.5), kind(1.25)], np.array([kind(0.5), kind(1.25)], dtype=object)):

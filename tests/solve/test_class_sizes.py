@@ -1,4 +1,4 @@
-"""Classes of `solve` are small."""
+"""Limits on the number of public members of the classes of `solve`."""
 
 import ast
 from pathlib import Path
@@ -20,7 +20,7 @@ EXCEPTIONS = {
 
 
 def members(definition: ast.ClassDef) -> set[str]:
-    """Public names that a class defines."""
+    """Return the public names that a class defines."""
     names: set[str] = set()
     for statement in definition.body:
         if isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef):
@@ -32,8 +32,8 @@ def members(definition: ast.ClassDef) -> set[str]:
     return {name for name in names if not name.startswith("_")}
 
 
-def test_a_periodic_system_has_at_most_twelve_public_members():
-    """Data and methods, inherited ones too."""
+def test_periodic_system_has_at_most_twelve_public_members():
+    """Inherited data and methods are included."""
     system = solve.PeriodicSystem(lambda phase, speed: None, ["q"])
     assert len([name for name in dir(system) if not name.startswith("_")]) <= 12
 

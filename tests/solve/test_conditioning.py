@@ -1,4 +1,4 @@
-"""Digits that naive shooting loses, multipliers that rounding invents, and resonance."""
+"""Accuracy that simple shooting loses, false multipliers due to rounding, and resonance."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ METHODS = ["auto", "radau", "gauss"]
 
 
 def rotated(K, load):
-    """Undamped, M = I: stiffnesses K of two modes that the coordinates mix."""
+    """Return an undamped system with M = I and two modes with stiffnesses K in rotated coordinates."""
     R = np.array([[0.6, -0.8], [0.8, 0.6]])
     return constant(np.eye(2), np.zeros((2, 2)), R @ np.diag(K) @ R.T, load), R @ np.diag(K) @ R.T
 
@@ -24,7 +24,7 @@ def two_waves(phase):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("decades", [13, 30, 100])
-def test_growth_by_many_decades_keeps_the_periodic_solution(method, decades):
+def test_large_growth_does_not_affect_the_periodic_solution(method, decades):
     growth = decades * np.log(10.0) / (2 * np.pi)
     given, K = rotated([-(growth**2), 2.0], two_waves)
     orbit = periodic(given, 1.0, method, rtol=1e-11)
@@ -37,7 +37,8 @@ def test_growth_by_many_decades_keeps_the_periodic_solution(method, decades):
 
 
 def test_single_shooting_loses_accuracy():
-    """What the cyclic system is for: (I - Φ) x0 = c, |ρ| = 1e13, misses x0 by more than 1e-6."""
+    """Direct solution of (I - Φ) x0 = c with |ρ| = 1e13 gives x0 with an error above 1e-6. The cyclic system
+    avoids this."""
     growth = 13 * np.log(10.0) / (2 * np.pi)
     given, K = rotated([-(growth**2), 2.0], two_waves)
     D1 = np.linalg.solve(K - np.eye(2), [1.0, 0.0])
@@ -45,8 +46,8 @@ def test_single_shooting_loses_accuracy():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_multipliers_of_1e_170_have_the_digits_that_the_steps_give(method):
-    """A slow mode beside a double root at -62: exp(-124π) = 1e-169."""
+def test_multipliers_of_1e_170_are_as_accurate_as_the_steps(method):
+    """The system has a slow mode and a double root at -62: exp(-124π) = 1e-169."""
     given = constant(
         np.eye(2), np.diag([0.1, 124.0]), np.diag([1.3, 62.0**2]), lambda phase: np.ones((len(phase), 2))
     )
@@ -59,8 +60,8 @@ def test_multipliers_of_1e_170_have_the_digits_that_the_steps_give(method):
 
 
 @pytest.mark.parametrize("method", ["radau", "gauss"])
-def test_multipliers_are_resolved_however_small(method):
-    """Both far below 1: exp(2πλ) with λ = -33 and -91."""
+def test_very_small_multipliers_are_resolved(method):
+    """Both multipliers are far below 1: exp(2πλ) with λ = -33 and -91."""
     roots = np.array([-33.0, -91.0])
     given = constant(np.eye(1), [[-roots.sum()]], [[roots.prod()]], lambda phase: np.ones((len(phase), 1)))
     stability = floquet(given, 1.0, method, rtol=1e-9)
@@ -74,7 +75,7 @@ def test_multipliers_are_resolved_however_small(method):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("rtol", [1e-2, 1e-6])
 def test_error_covers_a_spectral_radius_far_below_roundoff(method, rtol):
-    """exp(2πλ), |ρ| = 1e-137, with λ = -50 ± 10i."""
+    """With λ = -50 ± 10i, |ρ| = |exp(2πλ)| = 1e-137."""
     given = constant(np.eye(1), [[100.0]], [[2600.0]], lambda phase: np.ones((len(phase), 1)))
     stability = floquet(given, 1.0, method, rtol=rtol)
     truth = np.exp(-100 * np.pi)
@@ -82,7 +83,8 @@ def test_error_covers_a_spectral_radius_far_below_roundoff(method, rtol):
 
 
 def swelling(detuned, damping):
-    """Two modes in axes turned by 0.3, stiffness negative for a part of the turn: there solutions grow."""
+    """Return two modes in axes rotated by 0.3 rad, with negative stiffness, and therefore growing solutions,
+    in part of the period."""
     first, second, depth = 71.0, 41.0 + detuned, 0.47
     R = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     C, K = (
@@ -99,8 +101,8 @@ def swelling(detuned, damping):
 
 @pytest.mark.parametrize("detuned", [0.0, -3.0, -7.0])
 @pytest.mark.parametrize("damping", [0.2, 0.28])
-def test_error_estimate_covers_growth_within_a_turn(detuned, damping):
-    """Orbits of 10^5 and more from loads of 1: the engines, and grids of other steps, meet."""
+def test_error_estimate_covers_growth_within_a_period(detuned, damping):
+    """Loads of 1 cause orbits of 10^5 and more. The engines and grids with different steps agree."""
     given, phase = swelling(detuned, damping), np.linspace(0.0, 2 * np.pi, 400)
     finest = periodic(given, 1.0, "radau", steps=1024)
     assert np.abs(finest.at(phase)).max() > 1e5
@@ -115,7 +117,8 @@ def test_error_estimate_covers_growth_within_a_turn(detuned, damping):
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
 @pytest.mark.parametrize(("damping", "stiffness"), [(-6, 10), (-12, 40), (-20, 100)])
 def test_decaying_response_is_accurate_although_all_solutions_grow(damping, stiffness, engine):
-    """All solutions grow, so that the periodic one falls to nothing behind the push, along a growing map."""
+    """All solutions grow. The periodic solution therefore decays to zero after the push, although the map
+    grows."""
     end = 0.5
     A = np.array([[0.0, 1.0, 0.0], [-stiffness, -damping, 1.0], [0.0, 0.0, 0.0]])
     pushed, free = expm(A * end), expm(A[:2, :2] * (2 * np.pi - end))
@@ -135,7 +138,7 @@ def test_decaying_response_is_accurate_although_all_solutions_grow(damping, stif
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
-def test_every_multiplier_is_there_with_its_error(n):
+def test_all_multipliers_have_errors(n):
     for damping in (0.01, 1.0, 30.0):
         given = constant(
             np.eye(n),
@@ -178,7 +181,7 @@ def test_harmonic_balance_methods_refuse_resonance(method, stiffness):
 
 
 @pytest.mark.parametrize("damping", [1e-6, 1e-5, 1e-4])
-def test_near_resonance_is_warned_of_with_the_distance(damping):
+def test_near_resonance_gives_a_warning_with_the_distance(damping):
     """q = sin(φ)/c, and |ρ - 1| = 1 - exp(-πc)."""
     orbit = periodic(oscillator(damping, 1.0), 1.0)
     assert orbit.statistics("q1").max == pytest.approx(1 / damping, rel=1e-8)
@@ -189,7 +192,7 @@ def test_near_resonance_is_warned_of_with_the_distance(damping):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("damping", [1e-7, 1e-9, 1e-11])
-def test_digits_that_resonance_costs_are_in_the_estimate(method, damping):
+def test_estimate_includes_accuracy_lost_near_resonance(method, damping):
     orbit = periodic(oscillator(damping, 1.0), 1.0, method, rtol=1e-12)
     error = abs(orbit.statistics("q1").max * damping - 1)
     assert error <= 10 * orbit.error_estimate.orbit
@@ -197,12 +200,12 @@ def test_digits_that_resonance_costs_are_in_the_estimate(method, damping):
     assert any("at the attainable accuracy gives the orbit to" in text for text in orbit.warnings)
 
 
-def test_no_warning_away_from_resonance():
+def test_system_away_from_resonance_gives_no_warning():
     assert periodic(oscillator(0.1, 2.0), 1.0).warnings == []
 
 
-def test_resonance_of_a_modulated_system_is_found():
-    """On Mathieu's a_2 curve a solution of period 2π exists (in φ = 2t): I - Φ is singular."""
+def test_resonance_of_a_modulated_system_is_detected():
+    """On Mathieu's a_2 curve, a solution of period 2π exists (φ = 2t), and I - Φ is singular."""
     from scipy.special import mathieu_a
 
     boundary = mathieu_a(2, 0.5)
@@ -220,7 +223,7 @@ def test_resonance_of_a_modulated_system_is_found():
 @pytest.mark.parametrize("method", ["rk4", "newmark", "hsu", "fourier", *METHODS])
 @pytest.mark.parametrize("steps", [None, 200])
 def test_all_methods_refuse_exact_resonance(method, steps):
-    """q″ + q = cos φ: no method's own error may pass for damping."""
+    """The equation is q″ + q = cos φ. The error of a method must not be mistaken for damping."""
     with pytest.raises(ResonanceError, match=r"a Floquet multiplier is at \+1"):
         periodic(oscillator(0.0, 1.0), 1.0, method, steps=steps, rtol=1e-6)
 
@@ -232,7 +235,7 @@ def test_system_near_resonance_is_solved(method):
 
 
 @pytest.mark.parametrize("steps", [None, 1000, 4000, 16_000, 64_000])
-def test_rounding_of_many_steps_is_in_the_estimate(steps):
+def test_estimate_includes_roundoff_of_many_steps(steps):
     orbit = periodic(oscillator(1e-9, 1.0), 1.0, "rk4", steps=steps)
     phase = np.linspace(0.0, 2 * np.pi, 777)
     error = np.abs(orbit.at(phase)[0] - 1e9 * np.sin(phase)).max() / 1e9
@@ -240,8 +243,8 @@ def test_rounding_of_many_steps_is_in_the_estimate(steps):
 
 
 @pytest.mark.parametrize("rpm", [1, 3, 5])
-def test_multipliers_without_a_digit_are_unresolved_and_cost_no_refinement(rpm):
-    """At 5 rpm the cam's |ρ| is about 1e-137, which products of the step maps do not resolve."""
+def test_unresolved_multipliers_cause_no_refinement(rpm):
+    """At 5 rpm, |ρ| of the cam is about 1e-137, which products of the step maps do not resolve."""
     orbit = periodic(cam(), f"{rpm} rpm")
     assert (len(orbit.multipliers), orbit.unresolved, orbit.spectral_radius) == (6, 6, 0.0)
     assert orbit.verdict == "asymptotically stable"
@@ -251,7 +254,8 @@ def test_multipliers_without_a_digit_are_unresolved_and_cost_no_refinement(rpm):
 
 
 def circle(weak):
-    """Three coordinates in a circle, two of them driven by weak links: of sizes 1, weak and weak²."""
+    """Return three coordinates in a closed chain. Two of them are driven by weak couplings, so that their
+    sizes are 1, weak and weak²."""
     K = np.diag([0.3, 2.0, 5.0])
     K[1, 0], K[2, 1], K[0, 2] = weak, weak, 1.0
     return np.eye(3), np.diag([0.1, 0.2, 0.3]), K, np.diag([1.0, weak, weak**2])
@@ -259,7 +263,7 @@ def circle(weak):
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 @pytest.mark.parametrize("weak", [1e-3, 1e-5, 1e-7])
-def test_coordinates_that_little_acts_on_keep_their_digits(weak, engine):
+def test_weakly_driven_coordinates_are_accurate(weak, engine):
     M, C, K, units = circle(weak)
     given = constant(M, C, K, lambda phase: np.outer(np.cos(phase), [1.0, 0.0, 0.0]))
     orbit, phase = periodic(given, 1.0, rtol=1e-9, engine=engine), np.linspace(0.0, 2 * np.pi, 50)
@@ -274,7 +278,7 @@ def test_coordinates_that_little_acts_on_keep_their_digits(weak, engine):
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 @pytest.mark.parametrize("detuned", [1e-5, 1e-7, 1e-9, 1e-11])
 @pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6])
-def test_rounding_counts_by_the_size_that_a_tuned_absorber_leaves(detuned, rtol, engine):
+def test_roundoff_is_relative_to_the_size_with_a_tuned_absorber(detuned, rtol, engine):
     k, damping = 1.0 + detuned, np.diag([0.1, 1e-12])
     K = np.array([[3.0 + k, -k], [-k, k]])
     given = constant(np.eye(2), damping, K, lambda phase: np.outer(np.cos(phase), [1.0, 0.0]))
@@ -294,7 +298,7 @@ UNITS = {"as an energy has them": (FAR, FAR), "of equations": (FAR, 1.0), "of bo
 
 @pytest.fixture(params=UNITS)
 def in_units(request):
-    """A system, the same in other units, and what its coordinates are multiplied by."""
+    """Return a system, the same system in other units, and the factors of its coordinates."""
     (rows, columns), given = UNITS[request.param], random_system(0, 3)
 
     def matrices(phase, speed):
@@ -306,7 +310,7 @@ def in_units(request):
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 @pytest.mark.parametrize("method", ["radau", "gauss"])
-def test_units_of_equations_and_coordinates_cost_no_digit(in_units, method, engine):
+def test_units_of_equations_and_coordinates_do_not_affect_accuracy(in_units, method, engine):
     given, other, columns = in_units
     computed, again = (periodic(each, 1.0, method, rtol=1e-11, engine=engine) for each in (given, other))
     phase = np.linspace(0.0, 2 * np.pi, 50)
@@ -319,7 +323,7 @@ def test_units_of_equations_and_coordinates_cost_no_digit(in_units, method, engi
 
 
 @pytest.mark.parametrize("method", ["fourier", "hill"])
-def test_units_cost_no_digit_of_balanced_harmonics(in_units, method):
+def test_units_do_not_affect_accuracy_of_harmonic_balance(in_units, method):
     given, other, columns = in_units
     computed, again = (periodic(each, 1.0, method, steps=21) for each in (given, other))
     phase = np.linspace(0.0, 2 * np.pi, 50)
@@ -328,7 +332,7 @@ def test_units_cost_no_digit_of_balanced_harmonics(in_units, method):
 
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
-def test_units_cost_no_digit_of_small_multipliers(in_units, engine):
+def test_units_do_not_affect_accuracy_of_small_multipliers(in_units, engine):
     computed, again = (
         floquet(unit, 1.0, rtol=1e-10, engine=engine, all_multipliers=True) for unit in in_units[:2]
     )
@@ -336,7 +340,7 @@ def test_units_cost_no_digit_of_small_multipliers(in_units, engine):
 
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
-def test_units_cost_no_digit_of_many_points(in_units, engine):
+def test_units_do_not_affect_accuracy_of_batches(in_units, engine):
     given, other, columns = in_units
     speeds = np.linspace(0.8, 1.2, 9)
     computed, again = (sweep(each, speeds, "radau", rtol=1e-11, engine=engine) for each in (given, other))

@@ -7,7 +7,7 @@ import numpy as np
 from solve.approximation import slope, slopes
 
 
-def test_the_less_accurate_slope_bounds_the_error():
+def test_less_accurate_slope_bounds_the_error():
     """Derivatives of exp(20 x), whose truncation error dominates, and of a function with a round-off of
     1e-10."""
     for values, exact in (

@@ -76,7 +76,7 @@ def test_estimates_cover_errors_of_200_rotated_systems():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_first_order_method_yields_the_multipliers(method):
+def test_every_first_order_method_gives_the_multipliers(method):
     A, exact = rotated(np.random.default_rng(5), 3)
     steps = 61 if method in ("fourier", "hill") else None
     found = solve.floquet(first_order(A, 3), 1.0, method=method, steps=steps, rtol=1e-6)

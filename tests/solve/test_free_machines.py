@@ -232,7 +232,7 @@ def crank(c=0.0, drag=0.0, mean=0.0):
     ("method", "rtol"), [("auto", 1e-8), ("radau", 1e-8), ("rk4", 1e-5), ("newmark", 1e-5)]
 )
 @pytest.mark.parametrize(("c", "verdict"), [(0.0, "stable"), (0.05, "asymptotically stable")])
-def test_a_free_crank_train_conserves_its_momentum(c, verdict, method, rtol):
+def test_free_crank_train_conserves_its_momentum(c, verdict, method, rtol):
     """C e ≠ 0 is not drag here. The multiplier +1 is double, and the momentum of the vibration without drift
     is not zero."""
     system = crank(c)
@@ -245,7 +245,7 @@ def test_a_free_crank_train_conserves_its_momentum(c, verdict, method, rtol):
     assert (orbit.multipliers == 1).sum() == 2
 
 
-def test_crank_train_with_drive_or_drag():
+def test_crank_train_with_drive_or_drag_matches_dop853():
     with pytest.raises(UnbalancedLoadError, match=r"is 0\.1 N m"):
         solve.periodic(crank(0.05, mean=0.1), 1.1)
     (mode,) = solve.periodic(crank(0.05, 0.2, 0.1), 1.1).rigid_body_modes

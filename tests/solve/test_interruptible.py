@@ -15,7 +15,7 @@ from solve.threads import interruptible
 from tests.solve import systems
 
 
-def test_interruptible_call_passes_on_results_and_errors():
+def test_interruptible_call_returns_results_and_raises_errors():
     assert interruptible(lambda: 3) == 3
 
     def refused():
@@ -31,7 +31,7 @@ def test_settings_of_the_caller_apply_within_the_call():
 
 
 def test_interruption_does_not_wait_for_the_result(monkeypatch):
-    """The eigenvalues in the balance of 600 unknowns take very long."""
+    """The eigenvalues for harmonic balance with 600 unknowns take a long time."""
     ended = threading.Event()
     monkeypatch.setattr("solve.methods.fourier.np.linalg.eig", lambda _: ended.wait())
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)

@@ -1,4 +1,4 @@
-"""Properties of every periodic system, whatever its matrices."""
+"""Properties of all periodic systems, whatever their matrices."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_orbit_and_multipliers_equal_dop853_shooting(seed, n, speed, method):
 
 @given(seeds, sizes, st.floats(0.5, 2.0), METHODS)
 @few
-def test_liouvilles_formula(seed, n, speed, method):
+def test_multipliers_satisfy_liouvilles_formula(seed, n, speed, method):
     """log |det Φ| = -∫ tr(M⁻¹C) dt over one period."""
     system = random_system(seed, n)
 
@@ -120,7 +120,7 @@ def test_units_of_force_and_coordinates_only_scale_the_orbit(seed, n, force, len
 @given(seeds, sizes, st.floats(0.2, 5.0), METHODS)
 @few
 def test_rescaled_time_does_not_change_the_orbit_versus_phase(seed, n, factor, method):
-    """The speed, 1/C, 1/√K and √M are scaled alike; rates are multiplied by the factor."""
+    """The speed, 1/C, 1/√K and √M are multiplied by the same factor, and so are the rates."""
     matrices = random_matrices(seed, n)
 
     def faster(phase, speed):

@@ -72,7 +72,7 @@ VALUES = {"k": 5.0, "z": 3, "c": 0.4}
 
 
 def hashed(head, body):
-    """Generated text with the hash of the whole before its body."""
+    """Return generated text with its hash before the body."""
     return f'{head}FILE_SHA256 = "{hashlib.sha256((head + body).encode()).hexdigest()}"\n{body}'
 
 
@@ -195,7 +195,7 @@ def test_parameters_out_of_bounds_are_refused(ready, values, message):
 
 
 @pytest.mark.parametrize("given", ["0.05 kN/m", "0.05kN/m", "50", "5e-2N/mm"])
-def test_parameters_may_be_texts_with_unit(ready, given):
+def test_parameters_may_be_text_with_a_unit(ready, given):
     assert ready.load(k=given).parameters["k"] == pytest.approx(50.0, rel=1e-15)
     assert ready.load().varied({"k": given}).parameters["k"] == pytest.approx(50.0, rel=1e-15)
 
@@ -216,7 +216,7 @@ def test_unknown_parameters_and_cases_suggest_the_nearest_name(ready):
 
 
 @pytest.mark.parametrize(("option", "chosen"), [({"modes": 2}, 2), ({"modes": "2"}, 2), ({}, 1)])
-def test_options_with_a_range_take_integers(ready, option, chosen):
+def test_options_with_a_range_accept_integers(ready, option, chosen):
     model = ready.load(options=option)
     assert model.labels.options["modes"] == chosen
     assert model.n == chosen
@@ -251,7 +251,7 @@ def test_unknown_options_and_values_are_refused(ready):
 
 
 @pytest.mark.parametrize("name", ["cam", "gear_pair"])
-def test_generated_code_in_place_of_a_mechanism_is_refused(name, tmp_path):
+def test_generated_code_instead_of_a_mechanism_is_refused(name, tmp_path):
     generated = tmp_path / "generated" / f"{name}.py"
     generated.parent.mkdir()
     shutil.copy(ROOT / "generated" / f"{name}.py", generated)
@@ -374,7 +374,7 @@ def test_impossible_matrices_are_refused(ready, matrix, message):
         (">= 0.9, < 9", ["x: force reaches 0.8", "bound >= 0.9"]),
     ],
 )
-def test_two_sided_limit_warns_of_the_violated_side(ready, bound, computed):
+def test_two_sided_limit_warns_about_the_violated_side(ready, bound, computed):
     ready.generate(body=lambda body: body.replace('"<= 1.2", "the spring yields"', f'"{bound}", "x"'))
     warned = [text for text in solve.periodic(ready.load(), 0.1).warnings if text.startswith("x")]
     assert len(warned) == 1

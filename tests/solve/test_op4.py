@@ -30,7 +30,7 @@ def read(folder, content):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("form", ["text", "little", "big", "64 bits"])
-def test_matrices_are_read_back_as_they_were_written(tmp_path, layout, form):
+def test_matrices_are_read_back_unchanged(tmp_path, layout, form):
     order, size = (">", 4) if form == "big" else ("<", 8 if form == "64 bits" else 4)
     content = text(MATRICES, layout) if form == "text" else binary(MATRICES, layout, order, size)
     found = read(tmp_path, content)
@@ -40,7 +40,8 @@ def test_matrices_are_read_back_as_they_were_written(tmp_path, layout, form):
 
 
 def test_lines_printed_in_the_manual_are_read(tmp_path):
-    """Two rows of ones after a zero, in fields of eight characters. The exponent may have the letter D."""
+    """The example has two rows of ones after a zero, in fields of eight characters. Its exponents may have
+    the letter D."""
     lines = [
         f"{1:8}{4:8}{2:8}{2:8}{'LOAD':8}1P,5E16.9",
         f"{1:8}{2:8}{3:8}",

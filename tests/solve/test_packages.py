@@ -1,4 +1,4 @@
-"""Packages of `solve` and its public functions: no name is both, so that no import hides a function."""
+"""No public function of `solve` has the name of a package, so that no import hides a function."""
 
 import inspect
 import pkgutil
@@ -147,7 +147,7 @@ def test_modules_and_public_names_do_not_collide():
     assert len(MODULES) > 80
 
 
-def test_a_public_name_is_looked_up_once():
+def test_public_name_is_looked_up_only_once():
     assert vars(solve)["load"] is solve.load
 
 
@@ -155,7 +155,7 @@ def test_a_public_name_is_looked_up_once():
     "called", [[2], pytest.param([0, 1, 2], marks=pytest.mark.slow)], ids=["one", "every"]
 )
 def test_public_functions_work_after_any_import_order(called):
-    """One process, which imports what others wrote once."""
+    """A single process imports the modules in several orders. Other packages are imported only once."""
     lines = ["import importlib, inspect, sys"]
     for seed in called:
         order = random.Random(seed).sample(MODULES, len(MODULES))

@@ -51,7 +51,8 @@ def crank():
 
 
 def slider(phase):
-    """Position of the slider and its first two derivatives with respect to the phase, by hand."""
+    """Return the position of the slider and its first two derivatives with respect to the phase, derived by
+    hand."""
     r, L = NUMBERS["r"], NUMBERS["L"]
     root = np.sqrt(L**2 - (r * np.sin(phase)) ** 2)
     u = r**2 * np.sin(phase) * np.cos(phase)
@@ -60,7 +61,7 @@ def slider(phase):
     return r * np.cos(phase) + root, first, second
 
 
-def test_the_torque_of_a_slider_crank(crank):
+def test_torque_of_a_slider_crank_matches_the_closed_form(crank):
     """(d/dt of the kinetic energy + F x′ Ω)/Ω = m Ω² x′ x″ + F x′."""
     orbit = solve.periodic(crank, OMEGA)
     x, first, second = slider(orbit.phase)
@@ -76,9 +77,9 @@ def test_the_torque_of_a_slider_crank(crank):
     assert orbit.harmonics("x", 2)[0][0] == pytest.approx(np.mean(slider(fine[:-1])[0]), rel=1e-10)
 
 
-def test_the_torque_of_a_four_bar():
-    """(J φ̈₄ + c₄ φ̇₄) φ₄′ from the law of cosines in the triangle of pin, joint and pivot, and finite
-    differences."""
+def test_torque_of_a_four_bar_matches_finite_differences():
+    """The torque is (J φ̈₄ + c₄ φ̇₄) φ₄′. The angle follows from the law of cosines in the triangle of pin,
+    joint and pivot, and its derivatives from finite differences."""
     a, b, c, d = (FOUR_BAR[name] for name in "abcd")
 
     def follower(phase):
@@ -108,7 +109,7 @@ def test_rigid_mechanism_has_no_vibration(crank):
 
 
 def test_record_of_a_rigid_mechanism_has_the_usual_types(crank):
-    """Numbers where others have numbers, lists where they have lists."""
+    """Numbers and lists are in the same places as in other records."""
     record, other = solve.periodic(crank, 30.0).record(), solve.periodic(solve.load("cam"), 30.0).record()
     for name in ("unresolved", "multipliers", "rigid_body_modes", "outputs", "coordinates", "warnings"):
         assert type(record[name]) is type(other[name]), name
@@ -133,7 +134,7 @@ def test_sweep_of_a_rigid_mechanism_matches_single_points(crank):
         crank.varied({"r": 0.25})
 
 
-def test_results_are_saved(crank, tmp_path):
+def test_results_of_a_rigid_mechanism_are_saved(crank, tmp_path):
     orbit = solve.periodic(crank, OMEGA)
     for ending in (".npz", ".csv", ".mat", ".nc"):
         orbit.save(tmp_path / f"orbit{ending}")
@@ -180,12 +181,12 @@ def test_vibration_requests_are_refused(crank, work):
         work(crank)
 
 
-def test_a_store_is_refused(crank, tmp_path):
+def test_store_is_refused(crank, tmp_path):
     with pytest.raises(ValueOutOfBoundsError, match="omit the store"):
         solve.sweep(crank, [OMEGA], store=tmp_path / "store")
 
 
-def test_the_generated_module():
+def test_generated_module_has_no_coordinates():
     module = module_of(slider_crank())
     assert module.COORDINATES == ()
     assert "no equations of motion" in module.NO_EQUATIONS
@@ -207,7 +208,7 @@ def test_mechanism_with_outputs_only_is_solved():
 
 
 def test_no_figure_is_negative_zero():
-    """A torque that is zero over the whole revolution has figures 0, not -0."""
+    """Statistics of a torque that is zero over the whole revolution are 0, not -0."""
     made = Mechanism("still", "Fixed slider")
     x = made.parameter("x", "m", "place", "> 0")
     made.output("place", -(x - x * (cos(made.phase) ** 2 + sin(made.phase) ** 2)), "m", "change of the place")

@@ -1,4 +1,4 @@
-"""Systems from samples at azimuths: known multipliers, and the error of the interpolation."""
+"""Systems from samples at azimuths: known multipliers, and the interpolation error."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def uniform(count):
 
 
 def irregular(rng, count):
-    """Azimuths in any order, off a uniform grid by up to 0.3 of its spacing."""
+    """Return azimuths in random order that differ from a uniform grid by up to 0.3 of its spacing."""
     azimuths = (np.arange(count) + 0.6 * rng.uniform(-0.5, 0.5, count)) * (2 * np.pi / count)
     return rng.permutation(azimuths)
 
@@ -32,7 +32,7 @@ def three_blades(stiffness=1.3, inplane=0.06, hub=0.9, coupling=0.15, speed=1.0)
     azimuths = 2 * np.pi / 3 * np.arange(3)
 
     def rows(phase):
-        """cos and sin of the azimuths of the blades, (m, 2, 3)."""
+        """Return cos and sin of the azimuths of the blades, (m, 2, 3)."""
         angles = phase[:, None] + azimuths
         return np.stack((np.cos(angles), np.sin(angles)), axis=1)
 
@@ -65,7 +65,7 @@ def three_blades(stiffness=1.3, inplane=0.06, hub=0.9, coupling=0.15, speed=1.0)
 
 
 def states_of(M, C, K):
-    """A (m, 2n, 2n) of M q̈ + C q̇ + K q = 0."""
+    """Return A (m, 2n, 2n) of M q̈ + C q̇ + K q = 0."""
     n = M.shape[-1]
     A = np.zeros((len(M), 2 * n, 2 * n))
     A[:, :n, n:], A[:, n:, :n], A[:, n:, n:] = np.eye(n), -np.linalg.solve(M, K), -np.linalg.solve(M, C)
@@ -78,7 +78,7 @@ def sampled(A, N, azimuths, phases=None):
 
 
 @pytest.mark.parametrize("count", [12, 24, 36])
-def test_three_blades_have_the_multipliers_of_multiblade_coordinates(count):
+def test_three_blades_have_the_multiblade_multipliers(count):
     A, exact = three_blades()
     found = solve.floquet(sampled(A, 10, uniform(count)), 1.0)
     assert error(found, exact) < 1e-10
@@ -89,7 +89,7 @@ def test_three_blades_have_the_multipliers_of_multiblade_coordinates(count):
 
 @pytest.mark.parametrize("count", [7, 8, 9, 12, 18, 24])
 @pytest.mark.parametrize("kind", ["uniform", "irregular"])
-def test_errors_of_interpolation_are_honest(count, kind):
+def test_interpolation_errors_are_within_their_estimates(count, kind):
     for seed in range(3):
         rng = np.random.default_rng(seed + 10 * count)
         A, exact = swaying(rng, 2 + seed, 0.8)
@@ -100,7 +100,7 @@ def test_errors_of_interpolation_are_honest(count, kind):
         assert orbit_difference(orbit, better, 2 + seed) <= 10 * orbit.error_estimate.orbit
 
 
-def test_sufficient_azimuths_are_stated_and_suffice():
+def test_stated_number_of_azimuths_is_sufficient():
     A, exact = swaying(np.random.default_rng(1), 3, 0.8)
     few = solve.periodic(sampled(A, 3, uniform(8)), 1.0, rtol=1e-6)
     enough = few.interpolation_error.sufficient
@@ -114,7 +114,7 @@ def test_sufficient_azimuths_are_stated_and_suffice():
 
 @pytest.mark.parametrize("count", [10, 24, 48])
 def test_aliasing_to_the_mean_is_estimated(count):
-    """Of one state, whose multiplier is that of the mean alone."""
+    """The system has one state, whose multiplier depends only on the mean."""
     decay = 1 / (1.3 - np.cos(uniform(count) - 0.4))
     A = -decay[:, None, None]
     found = solve.floquet(FirstOrderSystem.from_samples(A, A[:, 0], ["x"]), 1.0)
@@ -125,7 +125,8 @@ def test_aliasing_to_the_mean_is_estimated(count):
 @pytest.mark.parametrize("count", [20, 28, 44, 60])
 @pytest.mark.parametrize("start", [0.3, 1.1, 2.6])
 def test_kinks_below_a_smooth_load_are_estimated(count, start):
-    """The harmonics of the load decay more slowly at first and faster in the end than those of the kinks."""
+    """The harmonics of the load decay more slowly at first than those of the kinks, and faster at high
+    orders."""
     phases = uniform(count)
     A = -(np.abs(np.sin(phases - start))[:, None, None] ** 3)
     load = 1 / (1.1 - np.cos(phases - 2.0))[:, None]
@@ -149,7 +150,7 @@ def test_harmonics_that_alias_to_a_resonance_are_estimated(count, order):
     assert orbit_difference(orbit, exact, 1) <= 10 * orbit.error_estimate.orbit
 
 
-def test_jumps_of_samples_are_warned_of():
+def test_jumps_of_samples_give_a_warning():
     phases = uniform(24)
     A = np.where(np.mod(phases, 2 * np.pi) < 2.0, -1.0, -0.5)[:, None, None]
     found = solve.floquet(FirstOrderSystem.from_samples(A, A[:, 0], ["x"]), 1.0)
@@ -159,7 +160,7 @@ def test_jumps_of_samples_are_warned_of():
 
 
 def test_interpolation_error_widens_the_margin_of_the_verdict():
-    """Five azimuths alias harmonic 5 to the mean, which decides."""
+    """With five azimuths, harmonic 5 is aliased to the mean, which determines the verdict."""
     phases = uniform(5)
     A = (-0.02 + np.cos(phases) + np.cos(3 * phases) + 0.1 * np.cos(5 * phases))[:, None, None]
     found = solve.floquet(FirstOrderSystem.from_samples(A, 0 * A[:, 0], ["x"]), 1.0)
@@ -184,7 +185,7 @@ def test_samples_of_second_order_at_irregular_azimuths_are_interpolated():
     assert solve.periodic(mixed, 1.0).q == pytest.approx(orbit.q, rel=1e-12)
 
 
-def test_inputs_and_outputs_are_sampled_too():
+def test_inputs_and_outputs_are_sampled():
     A, _ = swaying(np.random.default_rng(1), 2, 0.3)
     azimuths = uniform(16)
     B, C = np.ones((16, 2, 1)), np.stack((np.cos(azimuths), 0 * azimuths), axis=1)[:, None]
@@ -195,7 +196,7 @@ def test_inputs_and_outputs_are_sampled_too():
     assert solve.state_space(system, 1.0, samples=4).B.shape == (4, 2, 1)
 
 
-def test_uniform_azimuths_in_any_order_are_recognised():
+def test_uniform_azimuths_may_have_any_order():
     A, _ = swaying(np.random.default_rng(1), 2, 0.3)
     order = np.random.default_rng(0).permutation(12)
     given = sampled(A, 2, uniform(12)[order], uniform(12)[order])
@@ -204,7 +205,7 @@ def test_uniform_azimuths_in_any_order_are_recognised():
     assert given.capabilities.samples.given is None
 
 
-def test_results_of_samples_are_stored(tmp_path):
+def test_results_of_sampled_systems_are_saved(tmp_path):
     A, _ = swaying(np.random.default_rng(1), 2, 0.8)
     orbit = solve.periodic(sampled(A, 2, uniform(8)), 1.0)
     orbit.save(tmp_path / "orbit.npz")
@@ -245,7 +246,7 @@ def test_clustered_azimuths_are_refused():
 
 
 def curves(kind, rng):
-    """One of some functions of the phase with mean values that a fine grid gives."""
+    """Return a random function of the phase and its mean values from a fine grid."""
     width, shift = rng.uniform(1.02, 2.5), rng.uniform(0, 6)
     return {
         "poles": lambda p: 1 / (width - np.cos(p - shift)),
@@ -260,7 +261,7 @@ def curves(kind, rng):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["poles", "jumps", "harmonics", "pulses", "kinks"])
-def test_errors_of_many_interpolated_functions_are_honest(kind):
+def test_errors_of_many_functions_are_within_their_estimates(kind):
     rng, ratios = np.random.default_rng(99), []
     fine = (np.arange(200_000) + 0.5) * (2 * np.pi / 200_000)
     for trial in range(60):

@@ -1,4 +1,4 @@
-"""Periodic systems: samples, checks, and every kind of invalid matrices."""
+"""Periodic systems: samples, checks, and all kinds of invalid matrices."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def oscillator(phase, speed):
 
 
 def altered(**parts):
-    """The oscillator with some of M, C, K, d replaced by functions of the phase."""
+    """Return the oscillator with some of M, C, K and d replaced by functions of the phase."""
 
     def matrices(phase, speed):
         given = dict(zip("MCKd", oscillator(phase, speed), strict=True))
@@ -37,8 +37,9 @@ def square(values):
 
 @given(seeds, st.integers(1, 3), st.integers(7, 24), st.floats(0.5, 9.0))
 @settings(max_examples=30, deadline=None)
-def test_samples_of_enough_phases_are_the_system_itself(seed, n, count, period):
-    """Series up to order 3 from 7 or more uniform samples, odd or even in number, any period."""
+def test_sufficient_samples_reproduce_the_system(seed, n, count, period):
+    """The matrices are series up to harmonic 3, sampled at 7 or more uniform phases, odd or even in number,
+    in any period."""
     matrices = random_matrices(seed, n)
     scale = 2 * np.pi / period
     nodes = np.arange(count) * (period / count)
@@ -49,7 +50,7 @@ def test_samples_of_enough_phases_are_the_system_itself(seed, n, count, period):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 8])
-def test_samples_are_met_where_they_were_taken(count):
+def test_interpolation_passes_through_the_samples(count):
     rng = np.random.default_rng(count)
     samples = [rng.standard_normal((count, 2, 2)) for _ in range(3)] + [rng.standard_normal((count, 2))]
     computed = PeriodicSystem.from_samples(*samples, ["a", "b"]).at(
@@ -59,7 +60,7 @@ def test_samples_are_met_where_they_were_taken(count):
         np.testing.assert_allclose(ours, given_samples, rtol=0, atol=1e-14)
 
 
-def test_at_an_even_count_the_highest_order_is_a_cosine():
+def test_highest_harmonic_of_even_sample_counts_is_a_cosine():
     ones = np.ones((4, 1, 1))
     K = square([1.0, -1.0, 1.0, -1.0]) + 3
     computed = PeriodicSystem.from_samples(ones, ones, K, np.ones((4, 1)), ["q"]).at(PHASES, 1.0)[2]
@@ -96,7 +97,7 @@ def test_samples_of_different_counts_are_refused(shapes):
 
 
 @pytest.mark.parametrize("K", [np.ones((4, 1, 1)) * 1j, "stiff", [[1.0], [2.0, 3.0]]])
-def test_samples_that_are_no_real_numbers_are_refused(K):
+def test_samples_that_are_not_real_numbers_are_refused(K):
     with pytest.raises(MatricesError, match="the samples are not four real arrays M, C, K, d"):
         PeriodicSystem.from_samples(np.ones((4, 1, 1)), np.ones((4, 1, 1)), K, np.ones((4, 1)), ["q"])
 
@@ -108,7 +109,7 @@ def test_invalid_sample_period_is_refused(period):
         PeriodicSystem.from_samples(*parts, ["q"], period=period)
 
 
-def test_lists_and_whole_numbers_are_matrices_too():
+def test_lists_and_integers_are_accepted_as_matrices():
     def listed(phase, speed):
         return tuple(part.tolist() for part in oscillator(phase, speed))
 
@@ -150,7 +151,7 @@ def test_invalid_return_values_are_refused(given):
         periodic(system(lambda phase, speed: given, 1), 1.0)
 
 
-def test_a_function_of_one_phase_gets_a_note_on_many_phases():
+def test_error_for_scalar_functions_mentions_arrays_of_phases():
     def matrices(phase, speed):
         return np.eye(2), np.eye(2), (4 + np.cos(phase)) * np.eye(2), np.array([np.cos(phase), 1.0])
 
@@ -161,7 +162,7 @@ def test_a_function_of_one_phase_gets_a_note_on_many_phases():
 
 @pytest.mark.parametrize("part", ["K", "d"])
 def test_solver_detects_nan_between_the_checked_phases(part):
-    """Between 2.8 and 3.2 only, where no check looks."""
+    """The matrices are NaN only between 2.8 and 3.2, where no phase is checked beforehand."""
 
     def gap(phase):
         values = np.where(np.abs(phase - 3.0) < 0.2, np.nan, 1.0)
@@ -174,7 +175,7 @@ def test_solver_detects_nan_between_the_checked_phases(part):
             periodic(altered(**{part: gap}), 1.0, method)
 
 
-def test_two_coordinates_that_share_one_mass_are_singular():
+def test_two_coordinates_with_one_mass_are_singular():
     def shared(phase, speed):
         zero = np.zeros((len(phase), 2, 2))
         return zero + np.ones((2, 2)), zero, zero + np.eye(2), zero[:, 0]
@@ -207,7 +208,7 @@ def test_small_and_large_masses_are_not_singular(scale):
         ({"breaks": None}, "breaks is None"),
     ],
 )
-def test_settings_out_of_bounds(settings, message):
+def test_settings_out_of_bounds_are_refused(settings, message):
     with pytest.raises(ValueOutOfBoundsError, match=message):
         PeriodicSystem(oscillator, ["q"], **settings)
 
@@ -218,7 +219,7 @@ def test_breaks_and_coordinates_may_be_iterators():
 
 
 @pytest.mark.parametrize("coordinates", [[], ["a", "a"], 3, None])
-def test_coordinates_have_names_of_their_own(coordinates):
+def test_duplicate_coordinate_names_are_refused(coordinates):
     words = r"give each of the n coordinates a different name|allowed: sequence of str"
     with pytest.raises(ValueOutOfBoundsError, match=words):
         PeriodicSystem(oscillator, coordinates)
@@ -250,7 +251,7 @@ def test_state_rate_and_frozen_eigenvalues_satisfy_eq_5(seed, n, speed):
 
 
 def bladed(phase, speed):
-    """Three blades: their contributions to C and d cancel up to round-off."""
+    """Return a system with three blades, whose contributions to C and d cancel up to round-off."""
     one = np.ones((len(phase), 1, 1))
     cancels = sum(np.cos(phase + k * 2 * np.pi / 3) for k in range(3))
     return one, cancels[:, None, None], 4.5 * one, cancels[:, None]
@@ -262,8 +263,8 @@ def test_cancelling_terms_are_periodic_up_to_roundoff():
 
 
 @pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])
-def test_a_narrow_pulse_between_declared_breaks_is_periodic(width):
-    """Half a wave of cosine about phase 0, in a period of 2π, between breaks where it ends."""
+def test_narrow_pulse_between_declared_breaks_is_periodic(width):
+    """The pulse is half a cosine wave about phase 0, and its ends are declared breaks."""
 
     def pulsed(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -283,7 +284,7 @@ def test_small_nonperiodic_terms_are_refused():
         check(PeriodicSystem(aperiodic, ["q"]), 1.0)
 
 
-def test_a_function_may_change_the_phases_that_it_is_given():
+def test_function_may_modify_its_phase_argument():
     def matrices(phase, speed):
         phase %= 2 * np.pi
         one = np.ones((len(phase), 1, 1))

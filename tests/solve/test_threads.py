@@ -1,5 +1,5 @@
-"""BLAS works in one thread where matrices are small, and in as many as before everywhere else; threads
-may share a model."""
+"""BLAS uses one thread for small matrices and the previous number of threads otherwise; threads may share a
+model."""
 
 import subprocess
 import sys
@@ -62,15 +62,15 @@ def test_solves_use_one_thread_and_restore_the_others(study):
     assert threads() == {2}
 
 
-def test_a_failure_restores_the_threads():
+def test_error_restores_the_threads():
     resonant = systems.constant([[1.0]], [[0.0]], [[1.0]], lambda phase: np.cos(phase)[:, None])
     with pytest.raises(solve.SolveError):
         solve.periodic(resonant, 1.0)
     assert threads() == {2}
 
 
-def test_threads_share_a_model():
-    """Generated functions write into memory of their own."""
+def test_threads_may_share_a_model():
+    """Generated functions write to separate memory in each thread."""
     model, speeds = solve.load("cam"), np.linspace(20.0, 90.0, 24).tolist()
     alone = [solve.periodic(solve.load("cam"), speed, rtol=1e-4).q for speed in speeds]
     with ThreadPoolExecutor(4) as pool:
@@ -96,7 +96,7 @@ print("built")
 
 
 @pytest.mark.slow
-def test_functions_are_built_in_several_threads():
-    """Without the lock, one run in two of 10 s ended with a segmentation fault or an abort."""
+def test_functions_may_be_built_in_several_threads():
+    """Without the lock, half of the runs of 10 s ended with a segmentation fault or an abort."""
     ended = subprocess.run([sys.executable, "-c", BUILDING], capture_output=True, text=True)
     assert ended.stdout == "built\n", ended.stderr[-2000:]

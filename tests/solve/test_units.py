@@ -46,12 +46,12 @@ def test_unit_conversions_are_reversible(number, first, second):
         ("N s/m", "kg/s", 1.0),
     ],
 )
-def test_units_of_case_values(given, unit, size):
+def test_units_of_case_values_are_converted(given, unit, size):
     assert conversion(given, unit) == pytest.approx(size, rel=1e-14)
 
 
 @given(st.floats(1e-3, 1e6))
-def test_a_float_is_a_speed_in_radians_a_second(speed):
+def test_float_is_a_speed_in_radians_per_second(speed):
     assert speed_in_si(speed) == speed
 
 
@@ -86,13 +86,13 @@ def test_incompatible_units_are_refused(given, unit):
 @pytest.mark.parametrize(
     "speed", [0.0, -1.0, math.nan, math.inf, "0 rpm", "-5 rpm", "nan rpm", "inf Hz", None]
 )
-def test_speeds_are_finite_and_positive(speed):
+def test_speeds_that_are_not_finite_and_positive_are_refused(speed):
     with pytest.raises(ValueOutOfBoundsError, match=rf"speed is {speed}; allowed: finite and > 0"):
         speed_in_si(speed)
 
 
 @given(st.floats(1.0, 1e3), st.floats(1.0, 1e3), st.integers(2, 50))
-def test_ranges_of_speeds_hold_both_ends_and_equal_steps(first, last, count):
+def test_ranges_of_speeds_include_both_ends_with_equal_steps(first, last, count):
     speeds = speeds_in_si(f"{first!r}:{last!r}:{count} rpm")
     assert len(speeds) == count
     assert speeds[0] == pytest.approx(first * TURN / 60)
@@ -101,7 +101,7 @@ def test_ranges_of_speeds_hold_both_ends_and_equal_steps(first, last, count):
     assert sum(speeds) / count == pytest.approx(middle)
 
 
-def test_lists_of_speeds():
+def test_lists_of_speeds_are_read():
     assert speeds_in_si("600 900 1200 rpm") == pytest.approx([20 * math.pi, 30 * math.pi, 40 * math.pi])
     assert speeds_in_si("10 Hz") == pytest.approx([20 * math.pi])
 
@@ -117,7 +117,7 @@ def test_invalid_ranges_of_speeds_are_refused_with_an_example(text):
         speeds_in_si(text)
 
 
-def test_a_range_through_zero_is_refused():
+def test_range_through_zero_is_refused():
     with pytest.raises(ValueOutOfBoundsError, match="allowed: finite and > 0"):
         speeds_in_si("0:900:4 rpm")
 
@@ -136,12 +136,12 @@ def test_valid_tolerances_are_unchanged():
     ("text", "omega"),
     [("600rpm", 20 * math.pi), ("62.8rad/s", 62.8), ("1e1Hz", 20 * math.pi), ("1e3 rpm", 100 * math.pi / 3)],
 )
-def test_a_unit_may_follow_its_number_without_a_space(text, omega):
+def test_unit_may_follow_its_number_without_a_space(text, omega):
     assert speed_in_si(text) == pytest.approx(omega, rel=1e-15)
     assert speeds_in_si(text) == [speed_in_si(text)]
 
 
-def test_ranges_of_speeds_without_a_space():
+def test_ranges_of_speeds_may_omit_the_space():
     assert speeds_in_si("100:300:3rpm") == speeds_in_si("100:300:3 rpm")
     assert speeds_in_si("100 200rpm") == speeds_in_si("100 200 rpm")
 
@@ -170,7 +170,7 @@ def test_unit_texts_are_never_evaluated(unit):
     ("given", "unit", "size"),
     [("N/(m s)", "kg/s^3", 1.0), ("kg * mm**2 / s", "kg m^2/s", 1e-6), ("(mm/s)^2", "m^2/s^2", 1e-6)],
 )
-def test_units_with_one_pair_of_brackets(given, unit, size):
+def test_units_may_contain_one_pair_of_brackets(given, unit, size):
     assert conversion(given, unit) == pytest.approx(size, rel=1e-14)
 
 

@@ -1,4 +1,4 @@
-"""The page that follows a number through the packages: each once, in the order in which they are entered."""
+"""The page that follows a number through the packages names each package once, in the order of the calls."""
 
 import re
 import sys
@@ -33,15 +33,15 @@ STOPS = [
 ]
 
 
-def test_the_page_is_short_and_names_each_room_once():
+def test_page_is_short_and_names_each_package_once():
     assert len(PAGE.splitlines()) <= 60
     named = re.findall(r"\*\*(\w+)\*\*", PAGE)
     assert sorted(named) == sorted(PARTS - BOTTOM - {"__init__", "__main__", "__pycache__", "public"})
 
 
 @pytest.mark.skipif(bool(trouble()), reason=trouble() or "compiles")
-def test_command_enters_the_functions_in_the_order_of_the_page(capsys):
-    """The functions and classes that the page names, in the order in which they are first entered."""
+def test_command_calls_functions_in_the_order_of_the_page(capsys):
+    """The order is that of the first calls of the functions and classes that the page names."""
     entered: dict[tuple[str, str], None] = {}
     folder = str(Path(solve.__file__).parent)
 

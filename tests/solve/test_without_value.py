@@ -1,4 +1,4 @@
-"""Outputs that are not finite at some phases: every result has a warning."""
+"""Outputs that are not finite at some phases cause a warning in every result."""
 
 import pytest
 
@@ -29,7 +29,7 @@ def model(request):
     return oscillator(request.param)
 
 
-def test_orbit_warns_of_a_non_finite_output(model):
+def test_orbit_warns_about_a_nonfinite_output(model):
     orbit = solve.periodic(model, 4.0)
     assert SAID in orbit.warnings
     assert "oscillator" in str(orbit)
@@ -37,22 +37,22 @@ def test_orbit_warns_of_a_non_finite_output(model):
     orbit.plot("out", scale="dB")
 
 
-def test_sweep_warns_of_a_non_finite_output(model):
+def test_sweep_warns_about_a_nonfinite_output(model):
     sweep = solve.sweep(model, [4.0, 5.0])
     assert [text.partition(" (")[0] for text in sweep.warnings] == [SAID]
 
 
-def test_transient_warns_of_a_non_finite_output(model):
+def test_transient_warns_about_a_nonfinite_output(model):
     assert SAID in solve.transient(model, 4.0, 2).warnings
 
 
-def test_chart_warns_of_a_non_finite_output(model):
+def test_chart_warns_about_a_nonfinite_output(model):
     chart = solve.chart(model, {"k": [90.0, 100.0]}, {"c": [1.0, 2.0]}, 4.0, of="out.max")
     assert chart.warnings == [f"at some points {SAID}"]
 
 
 @pytest.mark.parametrize("figure", ["max", "rms", "harmonic3"])
-def test_non_finite_output_has_no_derivatives(model, figure):
+def test_nonfinite_output_has_no_derivatives(model, figure):
     sensitivities = solve.sensitivities(model, 4.0, [f"out.{figure}", "q.max"])
     reason = "out is not finite at some phases, so it has no derivatives"
     assert sensitivities.warnings == [reason]

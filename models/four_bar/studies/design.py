@@ -285,7 +285,7 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
     speeds = sorted(set(speeds_in_si(text)))
     if len(speeds) < _FEWEST_SPEEDS:
         raise ValueOutOfBoundsError(
-            f"--speeds is '{text}'; a map needs at least {_FEWEST_SPEEDS} different speeds, "
+            f"--speeds is '{text}'; a map requires at least {_FEWEST_SPEEDS} different speeds, "
             'such as --speeds "5:45:60 rad/s"'
         )
     return speeds

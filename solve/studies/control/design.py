@@ -361,7 +361,9 @@ def _pair(
     if not inputs or not others:
         known = ", ".join(system.inputs) or "none"
         missing = "no state" if inputs else f"no input (inputs of the system: {known})"
-        raise MissingValueError(f"{name} names {missing}; give numbers for inputs and for states or outputs")
+        raise MissingValueError(
+            f"{name} contains {missing}; give numbers for inputs and for states or outputs"
+        )
     return (inputs, others) if inputs_first else (others, inputs)
 
 

@@ -105,7 +105,7 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
     if isinstance(V, Mapping):
         measured = tuple(V)
         if not measured:
-            raise MissingValueError("V names no measured quantity; give numbers for states or outputs")
+            raise MissingValueError("V contains no measured quantity; give numbers for states or outputs")
         plant.rows(measured, np.zeros(1))
         V = np.diag(list(named_numbers("V", V, measured, positive=True).values()))
     else:

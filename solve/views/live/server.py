@@ -148,14 +148,13 @@ def _whole(number: object) -> int:
 
 def _bound(port: int) -> list[Any]:
     if not (isinstance(port, int) and 0 <= port <= 65535):
-        raise ValueOutOfBoundsError(f"port is {port}; allowed: 1 … 65535, or leave it out for a free one")
+        raise ValueOutOfBoundsError(f"port is {port}; allowed: 1 … 65535, or omit it for a free one")
     try:
         return netutil.bind_sockets(port, HOST)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueOutOfBoundsError(
-            f"port {port} cannot be used ({reason}); give another port, or leave out the port to use a free "
-            "one"
+            f"port {port} cannot be used ({reason}); give another port, or omit the port to use a free one"
         ) from None
 
 

@@ -42,7 +42,7 @@ class Axis:
         low, high = (typed(model, name, str(values.get(end)), unit) for end in ("low", "high"))
         if low >= high:
             raise ValueOutOfBoundsError(
-                f"{name} from {low:g} to {high:g}; give two different values, the smaller first"
+                f"{name} ranges from {low:g} to {high:g}; give two different values, the smaller first"
             )
         if not (count.isdecimal() and 2 <= int(count) <= most):
             raise ValueOutOfBoundsError(

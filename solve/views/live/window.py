@@ -176,8 +176,8 @@ def server(
         raise MissingLibraryError.of_extra("the live window", "Tornado", "explore") from None
     if not isinstance(model, Model):
         raise ValueOutOfBoundsError(
-            f"'{model.labels.name}' has no generated equations; the live window needs a mechanism, such as "
-            "cam"
+            f"'{model.labels.name}' has no generated equations; the live window requires a mechanism, such "
+            "as cam"
         )
     if model.labels.vibrates:
         require_motion(model)

@@ -1,4 +1,4 @@
-"""Many points at once give what each gives alone."""
+"""Batches of points give the results of single points."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ SAME = 1e-10
 
 
 def agrees(point, system, speed, **chosen):
-    """Whether a point of a sweep is what `periodic` gives, warnings included."""
+    """Check that a point of a sweep equals the result of `periodic`, including its warnings."""
     orbit = solve.periodic(system, speed, **chosen)
     assert (point.method, point.steps, point.verdict) == (orbit.method, orbit.steps, orbit.verdict)
     assert point.spectral_radius == pytest.approx(orbit.spectral_radius, rel=SAME)
@@ -53,7 +53,7 @@ def agrees(point, system, speed, **chosen):
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
 @pytest.mark.parametrize("name", RANGES)
-def test_a_sweep_is_its_single_solves(name, engine):
+def test_sweep_equals_single_solutions(name, engine):
     model = solve.load(name)
     speeds = np.random.default_rng(1).uniform(*RANGES[name], 5)
     sweep = solve.sweep(model, speeds, engine=engine)
@@ -63,7 +63,7 @@ def test_a_sweep_is_its_single_solves(name, engine):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RANGES)
-def test_a_hundred_points_of_every_model(name):
+def test_hundred_points_of_every_model_match_single_points(name):
     model = solve.load(name)
     speeds = np.random.default_rng(2).uniform(*RANGES[name], 100)
     sweep = solve.sweep(model, speeds)
@@ -73,7 +73,7 @@ def test_a_hundred_points_of_every_model(name):
 
 @settings(max_examples=10, deadline=None)
 @given(seed=systems.seeds, n=st.integers(1, 4))
-def test_systems_of_functions(seed, n):
+def test_batches_of_user_functions_match_single_solutions(seed, n):
     system = systems.random_system(seed, n)
     speeds = [0.6, 1.0, 1.7]
     for point, speed in zip(solve.sweep(system, speeds).points, speeds, strict=True):
@@ -84,20 +84,20 @@ def test_systems_of_functions(seed, n):
     ("method", "steps"),
     [("radau", 50), ("gauss", 64), (solve.Gauss(16), None), ("newmark", 200), ("rk4", None)],
 )
-def test_methods_and_given_steps(method, steps):
+def test_batches_with_given_methods_and_steps_match_single_solutions(method, steps):
     system = systems.random_system(3, 2)
     speeds = [0.8, 1.3]
     for point, speed in zip(solve.sweep(system, speeds, method, steps).points, speeds, strict=True):
         agrees(point, system, speed, method=method, steps=steps)
 
 
-def test_jumps_of_the_matrices():
+def test_batches_with_jumping_matrices_match_single_solutions():
     system, speeds = systems.meissner(), [0.7, 1.1]
     for point, speed in zip(solve.sweep(system, speeds).points, speeds, strict=True):
         agrees(point, system, speed)
 
 
-def test_entries_that_do_not_separate_are_sampled_point_by_point():
+def test_inseparable_entries_are_sampled_point_by_point():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return (
@@ -125,8 +125,8 @@ def test_points_outside_the_training_region_are_detected():
     assert fits.tolist() == [True, False]
 
 
-def test_roundoff_is_represented_and_small_units_are_not_roundoff():
-    """A load of cancelling sums, in a coordinate whose unit is large."""
+def test_small_units_are_distinguished_from_roundoff():
+    """The load is a sum that cancels, in a coordinate with a large unit."""
     unit = 1e-9
 
     def build(kink, size):
@@ -185,13 +185,13 @@ def test_small_terms_do_not_reduce_accuracy(small):
 
 
 @pytest.mark.parametrize("name", ["cam", "four_bar"])
-def test_no_points_have_no_entries(name):
+def test_empty_batch_has_no_entries(name):
     family = over_speed(solve.load(name))
     n = family.example.n
     assert family.entries(np.array([0.1, 0.2]), np.empty((0, 1))).shape == (0, 2, 3 * n**2 + n)
 
 
-def test_all_parameters_and_the_speed_of_a_model_vary():
+def test_all_parameters_and_the_speed_may_vary_together():
     model = solve.load("cam")
     chart = solve.chart(
         model, {"speed": [40.0, 50.0, 60.0]}, {"k3": [1e8, 2e8, 3e8]}, boundaries=False, engine="numpy"
@@ -204,7 +204,7 @@ def test_all_parameters_and_the_speed_of_a_model_vary():
 
 
 class NothingDrifts:
-    """All in one unit."""
+    """System without rigid-body drift, whose coordinates have equal units."""
 
     def __init__(self, n):
         self.n = n
@@ -245,8 +245,8 @@ def test_batched_multipliers_match_single_matrices(seed, N, decades):
 
 
 def eigenvalue_condition(matrix):
-    """Error of the eigenvalues that 8 eps‖Φ‖ makes, from LAPACK's own eigenvectors: the k-th root in a block
-    of k, which has one of these."""
+    """Return the error of the eigenvalues that a perturbation of 8 eps‖Φ‖ causes, from LAPACK's eigenvectors.
+    Within a Jordan block of size k, which has one of these, it is the k-th root of the perturbation."""
     values, right = np.linalg.eig(matrix)
     perturbation = 8 * np.finfo(float).eps * np.linalg.norm(matrix, 2) / np.abs(values).max()
     with np.errstate(all="ignore"):
@@ -266,14 +266,14 @@ def eigenvalue_condition(matrix):
         np.eye(4),
     ],
 )
-def test_rounding_of_defective_and_semisimple_multipliers(matrix):
+def test_bounds_cover_roundoff_of_defective_and_semisimple_multipliers(matrix):
     alone = eigenvalue_condition(matrix)
     assert 0.3 * alone <= multiplier_roundoff(matrix) <= 3 * alone
 
 
 @settings(max_examples=25, deadline=None)
 @given(seed=systems.seeds, n=st.integers(1, 4), scale=st.floats(0.2, 5.0))
-def test_bounds_of_frozen_modes_hold(seed, n, scale):
+def test_frozen_modes_lie_within_their_bounds(seed, n, scale):
     system, speeds = systems.random_system(seed, n), np.array([0.5, 1.0, 2.0])
     phase = (np.arange(32) + 0.5) * (system.period / 32)
     family = over_speed(system)
@@ -300,7 +300,7 @@ def test_bounds_of_frozen_modes_hold(seed, n, scale):
 
 
 def fastest_of(system, phase, speed):
-    """Largest frozen angular frequency or decay rate, by phase."""
+    """Return the largest frozen angular frequency or decay rate at each phase."""
     M, C, K, _ = in_phase(system, phase, speed)
     stiffness, damping = (np.abs(np.linalg.eigvals(np.linalg.solve(M, A))).max() for A in (K, C))
     return max(np.sqrt(stiffness), damping)
@@ -314,14 +314,14 @@ def test_solved_points_are_reported_as_progress():
     assert seen[-1] == 30
 
 
-def test_an_unknown_engine_is_refused():
+def test_unknown_engine_is_refused():
     with pytest.raises(UnknownNameError, match="did you mean 'numpy'"):
         solve.sweep(solve.load("mathieu"), [1.0], engine="numpie")
 
 
 def meissner(delta=1.0, amplitude=0.5, duty=0.5):
-    """q″ + 0.05 q′ + (delta ± amplitude) q = 1, + over the first `duty` of the turn; without a jump where
-    that is nothing."""
+    """Return q″ + 0.05 q′ + (delta ± amplitude) q = 1, with + over the fraction `duty` of the period. If the
+    fraction is zero, the system has no jump."""
 
     def matrices(phase, speed):
         sign = np.where(phase % (2 * np.pi) < 2 * np.pi * duty, 1.0, -1.0)
@@ -332,7 +332,7 @@ def meissner(delta=1.0, amplitude=0.5, duty=0.5):
 
 
 def meissner_turn(delta, amplitude, duty, speed):
-    """Its spectral radius, by exponentials."""
+    """Return the spectral radius of `meissner` from matrix exponentials."""
     Phi = np.eye(2)
     for sign, share in ((1.0, duty), (-1.0, 1.0 - duty)):
         rate = np.array([[0.0, 1.0], [-(delta + amplitude * sign), -0.05]])
@@ -342,7 +342,8 @@ def meissner_turn(delta, amplitude, duty, speed):
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
 def test_points_with_moving_jumps_match_single_solutions(engine):
-    """Groups of points that jump alike, points that jump like no other, and points that do not jump."""
+    """The batch has groups of points with common jumps, points with unique jumps, and points without
+    jumps."""
     duties, deltas = np.array([0.0, 0.004, 0.3, 0.7]), np.linspace(0.6, 2.0, 5)
     chart = solve.chart(meissner, x={"duty": duties}, y={"delta": deltas}, speed=0.9, engine=engine)
     for row, delta in enumerate(deltas):
@@ -354,8 +355,8 @@ def test_points_with_moving_jumps_match_single_solutions(engine):
 
 
 def test_load_between_two_close_jumps_is_included():
-    """Two jumps so near that samples all over the turn would fall beside both, and a parameter that acts
-    between them alone."""
+    """The two jumps are so close that uniform samples of the period miss the interval between them. One
+    parameter acts only within it."""
     amplitudes = np.linspace(0.0, 400.0, 5)
 
     def pulse(height, delta):
@@ -376,7 +377,7 @@ def test_load_between_two_close_jumps_is_included():
 
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
-def test_a_sweep_of_jumping_matrices_is_its_single_solves(engine):
+def test_sweep_of_jumping_matrices_equals_single_solutions(engine):
     system = meissner(duty=0.3)
     speeds = np.linspace(0.4, 2.0, 9)
     for point, speed in zip(

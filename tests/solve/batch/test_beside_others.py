@@ -1,4 +1,4 @@
-"""A point of a batch is as exact as a single point."""
+"""A point in a batch is as accurate as a single point."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,8 @@ from tests.solve.references import multiplier_error
 
 
 def turned(angle, scale):
-    """A stiff mode in axes turned by an angle, in units of the coordinates that are apart by a scale."""
+    """Return a stiff mode in axes rotated by an angle. The units of the coordinates differ by the factor
+    `scale`."""
     mixed = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
     swing = 0.3 * mixed @ np.diag([0.5, 0.75, 1.0]) @ mixed.T
     axes, omega = np.eye(3), np.array([1e3, 2.1, 0.7])
@@ -28,7 +29,7 @@ def turned(angle, scale):
 
 
 def test_monodromy_matrices_are_independent_of_the_batch():
-    """To the last bit, though some of the points exchange rows and others do not."""
+    """The matrices are equal bit for bit, although only some points require row exchanges."""
     points = np.column_stack((np.linspace(0.0, 1.5, 9), np.logspace(-3, 3, 9)))
     every = Sampled(BuiltFamily(turned, ("angle", "scale"), points, 1.0), points, "compiled")
     grid = Grid.uniform(48, 2 * np.pi)
@@ -42,7 +43,7 @@ def test_monodromy_matrices_are_independent_of_the_batch():
 
 @pytest.mark.parametrize("scales", [[1e-6, 1e-3, 1.0, 1e3, 1e6], [0.1, 1.0, 10.0]])
 def test_points_in_a_batch_are_as_accurate_as_single_points(scales):
-    """Units change no multiplier; each point eliminates the coordinates in an order of its own."""
+    """Units do not affect multipliers. Each point eliminates the coordinates in its own order."""
     angles = [0.0, 0.4, np.pi / 4, 1.2, np.pi / 2]
     chart = solve.chart(turned, {"angle": angles}, {"scale": scales}, speed=1.0, boundaries=False)
     truth = [solve.floquet(turned(angle, 1.0), 1.0, engine="numpy", rtol=1e-11) for angle in angles]
@@ -56,7 +57,7 @@ def test_points_in_a_batch_are_as_accurate_as_single_points(scales):
 
 
 def pulsed(strength, stiffness, start):
-    """Oscillator with a pulse of the stiffness and of the load that lasts 1/80 of the period."""
+    """Return an oscillator with a pulse of the stiffness and of the load that lasts 1/80 of the period."""
 
     def matrices(phase, speed):
         one, width = np.ones((len(phase), 1, 1)), 2 * np.pi / 80
@@ -69,9 +70,9 @@ def pulsed(strength, stiffness, start):
 
 
 @pytest.mark.parametrize("cell", [5, 17, 42, 58])
-def test_pulses_between_the_training_phases_of_a_batch_are_not_lost(cell):
-    """The pulse begins after one of the 64 phases from which shared terms are computed, and ends before the
-    next."""
+def test_pulses_between_training_phases_are_included(cell):
+    """The pulse begins after one of the 64 phases from which shared terms are computed and ends before the
+    next phase."""
     start = (cell + 0.6) * 2 * np.pi / 64
     strengths, stiffnesses = [0.0, 0.4, 0.9, 1.6], [0.9, 2.2, 4.0]
     chart = solve.chart(

@@ -1,4 +1,5 @@
-"""Points in other processes and on a cluster: the same results, and one line where workers are lost."""
+"""Points solved in other processes and on a cluster: identical results, and a one-line error if workers are
+lost."""
 
 import copy
 import multiprocessing
@@ -24,7 +25,8 @@ SPEEDS = np.linspace(12, 60, 64)
 
 
 def same(one, other):
-    """The round-off of error estimates depends on the points that were solved together."""
+    """Compare two results except for the error estimates, whose round-off depends on the points in a
+    batch."""
     errors = other.results.errors
     np.testing.assert_allclose(one.results.errors, errors, rtol=1e-6)
     one.results.errors[:] = errors
@@ -32,13 +34,13 @@ def same(one, other):
 
 
 @pytest.mark.parametrize("count", [0, -1, 5000])
-def test_a_number_of_workers_that_cannot_be_is_refused(count):
+def test_invalid_number_of_workers_is_refused(count):
     with pytest.raises(ValueOutOfBoundsError, match=f"workers is {count}"), processes(count):
         pass
 
 
 class Children(threading.Thread):
-    """Looks out for other processes of this one, and ends one of them."""
+    """Thread that waits for child processes and ends one of them."""
 
     def run(self):
         while not multiprocessing.active_children():
@@ -48,7 +50,7 @@ class Children(threading.Thread):
 
 
 @pytest.mark.slow
-def test_processes_give_the_same_and_end_with_the_block():
+def test_worker_processes_give_identical_results_and_end():
     model = solve.load("cam")
     with processes(2) as executor:
         same(solve.sweep(model, SPEEDS, executor=executor), solve.sweep(model, SPEEDS))
@@ -93,7 +95,7 @@ def test_workers_end_with_the_process_that_started_them():
 
 
 def children(parent):
-    """Processes of multiprocessing that a process started."""
+    """Return the `multiprocessing` processes that a process started."""
     listed = subprocess.run(
         ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(parent)], capture_output=True, text=True
     )
@@ -117,7 +119,7 @@ def test_missing_scheduler_is_reported_in_one_line():
 
 @pytest.fixture
 def scheduler():
-    """Address of a scheduler on loopback with two workers, and these."""
+    """Yield the address of a scheduler on loopback and its two workers."""
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     dask, address = [sys.executable, "-m", "dask"], "tcp://127.0.0.1:18786"
@@ -149,7 +151,7 @@ def test_cluster_result_is_unchanged_by_a_killed_worker(tmp_path, scheduler):
 
 @pytest.mark.slow
 def test_chart_in_chunks_is_identical(monkeypatch):
-    """Small parts in other processes, with points that fail among them."""
+    """The chart has failed points and is divided into small chunks for other processes."""
     monkeypatch.setattr("solve.batch.task._MAX_CHUNK", 7)
     model = solve.load("coupler", alpha=0, cx=0, cy=0)
     axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
@@ -181,7 +183,7 @@ def test_interruption_cancels_pending_chunks(monkeypatch):
     assert ended
 
 
-def test_executor_result_is_identical():
+def test_executors_give_identical_results():
     model, speeds = solve.load("manipulator"), np.linspace(3, 30, 9)
     alone = solve.sweep(model, speeds)
     seen = []

@@ -1,4 +1,4 @@
-"""Stores: interrupted work resumes bit for bit, and damaged chunks are detected."""
+"""Stores: interrupted work resumes with bitwise identical results, and damaged chunks are detected."""
 
 import json
 import shutil
@@ -35,7 +35,7 @@ def same(one, other):
 
 @pytest.fixture
 def solved_points(monkeypatch):
-    """How many points were solved, a number a call."""
+    """Return a list to which each call appends the number of points that it solves."""
     counts, gathered = [], task.gathered
     monkeypatch.setattr(
         task,
@@ -62,9 +62,7 @@ def test_store_does_not_change_results_and_is_reused(tmp_path, solved_points):
         ("chart", "mathieu", "--x", "delta=1:2:3", "--y", "epsilon=1:2:3"),
     ],
 )
-def test_without_zarr_a_store_is_refused_in_one_line_and_no_folder_is_made(
-    tmp_path, monkeypatch, capsys, arguments
-):
+def test_store_without_zarr_is_refused_in_one_line(tmp_path, monkeypatch, capsys, arguments):
     monkeypatch.setitem(sys.modules, "zarr", None)
     assert run([*arguments, "--store", str(tmp_path / "s")]) == 2
     out, error = capsys.readouterr()
@@ -107,7 +105,7 @@ def test_failures_and_warnings_are_stored(tmp_path):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A folder of all parts, and their result."""
+    """Return a folder with all chunks and their result."""
     folder = tmp_path_factory.mktemp("whole") / "s"
     return folder, swept(folder)
 
@@ -164,7 +162,7 @@ def test_user_systems_are_distinguished_by_their_matrices(tmp_path):
 
 @pytest.mark.parametrize("there", [(2.7, 3.3), (3.0, 3.01)])
 @pytest.mark.parametrize("here", [{"height": 0.0}, {"breaks": ()}])
-def test_user_systems_that_differ_at_some_phases_are_distinguished(tmp_path, there, here):
+def test_user_systems_that_differ_between_phases_are_distinguished(tmp_path, there, here):
     def pushed(height=5.0, breaks=there):
         def matrices(phase, speed):
             one = np.ones((len(phase), 1, 1))
@@ -188,8 +186,9 @@ def test_two_writers_are_refused(tmp_path):
     same(swept(tmp_path / "s"), swept())
 
 
-def test_two_writers_are_refused_where_only_files_can_be_locked(tmp_path, monkeypatch):
-    """With a substitute of Windows' module, whose locks raise an OSError where another holds them."""
+def test_two_writers_are_refused_with_windows_locks(tmp_path, monkeypatch):
+    """The test replaces the locking module of Windows, which raises an OSError if another process holds the
+    lock."""
     fcntl = pytest.importorskip("fcntl")
 
     def locking(descriptor, mode, count):
@@ -222,13 +221,13 @@ def test_folders_with_other_files_are_refused(tmp_path):
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
 
 
-def test_threads_and_a_store(tmp_path):
+def test_store_accepts_results_from_threads(tmp_path):
     with ThreadPoolExecutor(2) as executor:
         same(swept(tmp_path / "s", executor=executor), swept())
     same(swept(tmp_path / "s"), swept())
 
 
-def test_xarray_reads_the_folder(tmp_path):
+def test_xarray_reads_the_store(tmp_path):
     computed = swept(tmp_path / "s")
     kept = xarray.open_dataset(tmp_path / "s", engine="zarr", consolidated=False)
     np.testing.assert_array_equal(kept["speed"], SPEEDS)
@@ -244,7 +243,7 @@ CHART = ["chart", "mathieu", "--x", "delta=0:6:160", "--y", "epsilon=0:3:160", "
 
 @pytest.mark.slow
 @pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGINT])
-def test_a_chart_killed_twice_equals_one_that_was_not(tmp_path, blow):
+def test_chart_killed_twice_equals_an_uninterrupted_chart(tmp_path, blow):
     command = [sys.executable, "-m", "solve", *CHART]
     stored = [*command, "--store", str(tmp_path / "s")]
     sizes = []

@@ -1,4 +1,4 @@
-"""Structures assembled by hand, and references that share no code with the package."""
+"""Structures assembled by hand, and reference solutions that share no code with the package."""
 
 import numpy as np
 
@@ -7,10 +7,8 @@ from solve.beams.links import freedoms
 
 
 def beams(links, held, lengths, angles, kinds="cubic", counts=1, EA=1e4, EI=1.0, mu=1.0, masses=None):
-    """Beams from links (name, start, end, start rotation, end rotation[, inextensible]).
-
-    held: names of held joints. angles: numbers, or functions of the phase.
-    """
+    """Return beams from links (name, start, end, start rotation, end rotation[, inextensible]). `held` names
+    the fixed joints. `angles` are numbers or functions of the phase."""
     rows = [(*link, False)[:6] for link in links]
     joints = dict.fromkeys(joint for _, start, end, *_ in rows for joint in (start, end))
     n = len(rows)
@@ -33,7 +31,7 @@ def beams(links, held, lengths, angles, kinds="cubic", counts=1, EA=1e4, EI=1.0,
 
 
 def beam(left="clamped", right="free", kind="cubic", count=1, angle=0.3, **numbers):
-    """One beam of length 1 with its ends clamped, pinned or free; EA is large unless given."""
+    """Return a beam of length 1 with clamped, pinned or free ends. By default, EA is large."""
     rotation = {"clamped": ("", ""), "pinned": ("l", "r"), "free": ("l", "r")}
     held = [end for end, how in (("L", left), ("R", right)) if how != "free"]
     link = ("bar", "L", "R", rotation[left][0], rotation[right][1])

@@ -1,4 +1,4 @@
-"""Assembled matrices against loops over elements, and energies of rigid motions."""
+"""Assembled matrices compared with loops over elements, and energies of rigid motions."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ PHASES = np.array([0.0, 0.7, 2.1, 4.4])
 
 
 def textbook(L, EA, EI, mu):
-    """Mass and stiffness of the cubic element for u1, v1, θ1, u2, v2, θ2, typed from a textbook."""
+    """Return mass and stiffness of the cubic element for u1, v1, θ1, u2, v2, θ2, as printed in a textbook."""
     M = mu * L / 420 * np.array(
         [
             [140, 0, 0, 70, 0, 0],
@@ -40,7 +40,8 @@ def textbook(L, EA, EI, mu):
 
 
 def looped(model, phase):
-    """M and K of the four-bar by a loop over elements, rotations and freedoms (thesis (4.28), (4.30))."""
+    """Return M and K of the four-bar from a loop over elements, rotations and degrees of freedom (thesis
+    (4.28), (4.30))."""
     p = model.parameters
     t1 = phase
     across = p["L4"] - p["L1"] * np.exp(1j * t1)
@@ -80,7 +81,7 @@ def looped(model, phase):
 
 
 @pytest.mark.parametrize("elements", [1, 2, "3,1,2"])
-def test_assembly_at_all_positions_equals_a_loop_over_elements(elements):
+def test_assembled_matrices_equal_a_loop_over_elements(elements):
     model = solve.load("four_bar", options={"elements": elements})
     M, K = model.at_positions(PHASES).matrices()
     for phase, m, k in zip(PHASES, M, K, strict=True):
@@ -90,7 +91,7 @@ def test_assembly_at_all_positions_equals_a_loop_over_elements(elements):
 
 
 def free_frame(kind, count):
-    """Three links that turn differently, held nowhere: a triangle of arms at a common joint."""
+    """Return an unsupported frame: three arms with different angles that meet at a common joint."""
     links = [("one", "A", "B", "w", "b"), ("two", "A", "C", "w", "c"), ("three", "A", "D", "a", "d")]
     angles = [lambda p: p, lambda p: 1.1 + 0.5 * np.sin(p), lambda p: -2 * p]
     lengths, mu = [0.7, 1.2, 0.4], [1.0, 2.0, 3.0]
@@ -98,7 +99,8 @@ def free_frame(kind, count):
 
 
 def rigid(positions):
-    """Vectors (m, n, 3) of shifts along x and y and of a turn about joint A, which lies at 0."""
+    """Return the displacements (m, n, 3) of translations along x and y and of a rotation about joint A at the
+    origin."""
     names = positions.beams.freedoms.names
     vectors = np.zeros((len(positions.phase), len(names), 3))
     for number, nodes in enumerate(positions.beams.freedoms.nodes):
@@ -114,7 +116,7 @@ def rigid(positions):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("count", [1, 3])
-def test_rigid_motions_have_no_strain_energy_and_the_total_mass(kind, count):
+def test_rigid_motions_have_total_mass_and_no_strain_energy(kind, count):
     positions = Positions(free_frame(kind, count), PHASES)
     vectors = rigid(positions)
     M, K = positions.matrices()
@@ -127,8 +129,9 @@ def test_rigid_motions_have_no_strain_energy_and_the_total_mass(kind, count):
     np.testing.assert_allclose(weight[:, 2, 2], inertia, rtol=1e-12)
 
 
-def test_exact_stiffness_tends_to_the_finite_elements_at_low_frequencies():
-    """K − ω²M of the cubic element is the start of D's power series: the rest is of order ω⁴."""
+def test_exact_stiffness_approaches_finite_elements_at_low_frequencies():
+    """K − ω²M of the cubic element contains the first terms of the power series of D. The remainder is of
+    order ω⁴."""
     exact, cubic = (Positions(free_frame(kind, 1), PHASES) for kind in ("dynamic", "cubic"))
     M, K = cubic.matrices()
     index = np.arange(len(PHASES))
@@ -142,7 +145,7 @@ def test_exact_stiffness_tends_to_the_finite_elements_at_low_frequencies():
 
 
 def test_links_may_have_different_element_types():
-    """Every mixture of elements tends to the same structure."""
+    """The frequencies agree for different combinations of elements."""
     frequencies = [
         solve.frequencies(solve.load("four_bar", options=options), 1.0).values[0]
         for options in (
@@ -155,7 +158,7 @@ def test_links_may_have_different_element_types():
         np.testing.assert_allclose(frequency, frequencies[0], rtol=3e-5)
 
 
-def test_freedoms_of_the_four_bar_and_their_names():
+def test_four_bar_coordinates_have_the_expected_names():
     counts = {}
     for elements in (1, 2, 3, 4):
         counts[elements] = solve.load("four_bar", options={"elements": elements}).n
@@ -168,7 +171,7 @@ def test_freedoms_of_the_four_bar_and_their_names():
     }  # fmt: skip
 
 
-def test_welded_links_share_their_rotation_and_keep_their_own_curvatures():
+def test_welded_links_share_the_rotation_but_not_the_curvature():
     links = [("one", "A", "B", "", "w"), ("two", "B", "C", "w", "c")]
     positions = Positions(beams(links, ["A"], 1.0, [0.0, 1.0], "curvature"), np.zeros(1))
     assert set(positions.beams.freedoms.names) == {
@@ -177,7 +180,7 @@ def test_welded_links_share_their_rotation_and_keep_their_own_curvatures():
     }  # fmt: skip
 
 
-def test_displacement_in_an_element_follows_its_shape_functions():
+def test_displacement_in_an_element_follows_the_shape_functions():
     axial, transverse = element("cubic").shapes(0.5, np.array([0.0, 0.5, 1.0]))
     np.testing.assert_allclose(axial[:, :2], [[1, 0], [0.5, 0.5], [0, 1]])
     np.testing.assert_allclose(axial[:, 2:], 0)
@@ -185,7 +188,7 @@ def test_displacement_in_an_element_follows_its_shape_functions():
 
 
 def tied(EA=1.0, inextensible=True, kind="cubic", count=2):
-    """A triangle of two legs and a tie, one leg held, that turns with the phase."""
+    """Return a triangle of two legs and a tie that rotates with the phase about the fixed joint A."""
     links = [
         ("leg", "A", "B", "a", "b"),
         ("tie", "B", "C", "x", "y", inextensible),
@@ -196,7 +199,7 @@ def tied(EA=1.0, inextensible=True, kind="cubic", count=2):
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "dynamic"])
-def test_an_inextensible_link_is_the_limit_of_a_very_stiff_one(kind):
+def test_inextensible_link_is_the_limit_of_increasing_stiffness(kind):
     stiff = Positions(tied(1e8, False, kind), PHASES)
     ideal = Positions(tied(1.0, True, kind), PHASES)
     count = 2 if kind == "dynamic" else ideal.beams.freedoms.counts[1] * (2 if kind == "internal" else 1)
@@ -211,20 +214,20 @@ def _frequencies(positions):
     return lowest(positions, 6)
 
 
-def test_links_that_miss_their_joint_are_refused():
+def test_links_that_do_not_reach_their_joint_are_refused():
     links = [("leg", "A", "B", "a", "b"), ("back", "A", "B", "c", "d")]
     with pytest.raises(StructureError, match=r"link back misses joint B by 0\.1 m"):
         Positions(beams(links, ["A"], [1.0, 1.1], [0.0, 0.0]), np.zeros(1))
 
 
-def test_a_held_joint_that_the_angles_move_is_refused():
+def test_fixed_joint_that_moves_with_the_angles_is_refused():
     links = [("leg", "A", "B", "a", "b")]
     with pytest.raises(StructureError, match="joint B is supported, but the angles of the links move it"):
         Positions(beams(links, ["A", "B"], 1.0, [lambda p: p]), PHASES)
 
 
 def test_dependent_inextensible_links_are_refused():
-    """A parallelogram of inextensible links, flattened at phase 0."""
+    """The links form an inextensible parallelogram, which is flat at phase 0."""
     links = [
         ("one", "A", "B", "a", "b", True),
         ("two", "B", "C", "c", "d", True),

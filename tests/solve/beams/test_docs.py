@@ -1,4 +1,4 @@
-"""The page on structures: its arm is derived and solved as printed, and a closed form agrees."""
+"""The arm on the page on structures is derived and solved as printed and agrees with a closed form."""
 
 import json
 import re
@@ -16,7 +16,7 @@ PAGE = (Path(__file__).resolve().parents[3] / "docs" / "structures.md").read_tex
 
 
 def block(name):
-    """The code block whose first line names the file."""
+    """Return the code block whose first line contains the file name."""
     match = re.search(rf"```\w+\n# {re.escape(name)}\n(.*?)```", PAGE, re.DOTALL)
     assert match, f"the page has no block for {name}"
     return match.group(1)
@@ -24,7 +24,7 @@ def block(name):
 
 @pytest.fixture
 def arm(tmp_path, monkeypatch):
-    """The folder with the page's files, their commands to derive carried out."""
+    """Return a folder with the files of the page, after running its `derive` commands."""
     monkeypatch.chdir(tmp_path)
     for name in ("arm.py", "arm.toml", "prop.py"):
         (tmp_path / name).write_text(block(name), encoding="utf-8")
@@ -45,7 +45,7 @@ def commands():
     ]
 
 
-def test_every_command_of_the_page_runs(arm, capsys):
+def test_all_commands_on_the_page_run(arm, capsys):
     assert len(commands()) == 4
     for line in commands():
         arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', line)]
@@ -57,9 +57,9 @@ def test_every_command_of_the_page_runs(arm, capsys):
     assert (arm / "shapes.png").stat().st_size > 10_000
 
 
-def test_the_stretched_arm_is_a_stepped_cantilever(arm):
-    """At phase 0 both rods lie in line: the load's stiffness is that of two rods in series, once the rods'
-    own mass is small against it."""
+def test_stretched_arm_is_a_stepped_cantilever(arm):
+    """At phase 0, both rods are collinear. If the mass of the rods is small compared with the load, the
+    stiffness at the load is that of two rods in series."""
     model = solve.load("arm.py", options={"element": "dynamic"}, m=1e4, rho=1.0)
     p = model.parameters
     EI = [p["E"] * np.pi * p[d] ** 4 / 64 for d in ("d1", "d2")]

@@ -1,4 +1,5 @@
-"""Exact dynamic stiffness against the boundary-value problem solved with 40 digits, and Appendix B."""
+"""Exact dynamic stiffness compared with the boundary-value problem solved to 40 digits and with Appendix
+B."""
 
 import mpmath
 import numpy as np
@@ -13,7 +14,7 @@ LENGTH, EI, EA, MU = 0.37, 2.3, 41.0, 0.9
 
 
 def end_forces(omega, length=LENGTH, dps=40):
-    """D of a beam by solving the ordinary differential equations with unit end displacements."""
+    """Return D of a beam: the differential equations are solved for unit end displacements."""
     with mpmath.workdps(dps):
         lam = mpmath.sqrt(mpmath.sqrt(mpmath.mpf(MU) / EI) * omega)
         beta = mpmath.sqrt(mpmath.mpf(MU) / EA) * omega
@@ -41,7 +42,7 @@ def array(matrix):
 
 
 def end_masses(omega):
-    """−∂D/∂ω² by a central difference with 60 digits."""
+    """Return −∂D/∂ω² from a central difference with 60 digits."""
     with mpmath.workdps(60):
         square, step = mpmath.mpf(omega) ** 2, mpmath.mpf(10) ** -18
         above, below = (end_forces(mpmath.sqrt(square + s * step), dps=60) for s in (1, -1))
@@ -81,13 +82,13 @@ def test_end_forces_solve_the_differential_equations(omega):
 
 
 @pytest.mark.parametrize("omega", OMEGAS)
-def test_mass_is_minus_the_derivative_by_the_square_of_the_frequency(omega):
+def test_mass_matches_the_derivative_of_the_stiffness(omega):
     tolerance = 1e-7 if omega < 1 else 1e-10
     assert scaled_difference(package_mass(omega), end_masses(omega)) < tolerance
 
 
 @pytest.mark.parametrize("omega", OMEGAS)
-def test_appendix_b_corrected_equals_the_derivation(omega):
+def test_corrected_appendix_b_matches_the_derivation(omega):
     l, b = numbers(omega)  # noqa: E741
     lam, beta = l / LENGTH, b / LENGTH
     D = published.dynamic_stiffness(published.stiffness_functions(lam, beta, LENGTH), EI, EA)
@@ -107,13 +108,13 @@ MASS_MISPRINTS = {
 
 
 def changed(functions, misprint):
-    """Numbers of the functions that a misprint changes by more than one in a thousand."""
+    """Return the numbers of the functions that a misprint changes by more than 0.1 %."""
     printed, true = functions({misprint}), functions(CORRECTED)
     return {i + 1 for i in np.flatnonzero(np.abs(printed / true - 1) > 1e-3)}
 
 
 @pytest.mark.parametrize("misprint", STIFFNESS_MISPRINTS, ids=lambda each: each.name)
-def test_each_misprint_of_the_stiffness_functions_changes_just_its_entries(misprint):
+def test_each_stiffness_misprint_affects_only_its_entries(misprint):
     def functions(misprints):
         return published.stiffness_functions(3.1, 1.7, LENGTH, misprints)
 
@@ -121,20 +122,20 @@ def test_each_misprint_of_the_stiffness_functions_changes_just_its_entries(mispr
 
 
 @pytest.mark.parametrize("misprint", MASS_MISPRINTS, ids=lambda each: each.name)
-def test_each_misprint_of_the_mass_functions_changes_just_its_entries(misprint):
+def test_each_mass_misprint_affects_only_its_entries(misprint):
     def functions(misprints):
         return published.mass_functions(3.1, 1.7, LENGTH, misprints)
 
     assert changed(functions, misprint) == MASS_MISPRINTS[misprint]
 
 
-def test_printed_functions_are_wrong_except_dimensionless_ones():
+def test_printed_functions_are_wrong_unless_dimensionless():
     for functions in (published.stiffness_functions, published.mass_functions):
         printed, true = functions(3.1, 1.7, LENGTH, AS_PRINTED), functions(3.1, 1.7, LENGTH)
         assert (np.abs(printed / true - 1) > 1e-3).all()
 
 
-def test_at_rest_the_stiffness_and_consistent_mass_of_a_beam():
+def test_zero_frequency_gives_static_stiffness_and_consistent_mass():
     cubic = published.cubic_stiffness(1.0)
     static = np.tensordot(exact.bending(np.array(0.0)), exact.patterns()[:6], axes=1)[2:, 2:]
     np.testing.assert_allclose(static, cubic, rtol=1e-14)
@@ -151,7 +152,7 @@ def test_clamped_function_is_accurate_for_small_arguments():
         assert float(exact.clamped(np.array(l))) == pytest.approx(expected, rel=1e-14)
 
 
-def test_no_overflow_at_high_frequencies():
+def test_high_frequencies_cause_no_overflow():
     l = np.array([299.0, 301.0, 5000.0])  # noqa: E741
     functions = exact.bending(l)
     # A long beam's ends know each other only through cos l: sinh and cosh are alike.
@@ -177,7 +178,7 @@ def test_interior_count_matches_clamped_beam_frequencies():
 
 
 @pytest.mark.parametrize("number", [1e-9, 0.3, 4.0, 25.0, 400.0])
-def test_shape_functions_take_their_end_values_and_bend_by_the_equation(number):
+def test_shape_functions_satisfy_the_boundary_conditions_and_equation(number):
     ends = exact.bending_shapes(number, np.array([0.0, 1.0]))
     np.testing.assert_allclose(ends[:, [0, 2]], np.eye(2), atol=1e-9)
     np.testing.assert_allclose(ends[:, [1, 3]], 0, atol=1e-9)
@@ -189,7 +190,7 @@ def test_shape_functions_take_their_end_values_and_bend_by_the_equation(number):
         np.testing.assert_allclose(fourth, number**4 * around[2], atol=2e-3 * number**4 + 1e-3)
 
 
-def test_the_cranks_second_moment_is_not_the_one_of_its_section():
+def test_second_moment_of_the_crank_differs_from_its_section():
     true = published.crank_second_moment()
     assert true == pytest.approx(529.17e-12, abs=0.005e-12)
     assert published.crank_second_moment({Misprint.CRANK_SECOND_MOMENT}) == 520.47e-12

@@ -1,4 +1,4 @@
-"""Frequencies against characteristic equations, their number, and rates of convergence of the elements."""
+"""Frequencies compared with characteristic equations, their count, and convergence rates of the elements."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,8 @@ RIGID = {("free", "free"): 3, ("pinned", "free"): 1}
 
 
 def closed_form(ends, EA, count):
-    """Frequencies of a beam with EI = µ = L = 1, bending and axial, from the characteristic equations."""
+    """Return frequencies of a beam with EI = µ = L = 1, for bending and stretching, from the characteristic
+    equations."""
     grid = np.arange(0.5, 60, 0.05)
     function = CHARACTERISTIC[ends]
     values = function(grid)
@@ -42,7 +43,7 @@ def closed_form(ends, EA, count):
 @pytest.mark.parametrize("ends", CHARACTERISTIC, ids="-".join)
 @pytest.mark.parametrize("EA", [300.0, 1e4])
 @pytest.mark.parametrize("parts", [1, 2])
-def test_exact_frequencies_of_a_beam(ends, EA, parts):
+def test_frequencies_match_the_characteristic_equation(ends, EA, parts):
     positions = Positions(beam(*ends, "dynamic", parts, EA=EA), STILL)
     np.testing.assert_allclose(exact_frequencies(positions, 8)[0], closed_form(ends, EA, 8), rtol=1e-11)
 
@@ -62,7 +63,8 @@ STRETCHING = {"cubic": (8, 2), "internal": (4, 4), "curvature": (8, 2)}
 
 
 def slope(kind, count, exact, EA, mode):
-    """Order at which the relative error of a cantilever's frequency falls from `count` to twice as many."""
+    """Return the observed order of the relative error of a cantilever's frequency between `count` and 2
+    `count` elements."""
     errors = []
     for each in (count, 2 * count):
         positions = Positions(beam("clamped", "free", kind, each, angle=0.0, EA=EA), STILL)
@@ -71,16 +73,18 @@ def slope(kind, count, exact, EA, mode):
 
 
 @pytest.mark.parametrize("kind", BENDING)
-def test_rate_of_convergence_in_bending(kind):
-    """Errors of ω fall with the element's length to the power 2(p − 1), p the degree of the shapes."""
+def test_bending_frequencies_converge_at_the_theoretical_rate(kind):
+    """The errors of ω are proportional to h^{2(p − 1)}, where h is the element length and p the degree of the
+    shape functions."""
     count, order = BENDING[kind]
     exact = closed_form(("clamped", "free"), 1e4, 3)[2]
     assert slope(kind, count, exact, 1e4, 3) == pytest.approx(order, abs=0.15)
 
 
 @pytest.mark.parametrize("kind", STRETCHING)
-def test_rate_of_convergence_in_stretching(kind):
-    """Errors of ω fall with the element's length to the power 2p."""
+def test_axial_frequencies_converge_at_the_theoretical_rate(kind):
+    """The errors of ω are proportional to h^{2p}, where h is the element length and p the degree of the shape
+    functions."""
     count, order = STRETCHING[kind]
     EA = 1e-3
     assert slope(kind, count, np.pi / 2 * np.sqrt(EA), EA, 1) == pytest.approx(order, abs=0.15)
@@ -97,7 +101,7 @@ def test_modes_are_orthogonal_and_of_unit_mass():
 
 
 def test_double_frequencies_are_found_twice():
-    """Two equal cantilevers that have nothing in common but the wall."""
+    """Two equal cantilevers are connected only through the wall."""
     links = [("one", "A", "B", "", "b"), ("two", "A", "C", "", "c")]
     positions = Positions(beams(links, ["A"], 1.0, [0.0, 1.0], "dynamic"), STILL)
     once = closed_form(("clamped", "free"), 1e4, 3)
@@ -105,7 +109,8 @@ def test_double_frequencies_are_found_twice():
 
 
 def test_frequencies_at_which_no_joint_moves_are_found():
-    """Two equal beams in line over three supports, the outer ones clamped: the middle may stand still."""
+    """Two equal collinear beams have three supports and clamped outer ends. In some modes, the middle joint
+    does not move."""
     links = [("one", "A", "B", "", "w"), ("two", "B", "C", "w", "")]
     positions = Positions(beams(links, ["A", "B", "C"], 1.0, [0.2, 0.2], "dynamic", EA=1e6), STILL)
     assert positions.n == 1
@@ -116,7 +121,7 @@ def test_frequencies_at_which_no_joint_moves_are_found():
 
 
 def frame(draw):
-    """A random bent cantilever of three links with a brace to the ground."""
+    """Return a random bent cantilever of three links, with a brace to the ground."""
     angles = [draw(st.floats(0.1, 1.4)), draw(st.floats(-1.4, 1.4)), draw(st.floats(-3.0, 3.0))]
     lengths = [draw(st.floats(0.4, 2.0)) for _ in range(3)]
     EI = [draw(st.floats(0.3, 3.0)) for _ in range(3)]
@@ -152,7 +157,7 @@ def of(stated, kind, count=1):
 
 @settings(max_examples=25, deadline=None)
 @given(frames())
-def test_frequency_count_agrees_with_a_fine_mesh(stated):
+def test_frequency_count_matches_a_fine_mesh(stated):
     exact, fine = of(stated, "dynamic"), of(stated, "internal", 6)
     many = lowest_frequencies(*fine.matrices(), 12)[0]
     computed = exact_frequencies(exact, 8)[0]
@@ -166,14 +171,14 @@ def test_frequency_count_agrees_with_a_fine_mesh(stated):
 
 @settings(max_examples=15, deadline=None)
 @given(frames(), st.integers(2, 4))
-def test_dividing_exact_elements_keeps_the_frequencies(stated, parts):
+def test_subdivision_of_exact_elements_does_not_change_frequencies(stated, parts):
     whole, divided = of(stated, "dynamic"), of(stated, "dynamic", parts)
     np.testing.assert_allclose(
         exact_frequencies(divided, 8), exact_frequencies(whole, 8), rtol=1e-9, atol=1e-3
     )
 
 
-def test_many_positions_at_once_equal_one_at_a_time():
+def test_frequencies_at_many_positions_equal_single_positions():
     links = [("one", "A", "B", "", "p"), ("two", "B", "C", "q", "c")]
     turning = beams(
         links, ["A"], [1.0, 0.6], [lambda p: p, lambda p: 3 * p], "dynamic", EA=2e3, masses={"B": 1.0}

@@ -1,4 +1,4 @@
-"""Reduced structures: all modes give the full system, and the error with few modes is estimated."""
+"""Reduced structures: all modes reproduce the full system, and the error with few modes is estimated."""
 
 import json
 import pickle
@@ -52,8 +52,8 @@ def test_basis_of_all_modes_reproduces_the_full_system(options):
         assert other.statistics(name).max_abs == pytest.approx(largest, rel=1e-8)
 
 
-def test_with_all_modes_a_welded_frame_keeps_its_frequencies():
-    """Two links that share a rotation, with a mass at the free end of the second."""
+def test_welded_frame_with_all_modes_has_unchanged_frequencies():
+    """Two links share a rotation. There is a mass at the free end of the second link."""
     links = [("a", "O", "A", "", "corner"), ("b", "A", "B", "corner", "b_B")]
     frame = beams(links, ["O"], [1.0, 0.7], [0.3, 1.4], counts=[3, 2], masses={"B": 0.5})
     positions = Positions(frame, np.zeros(1))
@@ -71,7 +71,7 @@ def test_with_all_modes_a_welded_frame_keeps_its_frequencies():
 
 
 def true_errors(full, reduced, speed, rtol=1e-5):
-    """Errors of coordinates, multipliers and some outputs relative to the full system."""
+    """Return the errors of coordinates, multipliers and some outputs relative to the full system."""
     truth, own = (solve.periodic(each, speed, rtol=rtol) for each in (full, reduced))
     q, ours = truth.at(PHASE), reduced.expanded(PHASE, speed, own.at(PHASE)).q
     rho, other = (
@@ -97,7 +97,7 @@ def true_errors(full, reduced, speed, rtol=1e-5):
         (83.0, {}),
     ],
 )
-def test_the_estimate_holds_within_a_factor_of_two(speed, options):
+def test_error_estimate_is_within_a_factor_of_two(speed, options):
     own, orbit, multipliers, outputs = true_errors(four_bar(3, **options), four_bar(3, 2, **options), speed)
     computed = own.reduction_error
     assert 1e-3 < orbit < 0.1
@@ -110,7 +110,7 @@ def test_the_estimate_holds_within_a_factor_of_two(speed, options):
 @pytest.mark.slow
 @pytest.mark.parametrize("elements", [3, 5])
 @pytest.mark.parametrize("modes", [1, 2, 3])
-def test_the_estimate_holds_over_the_speeds(elements, modes):
+def test_error_estimate_holds_over_a_range_of_speeds(elements, modes):
     full, reduced = four_bar(elements), four_bar(elements, modes)
     for speed in (10, 17, 25, 33.3, 41.2, 55.6, 70, 78, 90):
         own, orbit, multipliers, _ = true_errors(full, reduced, float(speed), 1e-7)
@@ -119,7 +119,7 @@ def test_the_estimate_holds_over_the_speeds(elements, modes):
         assert multipliers < 1.5 * computed.multipliers < 8 * multipliers, speed
 
 
-def test_the_error_of_natural_frequencies_is_that_against_the_full_system():
+def test_frequency_errors_are_relative_to_the_full_system():
     positions = np.linspace(0, 2 * np.pi, 36, endpoint=False)
     full, reduced = four_bar(4), four_bar(4, 2)
     own, exact = (each.frequencies(positions, reduced.n) for each in (reduced, full))
@@ -130,8 +130,9 @@ def test_the_error_of_natural_frequencies_is_that_against_the_full_system():
     assert f"{reduced.frequency_error:.1e}" in reduced.warnings(30.0)[0]
 
 
-def test_the_margin_of_a_verdict_holds_the_reduction():
-    """Without damping, multipliers lie on the unit circle, and a small change may move them off it."""
+def test_verdict_includes_the_reduction_error():
+    """Without damping, multipliers lie on the unit circle. A small perturbation may move them off the
+    circle."""
     speed, undamped = 60.0, {"terms": "full"}
     full, reduced = (
         solve.load("four_bar", options={"elements": 1, **undamped}, reduce=modes, zeta=0)
@@ -144,7 +145,7 @@ def test_the_margin_of_a_verdict_holds_the_reduction():
     assert np.isnan(stability.reduction_error.orbit)
 
 
-def test_coordinates_are_physical_then_modal_and_outputs_follow_from_all():
+def test_physical_coordinates_come_before_modal_coordinates():
     model = four_bar(3, 2)
     assert model.coordinates[:4] == ("A_x", "A_y", "B_x", "B_y")
     assert model.coordinates[4:6] == ("crank_mode_1", "crank_mode_2")
@@ -159,7 +160,7 @@ def test_coordinates_are_physical_then_modal_and_outputs_follow_from_all():
     np.testing.assert_allclose(model.deflection("crank", 1.0, PHASE, q), tip, atol=1e-12)
 
 
-def test_a_mode_of_amplitude_one_deflects_its_link_by_one():
+def test_mode_of_unit_amplitude_deflects_its_link_by_one():
     model = four_bar(4, 3)
     q = np.zeros((model.n, 1))
     q[model.coordinates.index("coupler_mode_2")] = 1.0
@@ -205,12 +206,12 @@ def test_invalid_reductions_are_refused_in_one_line(arguments, words, capsys):
     assert words in line
 
 
-def test_a_loaded_model_cannot_be_reduced():
+def test_loaded_model_cannot_be_reduced():
     with pytest.raises(SolveError, match="load it again with reduce"):
         four_bar(2).varied(options={"reduce": 1})
 
 
-def test_the_command_states_the_error(capsys):
+def test_command_states_the_reduction_error(capsys):
     given = ["four_bar", "--option", "elements=2", "--reduce", "2", "--speed", "30 rad/s", "--rtol", "1e-6"]
     assert run(["periodic", *given, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)

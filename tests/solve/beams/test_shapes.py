@@ -1,4 +1,4 @@
-"""Mode shapes: their largest displacement, continuity, masses, and shapes that are known."""
+"""Mode shapes: largest displacement, continuity, masses, and known shapes."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def exact_shapes(frame, count, phase=0.0):
 
 
 @pytest.mark.parametrize("kind", ["dynamic", "internal"])
-def test_a_pinned_beam_bends_in_sines(kind):
+def test_pinned_beam_has_sinusoidal_mode_shapes(kind):
     frame = beam("pinned", "pinned", kind, 1 if kind == "dynamic" else 6, angle=0.4, EA=1e6)
     if kind == "dynamic":
         computed = exact_shapes(frame, 3)
@@ -29,7 +29,7 @@ def test_a_pinned_beam_bends_in_sines(kind):
         assert shape.modal_mass == pytest.approx(0.5, rel=2e-3)
 
 
-def test_displacements_are_transverse_and_axial_together():
+def test_displacements_have_transverse_and_axial_components():
     frame = beam("clamped", "free", "dynamic", angle=0.7, EA=10.0)
     for shape in exact_shapes(frame, 5):
         across = np.array([-np.sin(0.7), np.cos(0.7)])
@@ -38,7 +38,7 @@ def test_displacements_are_transverse_and_axial_together():
     assert np.abs(exact_shapes(frame, 2)[1].transverse[0]).max() < 1e-6, "the second mode only stretches"
 
 
-def test_links_meet_at_their_joints_in_every_mode():
+def test_links_remain_connected_in_every_mode():
     model = solve.load("four_bar", options={"element": "dynamic"})
     for shape in solve.frequencies(model, "40 deg", 6).shapes():
         crank, coupler, follower = shape.displacements
@@ -61,7 +61,7 @@ def test_exact_shapes_and_modal_masses_match_a_fine_mesh():
 
 
 def test_modes_without_joint_motion_are_drawn():
-    """The portal frame's fourth mode: three beams clamped at both ends."""
+    """In the fourth mode of the portal frame, the joints do not move: three beams clamped at both ends."""
     model = solve.load("portal_frame", options={"element": "dynamic"})
     fourth = solve.frequencies(model, count=4).shapes()[3]
     for displacement, transverse in zip(fourth.displacements, fourth.transverse, strict=True):

@@ -1,4 +1,4 @@
-"""Springs and dashpots between joints and the ground, against closed forms."""
+"""Springs and dashpots between joints and the ground, compared with closed forms."""
 
 from functools import cache
 
@@ -18,7 +18,8 @@ BENDS = {"E": 1e6, "A": 1.0, "I": 1e-6, "rho": 1.0, "L": 1.0}
 
 @cache
 def bar(*held):
-    """A bar along x from L to R, held by verbs of the statement: (verb, joint, *directions of springs)."""
+    """Return a bar along x from L to R with supports (verb, joint, *directions of springs) of the
+    statement."""
     made = Structure("bar", "A bar on supports")
     E, A, I, rho, L, k = made.parameters(  # noqa: E741 - the field's symbol
         E=("Pa", "modulus"), A=("m^2", "area"), I=("m^4", "second moment"), rho=("kg/m^3", "density"),
@@ -32,7 +33,7 @@ def bar(*held):
 
 
 def roots(function, count=3):
-    """The lowest zeros of a function that changes its sign at each."""
+    """Return the lowest zeros of a function that changes sign at each zero."""
     x = np.linspace(1e-3, 12.0, 24001)
     y = function(x)
     starts = np.flatnonzero(y[1:] * y[:-1] < 0)[:count]
@@ -59,9 +60,9 @@ CLOSED = [
 
 @pytest.mark.parametrize("element", ["dynamic", "internal", "curvature", "cubic"])
 @pytest.mark.parametrize(("held", "closed"), CLOSED, ids=["support", "clamp", "pivot"])
-def test_a_beam_on_an_elastic_support_clamp_and_pivot(held, closed, element):
-    """Of a cantilever propped by k at its end, of a pinned beam that a spring of k L² turns back, of one
-    between a pin and an elastic pivot."""
+def test_elastic_supports_match_the_characteristic_equations(held, closed, element):
+    """The beams are a cantilever supported by a spring k at its end, a pinned beam with a rotational spring k
+    L², and a beam between a pin and an elastic pivot."""
     count, rtol = {"dynamic": (1, 1e-9), "cubic": (48, 1e-5)}.get(element, (6, 1e-6))
     for k in (0.3, 7.0, 500.0):
         model = solve.load(bar(*held), options={"element": element, "elements": count}, k=k, **BENDS)
@@ -71,7 +72,7 @@ def test_a_beam_on_an_elastic_support_clamp_and_pivot(held, closed, element):
 
 @cache
 def rotor():
-    """A stiff arm that turns with the drive about a pivot on springs and dashpots, a mass at its tip."""
+    """Return a stiff arm with a mass at its tip, driven about a pivot on springs and dashpots."""
     made = Structure("rotor", "Unbalance on an elastic pivot")
     E, A, I, rho, L, m = made.parameters(  # noqa: E741 - the field's symbol
         E=("Pa", "modulus"), A=("m^2", "area"), I=("m^4", "second moment"), rho=("kg/m^3", "density"),
@@ -86,9 +87,9 @@ def rotor():
     return made
 
 
-def test_an_unbalance_on_springs_and_dashpots():
-    """A rigid arm of mass μL with m at its tip answers (μL + m) ẍ + c ẋ + k x = (μL/2 + m) L Ω² cos φ; the
-    arm's own give falls with its stiffness."""
+def test_unbalance_response_matches_the_closed_form():
+    """For a rigid arm of mass μL with m at its tip, (μL + m) ẍ + c ẋ + k x = (μL/2 + m) L Ω² cos φ. The
+    deflection of the elastic arm is inversely proportional to its stiffness."""
     numbers = {"E": 1e12, "A": 1e-4, "I": 1e-5, "rho": 5e3, "L": 0.5, "m": 0.4}
     springs = {"kx": 900.0, "ky": 2500.0, "kt": 1e9, "c": 8.0}
     speed, mass, unbalance = 40.0, 0.25 + 0.4, (0.125 + 0.4) * 0.5
@@ -115,7 +116,7 @@ def test_contradictory_supports_are_refused(held, words):
     assert all(word in str(caught.value) for word in words)
 
 
-def test_units_joints_and_places_are_checked():
+def test_invalid_units_joints_and_places_are_refused():
     made = bar.__wrapped__()
     k = made.declared_parameters[-1].symbol
     with pytest.raises(DeclarationError, match='no link ends at a joint "Q"'):

@@ -1,4 +1,4 @@
-"""Rates are printed after the tests, whether or not output is captured."""
+"""Print rates after the tests, whether or not output is captured."""
 
 import pytest
 

@@ -1,12 +1,12 @@
-"""A second population of random periodic systems, on which no error estimate was tuned: other features of the
-matrices than those of `population`, most of them at phases that are not declared.
+"""Second population of random periodic systems, which was not used to tune error estimates. The features of
+its matrices differ from those of `population`, and most lie at undeclared phases.
 
-System k depends on `SEED` and k alone; the seven kinds take turns. Every system is one of random modes W at
-natural frequencies ω (in units of the speed), M = WᵀW and K = Wᵀ diag(ω²) W in the mean, whose matrices are
-sums of constants, three harmonics and further signals of the phase, each with a matrix of its own. Speeds are
-10^U(-1, 2) rad/s, units of the coordinates 10^U(-1, 1). U(a, b) is evenly distributed between a and b. Three
-in five systems are damped in every mode in the mean, one in five has no damping, C = 0, with M constant and K
-symmetric, and one in five has a mode with negative damping.
+System k depends only on `SEED` and k; the seven kinds alternate. Every system has random modes W and natural
+frequencies ω (in units of the speed), with the mean values M = WᵀW and K = Wᵀ diag(ω²) W. The matrices are
+sums of constants, three harmonics and further functions of the phase, each with its own coefficient matrix.
+Speeds are 10^U(-1, 2) rad/s and units of the coordinates 10^U(-1, 1), where U(a, b) is evenly distributed
+between a and b. In three of five systems, the mean damping of every mode is positive. One in five has no
+damping (C = 0, M constant, K symmetric), and one in five has a mode with negative damping.
 """
 
 from dataclasses import dataclass
@@ -23,13 +23,18 @@ SEED = 20261126
 SIZE = 2000
 TURN = 2 * np.pi
 NODES = 14
-"""Nodes of each panel of the truth: as many as follow a mode that turns by 1.5 in it."""
+"""Nodes in each panel of the reference solution: sufficient for a mode with a phase advance of 1.5 rad per
+panel."""
 
 
 @dataclass(frozen=True)
 class Modes:
-    """ω (n,) and W (n, n), damping ratios (n,) and whether there is damping at all, and the coefficients of
-    M, C, K (1 + 2H, n, n) and d (1 + 2H, n) by phase: the means, then those of cosines and sines."""
+    """Modes and coefficients of a system.
+
+    `omega` (n,) are the natural frequencies, `W` (n, n) the modes and `zeta` (n,) the damping ratios.
+    `damped` is False if C = 0. `parts` are the coefficients of M, C, K (1 + 2H, n, n) and d (1 + 2H, n): the
+    means, then the cosine and sine coefficients.
+    """
 
     omega: np.ndarray
     W: np.ndarray
@@ -39,7 +44,8 @@ class Modes:
 
     @property
     def scales(self) -> np.ndarray:
-        """Sizes (2n,) of q and q′ when the fastest mode vibrates. Powers of 2, which round nothing."""
+        """Sizes (2n,) of q and q′ in a vibration of the fastest mode, as powers of 2, which cause no
+        round-off."""
         unit = 1 / np.linalg.norm(self.W, axis=0)
         return 2.0 ** np.round(np.log2(np.concatenate((unit / self.omega.max(), unit))))
 
@@ -58,10 +64,10 @@ def member(index: int) -> Member:
 
 
 def bumps(rng):
-    """One or two undeclared bumps exp(-2 sin²((φ - a)/2)/σ²), which are Gaussian where they are not zero, in
-    K, in C or in both, three in ten also in d. Their standard deviations σ are 2π · 10^U(-3.7, -1.5), from
-    1/5000 to 1/32 of the period; there are no narrower ones. An area of 10^U(-1.3, 0.2) changes the state by
-    a few per cent to all of it."""
+    """One or two undeclared bumps exp(-2 sin²((φ - a)/2)/σ²) in K, in C or in both, and in three of ten
+    systems also in d. A narrow bump is Gaussian. The standard deviations σ are 2π · 10^U(-3.7, -1.5), from
+    1/5000 to 1/32 of the period. The areas of 10^U(-1.3, 0.2) change the state by between a few per cent and
+    its own size."""
     modes = _modes(rng, int(rng.integers(1, 4)), _top(rng))
     count = int(rng.integers(1, 3))
     places, sigma = rng.uniform(0.0, TURN, count), TURN * 10 ** rng.uniform(-3.7, -1.5, count)
@@ -80,8 +86,8 @@ def bumps(rng):
 
 
 def kinks(rng):
-    """Kinks of K, C and d at one to four undeclared phases a: |sin(φ - a)|, which has another half a period
-    later, |sin((φ - a)/2)|, or piecewise linear interpolation of random values."""
+    """Kinks of K, C and d at one to four undeclared phases a: |sin(φ - a)|, which has a second kink half a
+    period later, |sin((φ - a)/2)|, or piecewise linear interpolation of random values."""
     modes = _modes(rng, int(rng.integers(1, 4)), _top(rng))
     count, shape = int(rng.integers(1, 5)), int(rng.integers(3))
     places = np.sort(rng.uniform(0.0, TURN, count))
@@ -116,9 +122,9 @@ def ripples(rng):
 
 
 def crossing(rng):
-    """Two to four modes of 20 to 200 times the speed, whose frozen frequencies vary by 8 to 22 % each at a
-    phase of its own, so that they cross; coupled weakly. Damping ratios are 10^U(-4, 0), the least of them
-    at most 0.01."""
+    """Two to four weakly coupled modes at 20 to 200 times the speed. Their frozen frequencies vary by 8 to 22
+    %, each with a different phase, so that they cross. The damping ratios are 10^U(-4, 0); the smallest is at
+    most 0.01."""
     n = int(rng.integers(2, 5))
     centre = 10 ** rng.uniform(np.log10(26.0), np.log10(145.0)) * rng.uniform(0.96, 1.04, n)
     zeta = 10 ** rng.uniform(-4.0, 0.0, n)
@@ -159,8 +165,8 @@ def tables(rng):
 
 
 def jumps(rng):
-    """Two to six declared jumps of M, C, K and d, of which two are 2π · 10^U(-9, -3) apart; one system in
-    four jumps at phase 0. Between the jumps the matrices are constant or smooth."""
+    """Two to six declared jumps of M, C, K and d, two of which are 2π · 10^U(-9, -3) apart. One system in
+    four jumps at phase 0. Between the jumps, the matrices are constant or smooth."""
     modes = _modes(rng, int(rng.integers(1, 4)), _top(rng), depth=rng.uniform(0.02, 0.3) * rng.integers(2))
     count = int(rng.integers(2, 7))
     breaks = np.sort(rng.uniform(0.1, 6.1, count - 1))
@@ -179,8 +185,8 @@ def jumps(rng):
 
 
 def twenty(rng):
-    """Twenty coordinates, as random Fourier series of three harmonics; up to three modes have damping ratios
-    of 10^U(-5, -3) and up to three others of 0.3 to 1."""
+    """Random Fourier series of three harmonics for twenty coordinates. Up to three modes have damping ratios
+    of 10^U(-5, -3), and up to three others of 0.3 to 1."""
     n = 20
     zeta = 10 ** rng.uniform(-3.0, -0.5, n)
     light, heavy = rng.integers(0, 4, 2)
@@ -192,27 +198,30 @@ def twenty(rng):
 
 
 MAKERS = {each.__name__: each for each in (bumps, kinks, ripples, crossing, tables, jumps, twenty)}
-"""Each gives the modes, the coefficients (k, …) of M, C, K and d that follow signals (m, k) of the phase,
-these signals, the breaks, and what places the panels of the truth."""
+"""Each function returns the modes, the coefficients (k, …) of M, C, K and d that are multiplied by signals
+(m, k) of the phase, these signals, the breaks, and the panel arguments of the reference solution."""
 
 KINDS = tuple(MAKERS)
 
 
 def _top(rng):
-    """Largest natural frequency, in units of the speed, of soft and of moderately stiff systems."""
+    """Return the largest natural frequency, in units of the speed, of a soft or moderately stiff system."""
     return float(rng.choice([6.0, 60.0]))
 
 
 def _sizes(rng, count, *ranges):
-    """For each range (p, a, b) either 10^U(a, b), count times, with the probability p, or zeros."""
+    """Return `count` values 10^U(a, b) with the probability p, otherwise zeros, for each range (p, a, b)."""
     size = 10 ** np.array([rng.uniform(*ends, count) for _, *ends in ranges])
     return size * (rng.random((len(ranges), 1)) < [[probability] for probability, *_ in ranges])
 
 
 def _modes(rng, n, top=6.0, omega=None, zeta=None, depth=None, growing=(-3.0, -1.3)):
-    """Random modes, if not given with ω from 0.15 to top and ζ of 10^U(-3, -0.5). The harmonics of M, C and K
-    have spectral norms of `depth` together, and those of the loads the size of the mean; without depth there
-    are none. growing: a and b of the negative damping ratio -10^U(a, b)."""
+    """Return random modes.
+
+    Unless given, ω lies between 0.15 and `top`, and ζ is 10^U(-3, -0.5). The harmonics of each of M, C and K
+    have spectral norms with the sum `depth`; those of the load are as large as its mean. With zero depth,
+    there are no harmonics. `growing` are a and b of the negative damping ratio -10^U(a, b).
+    """
     W = np.linalg.qr(rng.standard_normal((n, n)))[0] * 10 ** rng.uniform(-1.0, 1.0, n)
     omega = 10 ** rng.uniform(np.log10(0.15), np.log10(top), n) if omega is None else omega
     zeta = 10 ** rng.uniform(-3.0, -0.5, n) if zeta is None else zeta
@@ -235,8 +244,8 @@ def _modes(rng, n, top=6.0, omega=None, zeta=None, depth=None, growing=(-3.0, -1
 
 
 def _changes(rng, modes, M=0.0, C=0.0, K=0.0, d=0.0):
-    """Random coefficients of M, C, K (k, n, n) and d (k, n) of the spectral norms M, C, K and sizes d (k,),
-    in units of the modes; without damping C and M do not change and K is symmetric."""
+    """Return random coefficients of M, C, K (k, n, n) with the spectral norms M, C and K, and of d (k, n)
+    with the sizes d (k,), in units of the modes. Without damping, C and M are zero and K is symmetric."""
     M, C, K, d = np.broadcast_arrays(*(np.atleast_1d(each) for each in (M, C, K, d)))
     n, W, stiffness = len(modes.omega), modes.W, modes.omega[:, None] * modes.W
 
@@ -254,7 +263,8 @@ def _changes(rng, modes, M=0.0, C=0.0, K=0.0, d=0.0):
 
 
 def _system(modes, changes, signals, breaks):
-    """What the changes (k, …) add to the modes where they follow signals (m, k) of the phase."""
+    """Return the system of the modes with the changes (k, …) multiplied by the signals (m, k) of the
+    phase."""
     parts = [np.concatenate(pair) for pair in zip(modes.parts, changes, strict=True)]
 
     def matrices(phase, Omega):

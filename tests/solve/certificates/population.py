@@ -1,8 +1,7 @@
-"""Random periodic systems, the same in every run: the population that judges error estimates and verdicts.
+"""Reproducible population of random periodic systems on which error estimates and verdicts are tested.
 
-System k of the population depends on `SEED` and k alone. The first half are random Fourier series, of four
-kinds in turn; the rest are built so that the truth is known in closed form (`transformed`), or hold narrow
-pulses (`pulses`).
+System k depends only on `SEED` and k. The first half are random Fourier series of four alternating kinds. The
+others have solutions in closed form (`transformed`) or contain narrow pulses (`pulses`).
 """
 
 from collections.abc import Callable
@@ -27,7 +26,8 @@ KINDS = (*SERIES, *FURTHER)
 
 @dataclass(frozen=True)
 class Member:
-    """One system of the population, the speed (rad/s) at which it is solved, and what gives its truth."""
+    """System of the population, the speed (rad/s) at which it is solved, and a function that returns its
+    reference solution."""
 
     index: int
     kind: str
@@ -41,12 +41,12 @@ class Member:
 
     @property
     def formula(self) -> bool:
-        """Whether the truth is a formula, of which the system's matrices are rounded values."""
+        """Whether the reference solution is a formula. The matrices of the system are then rounded values."""
         return self.kind in BUILT
 
 
 def kind_of(index: int) -> str:
-    """The kinds take turns, in each half those of their own."""
+    """Return the kind of a member. Kinds alternate; each half of the population has its own."""
     if index < HALF:
         return SERIES[index % len(SERIES)]
     return list(FURTHER)[(index - HALF) % len(FURTHER)]
@@ -63,11 +63,12 @@ def member(index: int) -> Member:
 
 
 def _series(rng, stiff, damped):
-    """M, C, K, d as Fourier series of three harmonics, of 1 to 6 coordinates in units of their own.
+    """Return a system whose M, C, K and d are Fourier series of three harmonics, for 1 to 6 coordinates with
+    different units, and its speed.
 
-    Soft: natural frequencies to 6 times the speed; stiff: to 120 times. Means: M = WᵀW and K = Wᵀ diag(ω²) W.
-    Undamped systems are those of an energy, C = Ṁ and M, K symmetric; damped ones have modal damping,
-    gyroscopic and circulatory parts, all of them varying.
+    The natural frequencies are up to 6 times the speed in soft and up to 120 times the speed in stiff
+    systems. The means are M = WᵀW and K = Wᵀ diag(ω²) W. Undamped systems follow from an energy: C = Ṁ, with
+    M and K symmetric. Damped systems have varying modal damping, gyroscopic and circulatory terms.
     """
     n, speed = int(rng.integers(1, 7)), float(10 ** rng.uniform(-1.0, 2.0))
     omega = 10 ** rng.uniform(np.log10(0.15), np.log10(120.0 if stiff else 6.0), n)
@@ -75,7 +76,8 @@ def _series(rng, stiff, damped):
     depth = rng.uniform(0.02, 0.3)
 
     def varying(left, right, symmetric):
-        """Harmonics (2, H, n, n) of leftᵀ S right with a spectral norm of all S together below `depth`."""
+        """Return harmonics (2, H, n, n) of leftᵀ S right, where the sum of the spectral norms of S is below
+        `depth`."""
         S = rng.standard_normal((2, HARMONICS, n, n))
         S = S + np.swapaxes(S, 2, 3) if symmetric else S
         S *= depth / np.linalg.norm(S, 2, axis=(2, 3)).sum()

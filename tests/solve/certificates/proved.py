@@ -14,8 +14,8 @@ MOST_COORDINATES = 3
 
 @dataclass(frozen=True)
 class Proved:
-    """Verdict of a member; centers (2n,) and radii (2n,) of discs that contain its multipliers, and whether a
-    disc contains one only; lower and upper bounds of max|q|."""
+    """Proof of a member: its verdict, centers (2n,) and radii (2n,) of discs that contain its multipliers,
+    whether each disc contains only one, and lower and upper bounds of max|q|."""
 
     verdict: str
     centers: np.ndarray
@@ -26,7 +26,7 @@ class Proved:
 
 @cache
 def proofs() -> dict[int, Proved]:
-    """Proofs by the index of the member."""
+    """Return the stored proofs as a mapping from the index of a member."""
     made = {}
     for record in map(json.loads, FILE.read_text().splitlines()):
         real, imaginary, radii = np.array(record["multipliers"]).T

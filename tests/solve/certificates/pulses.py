@@ -7,8 +7,8 @@ from tests.solve.certificates.truth import integrated
 
 
 def pulsed(rng, speed):
-    """1 to 3 coordinates; one or two pulses of a width from T/30 to T/30 000, a parabola's arc or flat, each
-    with an area that changes a multiplier visibly."""
+    """Return a system of 1 to 3 coordinates with one or two rectangular or parabolic pulses. Their widths are
+    from T/30 to T/30 000. The area of each is large enough to change a multiplier significantly."""
     n = int(rng.integers(1, 4))
     omega, zeta = 10 ** rng.uniform(-0.7, 0.9, n), 10 ** rng.uniform(-3.0, -0.7, n)
     V = np.linalg.qr(rng.standard_normal((n, n)))[0]

@@ -1,4 +1,4 @@
-"""Constant coefficients: multipliers of every method that can are those of the matrix exponential."""
+"""Constant coefficients: the multipliers of all suitable methods match those of the matrix exponential."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ ALL = ["auto", "radau", "gauss", Radau(13), Gauss(16), "fourier", "hill", "hsu"]
 
 
 def structure(seed, n):
-    """M, K symmetric and positive definite, C neither, at about the stiffness of the drive."""
+    """Return symmetric positive definite M and K, and a general C. Natural frequencies are near the speed."""
     rng = np.random.default_rng(seed)
     return spd(rng, n, 0.5, 2.0), 0.1 * rng.standard_normal((n, n)) + 0.2 * np.eye(n), spd(rng, n, 0.5, 20.0)
 
@@ -26,7 +26,7 @@ def exponential(M, C, K, period):
 
 @pytest.mark.parametrize("method", ALL, ids=str)
 @pytest.mark.parametrize("n", [1, 2, 3])
-def test_multipliers_to_1e_12(method, n):
+def test_multipliers_match_the_matrix_exponential_to_1e_12(method, n):
     M, C, K = structure(n, n)
     given = constant(M, C, K, lambda phase: np.ones((len(phase), n)))
     stability = floquet(given, 1.3, method, rtol=1e-12)

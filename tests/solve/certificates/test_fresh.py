@@ -1,5 +1,5 @@
-"""Truths of the fresh population, by another integrator and by panels half as long; no method under test is
-asked here."""
+"""Reference solutions of the fresh population, checked by another integrator and by panels of half the
+length. The methods under test are not used."""
 
 from itertools import pairwise
 
@@ -15,20 +15,22 @@ from tests.solve.references import rate_matrices, relative_error
 
 FIRST = range(len(fresh.KINDS))
 QUICK = {"bumps": 28, "kinks": 1, "ripples": 247, "crossing": 17, "tables": 214, "jumps": 5, "twenty": 6}
-"""Systems of each kind that take another integrator little time."""
+"""Systems of each kind for which another integrator is fast."""
 
 SLOW = {"ripples", "crossing"}
 LOOKED_AT = np.arange(0, 1000, 125)
 
 
 def features(member):
-    """What else than the modes places the panels of a truth: edges and the largest length."""
+    """Return the edges and the largest panel length that a reference solution requires in addition to those
+    for its modes."""
     given = member.truth.keywords
     return np.remainder(given.get("edges", ()), 2 * np.pi), given.get("longest", np.inf)
 
 
 def shot(member, rtol=1e-13):
-    """Multipliers, and orbit q (n, k) at `PHASES[LOOKED_AT]`, by DOP853 from feature to feature."""
+    """Return multipliers and orbit q (n, k) at `PHASES[LOOKED_AT]`, integrated by DOP853 from feature to
+    feature."""
     edges, longest = features(member)
     N, system = 2 * member.n, member.system
     scales = np.repeat(member.truth.keywords["scales"][:, None], N + 1, axis=1)
@@ -53,7 +55,8 @@ def shot(member, rtol=1e-13):
 
 
 def differences(member):
-    """Of orbit and multipliers between the truth and `shot`, relative to the largest of each."""
+    """Return the differences of orbit and multipliers between the reference and `shot`, relative to the
+    largest value of each."""
     truth = member.truth()
     multipliers, q = shot(member)
     largest = np.abs(truth.q).max(axis=1)
@@ -62,7 +65,8 @@ def differences(member):
 
 
 def halving(member):
-    """The same between the truth and that by panels half as long."""
+    """Return the differences of orbit and multipliers between the reference and the solution with panels of
+    half the length."""
     edges, longest = features(member)
     ends = panel_edges(member.system, member.speed, edges, longest)
     truth = member.truth()
@@ -73,7 +77,7 @@ def halving(member):
 @pytest.mark.parametrize(
     "kind", [pytest.param(kind, marks=pytest.mark.slow if kind in SLOW else ()) for kind in fresh.KINDS]
 )
-def test_another_integrator_agrees(kind):
+def test_reference_agrees_with_another_integrator(kind):
     member = fresh.member(QUICK[kind])
     assert member.kind == kind
     assert max(differences(member)) < 1e-11
@@ -81,7 +85,7 @@ def test_another_integrator_agrees(kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("index", range(21, 42))
-def test_another_integrator_agrees_on_further_systems(index):
+def test_reference_agrees_with_another_integrator_on_further_systems(index):
     assert max(differences(fresh.member(index))) < 1e-11
 
 
@@ -96,7 +100,7 @@ def test_reference_of_further_systems_is_unchanged_by_halved_panels(index):
     assert max(halving(fresh.member(index))) < 1e-11
 
 
-def test_a_system_depends_on_seed_and_index_alone():
+def test_system_depends_only_on_seed_and_index():
     phase = np.linspace(0.0, 6.0, 9)
     for index in FIRST:
         fresh.member(index + 1)
@@ -115,7 +119,7 @@ def test_members_are_valid_periodic_systems():
         check(member.system, member.speed)
 
 
-def test_jumps_alone_are_declared_and_two_almost_coincide():
+def test_only_jumps_are_declared_and_two_almost_coincide():
     for index in range(fresh.SIZE):
         if fresh.kind_of(index) == "jumps":
             breaks = np.array(fresh.member(index).system.breaks)
@@ -127,7 +131,7 @@ def test_jumps_alone_are_declared_and_two_almost_coincide():
 
 
 def test_frozen_frequencies_cross():
-    """The differences of the two lowest have a minimum near zero, of a hundredth or less."""
+    """The smallest distance between neighbouring frequencies is below a hundredth of the lowest frequency."""
     phase = np.linspace(0.0, 2 * np.pi, 2000)
     for index in range(3, 143, 7):
         member = fresh.member(index)
@@ -137,8 +141,8 @@ def test_frozen_frequencies_cross():
         assert (np.diff(frequency, axis=1) / frequency[:, :1]).min() < 0.01
 
 
-def test_each_verdict_is_frequent_and_correct():
-    """Growing, at rest and dying systems each make a tenth or more of four kinds."""
+def test_every_verdict_is_frequent_and_correct():
+    """In four kinds, at least a tenth of the systems are growing, a tenth neutral and a tenth decaying."""
     growth = np.array(
         [fresh.member(index).truth().growth for index in range(70) if index % 7 in {0, 1, 4, 5}]
     )

@@ -1,4 +1,4 @@
-"""Features of the matrices that are narrower than the steps: seen, unseen, and between breaks."""
+"""Features of the matrices that are narrower than the steps: detected, undetected, and between breaks."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ IMPULSE, DAMPING, STIFFNESS = 0.5, 0.2, 4.0
 
 
 def struck(place, width, breaks=(), damping=DAMPING, stiffness=STIFFNESS):
-    """q″ + 0.2 q′ + (4 + bump) q = cos φ, the bump a Gaussian of area 1/2."""
+    """Return q″ + 0.2 q′ + (4 + bump) q = cos φ, where the bump is a Gaussian of area 1/2."""
 
     def matrices(phase, speed):
         away = np.remainder(phase - place + np.pi, 2 * np.pi) - np.pi
@@ -21,7 +21,8 @@ def struck(place, width, breaks=(), damping=DAMPING, stiffness=STIFFNESS):
 
 
 def kicked():
-    """Multipliers in the limit of no width: a kick of q′ by -q/2 once a turn of the constant system."""
+    """Return the multipliers in the limit of zero width: once per period, q′ of the constant system changes
+    by -q/2."""
     from scipy.linalg import expm
 
     turn = expm(2 * np.pi * np.array([[0.0, 1.0], [-STIFFNESS, -DAMPING]]))
@@ -39,15 +40,16 @@ def test_stiffness_pulse_of_a_thousandth_of_the_period_is_detected(place, method
 @pytest.mark.parametrize("place", [0.0, np.pi / 8, np.pi / 4, np.pi / 2, np.pi, 5.663832566240261])
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-8])
 @pytest.mark.parametrize("find", [floquet, periodic])
-def test_a_bump_at_nodes_that_grids_share_is_seen(place, rtol, find):
-    """No stage of theirs is near to it, so that they agree about another system."""
+def test_bump_at_nodes_common_to_all_grids_is_detected(place, rtol, find):
+    """No other stage of the grids lies near the bump. The grids therefore agree on the solution of another
+    system."""
     computed = find(struck(place, 2 * np.pi / 1000), 1.0, rtol=rtol)
     np.testing.assert_allclose(np.abs(computed.multipliers), np.abs(kicked()), rtol=2 * rtol + 1e-4)
 
 
-def test_a_bump_at_a_node_makes_its_system_unstable():
-    """A kick of q′ by -q/2 once a turn of q″ + 0.02 q′ + 3.9 q. Its limit of no width, a product of two
-    exponentials, has the spectral radius 1.061."""
+def test_bump_at_a_node_makes_its_system_unstable():
+    """In q″ + 0.02 q′ + 3.9 q, q′ changes by -q/2 once per period. In the limit of zero width, a product of
+    two exponentials, the spectral radius is 1.061."""
     from scipy.linalg import expm
 
     turn = expm(2 * np.pi * np.array([[0.0, 1.0], [-3.9, -0.02]]))
@@ -59,9 +61,10 @@ def test_a_bump_at_a_node_makes_its_system_unstable():
         assert computed.spectral_radius == pytest.approx(kick, rel=5e-4)
 
 
-def test_a_bump_narrower_than_all_samples_may_be_missed():
-    """The limit of every method that samples: a bump that changes the spectral radius by 6 %, a
-    hundred-thousandth of the period wide, at some of 30 places; one of a six-thousandth is seen at all."""
+def test_bump_narrower_than_all_samples_may_be_missed():
+    """This is a limitation of every method that samples. A bump that changes the spectral radius by 6 % and
+    has a width of 1/100 000 of the period is missed at some of 30 phases. A bump with a width of 1/6000 is
+    detected at all of them."""
     free = np.exp(-DAMPING / 2 * 2 * np.pi)
     places = np.random.default_rng(0).uniform(0.0, 2 * np.pi, 30)
 
@@ -76,7 +79,7 @@ def test_a_bump_narrower_than_all_samples_may_be_missed():
 
 @pytest.mark.parametrize("part", [300, 3000, 30_000])
 @pytest.mark.parametrize("place", [0.9, 2.4, 5.1])
-def test_breaks_on_either_side_let_every_width_be_seen(place, part):
+def test_bumps_between_breaks_are_resolved_at_every_width(place, part):
     width = 2 * np.pi / part
     edges = (place - 6 * width, place + 6 * width)
     orbit = periodic(struck(place, width, edges), 1.0)
@@ -91,7 +94,8 @@ def test_breaks_on_either_side_let_every_width_be_seen(place, part):
 
 
 def answer(orders, parts):
-    """Of q″ + 0.2 q′ + 4 q to a load Σ Re part exp(i order φ), as a function of the phase."""
+    """Return the response of q″ + 0.2 q′ + 4 q to a load Re Σ part exp(i order φ), as a function of the
+    phase."""
     orders, parts = np.array(orders), np.array(parts, dtype=complex)
     parts /= STIFFNESS - orders**2 + 1j * DAMPING * orders
     return lambda phase: np.real(np.exp(1j * np.outer(phase, orders)) @ parts)
@@ -111,8 +115,8 @@ def ripple(order, part, breaks=()):
 
 
 def kinked(place):
-    """A load |cos(φ + place)|: between kinks, the response to a cosine and a free motion that make the
-    response and its derivative continuous."""
+    """Return an oscillator under a load |cos(φ + place)|. Between kinks, its response is that to a cosine
+    plus a free motion that makes the response and its derivative continuous."""
     forced = 1 / (STIFFNESS - 1 + 1j * DAMPING)
     rate = -DAMPING / 2 + 1j * np.sqrt(STIFFNESS - DAMPING**2 / 4)
     real = 2 * forced.imag
@@ -136,7 +140,7 @@ RIPPLES = [
 @pytest.mark.parametrize("case", [*RIPPLES, *map(kinked, (0.0, 0.7, 1.777, 2.9))])
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 def test_error_covers_harmonics_above_the_step_resolution(case, rtol):
-    """The samples of a step look at orders above their number alike on every grid, more or less."""
+    """Harmonics whose order exceeds the number of samples are aliased in nearly the same way on all grids."""
     given, truth = case
     computed, phase = periodic(given, 1.0, rtol=rtol), np.linspace(0, 2 * np.pi, 801)
     q = truth(phase)

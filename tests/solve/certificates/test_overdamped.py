@@ -1,5 +1,5 @@
-"""Modes far beyond critical damping beside slow ones, in axes that turn: each has a rate that is fast and one
-that is slow, 1.4e5 times apart at a damping ratio of 300."""
+"""Heavily overdamped modes with slow modes, in rotating axes. Each overdamped mode has a fast and a slow
+rate, which differ by a factor of 1.4e5 at a damping ratio of 300."""
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ GROWTH = {"damped": 1.0, "growing": -1.0, "undamped": 0.0}
 
 
 def overdamped(zeta, case, seed):
-    """A mode with this damping ratio, one or two slow modes of which the last is of the given case, and the
-    truth in closed form."""
+    """Return a system with a mode of this damping ratio and one or two slow modes, the last of the given
+    case, and its solution in closed form."""
     rng = np.random.default_rng((300, seed))
     n = 2 + seed % 2
     omega = 10 ** rng.uniform(-0.7, 0.8, n)
@@ -29,7 +29,8 @@ def overdamped(zeta, case, seed):
 
 
 def with_states(system):
-    """The same with the first coordinate and its velocity as states, behind the other coordinates."""
+    """Return the same system with the first coordinate and its velocity as states after the other
+    coordinates."""
     n = system.n
 
     def matrices(phase, speed):

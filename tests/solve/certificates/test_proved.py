@@ -1,4 +1,4 @@
-"""Ordinary results against stored proofs of the population: estimates held against theorems."""
+"""Results compared with stored proofs of the population: error estimates compared with proved bounds."""
 
 import numpy as np
 import pytest
@@ -10,16 +10,16 @@ from tests.solve.certificates.population import HALF, member
 from tests.solve.certificates.proved import MOST_COORDINATES, proofs
 
 ROUNDED = 1e-11
-"""Change of multipliers by the rounding of a member's matrices, which differs between versions of NumPy."""
+"""Allowed change of multipliers. The rounding of a member's matrices differs between versions of NumPy."""
 
 QUICK = 12
-"""Members that are always compared."""
+"""Number of members that are compared in every run."""
 
 INDICES = sorted(proofs())
 
 
 def errors(proof, multipliers):
-    """Bounds on the errors of multipliers, relative to the spectral radius."""
+    """Return bounds on the errors of multipliers, relative to the spectral radius."""
     distances = np.abs(multipliers[:, None] - proof.centers) + proof.radii
     rows, columns = linear_sum_assignment(distances)
     return distances[rows, columns].max() / np.abs(proof.centers).max()
@@ -59,7 +59,7 @@ def test_more_estimates_bound_the_distance_from_a_proof(index):
     require_honesty(index)
 
 
-def test_a_larger_error_is_seen():
+def test_larger_errors_are_detected():
     index = INDICES[0]
     found = solve.floquet(member(index).system, member(index).speed)
     moved = found.multipliers + 2 * found.error_estimate.multipliers * found.spectral_radius

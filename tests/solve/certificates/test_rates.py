@@ -1,10 +1,10 @@
-"""Error estimates and verdicts on a fixed part of the population; `python -m tests.benchmarks.population`
-judges the whole of it.
+"""Error estimates and verdicts on a fixed sample of the population; `python -m tests.benchmarks.population`
+tests all of it.
 
-True error ≤ 10 × estimate in 95 % of each method's results and 99 % of all; where the true error is above
-1e-12 and leaves a digit, estimate ≤ 100 × true error in 90 % (50 % for series of harmonics), method by
-method; no verdict is contradicted. The truth is a formula or an integration of its own, the latter held
-against DOP853.
+The true error is at most 10 times the estimate in 95 % of the results of each method and in 99 % of all
+results. If the true error is between 1e-12 and 0.1, the estimate is at most 100 times the true error in 90 %
+of the results of each method (50 % for Fourier series). No verdict is contradicted. The reference is a
+formula or an independent integration, which is compared with DOP853.
 """
 
 from itertools import pairwise
@@ -23,11 +23,11 @@ from tests.solve.systems import frozen_modes
 
 FEW = [0, 43, 86, 129, 301, 344, *range(HALF + 1, HALF + 1 + len(FURTHER))]
 PART = range(5, SIZE, 23)
-"""Systems of every kind."""
+"""Systems of all kinds."""
 
 
 @pytest.mark.parametrize("indices", [FEW, pytest.param(PART, marks=pytest.mark.slow)], ids=["few", "part"])
-def test_estimates_and_verdicts(indices, report):
+def test_estimates_and_verdicts_meet_the_stated_rates(indices, report):
     computed = judged(indices)
     report(f"{len(indices)} systems; {len(computed)} results, each with orbit and multipliers")
     table = [rates(name, part) for name, part in grouped(computed, asked).items()]
@@ -46,7 +46,7 @@ def test_estimates_and_verdicts(indices, report):
     assert not [str(each) for each in computed if each.contradicted]
 
 
-def test_the_population_is_as_described():
+def test_population_is_as_described():
     kinds = [kind_of(index) for index in range(SIZE)]
     assert min(kinds.count(kind) for kind in KINDS) >= 80
     members = [member(index) for index in range(HALF)]
@@ -66,7 +66,8 @@ def test_the_population_is_as_described():
 
 @pytest.mark.parametrize("index", [0, 1, 4, 8, 21])
 def test_integrated_reference_matches_dop853(index):
-    """Another method, another code: explicit, adaptive, shooting. Soft systems, which it can follow."""
+    """DOP853 is an explicit adaptive method from another package, used for shooting. It is applied to soft
+    systems."""
     given = member(index)
     assert given.kind in SERIES[:2]
     assert_as_dop853(given.truth(), given.system, given.speed, 3e-10, 3e-11)
@@ -115,7 +116,7 @@ def test_units_only_scale_the_coordinates(energetic):
 
 
 @pytest.mark.parametrize("index", [511, 523, 535])
-def test_flat_pulses_have_the_multipliers_of_matrix_exponentials(index):
+def test_multipliers_for_rectangular_pulses_match_matrix_exponentials(index):
     given = member(index)
     ends = np.array([0.0, *given.system.breaks, 2 * np.pi])
     Phi = np.eye(2 * given.n)
@@ -126,8 +127,8 @@ def test_flat_pulses_have_the_multipliers_of_matrix_exponentials(index):
     assert matched_error(given.truth().multipliers, np.linalg.eigvals(Phi)) < 1e-12
 
 
-def test_the_default_keeps_its_tolerance():
-    """Errors of 1e-8 for orbit and multipliers unless the result has a warning."""
+def test_default_meets_its_tolerance():
+    """Unless the result has a warning, the errors of orbit and multipliers are at most 1e-8."""
     for index in range(0, HALF, 75):
         given = member(index)
         computed, truth = periodic(given.system, given.speed), given.truth()

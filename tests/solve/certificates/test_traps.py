@@ -1,4 +1,4 @@
-"""Accurate orbits with wrong multipliers, and other traps: each of them has a warning."""
+"""Accurate orbits with false multipliers and other misleading results: each of them has a warning."""
 
 from functools import cache
 
@@ -23,8 +23,9 @@ SLOW = 100 * np.pi / 30
 
 
 def turning_beam(ratio=60.0, damping=0.02):
-    """A beam's softest bending and stiffest stretching mode, in axes at rest while the beam turns with the
-    phase. The stiff mode dies within the period; a method that keeps it couples it with the soft one."""
+    """Return the softest bending mode and the stiffest axial mode of a beam that rotates with the phase, in
+    fixed axes. The stiff mode decays within the period. A method that does not damp it couples it with the
+    soft mode."""
     stiffness, loss = np.diag([3.3**2, (3.3 * ratio) ** 2]), np.diag([3.3, 3.3 * ratio]) * 2 * damping
 
     def matrices(phase, speed):
@@ -45,8 +46,8 @@ def truths():
     return {name: floquet(*case, Radau(13), rtol=1e-11) for name, case in CASES.items()}
 
 
-def test_every_method_without_stiff_damping_is_listed():
-    """A new method joins the traps by being registered."""
+def test_every_method_without_stiff_damping_is_tested():
+    """A newly registered method is tested without further changes."""
     assert set(METHODS) - set(KEEPING) == {"auto", "radau"}
 
 
@@ -71,7 +72,7 @@ def test_unresolved_stiff_modes_are_flagged_and_false_multipliers_estimated(meth
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_l_stable_method_needs_no_flag(case, truths):
+def test_l_stable_method_needs_no_flag(case, truths):
     given, speed = CASES[case]
     stability = floquet(given, speed, "radau", rtol=1e-6)
     assert matched_error(stability.multipliers, truths[case].multipliers) < 1e-6
@@ -79,7 +80,8 @@ def test_the_l_stable_method_needs_no_flag(case, truths):
 
 
 def test_gauss_flags_a_spurious_multiplier_of_the_slow_cam():
-    """Order 12 on 100 steps: |ρ| = 0.185 where 1.466125e-7 is true, while the orbit is right to 4e-4."""
+    """At order 12 with 100 steps, |ρ| = 0.185 is computed instead of 1.466125e-7, although the error of the
+    orbit is only 4e-4."""
     given = cam("1")
     truth = periodic(given, SLOW, "radau", rtol=1e-10)
     orbit = periodic(given, SLOW, Gauss(12), steps=100, rtol=0.9)
@@ -94,7 +96,8 @@ def test_gauss_flags_a_spurious_multiplier_of_the_slow_cam():
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["fourier", "hill"])
 def test_series_without_a_resonant_harmonic_report_their_error(method):
-    """The cam at 600 rpm: series of order 96 and 128 agree to 1e-7, and both lack order 353 of its mode."""
+    """For the cam at 600 rpm, series with 96 and 128 harmonics agree to 1e-7, but both lack the resonant
+    harmonic 353."""
     given, speed = cam("1"), 20 * np.pi
     truth = periodic(given, speed, "gauss", rtol=1e-10)
     orbit = periodic(given, speed, method, rtol=1e-6)
@@ -103,8 +106,8 @@ def test_series_without_a_resonant_harmonic_report_their_error(method):
     assert any("gives the orbit to" in text for text in orbit.warnings)
 
 
-def test_piecewise_constant_steps_invent_growth_in_a_turning_beam():
-    """Every frozen step is exact and damps; the chain of them grows, because the modes turn between."""
+def test_piecewise_constant_steps_cause_growth_in_a_rotating_beam():
+    """Every frozen step is exact and damped. Their product grows because the modes rotate between steps."""
     stability = floquet(turning_beam(), 1.0, "hsu", steps=101, rtol=0.9)
     assert stability.verdict == "undetermined"  # within its own error estimate nothing more is known
     assert stability.spectral_radius > 1e3
@@ -113,19 +116,19 @@ def test_piecewise_constant_steps_invent_growth_in_a_turning_beam():
 
 
 @pytest.mark.parametrize("method", ["modal"])
-def test_more_steps_are_no_remedy_for_an_approximation(method):
+def test_more_steps_are_not_advised_for_an_approximation(method):
     (text,) = (t for t in floquet(turning_beam(), 1.0, method, rtol=0.9).warnings if UNRESOLVED in t)
     assert text.endswith("use radau")
 
 
 def undamped_stiff():
-    """A slow mode beside one that turns 200 times as fast, both undamped: every |ρ| = 1."""
+    """Return a slow mode with a mode that is 200 times as fast. Both are undamped: every |ρ| is 1."""
     return constant(np.eye(2), np.zeros((2, 2)), np.diag([1.7, 4e4]), lambda phase: np.ones((len(phase), 2)))
 
 
 @pytest.mark.parametrize("method", ["radau", "rk4"])
 def test_artificially_damped_modes_give_a_warning(method):
-    """The other side of L-stability: two grids agree on multipliers that both of them lost."""
+    """L-stable methods damp fast modes: the multipliers on two grids agree, although both are wrong."""
     steps = {"radau": 64, "rk4": 600}[method]
     stability = floquet(undamped_stiff(), 1.0, method, steps=steps, rtol=1e-3)
     assert (np.abs(stability.multipliers) > 0.1).sum() == 2
@@ -139,8 +142,8 @@ def test_artificially_damped_modes_give_a_warning(method):
 
 
 def test_accidental_agreement_of_two_grids_is_not_accepted():
-    """Newmark turns an undamped mode too slowly: on 32 and 64 steps by so many radians a period that the
-    multipliers of both grids meet to 1e-3, each of them 1.3 from the truth."""
+    """Newmark's method underestimates the frequency of an undamped mode. On 32 and 64 steps, the phase errors
+    per period are such that the multipliers of both grids agree to 1e-3, but each has an error of 1.3."""
     given = member(275)
     truth = floquet(given.system, given.speed, Radau(13), rtol=1e-13)
     for rtol in (1e-1, 1e-2, 1e-3):
@@ -175,8 +178,8 @@ def test_phase_error_of_a_mode_follows_the_phase_constant(method, steps):
 
 
 @pytest.mark.parametrize(("speed", "method"), [("50 rpm", "auto"), ("60 rpm", "gauss")])
-def test_liouville_is_within_the_errors_of_tiny_multipliers(speed, method):
-    """Multipliers below 1e-100 are lost in products of steps, not in the multipliers."""
+def test_liouville_agrees_with_tiny_multipliers_within_their_errors(speed, method):
+    """Products of steps lose multipliers below 1e-100; the computed multipliers do not."""
     found = floquet(load("cam"), speed, method)
     assert min(abs(found.multipliers)) < 1e-60
     assert 0 < abs(found.liouville) < found.multiplier_errors.sum() < 1
@@ -195,12 +198,12 @@ def test_residual_condition_and_liouville_are_reported(method):
 
 
 @pytest.mark.parametrize("method", ["fourier", "hill"])
-def test_methods_without_steps_have_no_formula_of_liouvilles(method):
+def test_methods_without_steps_report_no_liouville_check(method):
     assert np.isnan(floquet(random_system(2, 2), 1.0, method, steps=31, rtol=0.9).liouville)
 
 
 def limits():
-    """Methods with a limit of stability, and it: h ω_max for an undamped mode."""
+    """Return the methods with a stability limit and the limit of h ω_max for an undamped mode."""
     return [
         (Newmark(0.5, 0.0), 2.0),
         (Newmark(0.5, 1 / 12), np.sqrt(6.0)),
@@ -211,8 +214,8 @@ def limits():
 
 
 @pytest.mark.parametrize(("method", "limit"), limits(), ids=[f"{m}" for m, _ in limits()])
-def test_steps_beyond_a_methods_own_limit_are_refused(method, limit):
-    """ω_max over the whole turn counts: here the stiffness swings between 0.5 and 1.5 of its mean."""
+def test_steps_beyond_the_stability_limit_are_refused(method, limit):
+    """The largest ω_max of the period decides: the stiffness varies between 0.5 and 1.5 times its mean."""
 
     def matrices(phase, speed):
         K = (1e4 * (1.0 + 0.5 * np.cos(phase)))[:, None, None]
@@ -226,8 +229,9 @@ def test_steps_beyond_a_methods_own_limit_are_refused(method, limit):
 
 
 @pytest.mark.parametrize("name", KEEPING)
-def test_every_method_states_up_to_where_it_follows(name):
-    """One step fewer than that for the fastest mode is flagged, or refused; enough steps are not."""
+def test_every_method_states_the_frequencies_that_it_resolves(name):
+    """With one step fewer than the fastest mode requires, a flag or an error results. Enough steps cause
+    neither."""
     fast = 20.0
     given = constant(
         np.eye(2), 0.1 * np.eye(2), np.diag([1.7, fast**2]), lambda phase: np.ones((len(phase), 2))
@@ -239,7 +243,7 @@ def test_every_method_states_up_to_where_it_follows(name):
 
 @pytest.mark.parametrize(("lobes", "modulation", "stiffness"), [(8, 20.0, 1e6), (16, 3.0, 1e12)])
 def test_damping_that_varies_with_many_harmonics_does_not_stabilise(lobes, modulation, stiffness):
-    """By Liouville's formula the stiff mode grows by exp(0.02 π), however its damping varies."""
+    """By Liouville's formula, the stiff mode grows by exp(0.02 π), however its damping varies."""
 
     def matrices(phase, speed):
         M = np.broadcast_to(np.eye(2), (len(phase), 2, 2))
@@ -258,7 +262,7 @@ def test_damping_that_varies_with_many_harmonics_does_not_stabilise(lobes, modul
 
 @cache
 def toothed(teeth):
-    """Oscillator whose stiffness has a number of teeth per revolution, and its exact solution."""
+    """Return an oscillator whose stiffness varies `teeth` times per revolution, and its exact solution."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -285,8 +289,8 @@ def toothed(teeth):
     ],
 )
 def test_ripple_aliased_equally_on_all_grids_is_detected(name, rtol, teeth):
-    """Evenly spaced samples of 16, 24 and 48 steps take cos 48φ for 1, and a series of few orders has none
-    of it."""
+    """With 16, 24 and 48 evenly spaced samples, cos 48φ is aliased to 1. A series with few harmonics does not
+    contain it."""
     given, truth = toothed(teeth)
     orbit = periodic(given, 1.0, name, rtol=rtol)
     errors = (
@@ -300,7 +304,7 @@ def test_ripple_aliased_equally_on_all_grids_is_detected(name, rtol, teeth):
 
 
 def jumping(stiffness, load):
-    """q″ + 0.1 q′ + k q = d with functions of the phase that jump without a break."""
+    """Return q″ + 0.1 q′ + k q = d, where k and d jump without a declared break."""
 
     def matrices(phase, speed):
         turned = np.remainder(phase, 2 * np.pi)
@@ -310,8 +314,8 @@ def jumping(stiffness, load):
     return PeriodicSystem(matrices, ["q"])
 
 
-def test_a_jump_at_the_end_of_the_period_needs_no_break():
-    """A sawtooth: every period begins with a step."""
+def test_jump_at_the_period_end_requires_no_break():
+    """The coefficient is a sawtooth. Every period begins with a jump."""
     given = jumping(lambda turned: 4.0 + 0 * turned, lambda turned: turned / (2 * np.pi))
     orbit = periodic(given, 1.0, rtol=1e-6)
     k = np.arange(1, 5000)
@@ -323,7 +327,7 @@ def test_a_jump_at_the_end_of_the_period_needs_no_break():
 
 @pytest.mark.parametrize("at", [1.9383, 2.0, 5.0007])
 @pytest.mark.parametrize("steps", [None, 256])
-def test_jumps_within_and_at_the_end_of_the_period_do_not_cancel(at, steps):
+def test_jumps_within_and_at_the_period_end_do_not_cancel(at, steps):
     given = jumping(lambda turned: 4.0 + 0.5 * (turned > at), np.cos)
     stability = floquet(given, 1.0, Gauss(), steps=steps, rtol=1e-5)
     truth = np.abs(np.linalg.eigvals(step_matrix(4.5, 2 * np.pi - at) @ step_matrix(4.0, at))).max()
@@ -339,8 +343,8 @@ def step_matrix(stiffness, length):
     ("method", "steps", "stiffness", "damping"),
     [("gauss", 20, 20411.2, 2.14e-4), ("gauss", 50, 2916.96, 6.02e-4), ("newmark", 6, 15.0377, 0.0133)],
 )
-def test_modes_that_steps_do_not_resolve_are_no_resonance(method, steps, stiffness, damping):
-    """Their computed multipliers may be anywhere on the unit circle, near +1 too."""
+def test_unresolved_modes_are_not_reported_as_resonances(method, steps, stiffness, damping):
+    """Their computed multipliers may lie anywhere on the unit circle, even near +1."""
     K = [[2.3, 0.3], [0.3, stiffness]]
     given = constant(np.eye(2), damping * np.eye(2), K, lambda phase: 1 + np.cos(phase)[:, None] * np.ones(2))
     orbit = periodic(given, 1.0, method, steps=steps, rtol=0.5)

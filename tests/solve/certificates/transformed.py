@@ -1,7 +1,8 @@
-"""Systems of which the truth is a formula: y″ + C y′ + K y = f with constant C and K, both triangular so that
-each mode has exponents of its own, seen in coordinates q with y = S(φ) q, S periodic (A. M. Lyapunov).
+"""Systems with solutions in closed form: y″ + C y′ + K y = f with constant C and K in periodic coordinates.
 
-With W that may be anything: M = W S, C = W (2S′ + C S), K = W (S″ + C S′ + K S), d = W f. The exponents stay.
+C and K are triangular, so that every mode has its own exponents. The coordinates q follow from y = S(φ) q
+with periodic S (A. M. Lyapunov). For any W, M = W S, C = W (2S′ + C S), K = W (S″ + C S′ + K S) and d = W f.
+The exponents do not change.
 """
 
 from dataclasses import dataclass
@@ -14,8 +15,8 @@ from tests.solve.certificates.truth import PHASES, Truth
 
 @dataclass(frozen=True)
 class Modes:
-    """Constant C, K (n, n), upper triangular; the load, the real part of Σ f exp(iφ order), with orders (h,)
-    and f (h, n) complex. defective: on the unit circle."""
+    """Constant upper triangular C and K (n, n), and the load Re Σ f exp(iφ order) with `orders` (h,) and
+    complex `f` (h, n). `defective` states whether a multiplier on the unit circle is defective."""
 
     C: np.ndarray
     K: np.ndarray
@@ -35,7 +36,7 @@ class Modes:
         return np.real(np.exp(1j * np.outer(phase, self.orders)) @ self.f)
 
     def response(self, phase):
-        """y (k, n)."""
+        """Return y (k, n)."""
         n = len(self.C)
         rates = 1j * self.orders[:, None, None]
         y = np.linalg.solve(rates**2 * np.eye(n) + rates * self.C + self.K, self.f[..., None])[..., 0]
@@ -44,9 +45,11 @@ class Modes:
 
 @dataclass(frozen=True)
 class View:
-    """S = I + Σ cos(kφ) A_k + sin(kφ) B_k, waves (2, H, n, n), and units (n,) of the coordinates.
+    """Transformation S = I + Σ cos(kφ) A_k + sin(kφ) B_k with `waves` (2, H, n, n) and `units` (n,) of the
+    coordinates.
 
-    energetic: W = Sᵀ and units on both sides, as virtual work has it; else W = S⁻¹, so that M = I.
+    If `energetic`, W = Sᵀ and the equations are also scaled by the units, as in the principle of virtual
+    work. Otherwise W = S⁻¹, so that M = I.
     """
 
     waves: np.ndarray
@@ -63,7 +66,7 @@ class View:
         return cls(waves, 10.0**exponents, energetic)
 
     def at(self, phase):
-        """S and its first two derivatives (k, n, n)."""
+        """Return S and its first two derivatives (k, n, n)."""
         orders = np.arange(1, self.waves.shape[1] + 1)
         angles = np.outer(phase, orders)
         c, s = np.cos(angles), np.sin(angles)
@@ -109,7 +112,7 @@ def _load(rng, n, orders=(0, 1, 2)):
 
 
 def _damping(rng, omega):
-    """2ζω of each mode: all damped, one that grows, or one or all at rest."""
+    """Return 2ζω of each mode: all modes are damped, one grows, or one or all are undamped."""
     c = 2 * omega * 10 ** rng.uniform(-3.0, -0.5, len(omega))
     case = rng.integers(4)
     if case == 1:
@@ -122,7 +125,7 @@ def _damping(rng, omega):
 
 
 def scaled_units(rng, speed):
-    """2 to 4 coupled coordinates in units that differ by 10 to 28 decades."""
+    """Return 2 to 4 coupled coordinates in units that differ by 10 to 28 powers of ten."""
     n = int(rng.integers(2, 5))
     omega = 10 ** rng.uniform(-0.7, 0.8, n)
     modes = Modes(np.diag(_damping(rng, omega)), np.diag(omega**2), *_load(rng, n))
@@ -131,7 +134,8 @@ def scaled_units(rng, speed):
 
 
 def one_way(rng, speed):
-    """Coordinates that drive others and are not driven by them, by up to 1e18 times their own stiffness."""
+    """Return a system in which some coordinates drive others without reaction. The coupling is up to 1e18
+    times their own stiffness."""
     n = int(rng.integers(2, 5))
     omega = 10 ** rng.uniform(-0.7, 0.8, n)
     C, K = np.diag(_damping(rng, omega)), np.diag(omega**2)
@@ -143,8 +147,8 @@ def one_way(rng, speed):
 
 
 def nearly_defective(rng, speed):
-    """A pair of modes whose exponents differ by 1e-10 to 1e-2 or not at all, one driving the other; or a mode
-    that is as near to critical damping."""
+    """Return two modes with one-way coupling and exponents that differ by 1e-10 to 1e-2 or are equal, or a
+    mode that is equally close to critical damping."""
     n = int(rng.integers(2, 4))
     omega = 10 ** rng.uniform(-0.5, 0.7, n)
     delta = 0.0 if rng.random() < 0.15 else 10 ** rng.uniform(-10.0, -2.0)
@@ -165,7 +169,7 @@ def nearly_defective(rng, speed):
 
 
 def high_harmonics(rng, speed):
-    """A load of orders 200 to 500, with low ones or without."""
+    """Return a system under a load with harmonics 200 to 500, with or without low harmonics."""
     n = int(rng.integers(1, 4))
     omega = 10 ** rng.uniform(-0.7, 1.0, n)
     c = 2 * omega * 10 ** rng.uniform(-3.0, -0.5, n)
@@ -178,8 +182,8 @@ def high_harmonics(rng, speed):
 
 
 def stiff(rng, speed):
-    """Modes to 1e5 times the speed that die within the turn, to 1000 times that live on, beside slow ones, in
-    axes that turn."""
+    """Return slow modes with modes of up to 1e5 times the speed that decay within a period and modes of up to
+    1000 times the speed that do not, in rotating axes."""
     n = int(rng.integers(2, 5))
     omega = 10 ** rng.uniform(-0.7, 0.7, n)
     c = 2 * omega * 10 ** rng.uniform(-3.0, -0.5, n)

@@ -1,4 +1,4 @@
-"""How a method's result on a member of the population is held against the truth."""
+"""Comparison of a method's result on a member of the population with the reference solution."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -23,26 +23,28 @@ VISIBLE = 1e-12
 """True errors above this are compared with estimates for sharpness."""
 
 NO_DIGIT = 0.1
-"""Relative error from which on nothing is known, and an estimate may be infinite."""
+"""Relative error from which a result has no correct digit, and an estimate may be infinite."""
 
 _TRUTH = 1e-10
-"""Error that the truth's own largest |ρ| may have."""
+"""Allowed error of the largest |ρ| of the reference."""
 
 _ON_CIRCLE = 2e-6
-"""Distance of the largest |ρ| from 1 up to which "stable" is no contradiction."""
+"""Distance of the largest |ρ| from 1 up to which "stable" is not counted as a contradiction."""
 
 _ROUNDINGS = 2
-"""Other roundings of a system's matrices that tell what rounding them does to the result."""
+"""Number of other roundings of a system's matrices, from which the effect of rounding on the result is
+estimated."""
 
 EPS = float(np.finfo(float).eps)
 
 _NOTHING = 1e-100
-"""Modulus below which there is nothing of a multiplier to compare."""
+"""Modulus below which multipliers are not compared."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A method on a grid of its own (`steps`) or refined to `rtol`, on the members that `suits` takes."""
+    """Method with fixed `steps` or refined to `rtol`, applied to the members for which `suits` returns
+    True."""
 
     method: object
     steps: int | None
@@ -51,16 +53,17 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """That of the method which was asked for; `auto` settles on one of its own."""
+        """Name of the requested method; "auto" if the method is selected for each system."""
         return getattr(self.method, "name", "auto")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """True errors and their estimates, of orbit and multipliers, and the verdict; or the refusal.
+    """True errors and error estimates of orbit and multipliers, and the verdict; or the error message of a
+    refusal.
 
-    allowed: errors that the truth itself may have. It is that of a formula, of which the system's matrices
-    are rounded values: what other roundings of these make of the result is no error of the method.
+    `allowed` are the errors of the reference. If the reference is a formula, the matrices of the system are
+    rounded values. The effect of this rounding on the result is not an error of the method.
     """
 
     index: int
@@ -98,7 +101,7 @@ class Outcome:
 
 
 def small(member: Member) -> bool:
-    """Few enough coordinates for dense eigenvalue problems over all orders."""
+    """Whether the system is small enough for dense eigenvalue problems over all harmonics."""
     return member.n <= 2
 
 
@@ -111,7 +114,7 @@ def dying(member: Member) -> bool:
 
 
 def loose(member: Member) -> bool:
-    """Kinds of which estimates at a loose tolerance are in doubt."""
+    """Whether estimates are unreliable at a loose tolerance for this kind."""
     return member.kind in {"stiff, loose", "nearly defective"}
 
 
@@ -173,7 +176,7 @@ def _errors(found, q: np.ndarray, multipliers: np.ndarray) -> tuple[float, float
 
 
 def _rounded_anew(system: PeriodicSystem, seed: int) -> PeriodicSystem:
-    """The same with every entry changed by up to half a unit of its last place, as if at random."""
+    """Return the system with pseudorandom changes of up to half a unit in the last place of every entry."""
 
     def matrices(phase, speed):
         for number, part in enumerate(system.at(phase, speed)):
@@ -188,7 +191,7 @@ def _rounded_anew(system: PeriodicSystem, seed: int) -> PeriodicSystem:
 
 
 def contradicted(verdict: str, truth: Truth) -> bool:
-    """Whether the truth says otherwise."""
+    """Whether the reference contradicts the verdict."""
     radius = float(np.exp(truth.growth))
     return {
         "asymptotically stable": radius >= 1,
@@ -199,8 +202,8 @@ def contradicted(verdict: str, truth: Truth) -> bool:
 
 
 def matched_error(values: np.ndarray, truth: np.ndarray) -> float:
-    """Largest distance between matched multipliers, relative to the true radius; missing and unknown ones
-    count as 0."""
+    """Return the largest distance between matched multipliers, relative to the true spectral radius. Missing
+    and unknown multipliers count as 0."""
     count = max(len(values), len(truth))
     ours, theirs = (np.pad(each, (0, count - len(each))) for each in (np.nan_to_num(values), truth))
     distance = np.abs(ours[:, None] - theirs)
@@ -211,9 +214,12 @@ def matched_error(values: np.ndarray, truth: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Rates:
-    """Shares of all orbits and multipliers together: `honest`, true error ≤ 10 × estimate but for what the
-    truth itself may be wrong by; `sharp`, estimate ≤ 100 × true error where that is visible and leaves a
-    digit; `decided`, verdicts that are not undetermined."""
+    """Fractions of all orbits and multipliers.
+
+    `honest`: the true error is at most 10 times the estimate plus the error of the reference. `sharp`: the
+    estimate is at most 100 times the true error, if that is above `VISIBLE` and at most `NO_DIGIT`.
+    `decided`: the verdict is not "undetermined".
+    """
 
     name: str
     results: int
@@ -257,7 +263,7 @@ def rates(name: str, found: list[Outcome]) -> Rates:
 
 
 def asked(outcome: Outcome) -> str:
-    """The method, and whether its steps were given."""
+    """Return the name of the requested method and whether its steps were given."""
     return outcome.trial.name + (", given steps" if outcome.trial.steps else "")
 
 
@@ -269,5 +275,5 @@ def grouped(found: Iterable[Outcome], key: Callable[[Outcome], str]) -> dict[str
 
 
 def judged(indices: Iterable[int]) -> list[Outcome]:
-    """Every trial on every member."""
+    """Return the outcomes of every trial on every member."""
     return [outcome for index in indices for outcome in outcomes(member(index))]

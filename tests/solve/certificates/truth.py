@@ -1,4 +1,4 @@
-"""What is true of a system, from nothing that is under test."""
+"""Reference solutions that use no code under test."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -9,24 +9,26 @@ from numpy.polynomial import legendre
 from tests.solve.references import rate_matrices
 
 PHASES = np.linspace(0.0, 2 * np.pi, 1000, endpoint=False) + 1e-3
-"""At which orbits are compared."""
+"""Phases at which orbits are compared."""
 
 _NODES, _TURNED = 20, 1.5
-"""Nodes a panel, and the angle that the fastest mode turns in one: the rest of the series is rounding."""
+"""Nodes per panel, and phase advance of the fastest mode per panel. The remainder of the series is below
+round-off."""
 
 _ENTRIES = 2**23
-"""Numbers in the matrices of panels that are solved at a time."""
+"""Number of matrix entries of the panels that are solved at a time."""
 
 _BLOCKS = 16
 
 OWN_ERROR = 5e-13
-"""Error that the truth may have itself: of integrated orbits, as steps half as long show."""
+"""Error of an integrated reference, measured by halving the panels."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """logarithms (2n,) of the multipliers; q (n, k) at `PHASES`; defective: whether a multiplier on the unit
-    circle has fewer eigenvectors than it counts."""
+    """Reference solution. `logarithms` (2n,) are those of the multipliers, and `q` (n, k) is the orbit at
+    `PHASES`. `defective` states whether a multiplier on the unit circle has fewer eigenvectors than its
+    multiplicity."""
 
     logarithms: np.ndarray
     q: np.ndarray
@@ -38,17 +40,17 @@ class Truth:
 
     @property
     def growth(self) -> float:
-        """ln max|ρ|."""
+        """Return ln max|ρ|."""
         return float(self.logarithms.real.max())
 
 
 def integrated(system, speed, edges=(), longest=np.inf, nodes=_NODES, scales=None) -> Truth:
-    """Panels that follow every mode, each solved as an integral equation of the rates at Gauss's points
-    (spectral integration: L. Greengard, SIAM J. Numer. Anal. 28 (1991) 1071-1080).
+    """Solve on panels that resolve every mode. On each panel, an integral equation for the rates is
+    collocated at Gauss points (spectral integration: L. Greengard, SIAM J. Numer. Anal. 28 (1991) 1071-1080).
 
-    edges: further phases where panels end; longest: length that no panel exceeds (both for features of the
-    matrices that their values at a few phases do not show); nodes: of each panel; scales (2n,): sizes of
-    the states q, q′ to which rounding is relative.
+    `edges` are further phases at which panels end, and `longest` is the largest panel length; both resolve
+    features of the matrices between sampled phases. `nodes` is the number of nodes per panel. `scales` (2n,)
+    are the magnitudes of the states q and q′ to which round-off is relative.
     """
     edges = panel_edges(system, speed, edges, longest)
     h, N = np.diff(edges), 2 * system.n
@@ -71,8 +73,8 @@ def integrated(system, speed, edges=(), longest=np.inf, nodes=_NODES, scales=Non
 
 
 def _panels(system, speed, edges, nodes, scales):
-    """Rates (m, nodes, N, N+1) of the fundamental matrix and the forced state at Gauss's points of panels
-    between edges (m+1,), and the maps (m, N, N+1) over each."""
+    """Return rates (m, nodes, N, N+1) of the fundamental matrix and the forced state at the Gauss points of
+    the panels between `edges` (m+1,), and the maps (m, N, N+1) across the panels."""
     points, weights = legendre.leggauss(nodes)
     h = np.diff(edges)
     inner = edges[:-1, None] + h[:, None] * (points + 1) / 2
@@ -93,7 +95,7 @@ def _panels(system, speed, edges, nodes, scales):
 
 
 def panel_edges(system, speed, further=(), longest=np.inf):
-    """Phases (m+1,) from 0 to 2π where panels end."""
+    """Return the phases (m+1,) from 0 to 2π at which panels end."""
     ends = np.unique(np.concatenate(([0.0, 2 * np.pi], np.remainder(system.breaks, 2 * np.pi))))
     edges = [ends[:1], np.remainder(further, 2 * np.pi)]
     for left, right in pairwise(ends):
@@ -107,12 +109,12 @@ def panel_edges(system, speed, further=(), longest=np.inf):
 
 
 def _series(nodes):
-    """Coefficients of Legendre's polynomials from values at Gauss's points."""
+    """Return the matrix that converts values at Gauss points into Legendre coefficients."""
     return np.linalg.inv(legendre.legvander(legendre.leggauss(nodes)[0], nodes - 1))
 
 
 def _integrals(x, nodes):
-    """Integrals (…, j) from -1 to x of Legendre's polynomials of degrees 0, 1, …"""
+    """Return the integrals (…, j) from -1 to x of the Legendre polynomials of degrees 0, 1, …"""
     values = legendre.legvander(x, nodes)
     degree = np.arange(1, nodes)
     return np.concatenate(
@@ -121,8 +123,8 @@ def _integrals(x, nodes):
 
 
 def _closed(maps):
-    """States (m, N) at the starts of a closed chain of maps (m, N, N+1): blocks of it in one linear system,
-    so that growth over the period costs no digits."""
+    """Return the states (m, N) at the starts of a closed chain of maps (m, N, N+1). Blocks of the chain form
+    one linear system, so that growth over the period loses no digits."""
     m, N = len(maps), maps.shape[1]
     ends = np.unique(np.linspace(0, m, min(m, _BLOCKS) + 1).astype(int))
     count = len(ends) - 1

@@ -1,4 +1,4 @@
-"""Commands run inside the process: fast, with their output and exit status."""
+"""Run commands within the test process; return output and exit status."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from solve.commands.app import run
 
 
 class Ran(NamedTuple):
-    """Exit status and both streams of a command."""
+    """Exit status, standard output and standard error of a command."""
 
     status: int
     out: str
@@ -17,7 +17,7 @@ class Ran(NamedTuple):
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capsys):
-    """Run `solve` with these arguments in an empty folder, before a terminal of 80 columns."""
+    """Return a function that runs `solve` with arguments in an empty folder, for a terminal of 80 columns."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
 

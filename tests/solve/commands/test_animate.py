@@ -31,13 +31,13 @@ def test_file_ending_selects_the_format(command, tmp_path, ending):
         assert Image.open(tmp_path / "mine.gif").n_frames == 3
 
 
-def test_growth_is_printed_too(command):
+def test_growth_is_printed(command):
     ran = command("animate", "mathieu", "--case", "unstable", "--frames", "2", "--out", "mine.png")
     assert "warning: unstable: it grows\n" in ran.err
 
 
 @pytest.mark.slow
-def test_the_nonlinear_orbit(command):
+def test_nonlinear_orbit_is_animated(command):
     ran = command(*CAM, "--nonlinear", "--out", "mine.png")
     assert ran.status == 0
     assert "linearisation may be invalid" not in ran.err
@@ -53,7 +53,7 @@ def test_model_without_lines_is_refused_with_advice(command, tmp_path, monkeypat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_animation_that_is_interrupted_leaves_no_file(command, tmp_path, monkeypatch):
+def test_interrupted_animation_leaves_no_file(command, tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 

@@ -1,4 +1,5 @@
-"""Bad input is refused in one line that states what was given and what is allowed; exit status 2."""
+"""Invalid input is refused in one line that states what was given and what is allowed; the exit status is
+2."""
 
 import pytest
 
@@ -370,7 +371,7 @@ def test_bad_input_is_refused_in_one_line(command, tmp_path, name):
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_an_unfit_file_is_refused_before_the_calculation(command, monkeypatch):
+def test_unsuitable_file_is_refused_before_the_calculation(command, monkeypatch):
     def calculated(*_, **__):
         raise AssertionError("calculated before the files were checked")
 

@@ -1,4 +1,4 @@
-"""`solve bands`: what it prints, saves, draws and refuses."""
+"""Output, files, figures and errors of `solve bands`."""
 
 import csv
 import json
@@ -16,7 +16,7 @@ def record(ran):
     return json.loads(ran.out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
 
 
-def test_json_holds_the_bands_of_the_undamped_coupler(command):
+def test_json_contains_the_bands_of_the_undamped_coupler(command):
     computed = record(command("bands", *UNDAMPED, "--speeds", "4000:6000:3 rpm", "--json"))
     assert computed["model"] == "coupler"
     assert computed["parameters"]["alpha"] == 0
@@ -33,7 +33,7 @@ def test_json_holds_the_bands_of_the_undamped_coupler(command):
     assert [band["open_high"] for band in wide] == [False, True]
 
 
-def test_table_states_that_narrower_bands_may_be_missed(command):
+def test_table_warns_that_narrower_bands_may_be_missed(command):
     ran = command("bands", *UNDAMPED, "--speeds", "5600:6000:3 rpm")
     assert ran.status == 0, ran.err
     (row,) = [line.split() for line in ran.out.splitlines() if line.startswith("+1")]
@@ -51,7 +51,7 @@ def test_search_without_bands_reports_none_found(command):
     assert record(command("bands", "coupler", "--speeds", "600 1500 rpm", "--json"))["bands"] == []
 
 
-def test_picture_and_data_are_written(command, tmp_path):
+def test_figure_and_data_are_written(command, tmp_path):
     arguments = ("bands", *UNDAMPED, "--speeds", "5600:6000:5 rpm")
     computed = record(command(*arguments, "--plot", "b.svg", "--save", "b.csv", "--json"))
     assert "unstable bands" in (tmp_path / "b.svg").read_text()

@@ -1,4 +1,4 @@
-"""`solve chart` and `solve critical`: JSON, tables, pictures, refusals."""
+"""JSON, tables, figures and errors of `solve chart` and `solve critical`."""
 
 import json
 
@@ -11,7 +11,7 @@ CHART = ("chart", "mathieu", "--set", "zeta=0", "--x", "delta=0:6:13", "--y", "e
 CRITICAL = ("critical", "manipulator", "--speeds", "250:400:6 rpm", "--orders", "3")
 
 
-def test_the_chart_as_json(command):
+def test_chart_json_contains_verdicts(command):
     ran = command(*CHART, "--cut", "epsilon=1", "--json")
     assert ran.status == 0, ran.err
     record = json.loads(ran.out)
@@ -25,14 +25,14 @@ def test_the_chart_as_json(command):
 
 
 @pytest.mark.parametrize("arguments", [CHART, CRITICAL], ids=["chart", "critical"])
-def test_tables_fit_80_columns_and_pictures_are_written(command, tmp_path, arguments):
+def test_tables_fit_80_columns_and_figures_are_written(command, tmp_path, arguments):
     ran = command(*arguments, "--plot", "picture.png")
     assert ran.status == 0, ran.err
     assert max(map(len, ran.out.splitlines())) <= 80
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_critical_speeds_as_json(command):
+def test_critical_speeds_json_has_the_documented_keys(command):
     ran = command(*CRITICAL, "--figure", "rms", "--json")
     assert ran.status == 0, ran.err
     record = json.loads(ran.out)
@@ -75,7 +75,7 @@ def test_points_without_a_result_are_counted_and_saved(command, tmp_path):
         (("critical", "manipulator"), "no speeds given"),
     ],
 )
-def test_refusals_are_one_line(command, arguments, text):
+def test_invalid_arguments_are_refused_in_one_line(command, arguments, text):
     ran = command(*arguments)
     assert ran.status == 2
     assert text in ran.err

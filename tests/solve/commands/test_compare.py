@@ -1,4 +1,4 @@
-"""`solve compare`: its JSON, table, picture and file."""
+"""JSON, table, figure and file of `solve compare`."""
 
 import contextlib
 import csv
@@ -24,7 +24,7 @@ ROW = {"method", "order", "steps", "orbit_error", "multiplier_error", "time", "v
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
-    """Output, figures and folder of one comparison with picture and file."""
+    """Return output, JSON and folder of a comparison with figure and file."""
     folder, output, figures = tmp_path_factory.mktemp("compared"), io.StringIO(), []
     keep = deliver.drawn
     with pytest.MonkeyPatch.context() as patch, contextlib.chdir(folder):
@@ -34,7 +34,7 @@ def compared(tmp_path_factory):
     return output.getvalue(), figures, folder
 
 
-def test_json_has_the_promised_keys(compared):
+def test_json_has_the_documented_keys(compared):
     record = json.loads(compared[0], parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
     assert record["model"] == "manipulator"
     assert record["reference"]["error_estimate"]["orbit"] < 1e-10
@@ -49,7 +49,7 @@ def test_json_has_the_promised_keys(compared):
     assert coarse / fine == pytest.approx(4.0, rel=0.1)
 
 
-def test_no_result_is_null_with_its_reason(command):
+def test_missing_result_is_null_with_a_reason(command):
     ran = command("compare", "manipulator", "--method", "rk4", "--steps", "5", "--rtol", "0.01", "--json")
     row = json.loads(ran.out)["rows"][0]
     assert row["orbit_error"] is row["time"] is row["verdict"] is None
@@ -69,7 +69,7 @@ def test_tables_fit_80_columns(command):
     assert "modal: out of reach" in " ".join(ran.out.split())
 
 
-def test_picture_has_one_labelled_line_per_method(compared):
+def test_figure_has_one_labelled_line_per_method(compared):
     _, (figure,), folder = compared
     assert (folder / "work.png").read_bytes().startswith(b"\x89PNG")
     orbit, multipliers = figure.axes
@@ -88,13 +88,13 @@ def test_picture_has_one_labelled_line_per_method(compared):
 
 
 def points(*errors):
-    """Of one method, a second and a step more each."""
+    """Return points of one method; time increases by one second and steps by one."""
     return [
         Row("rk4", 4, k, "equal steps", orbit_error=error, time=float(k)) for k, error in enumerate(errors, 1)
     ]
 
 
-def test_infinite_reference_error_shades_the_whole_picture():
+def test_infinite_reference_error_shades_the_whole_figure():
     made = work_precision_figure("one", {"rk4": points(0.1, 0.01)}, {"orbit": np.inf}, {})
     low, high = made.axes[0].get_ylim()
     shade = made.axes[0].patches[0].get_extents().transformed(made.axes[0].transData.inverted())
@@ -102,7 +102,7 @@ def test_infinite_reference_error_shades_the_whole_picture():
     assert (shade.y0, shade.y1) == pytest.approx((low, high))
 
 
-def test_picture_distinguishes_all_methods_and_omits_points_out_of_range():
+def test_figure_distinguishes_methods_and_omits_points_out_of_range():
     work = points(np.inf, 40.0, 0.5, 1e-4, 1e-9, 0.0)
     made = work_precision_figure("all", dict.fromkeys(METHODS, work), {"orbit": 1e-8}, {"orbit": [1e-3]})
     lines = made.axes[0].lines[: len(METHODS)]
@@ -119,8 +119,9 @@ def test_picture_distinguishes_all_methods_and_omits_points_out_of_range():
         np.testing.assert_array_equal(line.get_xdata(), [3e3, 4e3, 5e3])
 
 
-def test_without_load_the_multipliers_are_judged(command):
-    """Mathieu's equation has only the orbit at rest; the error of |ρ| falls with the order of the method."""
+def test_methods_without_a_load_are_compared_by_multipliers(command):
+    """The only orbit of Mathieu's equation is q = 0. The error of |ρ| decreases with the order of the
+    method."""
     arguments = ("mathieu", "--method", "newmark", "--method", "rk4", "--steps", "40")
     ran = command("compare", *arguments, "--rtol", "1e-4", "--rtol", "1e-6", "--json")
     record = json.loads(ran.out)
@@ -140,7 +141,7 @@ def test_without_load_the_multipliers_are_judged(command):
 
 
 def test_false_multipliers_and_verdicts_are_marked_in_the_table(command):
-    """The cam at 100 rpm: no method follows its fastest mode on 100 steps, and Radau alone damps it."""
+    """For the cam at 100 rpm, 100 steps resolve the fastest mode for no method. Only Radau damps it."""
     arguments = ("cam", "--case", "1", "--speed", "100 rpm", "--steps", "100", "--rtol", "0.9")
     methods = ("--method", "radau", "--method", "newmark", "--gamma", "0.4")
     ran = command("compare", *arguments, *methods)
@@ -155,7 +156,7 @@ def test_false_multipliers_and_verdicts_are_marked_in_the_table(command):
     assert [row["followed"] for row in rows[::2]] == [True, False]
 
 
-def test_rows_are_saved(compared):
+def test_table_rows_are_saved(compared):
     header, *rows = csv.reader((compared[2] / "rows.csv").read_text().splitlines())
     assert header[:6] == ["method", "order", "steps", "orbit_error (1)", "multiplier_error (1)", "time (s)"]
     assert len(rows) == 6

@@ -1,4 +1,4 @@
-"""Completion of commands and their flags by a shell."""
+"""Shell completion of commands and flags."""
 
 import os
 import subprocess

@@ -36,8 +36,8 @@ def test_json_has_gain_feedforward_and_observer(capsys):
     ("flags", "words"),
     [
         ([], "requires weights; add --lqr"),
-        (["--lqr", "q2=1e8"], "names no input (inputs of the system: u)"),
-        (["--lqr", "u=1"], "names no state"),
+        (["--lqr", "q2=1e8"], "contains no input (inputs of the system: u)"),
+        (["--lqr", "u=1"], "contains no state"),
         (["--lqr", "q2=1e8, u"], "write each name once"),
         (["--lqr", "q2=1, q2=2, u=1"], "write each name once"),
         (["--lqr", "q9=1, u=1"], "q9"),
@@ -47,7 +47,7 @@ def test_json_has_gain_feedforward_and_observer(capsys):
         (["--kalman", "u=1, q1=1e-9", "--samples", "40"], "--samples 40 requires --lqr"),
     ],
 )
-def test_weights_that_do_not_fit_are_refused_in_one_line(capsys, flags, words):
+def test_invalid_weights_are_refused_in_one_line(capsys, flags, words):
     assert run(["control", "manipulator", *flags]) == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -57,19 +57,19 @@ def test_weights_that_do_not_fit_are_refused_in_one_line(capsys, flags, words):
 
 def test_model_without_inputs_is_refused(capsys):
     assert run(["control", "mathieu", "--lqr", "q=1, u=1"]) == 2
-    assert "names no input (inputs of the system: none)" in capsys.readouterr().err
+    assert "contains no input (inputs of the system: none)" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
-    """File of a controller with an observer."""
+    """Return a saved controller with an observer."""
     file = tmp_path_factory.mktemp("controller") / "k.npz"
     weights, noise = {"q2": 1e8, "u": 1e-3}, {"u": 1, "q1": 1e-9}
     solve.control(solve.load("manipulator"), "70 rpm", weights, noise).save(file)
     return file
 
 
-def test_stored_controller_closes_the_loop_of_a_changed_machine(capsys, stored):
+def test_saved_controller_is_applied_to_a_changed_machine(capsys, stored):
     flags = ["--speed", "70 rpm", "--controller", str(stored), "--json"]
     assert run(["floquet", "manipulator", *flags, "--set", "k1=9e4"]) == 0
     record = json.loads(capsys.readouterr().out)
@@ -82,7 +82,7 @@ def test_stored_controller_closes_the_loop_of_a_changed_machine(capsys, stored):
     assert record["parameters"]["k1"] == 9e4
 
 
-def test_stored_controller_serves_in_sweeps_charts_and_transients(capsys, stored):
+def test_saved_controller_is_applied_in_sweeps_charts_and_transients(capsys, stored):
     given = ["manipulator", "--controller", str(stored), "--json"]
     for command in (
         ["sweep", *given, "--speeds", "69:71:2 rpm", "--rtol", "1e-4"],
@@ -94,7 +94,7 @@ def test_stored_controller_serves_in_sweeps_charts_and_transients(capsys, stored
         assert record["model"] == "manipulator with feedback"
 
 
-def test_controllers_that_do_not_fit_are_refused_in_one_line(capsys, stored, tmp_path):
+def test_incompatible_controllers_are_refused_in_one_line(capsys, stored, tmp_path):
     kalman = tmp_path / "filter.npz"
     solve.control(solve.load("manipulator"), kalman={"u": 1, "q1": 1e-9}, speed="70 rpm").save(kalman)
     for model, file, words in (

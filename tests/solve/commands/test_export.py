@@ -19,7 +19,7 @@ def test_command_and_python_export_the_same_file(command, tmp_path):
     assert content["C"].shape == (3 + len(space.system.outputs), 6, 6)
 
 
-def test_c_export_needs_no_speed_and_reports_both_files(command, tmp_path):
+def test_c_export_requires_no_speed_and_reports_both_files(command, tmp_path):
     ran = command("export", "coupler", "--option", "modes=2", "--out", "mine.c")
     assert ran.status == 0
     assert ran.err.splitlines() == ["wrote mine.c", "wrote mine.h"]

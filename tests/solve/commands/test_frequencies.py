@@ -1,4 +1,4 @@
-"""`solve frequencies`: at a position, over the turn, over a parameter; files, JSON and refusals."""
+"""`solve frequencies` at a position, over a period and versus a parameter; files, JSON and errors."""
 
 import json
 import math
@@ -18,7 +18,7 @@ def record(command, *arguments):
     return json.loads(ran.out)
 
 
-def test_json_at_a_position(command):
+def test_json_contains_frequencies_at_a_position(command):
     computed = record(command, "four_bar", *EXACT, "--position", "70 deg", "--count", "3")
     assert (computed["model"], computed["case"]) == ("four_bar", "table41")
     assert computed["options"].items() >= {"branch": "open", "elements": 1, "element": "dynamic"}.items()
@@ -31,7 +31,7 @@ def test_json_at_a_position(command):
     assert computed["warnings"] == []
 
 
-def test_four_frequencies_at_position_0_by_default(command):
+def test_default_is_four_frequencies_at_position_0(command):
     computed = record(command, "four_bar")
     assert computed["position"] == 0
     assert len(computed["frequencies"]) == 4
@@ -41,14 +41,14 @@ def test_systems_with_few_coordinates_list_all_frequencies(command):
     assert len(record(command, "manipulator")["frequencies"]) == 2
 
 
-def test_frozen_frequencies_follow_from_m_and_k_at_rest(command):
+def test_frozen_frequencies_follow_from_m_and_k_at_speed_zero(command):
     computed = record(command, "cam", "--position", "1.2 rad")
     M, _, K, _ = solve.load("cam").at(np.array([1.2]), 0.0)
     expected = np.sort(np.sqrt(np.linalg.eigvals(np.linalg.inv(M[0]) @ K[0]).real))
     np.testing.assert_allclose(computed["frequencies"], expected, rtol=1e-9)
 
 
-def test_frequencies_over_a_revolution_with_means(command):
+def test_frequencies_over_a_period_have_means(command):
     computed = record(command, "four_bar", "--turn", "12")
     turn = computed["turn"]
     np.testing.assert_allclose(turn["positions"], 2 * np.pi * np.arange(12) / 12)
@@ -81,13 +81,13 @@ def test_parameter_range_reports_impossible_linkages(command):
     assert alone == pytest.approx((np.pi / 0.5) ** 2 * np.sqrt(210e9 * 83.34e-12 / (7850 * 85.5e-6)))
 
 
-def test_over_a_parameter_at_a_position(command):
+def test_parameter_range_at_a_position_is_solved(command):
     computed = record(command, "four_bar", "--over", "mA=0:0.4:2", "--position", "30 deg")
     assert computed["over"]["positions"] == [pytest.approx(math.pi / 6)]
     assert computed["over"]["mean"][0][1] > computed["over"]["mean"][1][1]
 
 
-def test_over_a_parameter_of_a_mechanism(command):
+def test_parameter_range_of_a_mechanism_is_solved(command):
     over = record(command, "cam", "--over", "k1=8e4:9e4:2", "--turn", "8")["over"]
     assert (over["pinned"], len(over["positions"])) == ({}, 8)
 
@@ -120,14 +120,14 @@ def test_table_states_the_total_number_of_frequencies(command):
     assert "Natural frequencies\n" in command("frequencies", "four_bar", "--count", "9").out
 
 
-def test_the_report_of_the_portal_frame(command):
+def test_report_of_the_portal_frame_contains_no_position(command):
     out = command("frequencies", "portal_frame", *EXACT, "--count", "4").out
     assert "56.60311" in out
     assert "395.1845" in out
     assert "°" not in out, "a frame that stands still has no position"
 
 
-def test_pictures_and_data_are_written(command, tmp_path):
+def test_figures_and_data_are_written(command, tmp_path):
     for number, arguments in enumerate(
         (
             ("four_bar", "--position", "60 deg"),
@@ -158,7 +158,7 @@ BAD = {
     "zero length": (("four_bar", "--set", "L2=0"), ("L2", "is 0 m", "> 0")),
     "position without unit": (("four_bar", "--position", "70"), ("'70'", "no unit", "'70 deg'")),
     "a position where there is none": (("portal_frame", "--position", "3 deg"), ("is a structure at rest",)),
-    "a turn where there is none": (("portal_frame", "--turn", "4"), ("at rest; leave out turn",)),
+    "a turn where there is none": (("portal_frame", "--turn", "4"), ("at rest; omit turn",)),
     "no frequency": (("four_bar", "--count", "0"), ("count is 0", "1 … 9")),
     "too many": (("portal_frame", "--count", "4"), ("count is 4", "1 … 3")),
     "a turn of one position": (("four_bar", "--turn", "1"), ("turn is 1", "2 or more")),
@@ -173,7 +173,7 @@ BAD = {
 }
 
 
-def test_many_positions_are_taken_in_parts(monkeypatch):
+def test_many_positions_are_solved_in_chunks(monkeypatch):
     from solve.beams import structure
 
     model = solve.load("four_bar", options={"elements": 3})
@@ -191,7 +191,7 @@ def test_many_positions_are_taken_in_parts(monkeypatch):
     np.testing.assert_allclose(in_parts, together, rtol=1e-12)
 
 
-def test_picture_states_the_total_number_of_modes():
+def test_figure_states_the_total_number_of_modes():
     model = solve.load("four_bar", options={"elements": 3})
     titles = [solve.frequencies(model, 0.5, count).plot().get_suptitle() for count in (8, 10)]
     assert titles[0].endswith("mode shapes at 28.65°")
@@ -199,7 +199,7 @@ def test_picture_states_the_total_number_of_modes():
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_refused_in_one_line(command, tmp_path, name):
+def test_invalid_input_is_refused_in_one_line(command, tmp_path, name):
     arguments, words = BAD[name]
     ran = command("frequencies", *arguments)
     assert ran.status == 2
@@ -219,8 +219,8 @@ def test_other_commands_refuse_a_stationary_frame(command, name):
     assert "python -m solve frequencies portal_frame" in ran.err
 
 
-def test_unstable_positions_are_missing_with_a_warning(command):
-    """A negative stiffness has no frequency."""
+def test_unstable_positions_are_omitted_with_a_warning(command):
+    """A negative stiffness has no natural frequency."""
     ran = command(
         "frequencies", "mathieu", "--set", "delta=0.1", "--set", "epsilon=1", "--turn", "8", "--json"
     )

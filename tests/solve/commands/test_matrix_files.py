@@ -1,4 +1,4 @@
-"""Commands with files of matrices in place of a model."""
+"""Commands applied to matrix files instead of a model."""
 
 import json
 
@@ -8,7 +8,7 @@ import pytest
 from tests.solve.readers.lin_files import SPEED, write_set
 
 
-def test_pattern_of_openfast_files(tmp_path, command):
+def test_pattern_selects_openfast_files(tmp_path, command):
     ran = command("floquet", write_set(tmp_path, 12), "--json")
     assert ran.status == 0, ran.err
     found = json.loads(ran.out)
@@ -17,7 +17,7 @@ def test_pattern_of_openfast_files(tmp_path, command):
     assert len(found["multipliers"]) == 6
 
 
-def test_matrices_are_solved_and_their_modes_followed(tmp_path, command):
+def test_matrix_files_are_solved_and_modes_are_followed(tmp_path, command):
     phases = np.arange(12) * 2 * np.pi / 12
     K = (4 + 0.2 * np.cos(phases))[:, None, None]
     np.savez(tmp_path / "k.npz", M=np.eye(1), C=0.1 * np.eye(1), K=K, d=np.ones((1, 1)))
@@ -30,12 +30,12 @@ def test_matrices_are_solved_and_their_modes_followed(tmp_path, command):
     np.testing.assert_allclose(frequencies, 2.0, rtol=0.01)
 
 
-def test_live_window_refuses_matrices(tmp_path, command):
+def test_live_window_refuses_matrix_files(tmp_path, command):
     pytest.importorskip("tornado")
     np.savez(tmp_path / "k.npz", M=np.eye(1), K=np.eye(1), speed=1.0)
     ran = command("explore", "k.npz", "--no-browser")
     assert ran.status == 2
-    assert ran.err.strip().endswith("the live window needs a mechanism, such as cam")
+    assert ran.err.strip().endswith("the live window requires a mechanism, such as cam")
 
 
 @pytest.mark.parametrize(
@@ -44,12 +44,12 @@ def test_live_window_refuses_matrices(tmp_path, command):
         (("none.*.lin",), "no file matches"),
         (("none.mat",), "there is no file"),
         (("k.npz",), "states no speed"),
-        (("k.npz", "--set", "k=1"), "leave out k"),
-        (("k.npz", "--case", "1"), "no parameters, cases or options; leave out case"),
+        (("k.npz", "--set", "k=1"), "omit k"),
+        (("k.npz", "--case", "1"), "no parameters, cases or options; omit case"),
         (("text.nc",), "cannot be read"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(tmp_path, command, arguments, text):
+def test_invalid_input_is_refused_in_one_line(tmp_path, command, arguments, text):
     np.savez(tmp_path / "k.npz", M=np.eye(1), K=np.eye(1))
     (tmp_path / "text.nc").write_text("text")
     ran = command("periodic", *arguments)

@@ -1,4 +1,4 @@
-"""Terminal output: no control characters, one line per error, list of written files; units of ranges."""
+"""Terminal output: no control characters, errors in one line, list of written files, units of ranges."""
 
 import json
 import os
@@ -52,7 +52,7 @@ def test_control_characters_in_arguments_are_refused_and_escaped(command, what, 
 
 
 def on_a_terminal(*arguments, cwd):
-    """Output of a program on a terminal."""
+    """Return the output of a program on a terminal."""
     controlling, terminal = pty.openpty()
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm", "COLUMNS": "80"}
     process = subprocess.Popen(
@@ -71,7 +71,7 @@ def on_a_terminal(*arguments, cwd):
 
 
 def test_control_characters_in_files_do_not_reach_a_terminal(tmp_path):
-    """Message of an exception in a mechanism, and a name in a case file; styles remain."""
+    """The files contain an exception message of a mechanism and a name in a case file. Text styles remain."""
     (tmp_path / "bad.py").write_text(
         "def mechanism():\n    raise ValueError('\x1b]0;t\x07 \\x1b[2J \\x9bm')\n"
     )
@@ -88,7 +88,7 @@ def test_control_characters_in_files_do_not_reach_a_terminal(tmp_path):
     assert "\x1b[1m" in shown
 
 
-def test_a_fault_and_its_traceback_have_no_control_characters(capsys):
+def test_internal_error_and_traceback_contain_no_control_characters(capsys):
     def work(_):
         raise ZeroDivisionError("\x1b[2J\x9b")
 
@@ -98,7 +98,7 @@ def test_a_fault_and_its_traceback_have_no_control_characters(capsys):
     assert not CONTROL.search(error)
 
 
-def test_json_with_control_characters_stays_json(capsys):
+def test_json_with_control_characters_remains_valid(capsys):
     run_cli("program", lambda _: print(json.dumps({"a": "\x7f\x9b"}, ensure_ascii=False)), [], ValueError)
     out = capsys.readouterr().out
     assert not CONTROL.search(out)
@@ -121,7 +121,7 @@ def test_brackets_and_colons_in_names_are_shown_unchanged(command, tmp_path):
         (("--over", "m2=2e4:3e4:2g"), ("--over", "m2=20:30:2")),
     ],
 )
-def test_ranges_take_a_unit(command, given, own):
+def test_ranges_accept_a_unit(command, given, own):
     both = []
     for over in (given, own):
         ran = command("sweep", "cam", "--speed", "100 rpm", *over, "--json")
@@ -130,7 +130,7 @@ def test_ranges_take_a_unit(command, given, own):
     assert both[0] == pytest.approx(both[1], rel=1e-12)
 
 
-def test_axes_cuts_bounds_and_frequencies_take_a_unit(command, tmp_path):
+def test_axes_cuts_bounds_and_frequencies_accept_a_unit(command, tmp_path):
     axes = ("--y", "epsilon=0:0.5:3", "--tolerance", "1e-3", "--json")
     plain = json.loads(command("chart", "mathieu", "--x", "delta=0.5:1.5:3", "--cut", "delta=1", *axes).out)
     x, cut = "delta=0.5e-6:1.5e-6:3 1/ms^2", "delta=1e-6 1/ms^2"
@@ -146,7 +146,7 @@ def test_axes_cuts_bounds_and_frequencies_take_a_unit(command, tmp_path):
     assert values[0]["over"] == values[1]["over"]
 
 
-def test_a_range_with_an_invalid_unit_or_form_is_refused(command):
+def test_range_with_an_invalid_unit_or_form_is_refused(command):
     for over, words in (
         ("k1=60:80:2 kN", ("k1: unit 'kN'", "N m/rad")),
         ("k1=60:80 kN m/rad", ("k1=A:B:N", '--over "k1=60:80:11 kN m/rad"')),
@@ -180,7 +180,7 @@ def test_a_range_with_an_invalid_unit_or_form_is_refused(command):
     ],
     ids=["over", "x", "over a unit", "free"],
 )
-def test_the_remedy_of_a_message_is_accepted(command, line):
+def test_suggested_correction_of_a_message_is_accepted(command, line):
     ran = command(*line)
     assert ran.status == 2
     remedy = shlex.split(ran.err[ran.err.index(f'{line[-2]} "' if "free" not in line[-2] else "--free k2") :])
@@ -189,14 +189,14 @@ def test_the_remedy_of_a_message_is_accepted(command, line):
 
 
 @pytest.mark.parametrize(("speed", "more"), [("3 Hz", ("--over", "delta=0.5:1.5:3")), ("2 rad/s", ())])
-def test_a_sweep_takes_one_speed(command, speed, more):
+def test_sweep_accepts_a_single_speed(command, speed, more):
     def points(flag):
         return json.loads(command("sweep", "mathieu", flag, speed, *more, "--json").out)["points"]
 
     assert points("--speed") == points("--speeds")
 
 
-def test_a_sweep_with_speed_and_speeds_is_refused(command):
+def test_sweep_with_speed_and_speeds_is_refused(command):
     ran = command("sweep", "mathieu", "--speed", "3 Hz", "--speeds", "1:2:2 Hz")
     assert (ran.status, ran.err.count("\n")) == (2, 1)
     assert "--speed and --speeds are both given" in ran.err
@@ -213,15 +213,14 @@ def test_a_sweep_with_speed_and_speeds_is_refused(command):
         (("sensitivity", "cam", "--speeds", "100 110 rpm", "--set", "c1=1e30"), "no speed has a result"),
     ],
 )
-def test_a_study_without_any_result_is_refused(command, line, words):
+def test_study_without_any_result_is_refused(command, line, words):
     ran = command(*line)
     assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1), ran
     assert words in ran.err
 
 
-def test_one_fault_at_many_speeds_is_one_warning(command):
-    """Above 21 rad/s the reference of the pendulum has no matrices, for the same reason at each further
-    speed."""
+def test_errors_at_many_speeds_are_reported_once(command):
+    """Above 21 rad/s, the reference of the pendulum has no matrices at any speed, for the same reason."""
     ran = command("validity", "manipulator", "--speeds", "50:2000:4 rpm")
     reasons = [line.split(": ", 2)[2] for line in ran.err.splitlines() if "no result" in line]
     assert len(reasons) == len(set(reasons))
@@ -248,7 +247,7 @@ def test_written_files_are_listed_if_later_output_fails(tmp_path, monkeypatch, c
     assert all((tmp_path / file).stat().st_size for file in files)
 
 
-def test_long_units_take_a_line_of_their_own(command):
+def test_long_units_are_on_a_separate_line(command):
     ran = command("sweep", "cam", "--over", "k1=40:80:3 kN m/rad", "--speed", "100 rpm")
     head = ran.out[ran.out.index("Over k1") :].splitlines()[1:3]
     assert head[0].split() == ["k1", "max|q1|", "max|q2|", "max|q3|"]
@@ -300,7 +299,7 @@ def rooted(tmp_path, request):
     ],
     indirect=["rooted"],
 )
-def test_errors_that_name_no_parameter_report_set_values_and_units(command, rooted, fault, capsys):
+def test_errors_without_a_parameter_report_set_values_and_units(command, rooted, fault, capsys):
     capsys.readouterr()
     ran = command("floquet", rooted, "--set", "r=50", "--set", "l=20cm", "--set", "k=3")
     assert (ran.status, ran.err.count("\n")) == (2, 1)
@@ -335,7 +334,7 @@ def test_unreadable_files_are_reported_without_exception_names(command, tmp_path
 
 
 @pytest.mark.parametrize("seed", [37])
-def test_random_lines_with_control_characters_reach_no_terminal(tmp_path, seed):
+def test_random_control_characters_do_not_reach_the_terminal(tmp_path, seed):
     prepare(tmp_path)
     for number, (program, arguments) in enumerate(drawn(seed, 60)):
         at = number % len(arguments)
@@ -346,8 +345,9 @@ def test_random_lines_with_control_characters_reach_no_terminal(tmp_path, seed):
         assert not CONTROL.search(ended.error)
 
 
-def test_bounds_of_a_fit_take_a_unit(command, tmp_path):
-    """Exact data of k1 = 85 kN m/rad with bounds that exclude this value: the nearer bound is the result."""
+def test_bounds_of_a_fit_accept_a_unit(command, tmp_path):
+    """The data are exact for k1 = 85 kN m/rad, which lies outside the bounds. The result is the nearer
+    bound."""
     solve.periodic(solve.load("cam", k1=8.5e4), "100 rpm").save(tmp_path / "cam.csv")
     line = (*FIT, "--data", "cam.csv", "--json")
     for bounds, value in (("70:82 kN m/rad", 8.2e4), ("7e4:8.2e4", 8.2e4), ("70kN m/rad:82", None)):

@@ -1,4 +1,4 @@
-"""`solve modes`: what it prints, saves, draws and refuses."""
+"""Output, files, figures and errors of `solve modes`."""
 
 import json
 import math
@@ -24,7 +24,7 @@ def test_json_has_frequencies_damping_labels_and_ambiguous_pairs(command):
         assert round(omega % rotation, 4) in frequencies or round(-omega % rotation, 4) in frequencies
 
 
-def test_tables_fit_80_columns_and_picture_is_drawn(command, tmp_path):
+def test_tables_fit_80_columns_and_figure_is_drawn(command, tmp_path):
     picture = tmp_path / "modes.png"
     ran = command("modes", "coupler", "--speeds", "300:330:3 rpm", "--plot", str(picture))
     assert ran.status == 0, ran.err
@@ -33,7 +33,7 @@ def test_tables_fit_80_columns_and_picture_is_drawn(command, tmp_path):
     assert picture.stat().st_size > 10_000
 
 
-def test_modes_over_a_parameter(command):
+def test_modes_versus_a_parameter_are_followed(command):
     ran = command("modes", "manipulator", "--speed", "40 rpm", "--over", "k1=6e3:8e3:3", "--json")
     assert ran.status == 0, ran.err
     found = json.loads(ran.out)
@@ -50,7 +50,7 @@ def test_modes_over_a_parameter(command):
         (["--speeds", "1:2:3 rad/s", "--over", "k1=1:2:3"], "one speed"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(command, flags, text):
+def test_invalid_input_is_refused_in_one_line(command, flags, text):
     ran = command("modes", "manipulator", *flags)
     assert ran.status == 2
     assert text in ran.err

@@ -12,7 +12,7 @@ from solve.results import serialization
 CAM = ("periodic", "cam", "--speed", "300 rpm", "--rtol", "1e-6", "--nonlinear")
 
 
-def test_json_holds_the_orbit_and_how_it_was_found(command):
+def test_json_contains_the_orbit_and_its_search(command):
     ran = command(*CAM, "--json", "--harmonics", "5")
     assert ran.status == 0
     record = json.loads(ran.out)
@@ -25,7 +25,7 @@ def test_json_holds_the_orbit_and_how_it_was_found(command):
     assert not any("linearisation" in text for text in record["warnings"])
 
 
-def test_several_periods_are_one_of_the_orbit(command):
+def test_orbit_may_span_several_periods(command):
     ran = command(*CAM, "--periods", "2", "--json", "--harmonics", "2")
     record = json.loads(ran.out)
     assert record["period"] == pytest.approx(2 * 60 / 300)
@@ -60,8 +60,8 @@ def test_validity_reports_the_highest_valid_speed_of_the_linear_model(command, t
     assert "up to 100 rpm" in command("validity", "cam", *speeds, "--at", "0.02").out
 
 
-def test_a_start_of_another_kind_is_named(command, tmp_path, monkeypatch):
-    """Also where the command that reads it does not load the results of that kind."""
+def test_start_file_of_another_kind_is_refused(command, tmp_path, monkeypatch):
+    """The error is the same if the results of that kind have not been loaded."""
     assert command("sweep", "cam", "--speeds", "300:301:2 rpm", "--save", "s.npz").status == 0
     monkeypatch.delitem(serialization.CLASSES, "Sweep")
     ran = command("periodic", "cam", "--speed", "300 rpm", "--nonlinear", "--start", "s.npz")
@@ -137,7 +137,7 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
         (("validity", "cam"), ("no speeds", "--speeds")),
     ],
 )
-def test_bad_input_is_refused_in_one_line(command, arguments, words):
+def test_invalid_input_is_refused_in_one_line(command, arguments, words):
     ran = command(*arguments)
     assert ran.status == 2
     assert ran.out == ""
@@ -145,7 +145,7 @@ def test_bad_input_is_refused_in_one_line(command, arguments, words):
     assert all(word in ran.err for word in words)
 
 
-def test_transient_reports_the_turns_needed_to_reach_the_orbit(command, tmp_path):
+def test_transient_reports_the_periods_needed_to_reach_the_orbit(command, tmp_path):
     cam = ("transient", "cam", "--speed", "300 rpm", "--turns", "4")
     ran = command(*cam, "--json", "--plot", "t.png", "--save", "t.npz")
     record = json.loads(ran.out)
@@ -159,7 +159,7 @@ def test_transient_reports_the_turns_needed_to_reach_the_orbit(command, tmp_path
     assert command(*cam, "--start", "tset").status == 2
 
 
-def test_a_run_up_has_its_speeds_and_its_picture_over_time(command, tmp_path):
+def test_run_up_shows_speeds_and_outputs_versus_time(command, tmp_path):
     up = ("transient", "cam", "--speeds", "0:300 rpm", "--turns", "3", "--rtol", "1e-2")
     record = json.loads(command(*up, "--json", "--plot", "up.svg", "--save", "up.npz").out)
     assert record["speeds"] == [0.0, pytest.approx(10 * np.pi)]
@@ -177,8 +177,9 @@ def test_a_run_up_has_its_speeds_and_its_picture_over_time(command, tmp_path):
         assert words in ran.err
 
 
-def test_a_branch_over_a_parameter_has_its_special_points(command):
-    """Mathieu's equation at rest: doublings at the edges of the first unstable region."""
+def test_branch_versus_a_parameter_has_special_points(command):
+    """The system is Mathieu's equation with q = 0. Period doublings occur at the edges of the first unstable
+    region."""
     line = "branch", "mathieu", "--over", "delta=0.8:1.2", "--set", "epsilon=0.2", "--speed", "1 rad/s"
     record = json.loads(command(*line, "--set", "zeta=0", "--rtol", "1e-6", "--json").out)
     edges = [mathieu_b(1, 0.1), mathieu_a(1, 0.1)]

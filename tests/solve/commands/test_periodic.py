@@ -1,4 +1,4 @@
-"""`solve periodic` and `solve floquet`: what they print."""
+"""Output of `solve periodic` and `solve floquet`."""
 
 import json
 import math
@@ -20,7 +20,7 @@ def record(ran):
     return json.loads(ran.out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
 
 
-def test_json_has_the_promised_keys(command):
+def test_json_has_the_documented_keys(command):
     computed = record(command("periodic", "manipulator", "--json"))
     assert computed.keys() >= KEYS
     assert computed["error_estimate"].keys() == {"orbit", "multipliers"}
@@ -31,7 +31,7 @@ def test_json_has_the_promised_keys(command):
         assert len(quantity["harmonics"]) == len(quantity["phases"]) == 61
 
 
-def test_json_holds_the_manipulator_of_the_chapter(command):
+def test_json_contains_the_published_manipulator_results(command):
     computed = record(command("periodic", "manipulator", "--json", "--rtol", "1e-9"))
     assert computed["speed"] == pytest.approx(50 * math.pi / 30, rel=1e-14)
     assert computed["period"] == pytest.approx(1.2, rel=1e-14)
@@ -53,7 +53,7 @@ def test_json_holds_the_manipulator_of_the_chapter(command):
     assert computed["stable"] is True
 
 
-def test_harmonics_and_phases_add_up_to_the_extrema(command):
+def test_harmonics_with_phases_sum_to_the_extrema(command):
     computed = record(command("periodic", "manipulator", "--json", "--harmonics", "200"))
     for name, quantity in {**computed["coordinates"], **computed["outputs"]}.items():
         amplitudes, phases = np.array(quantity["harmonics"]), np.array(quantity["phases"])
@@ -68,8 +68,9 @@ def test_harmonics_and_phases_add_up_to_the_extrema(command):
         assert amplitudes[0] == pytest.approx(quantity["mean"], abs=1e-12 * quantity["max_abs"])
 
 
-def test_quasi_static_is_the_solution_without_inertia_of_the_deviations(command):
-    """Chapter (77), second row first uncoupled: K11 q1 = d1, then k2 q2 = d2 - K21 q1, with F = 0."""
+def test_quasi_static_solution_omits_inertia_of_the_deviations(command):
+    """The equations are chapter (77), in which the second row is uncoupled: K11 q1 = d1, then k2 q2 = d2 -
+    K21 q1, with F = 0."""
     computed = record(command("periodic", "manipulator", "--json", "--quasi-static"))
     a = {1: 0.22165, 3: 0.05560, 5: -0.01706}
     k1, k2, m2, omega = 7692.0, 1e6, 136.0, 50 * math.pi / 30
@@ -85,7 +86,7 @@ def test_quasi_static_is_the_solution_without_inertia_of_the_deviations(command)
     assert "quasi_static" not in record(command("periodic", "manipulator", "--json"))
 
 
-def test_flags_reach_the_model(command):
+def test_flags_are_passed_to_the_model(command):
     plain = record(command("periodic", "gear_pair", "--json"))
     assert plain["case"] == "1"
     assert plain["speed"] == pytest.approx(60 * math.pi, rel=1e-14)
@@ -106,7 +107,7 @@ def test_flags_reach_the_model(command):
     assert other["error_estimate"]["orbit"] <= 1e-6
 
 
-def test_a_case_file_of_ones_own(command, tmp_path):
+def test_user_case_file_is_read(command, tmp_path):
     known = record(command("periodic", "manipulator", "--json"))
     units = {"I0": "kg m^2", "I1": "kg m^2", "m2": "kg", "k1": "N m/rad", "k2": "N/m", "F": "N"}
     units |= {"c1": "N m s/rad", "c2": "N s/m"}
@@ -120,7 +121,7 @@ def test_a_case_file_of_ones_own(command, tmp_path):
     assert computed["speed"] == pytest.approx(40 * math.pi / 30, rel=1e-14)
 
 
-def test_floquet_is_periodic_without_the_orbit(command):
+def test_floquet_prints_stability_without_the_orbit(command):
     orbit = record(command("periodic", "manipulator", "--json"))
     computed = record(command("floquet", "manipulator", "--json"))
     assert computed.keys() >= KEYS - {"coordinates", "outputs"}
@@ -133,7 +134,7 @@ def test_floquet_is_periodic_without_the_orbit(command):
     assert computed["verdict"] == orbit["verdict"]
 
 
-def test_doubts_are_warnings_in_the_result_and_on_standard_error(command):
+def test_warnings_are_in_the_result_and_on_standard_error(command):
     ran = command("periodic", "cam", "--speed", "300 rpm", "--json")
     computed = record(ran)
     trust = [text for text in computed["warnings"] if "max|q1|" in text]
@@ -143,7 +144,7 @@ def test_doubts_are_warnings_in_the_result_and_on_standard_error(command):
     assert not [text for text in computed["warnings"] if "not to rtol" in text]
 
 
-def test_a_coarse_newmark_grid_is_warned_of(command):
+def test_coarse_newmark_grid_gives_a_warning(command):
     computed = record(
         command("floquet", "cam", "--speed", "100 rpm", "--method", "newmark", "--steps", "1000", "--json")
     )
@@ -153,7 +154,7 @@ def test_a_coarse_newmark_grid_is_warned_of(command):
     assert any("multipliers may be wrong" in text for text in computed["warnings"])
 
 
-def test_newmark_below_one_half_is_warned_of(command):
+def test_newmark_with_gamma_below_one_half_gives_a_warning(command):
     ran = command("floquet", "manipulator", "--method", "newmark", "--gamma", "0.25", "--beta", "0.166",
                   "--steps", "20000", "--json")  # fmt: skip
     assert any("gamma = 0.25 < 1/2" in text for text in record(ran)["warnings"])
@@ -169,7 +170,7 @@ def test_tables_fit_80_columns(command, model):
     assert lines[-1].startswith("unstable" if model == "manipulator" else "asymptotically stable")
 
 
-def test_tables_show_the_cam_of_the_chapter(command):
+def test_tables_show_the_published_cam_results(command):
     rows = [line.split() for line in command("periodic", "cam", "--speed", "600 rpm").out.splitlines()]
     extrema = {row[0]: row[1:] for row in reversed(rows) if len(row) > 5 and row[1] in ("mrad", "mm")}
     assert extrema["q1"][:2] == ["mrad", "768.4522"]
@@ -180,7 +181,7 @@ def test_tables_show_the_cam_of_the_chapter(command):
     assert strongest[1] == "59:"
 
 
-def test_chosen_options_and_parameters_are_shown(command):
+def test_given_options_and_parameters_are_shown(command):
     out = command("periodic", "gear_pair", "--option", "load=constant", "--set", "zeta=0.05").out
     assert "load=constant, zeta=0.05" in out
     assert "1800 rpm" in out

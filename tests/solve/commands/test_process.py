@@ -1,4 +1,4 @@
-"""The commands as processes: exit status, streams, and what the folder where the user stands may hold."""
+"""Commands as processes: exit status, standard streams and files in the current folder."""
 
 import os
 import shutil
@@ -24,7 +24,7 @@ def solved(*arguments, cwd=ROOT):
     return python("-m", "solve", *arguments, cwd=cwd)
 
 
-def test_a_result_leaves_standard_error_clean():
+def test_result_without_warnings_leaves_standard_error_empty():
     # A first compilation would be announced there.
     solve.floquet(solve.load("manipulator"), "50 rpm")
     ran = solved("floquet", "manipulator", "--json")
@@ -33,7 +33,7 @@ def test_a_result_leaves_standard_error_clean():
     assert ran.stdout.count("\n") == 1
 
 
-def test_help_loads_no_command_and_no_heavy_package():
+def test_help_loads_no_command_and_no_large_package():
     code = (
         "import sys; from solve.commands.app import MODULES, run; status = run(['--help']); "
         "loaded = [name for name in MODULES.values() if f'solve.commands.{name}' in sys.modules]; "
@@ -45,7 +45,7 @@ def test_help_loads_no_command_and_no_heavy_package():
     assert "Critical speeds: maxima of response" in ran.stdout
 
 
-def test_help_of_a_command_needs_no_heavy_package():
+def test_help_of_a_command_loads_no_large_package():
     code = (
         "import sys; from solve.commands.app import run; status = run(['periodic', '--help']); "
         "heavy = {'matplotlib', 'casadi', 'pint', 'xarray', 'rich.console', 'scipy.optimize'}; "
@@ -72,22 +72,22 @@ assert "matplotlib.pyplot" not in sys.modules
 """
 
 
-def test_usual_commands_load_no_scipy_no_pyplot_and_no_other_study(tmp_path):
-    """A setting of matplotlib for windows has no effect."""
+def test_common_commands_load_neither_scipy_nor_pyplot(tmp_path):
+    """An invalid matplotlib backend therefore has no effect."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "nonsense"}
     ran = python("-c", LOADED, cwd=tmp_path, env=environment)
     assert ran.returncode == 0, ran.stderr
     assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_reader_that_goes_away_is_no_error():
+def test_closed_output_pipe_is_not_an_error():
     command = f"{sys.executable} -m solve periodic manipulator --json --harmonics 2000 | head -c 10"
     ran = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True)
     assert ran.stdout == '{"model": '
     assert "Traceback" not in ran.stderr
 
 
-def test_tables_survive_a_stream_that_is_not_unicode():
+def test_tables_are_printed_to_an_ascii_stream():
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     ran = python("-m", "solve", "floquet", "manipulator", cwd=ROOT, env=environment)
     assert ran.returncode == 0

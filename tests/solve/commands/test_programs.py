@@ -29,7 +29,8 @@ def started(program, *arguments, **streams):
 
 @pytest.fixture
 def inside(monkeypatch, capsys):
-    """Exit status, standard output and standard error of a program within this process."""
+    """Return a function that runs a program in this process. It returns the exit status, standard output and
+    standard error."""
 
     def ran(program, *arguments):
         monkeypatch.setattr(sys, "argv", [program, *arguments])
@@ -80,7 +81,7 @@ importlib.import_module("{0}.__main__").main()
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
 @pytest.mark.parametrize("program", RESULTS)
-def test_a_full_standard_output_is_one_line(program, inside, monkeypatch):
+def test_full_standard_output_is_reported_in_one_line(program, inside, monkeypatch):
     # A first compilation would be announced as well.
     solve.floquet(solve.load("mathieu"), 1.0)
     with open("/dev/full", "w") as full:
@@ -101,7 +102,7 @@ def test_full_standard_streams_of_a_process_exit_with_2(unbuffered):
 
 
 @pytest.mark.parametrize(("program", "arguments"), [("solve", RESULTS["solve"]), ("derive", ("--help",))])
-def test_a_closed_pipe_is_no_error(program, arguments):
+def test_closed_pipe_is_not_an_error(program, arguments):
     reading, writing = os.pipe()
     os.close(reading)
     ran = started(program, *arguments, stdout=writing, stderr=subprocess.PIPE)
@@ -109,7 +110,7 @@ def test_a_closed_pipe_is_no_error(program, arguments):
     assert (ran.returncode, ran.stderr) == (0, "")
 
 
-def test_closed_streams_are_no_error():
+def test_closed_streams_are_not_an_error():
     command = f"{sys.executable} -m solve floquet mathieu --speed '1 rad/s' >&- 2>&-"
     assert subprocess.run(["bash", "-c", command], cwd=ROOT).returncode == 0
 
@@ -132,7 +133,7 @@ def test_short_and_long_help_flags_are_equal(program, inside):
         ("derive", ("cam", "--out", "a", "--out", "b"), "--out"),
     ],
 )
-def test_a_flag_of_one_value_given_twice_is_refused(program, arguments, flag, inside):
+def test_flag_of_one_value_given_twice_is_refused(program, arguments, flag, inside):
     status, _, error = inside(program, *arguments)
     assert status == 2
     assert f"{flag} is given 2 times; give it once" in error
@@ -148,14 +149,14 @@ def test_a_flag_of_one_value_given_twice_is_refused(program, arguments, flag, in
         (("flouet", "cam"), "Did you mean 'floquet'? See: solve --help"),
     ],
 )
-def test_a_usage_error_ends_with_a_remedy(arguments, end, inside):
+def test_usage_error_ends_with_advice(arguments, end, inside):
     status, _, error = inside("solve", *arguments)
     assert status == 2
     assert " ".join(error.split()).endswith(end)
 
 
 @pytest.mark.parametrize("is_created", [True, False])
-def test_an_interruption_names_a_store_that_exists(is_created, tmp_path, capsys):
+def test_interruption_reports_an_existing_store(is_created, tmp_path, capsys):
     store = tmp_path / "store"
     if is_created:
         store.mkdir()
@@ -165,13 +166,13 @@ def test_an_interruption_names_a_store_that_exists(is_created, tmp_path, capsys)
 
 
 @pytest.mark.parametrize("command_line", ["optimise cam --minimise q3.max_abs", "fit cam --data q.csv"])
-def test_a_free_parameter_given_twice_is_refused(inside, command_line):
+def test_free_parameter_given_twice_is_refused(inside, command_line):
     status, _, error = inside("solve", *command_line.split(), "--free", "k1, k2,k1")
     assert status == 2
     assert "--free k1 is given 2 times; give it once" in error
 
 
-def test_repeatable_flags_stay_repeatable(command):
+def test_repeatable_flags_may_be_repeated(command):
     ran = command(
         "floquet", "cam", "--speed", "600 rpm", "--set", "k1=8e4", "--set", "k2=8e7", "--rtol", "1e-3"
     )
@@ -187,7 +188,7 @@ def test_repeatable_flags_stay_repeatable(command):
         ("compare", "cam", "--speed", "600 rpm", "--method", "rk4", "--steps", "20", "--rtol", "1e-14"),
     ],
 )  # fmt: skip
-def test_a_command_without_any_result_exits_2(command, arguments):
+def test_command_without_any_result_exits_with_2(command, arguments):
     ran = command(*arguments)
     assert ran.status == 2, ran.out
     assert ran.out == ""

@@ -1,4 +1,4 @@
-"""`--prove` of `solve floquet` and `periodic`: what it prints and refuses."""
+"""Output and errors of `--prove` of `solve floquet` and `periodic`."""
 
 import dataclasses
 import json
@@ -34,14 +34,14 @@ def test_json_contains_the_proof_and_the_result(command):
     assert proof["true_error"]["multipliers"] <= record["error_estimate"]["multipliers"]
 
 
-def test_without_an_orbit_its_error_is_null(command):
+def test_error_of_a_missing_orbit_is_null(command):
     ran = command(*MATHIEU, "--prove", "--json")
     proof = json.loads(ran.out)["proof"]
     assert proof["true_error"]["orbit"] is None
     assert proof["max_abs"] == {}
 
 
-def test_the_terminal_shows_verdict_bounds_and_assumption(command):
+def test_terminal_output_shows_verdict_bounds_and_assumption(command):
     ran = command(*MATHIEU, "--prove")
     assert ran.status == 0, ran.err
     assert "\nproved: asymptotically stable\nspectral radius ≥ 0.91497580309320" in ran.out
@@ -57,7 +57,7 @@ def test_the_terminal_shows_verdict_bounds_and_assumption(command):
         ((*MATHIEU, "--workers", "2"), "solve: --workers 2 requires --prove; add it\n"),
         (
             (*MATHIEU, "--prove", "--rounded", "--digits", "9"),
-            "solve: --rounded limits the precision to that of the given numbers; leave out --digits\n",
+            "solve: --rounded limits the precision to that of the given numbers; omit --digits\n",
         ),
         ((*MATHIEU, "--prove", "--digits", "0"), "solve: digits is 0; allowed: 1 to 1000\n"),
     ],
@@ -66,13 +66,13 @@ def test_invalid_combinations_are_refused_in_one_line(command, arguments, messag
     assert command(*arguments) == (2, "", message)
 
 
-def test_a_model_without_generated_matrices_is_refused_before_it_is_solved(command):
+def test_model_without_generated_matrices_is_refused_before_solving(command):
     ran = command("floquet", "four_bar", "--speed", "30 rad/s", "--prove")
     assert (ran.status, ran.out) == (2, "")
     assert "a proof requires matrices that are symbolic functions of the phase" in ran.err
 
 
-def test_without_python_flint_the_extra_is_named(command, monkeypatch):
+def test_missing_python_flint_is_reported_with_its_extra(command, monkeypatch):
     monkeypatch.setitem(sys.modules, "flint", None)
     for name in [
         name for name in sys.modules if name.startswith("solve.proof.") and name != proving.__name__
@@ -87,7 +87,7 @@ def test_without_python_flint_the_extra_is_named(command, monkeypatch):
     assert ran.err == message
 
 
-def test_a_contradiction_is_printed_and_saved_and_ends_in_status_70(command, monkeypatch, tmp_path):
+def test_contradiction_is_printed_and_saved_with_exit_status_70(command, monkeypatch, tmp_path):
     usual = proving.prove
 
     def contradicting(*given, **options):
@@ -105,7 +105,7 @@ def test_a_contradiction_is_printed_and_saved_and_ends_in_status_70(command, mon
     assert 'verdict is "unstable", but the numerical verdict is "asymptotically stable"' in line
 
 
-def test_a_saved_file_contains_the_proof(command, tmp_path):
+def test_saved_file_contains_the_proof(command, tmp_path):
     file = tmp_path / "proof.npz"
     ran = command(*MATHIEU, "--prove", "--json", "--save", str(file))
     assert ran.status == 0, ran.err
@@ -115,7 +115,7 @@ def test_a_saved_file_contains_the_proof(command, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_command_takes_processes(command):
+def test_command_accepts_a_number_of_processes(command):
     ran = command("floquet", "mathieu", "--speed", "1 rad/s", "--prove", "--workers", "2")
     assert ran.status == 0, ran.err
     assert "proved: asymptotically stable" in ran.out

@@ -25,7 +25,7 @@ def test_json_matches_the_python_result(command):
     assert record["warnings"] == []
 
 
-def test_tables_and_pictures(command, tmp_path):
+def test_tables_and_figures_are_written(command, tmp_path):
     ran = command(*CAM, "--of", "spectral_radius", "--of", "rho1", "--plot", "bars.png", "--save", "all.csv")
     assert ran.status == 0
     assert "and 35 less influential parameters" in ran.out
@@ -47,14 +47,14 @@ def test_tables_and_pictures(command, tmp_path):
         (("--method", "newmark", "--steps", "4000"), "sensitivities support radau, gauss"),
     ],
 )
-def test_bad_input_is_one_line(command, flags, words):
+def test_invalid_input_is_refused_in_one_line(command, flags, words):
     ran = command(*CAM, *flags)
     assert (ran.status, ran.out) == (2, "")
     assert words in ran.err
     assert len(ran.err.splitlines()) == 1
 
 
-def test_derivatives_over_speed_and_of_critical_speeds(command, tmp_path):
+def test_derivatives_versus_speed_and_of_critical_speeds_are_printed(command, tmp_path):
     cam = ("--speeds", "300 400 rpm", "--of", "q3.max_abs", "--by", "k1", "--by", "k3")
     ran = command("sensitivity", "cam", *cam, "--json", "--plot", "over.png", "--save", "over.nc")
     assert ran.status == 0
@@ -74,7 +74,7 @@ def test_derivatives_over_speed_and_of_critical_speeds(command, tmp_path):
     assert ran.status == 2
 
 
-def test_quantities_without_any_derivative_are_no_result(command):
+def test_quantities_without_any_derivative_are_refused(command):
     ran = command(*CAM, "--of", "q1.max_phase", "--by", "k1")
     assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1)
     assert "derivatives of phases of extrema are not calculated" in ran.err

@@ -1,4 +1,4 @@
-"""`solve sweep`: what it prints, saves, draws and refuses."""
+"""Output, files, figures and errors of `solve sweep`."""
 
 import csv
 import json
@@ -30,7 +30,7 @@ def record(ran):
 
 
 @pytest.mark.parametrize("speeds", [LIST, "600:1500:4 rpm", "10 15 20 25 Hz", "10:25:4 Hz"])
-def test_table_2_of_the_paper_in_every_form_of_speeds(command, speeds):
+def test_all_forms_of_speeds_give_table_2(command, speeds):
     computed = record(command("sweep", "coupler", "--speeds", speeds, "--json"))
     assert computed["speeds"] == pytest.approx([rpm * math.pi / 30 for rpm in TABLE_2_MM], rel=1e-14)
     maxima = [
@@ -40,7 +40,7 @@ def test_table_2_of_the_paper_in_every_form_of_speeds(command, speeds):
     np.testing.assert_allclose(maxima, list(TABLE_2_MM.values()), rtol=0, atol=0.5e-4)
 
 
-def test_json_has_the_promised_keys(command):
+def test_json_has_the_documented_keys(command):
     computed = record(command("sweep", "coupler", "--speeds", "600 900 rpm", "--json"))
     assert computed.keys() >= {"model", "case", "parameters", "options", "speeds", "points"}
     for point in computed["points"]:
@@ -51,14 +51,14 @@ def test_json_has_the_promised_keys(command):
             assert quantity.keys() >= {"unit", "max", "min", "max_abs", "mean"}
 
 
-def test_a_single_speed_in_radians(command):
+def test_single_speed_in_radians_is_accepted(command):
     computed = record(command("sweep", "coupler", "--speeds", "62.8 rad/s", "--json"))
     assert computed["speeds"] == [62.8]
     assert len(computed["points"]) == 1
 
 
 def test_failed_point_reports_its_reason_and_the_sweep_continues(command):
-    """Without damping a constant stiffness resonates at φ = Ωt with Ω = sqrt(delta): I - Φ is singular."""
+    """Without damping, the constant stiffness is resonant at Ω = sqrt(delta), and I - Φ is singular."""
     ran = command(
         "sweep", "mathieu", "--set", "delta=4", "--set", "epsilon=0", "--set", "zeta=0",
         "--speeds", "1 1.3 rad/s", "--json",
@@ -93,13 +93,13 @@ def test_table_shows_the_requested_quantity(command):
     assert max(map(len, ran.out.splitlines())) <= 80
 
 
-def test_a_long_table_shows_one_speed_in_k(command):
+def test_long_table_shows_one_speed_in_four(command):
     ran = command("sweep", "coupler", "--speeds", "600:900:121 rpm", "--show", "q1")
     assert "one row in 4 of 121" in ran.out
     assert len(ran.out.splitlines()) < 60
 
 
-def test_picture_and_data_are_written(command, tmp_path):
+def test_figure_and_data_are_written(command, tmp_path):
     arguments = ("sweep", "coupler", "--speeds", LIST, "--plot", "s.svg", "--save", "s.csv", "--json")
     computed = record(command(*arguments))
     assert "<svg" in (tmp_path / "s.svg").read_text()
@@ -110,7 +110,7 @@ def test_picture_and_data_are_written(command, tmp_path):
         assert saved == pytest.approx(shown, rel=1e-12)
 
 
-def test_waterfall_picture_is_drawn(command, tmp_path):
+def test_waterfall_figure_is_drawn(command, tmp_path):
     ran = command("sweep", "coupler", "--speeds", "600:900:5 rpm", "--waterfall", "q1", "--plot", "w.svg")
     assert ran.status == 0, ran.err
     assert "<svg" in (tmp_path / "w.svg").read_text()
@@ -149,7 +149,7 @@ def test_invalid_arguments_are_refused_in_one_line(command, arguments, words):
     assert "Error)" not in ran.err
 
 
-def test_python_takes_one_speed_one_text_or_many():
+def test_python_accepts_one_speed_a_text_or_several_speeds():
     coupler = solve.load("coupler")
     assert list(solve.sweep(coupler, 62.8).speeds) == [62.8]
     assert list(solve.sweep(coupler, np.float64(62.8)).speeds) == [62.8]
@@ -174,7 +174,7 @@ def test_sweep_refuses_invalid_speeds(speeds, error, message):
         solve.sweep(solve.load("coupler"), speeds)
 
 
-def test_the_table_of_twenty_modes_keeps_its_speeds(command):
+def test_table_of_twenty_modes_includes_the_speeds(command):
     ran = command("sweep", "coupler", "--speeds", "3000:4000:3 rpm", "--option", "modes=20")
     assert ran.status == 0, ran.err
     lines = ran.out.splitlines()
@@ -250,7 +250,7 @@ NUMBERS = "--set", "m=2", "--set", "F=3", "--set", "c=0.1"
         (("frequencies", "--over", "k=10:40:2"), lambda computed: computed["over"]["values"]),
     ],
 )
-def test_varied_parameter_needs_no_fixed_value(command, tmp_path, study, read):
+def test_varied_parameter_requires_no_fixed_value(command, tmp_path, study, read):
     (tmp_path / "spring.py").write_text(WITHOUT_CASE)
     derive_run(["spring.py"])
     name, *flags = study
@@ -278,8 +278,8 @@ STIFFNESS_OF_PHASE = WITHOUT_CASE.replace(
 
 @pytest.fixture
 def spring(command, tmp_path, capsys):
-    """Run a study of this mechanism without a value of b. If |b| > 1, 1 + b cos³φ is negative at some
-    phases."""
+    """Return a function that runs a study of this mechanism without a value of b. If |b| > 1, 1 + b cos³φ is
+    negative at some phases."""
     (tmp_path / "spring.py").write_text(STIFFNESS_OF_PHASE)
     derive_run(["spring.py"])
     capsys.readouterr()
@@ -291,7 +291,7 @@ def spring(command, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("values", ["1.5:0.5:5", "0.5:1.5:5"])
-def test_the_order_of_values_does_not_matter(spring, values):
+def test_order_of_values_does_not_matter(spring, values):
     swept = record(spring("sweep", "--set", "k=20", "--speed", "3 rad/s", "--over", f"b={values}", "--json"))
     failed = ["error" in point for point in swept["points"]]
     still = record(spring("frequencies", "--set", "k=20", "--over", f"b={values}", "--json"))["over"]
@@ -301,13 +301,13 @@ def test_the_order_of_values_does_not_matter(spring, values):
     assert sum(failed) == 2
 
 
-def test_a_chart_may_begin_where_there_is_no_motion(spring):
+def test_chart_may_begin_at_a_value_without_motion(spring):
     flags = "--x", "k=20:30:2", "--y", "b=-1.5:0.5:5", "--speed", "3 rad/s"
     computed = record(spring("chart", *flags, "--json"))
     assert [row[0] == "failed" for row in computed["verdicts"]] == [True, False, False, False, False]
 
 
-def test_a_study_is_refused_if_all_values_are(spring):
+def test_study_without_any_valid_value_is_refused(spring):
     for name, *flags in (("frequencies",), ("sweep", "--speed", "3 rad/s")):
         ran = spring(name, *flags, "--set", "k=20", "--over", "b=1.5:1.1:3")
         assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1)
@@ -315,12 +315,12 @@ def test_a_study_is_refused_if_all_values_are(spring):
 
 
 def test_frequencies_state_a_value_from_the_range(spring):
-    """Their first table has the first possible value if none is given."""
+    """If no value is given, the first table is for the first possible value of the range."""
     flags = "frequencies", "--set", "k=20", "--over", "b=1.5:0.5:5"
     assert "at        b=1, the first possible value of the range" in spring(*flags).out
     assert "the first possible" not in spring(*flags, "--set", "b=0.3").out
 
 
-def test_a_range_ends_exactly_at_its_last_value(spring):
+def test_range_ends_exactly_at_its_last_value(spring):
     computed = record(spring("sweep", "--set", "k=20", "--speed", "3 rad/s", "--over", "b=0.2:0:4", "--json"))
     assert [point["parameters"]["b"] for point in computed["points"]][::3] == [0.2, 0.0]

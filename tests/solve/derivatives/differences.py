@@ -1,4 +1,4 @@
-"""Central differences of the results of `solve.periodic` on one grid with Richardson's extrapolation, as
+"""Central differences of the results of `solve.periodic` on one grid with Richardson extrapolation, as
 reference values of derivatives."""
 
 import numpy as np
@@ -17,13 +17,14 @@ NEIGHBOUR = 2e-15
 
 
 def varied(model, speed, name, number):
-    """The model and the speed with one of the quantities changed."""
+    """Return the model and the speed with one quantity changed."""
     return (model, number) if name == "speed" else (model.varied({name: number}), speed)
 
 
 def differences(model, speed, name, texts, solved=solve.periodic, parts=PARTS, **settings):
-    """Derivatives of the quantities by one parameter, or "speed", of what `solved` gives; from the steps at
-    which the last two extrapolations and the rounding of the values leave least."""
+    """Return derivatives of the values of `solved` with respect to a parameter or "speed". The steps are
+    those for which the difference of the last two extrapolations and the round-off of the values are
+    smallest."""
     at = speed if name == "speed" else model.parameters[name]
 
     def values(number):

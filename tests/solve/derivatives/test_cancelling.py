@@ -1,5 +1,5 @@
-"""Derivatives that are sums of large terms which cancel: by the phase shift of all that varies, on which no
-figure and no multiplier depends."""
+"""Derivatives that are sums of large cancelling terms: those with respect to a common phase shift, on which
+no statistic and no multiplier depends."""
 
 from functools import cache
 
@@ -36,7 +36,8 @@ def shifted():
 @pytest.mark.parametrize("nonlinear", [True, False])
 @pytest.mark.parametrize("by", [["s"], list(NUMBERS)])
 def test_reported_error_covers_roundoff_of_vanishing_derivatives(by, nonlinear):
-    """By few parameters the orbit's own derivatives are summed, by many an adjoint problem's."""
+    """For few parameters, direct derivatives of the orbit are summed; for many, an adjoint problem is
+    solved."""
     model = model_of(shifted(), **NUMBERS)
     for speed in (0.7, 1.3, 2.1):
         for quantity in OF:
@@ -46,7 +47,7 @@ def test_reported_error_covers_roundoff_of_vanishing_derivatives(by, nonlinear):
             assert reported < 1e-10
 
 
-def test_one_multiplier_is_found_without_the_others(monkeypatch):
+def test_single_multiplier_derivative_is_computed_without_the_others(monkeypatch):
     cam = solve.load("cam")
     of, by = ["rho1.abs", "exponent1.re"], ["k1", "speed"]
     expected = solve.sensitivities(cam, "600 rpm", of, by)

@@ -17,8 +17,8 @@ from tests.solve.free_machines import (
 
 
 @pytest.mark.parametrize("numbers", [{"T0": 0.0, "b": 0.0}, {"T0": 3.0, "b": 0.07}], ids=["free", "dragged"])
-def test_sensitivities_of_a_free_machine(numbers):
-    """Against differences of orbits; static twist and drift are among the quantities."""
+def test_sensitivities_of_a_free_machine_match_differences(numbers):
+    """The quantities include static twist and drift."""
     of = ["q1.harmonic2", "q5.max_abs", "q2.max", "q3.min", "q2.mean", "shaft.max", "drag.max"]
     of.append("spectral_radius")
     by, numbers = ["J1", "k2", "c", "T", "speed"], {"c": 1e-5, **numbers}
@@ -48,9 +48,10 @@ def test_sensitivities_of_a_free_machine(numbers):
         assert (np.abs(made - differences) <= 2e-6 * np.abs(differences) + allowed).all()
 
 
-def test_critical_speeds_of_a_free_machine_move_with_its_frequencies():
-    """dω/dk4 = (φ4 - φ5)²/(2ω) for modes φ of unit modal mass. The response is a harmonic, whose largest and
-    smallest values are equally large. Other modes and the slope of envelopes move maxima by 1e-4 of this."""
+def test_critical_speed_derivatives_follow_from_natural_frequencies():
+    """dω/dk4 = (φ4 - φ5)²/(2ω) for modes φ of unit modal mass. The response is a single harmonic, so its
+    maximum and minimum have equal magnitudes. Other modes and the slope of envelopes change the maxima by
+    1e-4 of this value."""
     speeds = np.linspace(2000, 5000, 31) * np.pi / 30
     critical = solve.critical_speeds(mechanism(c=1e-6), speeds, "q5")
     squares, shapes = eigh(K, J)
@@ -66,8 +67,9 @@ def test_critical_speeds_of_a_free_machine_move_with_its_frequencies():
 
 
 def test_multipliers_of_free_machines_have_derivatives_at_any_speed():
-    """Also where the double +1 of the rigid-body mode cannot be separated from them: at the first speed only
-    the monodromy matrix gives their vectors. With damping in proportion to K, |ρ| = exp(-c ω²π/Ω)."""
+    """The derivatives exist even where the multipliers cannot be separated from the double +1 of the
+    rigid-body mode. At the first speed, only the monodromy matrix gives their eigenvectors. With damping
+    proportional to K, |ρ| = exp(-c ω²π/Ω)."""
     squares, shapes = eigh(K, J)
     slopes = (shapes[3] - shapes[4]) ** 2
     for speed in (170.3159590038997, *np.random.default_rng(11).uniform(50, 320, 8)):
@@ -79,14 +81,14 @@ def test_multipliers_of_free_machines_have_derivatives_at_any_speed():
             assert sensitivities[f"rho{at}.abs"]["k4"] == pytest.approx(truth, rel=1e-7)
 
 
-def test_a_rigid_body_mode_has_no_derivatives():
+def test_rigid_body_mode_has_no_derivatives():
     sensitivities = solve.sensitivities(mechanism(b=0.07), SPEED, of=["rho1.abs", "rho3.abs"], by=["k1", "c"])
     (warning,) = sensitivities.warnings
     assert "rho1.abs belongs to a rigid-body mode" in warning
     assert np.isfinite(list(sensitivities["rho3.abs"].values())).all()
 
 
-def test_sensitivities_of_a_train_that_conserves_its_momentum_are_refused():
+def test_sensitivities_with_conserved_momentum_are_refused():
     machine = Mechanism("crank_train", "Two discs, one of varying inertia")
     q1, q2 = machine.coordinates(q1=("rad", "crank"), q2=("rad", "wheel"))
     J1, k = machine.parameters(J1=("kg m^2", "crank", "> 0"), k=("N m/rad", "shaft", "> 0"))

@@ -1,4 +1,4 @@
-"""Derivatives by parameters that move jumps: closed forms, and differences on one grid."""
+"""Derivatives with respect to parameters that move jumps: closed forms, and differences on one grid."""
 
 import math
 
@@ -17,7 +17,8 @@ ON_A_GRID = {"method": solve.Radau(), "steps": 96, "engine": "numpy"}
 
 
 def pushed(**changed):
-    """An oscillator that is pushed over half a turn from `begin` on, and by a second push from `other` on."""
+    """Return an oscillator with a push that starts at `begin` and lasts half a period, and a second push that
+    starts at `other`."""
     made = Mechanism("pushed", "An oscillator under a push", energy="1/s^2")
     (q,) = made.coordinates(q=("1", "displacement"))
     k, c, f, begin, second, other = made.parameters(
@@ -38,7 +39,8 @@ def pushed(**changed):
 
 
 def wedged(**changed):
-    """An oscillator under f sin φ, and an output with corners where sin(φ - begin) changes its sign."""
+    """Return an oscillator under f sin φ, with an output that has corners where sin(φ - begin) changes
+    sign."""
     made = Mechanism("wedged", "An oscillator beside a wedge", energy="1/s^2")
     (q,) = made.coordinates(q=("1", "displacement"))
     k, c, f, begin = made.parameters(
@@ -110,7 +112,7 @@ def test_derivatives_for_two_pushes_match_finite_differences(method):
         )
 
 
-def test_meissners_interval_in_closed_form():
+def test_derivative_by_meissners_interval_matches_the_closed_form():
     model = solve.load("meissner", share=0.3)
     omega, share, (w1, w2) = math.pi, 0.3, (model.parameters["w1"], model.parameters["w2"])
     turn, mean = 2 * math.pi / omega, (w1 / w2 + w2 / w1) / 2
@@ -132,7 +134,7 @@ def test_derivative_of_a_jumping_output_is_nan_with_a_warning():
     assert sensitivities["spring.mean"]["f"] == pytest.approx(1.0)
 
 
-def test_jumps_that_meet_are_refused_and_left_out():
+def test_coinciding_jumps_are_refused_and_omitted():
     model = pushed(second=1.0, other=1.0)
     assert model.derivatives.names == ("k", "c", "f", "second")
     assert list(solve.sensitivities(model, 2.0, "q.rms").by) == ["k", "c", "f", "second", "speed"]

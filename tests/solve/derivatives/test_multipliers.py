@@ -1,4 +1,4 @@
-"""Derivatives of small multipliers, whose own errors are those of their derivatives."""
+"""Derivatives of small multipliers, whose errors limit those of the derivatives."""
 
 import pytest
 

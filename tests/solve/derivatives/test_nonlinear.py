@@ -1,5 +1,5 @@
 """Derivatives of nonlinear orbits and of their multipliers: central differences, a linear model, and the
-amplitude of a pure wave in closed form."""
+amplitude of a single harmonic in closed form."""
 
 from functools import cache, partial
 
@@ -17,8 +17,9 @@ GRID = {"method": solve.Radau(), "rtol": 1e-11, "engine": "auto"}
 
 
 def check(model, speed, of, by, steps):
-    """Newton's iteration takes matrices along the curve and not at the stages. Its results on a grid have the
-    derivatives of the orbit up to the error of the grid, which is small here."""
+    """Compare derivatives with differences on one grid. Newton's iteration evaluates matrices along the
+    curve, not at the stages; its results therefore have the derivatives of the orbit up to the error of the
+    grid, which is small here."""
     settings = {**GRID, "steps": steps}
     sensitivities = solve.sensitivities(model, speed, of, by, nonlinear=True, **settings)
     for name in sensitivities.by:
@@ -31,12 +32,12 @@ def check(model, speed, of, by, steps):
 
 
 @pytest.mark.slow
-def test_a_hardening_oscillator():
+def test_derivatives_of_a_hardening_oscillator_match_differences():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.5, f=1.5)
     check(model, 1.3, ["q.max", "q.harmonic3", "q.rms", "rho1", "rho1.abs"], ["alpha", "speed"], 96)
 
 
-def test_a_small_load_has_the_linear_derivatives():
+def test_small_load_gives_the_linear_derivatives():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.5, f=1e-6)
     of, by = ["q.max", "rho1"], ["k", "zeta", "speed"]
     linear, nonlinear = (
@@ -62,7 +63,7 @@ def test_cam_derivatives_match_finite_differences():
     check(solve.load("cam"), 30.0, of, ["k1", "speed"], 1024)
 
 
-def test_errors_cover_the_change_by_finer_steps():
+def test_errors_cover_the_change_due_to_finer_steps():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.5, f=1.5)
     of, by = ["q.max", "q.rms", "rho1"], ["alpha", "f", "speed"]
     rough, exact = (solve.sensitivities(model, 1.3, of, by, steps=m, nonlinear=True) for m in (48, 384))
@@ -102,7 +103,7 @@ def test_two_period_orbit_repeating_after_one_has_equal_derivatives():
 
 
 @pytest.mark.slow
-def test_a_pendulum_that_swings_with_half_the_frequency():
+def test_derivatives_of_a_period_doubled_pendulum_match_differences():
     model, of, by = (
         model_of(pendulum(), c=0.1, b=0.15, g=1.0),
         ["q.rms", "q.harmonic1", "rho1.abs"],
@@ -120,7 +121,7 @@ def test_a_pendulum_that_swings_with_half_the_frequency():
 
 @cache
 def on_a_cubic_spring():
-    """With a damping ratio."""
+    """Return a mass on a cubic spring with a damping ratio."""
     made = Mechanism("cubic", "A mass on a cubic spring with a damping ratio")
     (q,) = made.coordinates(q=("m", "displacement"))
     m, k, a, F = made.parameters(
@@ -134,6 +135,6 @@ def on_a_cubic_spring():
 
 
 @pytest.mark.slow
-def test_a_damping_ratio_on_a_cubic_spring():
+def test_derivatives_with_a_damping_ratio_match_differences():
     model = solve.load(on_a_cubic_spring(), m=2.0, k=50.0, a=20.0, F=10.0, zeta=0.1)
     check(model, 7.0, ["q.max", "q.rms", "rho1.abs"], ["m", "k", "a", "zeta", "speed"], 128)

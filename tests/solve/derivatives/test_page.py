@@ -1,4 +1,4 @@
-"""The page on sensitivities: its table is what the program gives."""
+"""The table on the page on sensitivities matches the program."""
 
 import re
 from pathlib import Path

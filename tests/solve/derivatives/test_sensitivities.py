@@ -1,4 +1,5 @@
-"""Derivatives of orbits and multipliers: closed forms, central differences on one grid, and what has none."""
+"""Derivatives of orbits and multipliers: closed forms, central differences on one grid, and undefined
+derivatives."""
 
 import math
 
@@ -21,7 +22,8 @@ SPEED, M, C, K, F = 3.0, 2.0, 0.7, 11.0, 5.0
 
 
 def oscillators():
-    """m q̈ + c q̇ + k q = f cos 2φ, and a second that may be its twin, with the power of the first damper."""
+    """Return m q̈ + c q̇ + k q = f cos 2φ and a second oscillator, which may be identical, with the power of
+    the first damper."""
     made = Mechanism("oscillators", "Two oscillators side by side", energy="1/s^2")
     q, p = made.coordinates(q=("1", "first"), p=("1", "second"))
     m, c, k, f, k2, c2 = made.parameters(
@@ -47,7 +49,7 @@ def model(**changed):
 
 
 def amplitude(m=M, c=C, k=K, f=F, speed=SPEED):
-    """Of the first oscillator, complex: f / (k - m ω² + i c ω) with ω = 2Ω."""
+    """Return the complex amplitude of the first oscillator, f / (k - m ω² + i c ω) with ω = 2Ω."""
     return f / (k - m * (2 * speed) ** 2 + 2j * c * speed)
 
 
@@ -65,7 +67,7 @@ def oscillator_sensitivities():
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_an_oscillator_in_closed_form(oscillator_sensitivities, name):
+def test_derivatives_of_an_oscillator_match_the_closed_form(oscillator_sensitivities, name):
     a = amplitude()
     slope = -(a**2) / F * {"m": -4 * SPEED**2, "c": 2j * SPEED, "k": 1.0, "f": 0.0}.get(name, 0.0)
     slope += a / F * (name == "f") - a**2 / F * (-8 * M * SPEED + 2j * C) * (name == "speed")
@@ -86,7 +88,7 @@ def test_an_oscillator_in_closed_form(oscillator_sensitivities, name):
     assert oscillator_sensitivities["lost.max"][name] == pytest.approx(2 * loss, rel=1e-8)
 
 
-def test_multipliers_and_exponents_in_closed_form():
+def test_multiplier_and_exponent_derivatives_match_the_closed_form():
     names = ["m", "c", "k", "speed"]
     lam, period = exponent(), 2 * math.pi / SPEED
     of = ["rho1", "rho1.re", "rho1.im", "rho1.abs", "spectral_radius", "exponent1", "exponent1.re", "rho2.im"]
@@ -113,7 +115,7 @@ def test_multipliers_and_exponents_in_closed_form():
         assert sensitivities["exponent1.re"][name] == pytest.approx(slopes[name].real, rel=1e-8, abs=1e-11)
 
 
-def test_an_elasticity_is_relative_change_by_relative_change(oscillator_sensitivities):
+def test_elasticity_is_the_ratio_of_relative_changes(oscillator_sensitivities):
     a = oscillator_sensitivities.found["q.harmonic2"].value
     assert oscillator_sensitivities.elasticities("q.harmonic2")["f"] == pytest.approx(1.0, rel=1e-9)
     assert oscillator_sensitivities.elasticities("q.harmonic2")["k"] == pytest.approx(
@@ -121,7 +123,7 @@ def test_an_elasticity_is_relative_change_by_relative_change(oscillator_sensitiv
     )
 
 
-def test_errors_cover_the_change_by_finer_steps():
+def test_errors_cover_the_change_due_to_finer_steps():
     of, by = ["q1.max_abs", "q3.rms", "spectral_radius"], ["k1", "a1", "speed"]
     cam = solve.load("cam")
     rough = solve.sensitivities(cam, 60.0, of, by, steps=256)
@@ -160,7 +162,7 @@ three thousandths 3e-9 together with rounding."""
 
 
 def check(name, parameters):
-    """Against differences on one fixed grid, relative to what a change of the parameter by itself makes."""
+    """Compare with differences on one fixed grid, relative to the effect of the parameter alone."""
     model = solve.load(name)
     text, of = CASES[name]
     speed = speed_in_si(text or model.labels.case_speed)
@@ -199,7 +201,7 @@ def test_all_parameter_derivatives_match_the_discrete_solution(name):
     check(name, None)
 
 
-def test_multipliers_that_meet_have_no_derivative():
+def test_coinciding_multipliers_have_no_derivative():
     twins = model(m=1.0, k2=K, c2=C)
     sensitivities = solve.sensitivities(twins, SPEED, ["rho1.abs", "q.max"], ["k", "c"])
     assert all(math.isnan(each) for each in sensitivities["rho1.abs"].values())
@@ -207,7 +209,7 @@ def test_multipliers_that_meet_have_no_derivative():
     assert sensitivities["q.max"]["k"] != 0
 
 
-def test_a_radius_that_two_multipliers_share_has_no_derivative():
+def test_spectral_radius_shared_by_two_multipliers_has_no_derivative():
     alike = model(m=1.0, k2=2.0, c2=C)
     sensitivities = solve.sensitivities(alike, SPEED, ["spectral_radius", "rho1.abs"], ["c"])
     assert "same modulus" in sensitivities.found["spectral_radius"].reason
@@ -248,7 +250,7 @@ def test_invalid_sensitivity_requests_are_refused():
         solve.sensitivities(model(c=0.0, k=4 * SPEED**2 * M), SPEED)
 
 
-def test_damping_ratios_change_with_the_stiffness():
+def test_derivatives_include_damping_ratios_that_depend_on_stiffness():
     damped = solve.load(chain(), e=0.3, zeta1=0.03, zeta2=0.08, **CHAIN)
     of, by = ["q1.max", "q2.rms", "rho1"], ["k", "zeta2"]
     settings = {"method": solve.Radau(), "steps": 96, "engine": "numpy"}

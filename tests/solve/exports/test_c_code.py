@@ -1,4 +1,5 @@
-"""The equations as C: compiled and called, against the matrices and the residual in Python."""
+"""Exported C code of the equations: compiled, called and compared with the matrices and the residual in
+Python."""
 
 import ctypes
 import shutil
@@ -16,7 +17,7 @@ needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C comp
 
 @pytest.fixture
 def library(tmp_path):
-    """A model as a library of C, without warnings but of what its generator leaves unused."""
+    """Return a function that compiles a model to a C library with -Wall -Werror."""
 
     def made(model):
         file = tmp_path / f"{model.labels.name}.c"
@@ -29,7 +30,7 @@ def library(tmp_path):
 
 
 def called(function, results, *inputs):
-    """Results of given lengths, of numbers and arrays."""
+    """Call a C function with numbers and arrays; return its results, which have the sizes `results`."""
     computed = [np.full(size, np.nan) for size in results]
     doubles = ctypes.POINTER(ctypes.c_double)
     given = [
@@ -53,7 +54,7 @@ def test_linearised_c_code_matches_python(library, name):
 
 
 @needs_compiler
-def test_other_parameters_than_the_case_are_taken(library):
+def test_parameters_other_than_those_of_the_case_are_used(library):
     computed = library(solve.load("cam"))
     stiffer = solve.load("cam", k1=1.3e5, m2=11.0)
     p = np.array(list(stiffer.parameters.values()))
@@ -64,7 +65,7 @@ def test_other_parameters_than_the_case_are_taken(library):
 
 
 @needs_compiler
-def test_the_residual_is_zero_on_the_nonlinear_orbit(library):
+def test_residual_vanishes_on_the_nonlinear_orbit(library):
     model, speed = solve.load("cam"), 30.0
     computed, p = library(model), np.array(list(model.parameters.values()))
     orbit = solve.nonlinear(model, speed)
@@ -77,7 +78,7 @@ def test_the_residual_is_zero_on_the_nonlinear_orbit(library):
 
 
 @needs_compiler
-def test_the_values_of_the_case_are_in_the_library(library):
+def test_library_contains_the_values_of_the_case(library):
     model = solve.load("cam", k1="90 kN m/rad")
     values = (ctypes.c_double * len(model.parameters)).in_dll(library(model), "cam_parameters")
     assert dict(zip(model.parameters, values, strict=True)) == model.parameters
@@ -85,14 +86,14 @@ def test_the_values_of_the_case_are_in_the_library(library):
 
 
 @needs_compiler
-def test_two_models_in_one_program(tmp_path):
+def test_two_models_can_be_linked_together(tmp_path):
     for name in ("cam", "mathieu"):
         solve.export(solve.load(name), tmp_path / f"{name}.c")
     files = [str(tmp_path / f"{name}.c") for name in ("cam", "mathieu")]
     subprocess.run([COMPILER, "-shared", "-fPIC", "-o", str(tmp_path / "both.so"), *files, "-lm"], check=True)
 
 
-def test_the_header_lists_parameters_with_unit_and_meaning(tmp_path):
+def test_header_lists_parameters_with_unit_and_meaning(tmp_path):
     model = solve.load("coupler", options={"modes": 2})
     exported = solve.export(model, tmp_path / "coupler.c")
     assert [file.name for file in exported.files] == ["coupler.c", "coupler.h"]
@@ -119,7 +120,7 @@ def test_c_export_refuses_models_without_formulas(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_header_that_cannot_be_written_leaves_no_source(tmp_path):
+def test_failed_header_leaves_no_source_file(tmp_path):
     (tmp_path / "mathieu.h").mkdir()
     with pytest.raises(FileError, match="is a folder"):
         solve.export(solve.load("mathieu"), tmp_path / "mathieu.c")

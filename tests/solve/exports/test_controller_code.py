@@ -1,4 +1,4 @@
-"""Exported controllers: compiled C code and MATLAB files against the result."""
+"""Exported controllers: compiled C code and MATLAB files, compared with the result."""
 
 import ctypes
 import subprocess
@@ -20,7 +20,7 @@ def found():
     return solve.lqg(press, "70 rpm", {"q2": 1e8}, {"u": 1e-3}, *noise, feedforward=True, rtol=1e-6)
 
 
-def test_matlab_file_holds_the_gains_and_the_observer(found, tmp_path):
+def test_matlab_file_contains_the_gains_and_the_observer(found, tmp_path):
     solve.export(found, tmp_path / "c.mat", samples=16)
     content = loadmat(tmp_path / "c.mat")
     phase = content["phase"].ravel()
@@ -65,7 +65,7 @@ def test_compiled_code_computes_the_inputs_and_the_estimates(found, tmp_path):
     assert np.abs(np.array(estimates[:]) - later).max() < 1e-3 * np.abs(later - x).max()
 
 
-def test_filters_and_other_files_are_refused(found, tmp_path):
+def test_filters_and_unsupported_file_types_are_refused(found, tmp_path):
     with pytest.raises(ValueOutOfBoundsError, match="regulator"):
         solve.export(found.observer, tmp_path / "c.c")
     with pytest.raises(FileError, match=r"\.mat"):

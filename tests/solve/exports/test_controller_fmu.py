@@ -1,4 +1,4 @@
-"""Controllers as functional mock-up units: evaluated by FMPy, against the result."""
+"""Controllers as functional mock-up units, evaluated by FMPy and compared with the result."""
 
 import shutil
 
@@ -30,7 +30,7 @@ def oscillator():
 
 
 def evaluated(file, given, wanted):
-    """Values of variables of the FMU for other values, both by name."""
+    """Return values of variables of the FMU for given values of others, as mappings from their names."""
     from fmpy import extract, read_model_description
     from fmpy.fmi3 import FMU3Model
     from fmpy.validation import validate_fmu
@@ -55,7 +55,7 @@ def evaluated(file, given, wanted):
     return np.array(values)
 
 
-def test_controller_with_an_observer_has_the_rates_and_inputs_of_the_compensator(tmp_path):
+def test_fmu_with_an_observer_matches_the_compensator(tmp_path):
     phase, speed, file = 40.0, 2.0, tmp_path / "c.fmu"
     found = solve.lqg(oscillator(), speed, {"q": 3.0}, {"u": 0.5}, {"u": 1.0}, {"q": 0.1}, feedforward=True)
     assert solve.export(found, file, samples=1024).warnings == ()
@@ -67,7 +67,7 @@ def test_controller_with_an_observer_has_the_rates_and_inputs_of_the_compensator
     assert np.allclose(values, np.concatenate((A @ x + b + L @ [0.4], u)), rtol=1e-4)
 
 
-def test_feedback_of_the_states_has_no_states_of_its_own(tmp_path):
+def test_state_feedback_fmu_has_no_states(tmp_path):
     speed, file = 2.0, tmp_path / "k.fmu"
     found = solve.lqr(oscillator(), speed, {"q": 3.0}, {"u": 0.5})
     solve.export(found, file, samples=1024)

@@ -11,7 +11,7 @@ from tests.solve.first_order_systems import names, restated, rotated, with_load
 
 @pytest.fixture
 def filtered():
-    """Two states with an input, an output and a load."""
+    """Return a system with two states, an input, an output and a load."""
     A, _ = rotated(np.random.default_rng(9), 2)
 
     def matrices(phase, speed):
@@ -30,7 +30,7 @@ def test_outputs_follow_from_the_states(filtered):
     )
 
 
-def test_state_space_has_the_matrices_of_the_system(filtered):
+def test_state_space_contains_the_matrices_of_the_system(filtered):
     space = solve.state_space(filtered, 1.0, samples=8)
     A, b, B, C, D = filtered.equations_at(space.phase, 1.0)
     for found, expected in ((space.A, A), (space.b, b), (space.B, B), (space.C, C), (space.D, D)):
@@ -40,7 +40,8 @@ def test_state_space_has_the_matrices_of_the_system(filtered):
 
 
 def test_harmonic_transfer_function_gives_the_response(filtered):
-    """To an input at the frequency of the matrices, against the orbit with this input in the load."""
+    """An input at the frequency of the matrices is compared with the orbit of a system that has this input as
+    a load."""
     transfer = solve.harmonic_transfer(filtered, 1.0, harmonics=3)
     u = np.zeros(7, dtype=complex)
     u[[2, 4]] = 0.5  # cos t
@@ -59,7 +60,7 @@ def test_harmonic_transfer_function_gives_the_response(filtered):
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_state_space_of_other_forms_gives_the_same_response(order):
+def test_equivalent_systems_have_the_same_response(order):
     second, *others = restated(4, 2)
     system = others[order - 1]
     transfers = [solve.harmonic_transfer(one, 1.3, harmonics=12) for one in (second, system)]

@@ -1,4 +1,4 @@
-"""Functional mock-up units: simulated by FMPy, against nonlinear orbits and SciPy."""
+"""Functional mock-up units, simulated by FMPy and compared with nonlinear orbits and SciPy."""
 
 import shutil
 import sys
@@ -36,7 +36,7 @@ def simulated(file, turns, speed, tolerance=1e-9, **settings):
 
 
 def shaker():
-    """A mass on a cubic spring, on a table that an eccentric moves."""
+    """Return a mass on a cubic spring on a table that is driven by an eccentric."""
     made = Mechanism("shaker", "A mass on a table that an eccentric moves")
     q = made.coordinate("q", "m", "way against the table")
     m, k, c = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"), c=("N s/m", "damping"))
@@ -51,7 +51,7 @@ SHAKER = {"m": 2.0, "k": 1800.0, "c": 1.5, "cubic": 4e5, "e": 0.02}
 
 
 def by_hand(end, start, u=0.0, acceleration=0.0, **numbers):
-    """q of the shaker at the end, by SciPy from its equation written by hand."""
+    """Return q of the shaker at the end, integrated by SciPy from equations written by hand."""
     m, k, c, cubic, e = {**SHAKER, **numbers}.values()
 
     def change(t, x):
@@ -64,7 +64,7 @@ def by_hand(end, start, u=0.0, acceleration=0.0, **numbers):
 
 @pytest.fixture(scope="module")
 def shaken(tmp_path_factory):
-    """Its unit, and the state in which that starts."""
+    """Return the FMU of the shaker and its initial state."""
     file, model = tmp_path_factory.mktemp("fmu") / "shaker.fmu", solve.load(shaker, **SHAKER)
     solve.export(model, file, SPEED)
     q, qd, _ = solve.nonlinear(model, SPEED).state(np.zeros(1))
@@ -107,7 +107,7 @@ def test_fmu_stays_on_the_nonlinear_orbit(tmp_path, name, tolerance):
         np.testing.assert_allclose(computed[quantity], expected, rtol=0, atol=1e-4 * np.abs(expected).max())
 
 
-def test_a_parameter_that_is_set_changes_the_motion(shaken):
+def test_changed_parameter_changes_the_motion(shaken):
     file, start = shaken
     for numbers in ({}, {"k": 2500.0}, {"m": 3.0, "e": 0.01}):
         computed = simulated(file, 3, SPEED, start_values=numbers)
@@ -125,8 +125,9 @@ def test_fmu_inputs_act_on_mass_and_drive(shaken):
         assert computed["q"][-1] == pytest.approx(by_hand(end, start, u, acceleration), rel=1e-4)
 
 
-def test_fmu_nominals_are_the_sizes_of_the_states(tmp_path):
-    """A motion of micrometres by a tolerance of 1e-6: absolute errors of 1e-6 m would be as large as it."""
+def test_nominal_values_match_the_magnitude_of_the_states(tmp_path):
+    """The motion is of the order of micrometres and the tolerance is 1e-6. Without nominal values, the error
+    of 1e-6 m would be as large as the motion."""
     model = solve.load(shaker, **{**SHAKER, "e": 1e-6})
     solve.export(model, tmp_path / "small.fmu", SPEED)
     computed = simulated(str(tmp_path / "small.fmu"), 2, SPEED, 1e-6)
@@ -134,7 +135,7 @@ def test_fmu_nominals_are_the_sizes_of_the_states(tmp_path):
     np.testing.assert_allclose(computed["q"], expected, rtol=0, atol=1e-3 * np.abs(expected).max())
 
 
-def test_without_a_load_it_starts_at_rest(tmp_path):
+def test_fmu_without_a_load_starts_at_rest(tmp_path):
     exported = solve.export(solve.load("mathieu"), tmp_path / "mathieu.fmu")
     assert exported.warnings[0].endswith("the FMU starts at rest")
     computed = fmpy.simulate_fmu(
@@ -155,7 +156,7 @@ def in_time_mathieu(model, end):
 
 
 def test_jumps_of_the_matrices_are_events(tmp_path):
-    """Meissner's equation from q = 1, by cosines and sines in each interval."""
+    """Meissner's equation with q = 1 initially is compared with sines and cosines in each interval."""
     numbers = {"w1": 1.3, "w2": 2.9, "share": 0.4}
     solve.export(solve.load("meissner", **numbers), tmp_path / "meissner.fmu", 1.0)
     file, end = str(tmp_path / "meissner.fmu"), 9.0
@@ -170,7 +171,7 @@ def test_jumps_of_the_matrices_are_events(tmp_path):
     assert len(fmpy.read_model_description(file).eventIndicators) == 2
 
 
-def test_fmu_contains_its_sources(cam):
+def test_fmu_contains_its_source_code(cam):
     with zipfile.ZipFile(cam) as archive:
         names = archive.namelist()
     assert "sources/cam.c" in names

@@ -1,4 +1,4 @@
-"""Harmonic transfer functions: against closed forms, Floquet exponents and periodic orbits."""
+"""Harmonic transfer functions, compared with closed forms, Floquet exponents and periodic orbits."""
 
 import numpy as np
 import pytest
@@ -19,14 +19,14 @@ MATHIEU = system(damped_mathieu, 1)
 
 
 def harmonics_of(signal, period, N):
-    """Complex Fourier coefficients of orders -N … N of a signal (k, …), from its samples."""
+    """Return the complex Fourier coefficients -N … N of a signal (k, …) from its samples."""
     phase = np.arange(512) * (period / 512)
     spectrum = np.fft.fft(signal(phase)) / 512
     return spectrum[np.arange(-N, N + 1)]
 
 
 def test_constant_coefficients_give_the_ordinary_transfer_matrix():
-    """(s_k² M + s_k C + K)⁻¹ at s_k = s + ikΩ on the diagonal, nothing beside it."""
+    """The diagonal is (s_k² M + s_k C + K)⁻¹ at s_k = s + ikΩ. All other entries are zero."""
     rng = np.random.default_rng(1)
     M, C, K = np.diag([1.0, 2.0]), 0.1 * rng.standard_normal((2, 2)), np.array([[5.0, 1.0], [0.5, 9.0]])
     speed, s, N = 3.0, 0.2 + 0.7j, 2
@@ -41,7 +41,8 @@ def test_constant_coefficients_give_the_ordinary_transfer_matrix():
 
 
 def test_modulated_force_response_matches_time_integration():
-    """u = Re exp((s + iΩ)t): from the state that H gives, the equations in time stay on y = Σ H y_k."""
+    """The force is u = Re exp((s + iΩ)t). With the initial state from H, time integration gives y = Σ H
+    y_k."""
     speed, s, N = 1.3, 0.05 + 0.4j, 12
     H = solve.harmonic_transfer(MATHIEU, speed, N).at(s).values[:, 0, N + 1, 0]
     rates = s + 1j * speed * np.arange(-N, N + 1)
@@ -60,7 +61,7 @@ def test_modulated_force_response_matches_time_integration():
     np.testing.assert_allclose(ran.y[:, -1], state(end), rtol=1e-7)
 
 
-def test_the_response_to_the_load_is_the_periodic_orbit():
+def test_response_to_the_load_equals_the_periodic_orbit():
     N = 20
     for given, speed in ((MATHIEU, 1.3), (solve.load("coupler"), 60.0)):
         transfer = solve.harmonic_transfer(given, speed, N)
@@ -71,8 +72,9 @@ def test_the_response_to_the_load_is_the_periodic_orbit():
             np.testing.assert_allclose(column, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
 
 
-def test_an_output_of_a_model_responds_as_on_the_orbit():
-    """The drive torque of the manipulator is linear in its state; its load is not cut off by the orders."""
+def test_response_of_a_model_output_matches_the_orbit():
+    """The drive torque of the manipulator is linear in its state. Its load has no harmonics beyond those
+    included."""
     model, N = solve.load("manipulator"), 20
     transfer = solve.harmonic_transfer(model, "50 rpm", N)
     steady = np.einsum("iokj,kj->io", transfer.at(0.0).values, transfer.excitation) + transfer.rest
@@ -83,7 +85,8 @@ def test_an_output_of_a_model_responds_as_on_the_orbit():
 
 @pytest.mark.slow
 def test_transfer_about_a_nonlinear_orbit_reproduces_that_orbit():
-    """The nonlinear outputs too, except for harmonics above N; the linear orbit is off by 35 % and more."""
+    """The nonlinear outputs also agree, except for harmonics above N. The linear orbit differs by at least 35
+    %."""
     model, N, speed = solve.load("manipulator"), 60, "300 rpm"
     orbit, linear = solve.nonlinear(model, speed), solve.periodic(model, speed)
     transfer = solve.harmonic_transfer(orbit.system, speed, N)
@@ -95,14 +98,14 @@ def test_transfer_about_a_nonlinear_orbit_reproduces_that_orbit():
         assert np.abs(harmonics_of(linear.signal(name), model.period, N) - expected).max() > 0.3 * largest
 
 
-def test_two_periods_of_the_matrices_are_a_turn_of_the_phase():
-    """Mathieu's matrices repeat after π: the orders are multiples of 2 rad/s."""
+def test_harmonics_are_multiples_of_the_matrix_frequency():
+    """Mathieu's matrices have the period π. The harmonics are therefore multiples of 2 rad/s."""
     model = solve.load("mathieu", delta=1.3, epsilon=0.4, zeta=0.05)
     assert solve.harmonic_transfer(model, 1.0).rotation == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("name", ["mathieu", "meissner", "own"])
-def test_the_poles_are_the_floquet_exponents_and_their_copies(name):
+def test_poles_are_the_shifted_floquet_exponents(name):
     pytest.importorskip("control", reason="python-control is not installed")
     numbers = {"mathieu": {"delta": 1.3, "epsilon": 0.4, "zeta": 0.05}}
     given = MATHIEU if name == "own" else solve.load(name, **numbers.get(name, {}))
@@ -114,8 +117,8 @@ def test_the_poles_are_the_floquet_exponents_and_their_copies(name):
             assert np.abs(poles - copy).min() < 1e-6 * transfer.rotation
 
 
-def test_the_real_form_is_the_complex_one():
-    """The amplitudes of an output's cosine and sine at s, from those of a force, are sums of H's entries."""
+def test_real_and_complex_forms_agree():
+    """The cosine and sine amplitudes of an output at s, due to those of a force, are sums of entries of H."""
     pytest.importorskip("control", reason="python-control is not installed")
     s, N = 0.1 + 0.6j, 2
     transfer = solve.harmonic_transfer(MATHIEU, 1.3, N, orders=12)
@@ -148,7 +151,7 @@ def test_insufficient_truncation_raises_a_warning():
 
 @pytest.mark.slow
 def test_large_structure_warns_about_limited_harmonics():
-    """Its modes are faster than the orders that a dense balance takes."""
+    """The frequencies of its modes exceed the harmonics that a dense balance can include."""
     beams = solve.load("four_bar")
     (warning,) = solve.harmonic_transfer(beams, "30 rad/s", 10).warnings
     assert "27 orders of the states (at most 27)" in warning

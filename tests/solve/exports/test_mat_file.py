@@ -1,4 +1,4 @@
-"""Files for MATLAB: read back by SciPy, against the system."""
+"""MATLAB files, read by SciPy and compared with the system."""
 
 import numpy as np
 from scipy.io import loadmat
@@ -24,7 +24,7 @@ def test_mat_file_contains_the_matrices_with_phase_as_last_index(tmp_path):
         np.testing.assert_allclose(M @ B[3:], np.eye(3), atol=1e-12)
 
 
-def test_names_units_parameters_and_multipliers(tmp_path):
+def test_mat_file_contains_names_units_parameters_and_multipliers(tmp_path):
     model = solve.load("manipulator")
     values = read(model, tmp_path)
     assert values["outputs"].tolist() == ["q1", "q2", *model.outputs]
@@ -35,7 +35,7 @@ def test_names_units_parameters_and_multipliers(tmp_path):
     assert values["verdict"] == "asymptotically stable"
 
 
-def test_a_system_of_ones_own_and_a_structure_of_beams(tmp_path):
+def test_user_systems_and_structures_of_beams_are_exported(tmp_path):
     def oscillator(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]

@@ -1,4 +1,4 @@
-"""The page of interfaces: its examples run as they stand there."""
+"""The examples on the page on interfaces run as printed."""
 
 import doctest
 import re
@@ -21,7 +21,7 @@ COMMANDS = re.findall(r"^    python -m solve (export .*)$", TEXT, re.MULTILINE)
 
 @pytest.mark.slow
 @needs_compiler
-def test_the_examples_in_python(tmp_path, monkeypatch):
+def test_python_examples_run(tmp_path, monkeypatch):
     pytest.importorskip("control", reason="python-control is not installed")
     pytest.importorskip("fmpy", reason="FMPy is not installed")
     if not hasattr(casadi.DaeBuilder, "compile_fmu"):
@@ -33,14 +33,14 @@ def test_the_examples_in_python(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("line", [command for command in COMMANDS if not command.endswith(".fmu")])
-def test_the_commands(line, tmp_path, monkeypatch):
+def test_command_examples_run(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run(shlex.split(line)) == 0
     assert list(tmp_path.iterdir())
 
 
 @needs_compiler
-def test_the_example_in_c(tmp_path, monkeypatch):
+def test_c_example_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (program,) = re.findall(r"```c\n(.*?)```", TEXT, re.DOTALL)
     Path("main.c").write_text(program)

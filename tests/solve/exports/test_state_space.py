@@ -1,4 +1,4 @@
-"""State space over the phase: against the equations themselves and closed forms."""
+"""State space as a function of phase, compared with the equations of motion and closed forms."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.solve.systems import system
 
 
 def random_system(seed, n=3):
-    """Matrices of the phase, none of them symmetric, with M well conditioned."""
+    """Return matrices that depend on the phase. None of them is symmetric, and M is well conditioned."""
     rng = np.random.default_rng(seed)
     still, wave = rng.standard_normal((2, 3, n, n))
     load = rng.standard_normal(n)
@@ -23,8 +23,8 @@ def random_system(seed, n=3):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_state_space_is_the_equation_of_motion(seed):
-    """M q̈ + C q̇ + K q = d + u for any state and force."""
+def test_state_space_satisfies_the_equation_of_motion(seed):
+    """M q̈ + C q̇ + K q = d + u holds for any state and force."""
     given = random_system(seed)
     space = solve.state_space(given, 2.0, samples=5)
     rng = np.random.default_rng(seed)
@@ -40,7 +40,7 @@ def test_the_state_space_is_the_equation_of_motion(seed):
 
 
 def test_outputs_of_a_model_are_linearised_with_the_acceleration():
-    """The outputs of the manipulator, some of which depend on q̈, for a small state and force."""
+    """The outputs of the manipulator, some of which depend on q̈, are compared for a small state and force."""
     model, speed, small = solve.load("manipulator"), 20.0, 1e-6
     space = solve.state_space(model, speed, samples=7)
     rng = np.random.default_rng(0)
@@ -60,7 +60,7 @@ def test_outputs_of_a_model_are_linearised_with_the_acceleration():
     assert space.signals.outputs == (*model.coordinates, *model.outputs)
 
 
-def test_names_and_units_of_the_signals():
+def test_signals_have_names_and_units():
     names = solve.state_space(solve.load("cam"), "600 rpm", samples=2).signals
     assert names.states == ("q1", "q2", "q3", "q1_dot", "q2_dot", "q3_dot")
     assert names.state_units == ("rad", "m", "m", "rad/s", "m/s", "m/s")
@@ -70,12 +70,12 @@ def test_names_and_units_of_the_signals():
 
 
 def test_sample_at_a_jump_is_the_value_after_it():
-    """Meissner's equation jumps at 0 and at half the turn."""
+    """Meissner's equation jumps at 0 and at half a period."""
     space = solve.state_space(solve.load("meissner", w1=3.0, w2=1.0), 1.0, samples=4)
     np.testing.assert_allclose(-space.A[:, 1, 0], [9.0, 9.0, 1.0, 1.0])
 
 
-def test_a_structure_of_beams_has_its_coordinates_alone():
+def test_outputs_of_a_structure_of_beams_are_its_coordinates():
     beams = solve.load("four_bar")
     space = solve.state_space(beams, "30 rad/s", samples=2)
     assert space.signals.outputs == beams.coordinates
@@ -97,7 +97,7 @@ def test_frozen_system_is_a_python_control_system():
             space.frozen(wrong)
 
 
-def test_frozen_system_at_a_jump_is_that_after_it():
+def test_frozen_system_at_a_jump_has_the_values_after_it():
     pytest.importorskip("control", reason="python-control is not installed")
 
     def matrices(phase, speed):
@@ -134,8 +134,9 @@ def test_repr_lists_signals():
     assert text.splitlines()[1:] == ["states  q, q_dot", "inputs  force_q", "outputs q"]
 
 
-def test_the_torque_of_the_drive_is_that_in_its_shaft():
-    """As in docs/interfaces.md: a force along the twist acts from outside on the driven side of the shaft."""
+def test_drive_torque_is_the_torque_in_the_shaft():
+    """As in docs/interfaces.md, a force along the twist is an external force on the driven side of the
+    shaft."""
     model = solve.load("cam")
     space = solve.state_space(model, "600 rpm", samples=4)
     row = space.signals.outputs.index("drive_torque")

@@ -237,7 +237,7 @@ def test_jumps_inside_the_period_only(method):
 @pytest.mark.parametrize("solve_it", [periodic, floquet])
 def test_jumps_are_refused_with_the_remedy(method, solve_it):
     with pytest.raises(
-        MatricesError, match=rf"{method.name} needs matrices without jumps, .* use radau or gauss"
+        MatricesError, match=rf"{method.name} requires matrices without jumps, .* use radau or gauss"
     ):
         solve_it(EQUATION, 1.0, method)
 

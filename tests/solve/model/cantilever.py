@@ -1,4 +1,4 @@
-"""Clamped beam by scikit-fem with Hermite elements: M and K of deflections (m) and slopes (rad)."""
+"""Clamped beam with Hermite elements from scikit-fem: M and K for deflections (m) and slopes (rad)."""
 
 import numpy as np
 import skfem
@@ -8,7 +8,8 @@ LENGTH, STIFFNESS, MASS = 0.8, 40.0, 1.2  # m, N m², kg/m
 
 
 def cantilever(elements=12):
-    """M, K (2 elements, 2 elements) in SI, and the rows, from 1, of the deflection and slope of the tip."""
+    """Return M and K (2 elements, 2 elements) in SI units, and the row numbers, from 1, of the deflection and
+    slope of the tip."""
     mesh = skfem.MeshLine(np.linspace(0.0, LENGTH, elements + 1))
     basis = skfem.Basis(mesh, skfem.ElementLineHermite())
 

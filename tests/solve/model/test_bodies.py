@@ -1,4 +1,4 @@
-"""Elastic bodies from files: a beam of scikit-fem against its full matrices, and bad files."""
+"""Elastic bodies from files: a beam from scikit-fem compared with its full matrices, and invalid files."""
 
 import hashlib
 
@@ -45,7 +45,7 @@ def write_case(folder, entry, numbers=(TIP, SPRING, DEPTH)):
 
 
 def rig(folder, modes=3, damping=False):
-    """Path of the mechanism, derived."""
+    """Return the path of the mechanism after its derivation."""
     file = folder / "rig.py"
     file.write_text(MECHANISM.replace("MODES", str(modes)).replace("DAMPING", str(damping)), encoding="utf-8")
     assert derive([str(file)]) in (0, None)
@@ -58,7 +58,7 @@ def given(file, more="", unit="m kg s"):
 
 @pytest.fixture(scope="module")
 def loaded(tmp_path_factory):
-    """Models with 1, 3 and 5 modes, of files in three units and formats."""
+    """Return models with 1, 3 and 5 modes from files with different units and formats."""
     models = {}
     for modes, ending in ((1, "mat"), (3, "npz"), (5, "mtx")):
         folder = tmp_path_factory.mktemp("rig")
@@ -79,7 +79,7 @@ def loaded(tmp_path_factory):
     return models
 
 
-def test_frequencies_are_those_of_the_full_beam_and_of_the_exact_one(loaded):
+def test_frequencies_match_the_full_and_the_exact_beam(loaded):
     """Cantilever with a tip mass: 1 + cos β cosh β = μ β (sin β cosh β − cos β sinh β)."""
     mu = TIP / (MASS * LENGTH)
 
@@ -97,8 +97,8 @@ def test_frequencies_are_those_of_the_full_beam_and_of_the_exact_one(loaded):
     assert errors[2] < 1e-5
 
 
-def test_periodic_modes_approach_those_of_all_coordinates(tmp_path):
-    """A beam of four elements with 1 and 4 modes beside its eight coordinates."""
+def test_periodic_solution_converges_to_that_of_all_coordinates(tmp_path):
+    """A beam of four elements is solved with 1 and 4 modes and with its eight coordinates."""
     mass, stiffness, rows = cantilever(4)
     tip = np.zeros_like(mass)
     tip[rows[0] - 1, rows[0] - 1] = 1.0
@@ -119,7 +119,7 @@ def test_periodic_modes_approach_those_of_all_coordinates(tmp_path):
     assert errors[1] < 1e-5
 
 
-def test_source_states_hash_and_discarded_modes(loaded, tmp_path):
+def test_source_reports_hash_and_discarded_modes(loaded, tmp_path):
     source = loaded[1].setup.case.sources["beam_K3_3"]
     assert source.startswith("scikit-fem; beam.mat, SHA-256 ")
     squares = scipy.linalg.eigh(
@@ -131,8 +131,8 @@ def test_source_states_hash_and_discarded_modes(loaded, tmp_path):
 
 
 @pytest.mark.slow
-def test_damping_matrix_is_reduced_with_the_others(tmp_path):
-    """C = a M + b K damps a mode of frequency ω by (a/ω + bω)/2."""
+def test_damping_matrix_is_reduced_with_mass_and_stiffness(tmp_path):
+    """C = a M + b K damps a mode of frequency ω with the ratio (a/ω + bω)/2."""
     a, b = 0.3, 2e-4
     np.savez(tmp_path / "beam.npz", M=M, K=K, C=a * M + b * K)
     write_case(tmp_path, given("beam.npz"), (0.0, 0.0, 0.0))
@@ -145,7 +145,7 @@ def test_damping_matrix_is_reduced_with_the_others(tmp_path):
 
 
 def test_reduced_matrices_are_reproduced(tmp_path):
-    """Matrices of three modes, reduced again to three modes."""
+    """The matrices of three modes are reduced again to three modes."""
     from solve.model.craig_bampton import craig_bampton
 
     reduced = craig_bampton(M, K, np.array(ROWS) - 1, 3)
@@ -158,7 +158,7 @@ def test_reduced_matrices_are_reproduced(tmp_path):
     assert "no modes discarded" in model.setup.case.sources["beam_M1_1"]
 
 
-def test_a_stated_hash_is_checked(tmp_path):
+def test_incorrect_hash_is_refused(tmp_path):
     np.savez(tmp_path / "beam.npz", M=M, K=K)
     digest = hashlib.sha256((tmp_path / "beam.npz").read_bytes()).hexdigest()
     file = rig(tmp_path)
@@ -170,7 +170,7 @@ def test_a_stated_hash_is_checked(tmp_path):
 
 
 @pytest.mark.parametrize("content", [binary, text])
-def test_matrices_of_nastran_give_the_same_body(shared_rig, content):
+def test_nastran_matrices_give_the_same_body(shared_rig, content):
     folder, file = shared_rig
     np.savez(folder / "beam.npz", M=M, K=K)
     write_case(folder, given("beam.npz"))
@@ -197,7 +197,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("arrays", "expected"), BAD.values(), ids=BAD)
-def test_bad_files_are_refused_in_one_line(shared_rig, arrays, expected):
+def test_invalid_files_are_refused_in_one_line(shared_rig, arrays, expected):
     folder, file = shared_rig
     (folder / "beam.npz").unlink(missing_ok=True)
     if arrays:
@@ -222,13 +222,13 @@ BAD_ENTRIES = {
     "range": (given("beam.npz").replace(str(ROWS), "[0, 1]"), CaseFileError, "from 1 to 24"),
     "twice": (given("beam.npz").replace(str(ROWS), "[1, 1]"), CaseFileError, "different"),
     "ending": (given("beam.op2"), CaseFileError, "allowed: .mat"),
-    "source": ('file = "beam.npz", unit = "m kg s"', CaseFileError, "needs a file"),
+    "source": ('file = "beam.npz", unit = "m kg s"', CaseFileError, "requires a file"),
     "key": (given("beam.npz", ", modes = 3"), UnknownNameError, "modes"),
 }
 
 
 @pytest.mark.parametrize(("entry", "kind", "expected"), BAD_ENTRIES.values(), ids=BAD_ENTRIES)
-def test_bad_entries_are_refused_in_one_line(shared_rig, entry, kind, expected):
+def test_invalid_entries_are_refused_in_one_line(shared_rig, entry, kind, expected):
     folder, file = shared_rig
     np.savez(folder / "beam.npz", M=M, K=K)
     write_case(folder, entry)
@@ -238,7 +238,7 @@ def test_bad_entries_are_refused_in_one_line(shared_rig, entry, kind, expected):
     assert "\n" not in str(refused.value)
 
 
-def test_only_a_declared_body_takes_a_file(shared_rig):
+def test_file_for_an_undeclared_body_is_refused(shared_rig):
     folder, file = shared_rig
     write_case(folder, given("beam.npz"))
     case = (folder / "rig.toml").read_text("utf-8").replace("beam =", "plate =")

@@ -1,4 +1,4 @@
-"""Case files: their content, and every invalid form."""
+"""Case files: their content, and all invalid forms."""
 
 from types import SimpleNamespace
 
@@ -36,7 +36,7 @@ def read(tmp_path):
     return reading
 
 
-def test_cases_in_their_order_with_common_values_and_si_units(read):
+def test_cases_include_common_values_in_si_units(read):
     cases = read(GOOD)
     assert list(cases) == ["slow", "light"]
     assert cases["slow"] == Case(
@@ -95,13 +95,13 @@ def entry(text):
         ),
     ],
 )  # fmt: skip
-def test_each_error_is_named(read, text, error, message):
+def test_all_invalid_entries_are_reported(read, text, error, message):
     with pytest.raises(error, match=message):
         read(text)
 
 
 @pytest.mark.parametrize("content", [None, b"\xff\xfe"])
-def test_a_file_that_cannot_be_read(tmp_path, content):
+def test_unreadable_file_is_refused(tmp_path, content):
     path = tmp_path / "mine.toml"
     if content is not None:
         path.write_bytes(content)
@@ -109,7 +109,7 @@ def test_a_file_that_cannot_be_read(tmp_path, content):
         read_cases(path, UNITS)
 
 
-def test_a_case_is_chosen_and_some_numbers_replaced(tmp_path):
+def test_values_of_a_selected_case_may_be_replaced(tmp_path):
     module = SimpleNamespace(NAME="mine", PARAMETERS=[("k1", "N/m", "spring", "> 0"), ("a", "m", "arm", "")])
     path = tmp_path / "mine.toml"
     with pytest.raises(CaseFileError, match="cannot be read"):
@@ -130,6 +130,6 @@ def test_a_case_is_chosen_and_some_numbers_replaced(tmp_path):
         chosen_case(module, path, None, {"k2": 2.0})
 
 
-def test_a_misspelt_parameter_of_a_varied_model_is_refused():
+def test_misspelt_parameter_of_a_varied_model_is_refused():
     with pytest.raises(UnknownNameError, match="unknown parameter of cam 'K1'; did you mean 'k1'"):
         solve.load("cam").varied({"K1": 5.0})

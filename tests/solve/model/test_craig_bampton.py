@@ -10,7 +10,7 @@ from solve.model.craig_bampton import craig_bampton, static_shapes
 
 
 def chain(n, held=True):
-    """Unit masses and springs in a row; held: the first spring is connected to ground."""
+    """Return unit masses and springs in a row. If `held`, the first spring is connected to ground."""
     K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     K[-1, -1] = 1.0
     K[0, 0] = 2.0 if held else 1.0
@@ -18,7 +18,8 @@ def chain(n, held=True):
 
 
 def cantilever(count):
-    """Cantilever with EI = µ = L = 1 and Hermite's cubics; the last coordinates are those of the tip."""
+    """Return a cantilever with EI = µ = L = 1 and Hermite cubics. The last coordinates are those of the
+    tip."""
     h = 1 / count
     k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2]]) / h**3
     k = np.vstack((k, -k[0], [k[0, 1], k[1, 3], -k[0, 1], k[1, 1]]))
@@ -38,8 +39,8 @@ def cantilever(count):
     return M[2:, 2:], K[2:, 2:]
 
 
-def test_fixed_interface_modes_of_a_chain_have_the_frequencies_of_a_string_of_beads():
-    """m beads between fixed ends: 2 sin(jπ/(2(m+1)))."""
+def test_fixed_interface_frequencies_of_a_chain_match_closed_forms():
+    """The frequencies of m masses between fixed ends are 2 sin(jπ/(2(m+1)))."""
     reduction = craig_bampton(*chain(8), interface=[7], modes=3)
     expected = 2 * np.sin(np.arange(1, 5) * np.pi / 16)
     np.testing.assert_allclose(reduction.frequencies, expected[:3], rtol=1e-13)
@@ -50,7 +51,7 @@ def test_fixed_interface_modes_of_a_chain_have_the_frequencies_of_a_string_of_be
 
 
 @pytest.mark.parametrize("interface", [[7], [0, 7], [5, 2], []])
-def test_with_all_modes_the_basis_is_complete(interface):
+def test_basis_with_all_modes_is_complete(interface):
     M, K = chain(8)
     reduction = craig_bampton(M, K, interface, modes=8 - len(interface))
     assert reduction.discarded == np.inf
@@ -58,8 +59,9 @@ def test_with_all_modes_the_basis_is_complete(interface):
     np.testing.assert_array_equal(reduction.basis[interface, : len(interface)], np.eye(len(interface)))
 
 
-def test_a_reduced_cantilever_has_its_frequencies_from_above():
-    """cos λ cosh λ = −1, ω = λ²; coordinates of the tip and four clamped-clamped modes."""
+def test_frequencies_of_a_reduced_cantilever_are_upper_bounds():
+    """cos λ cosh λ = −1 and ω = λ². The basis contains the coordinates of the tip and four clamped-clamped
+    modes."""
     M, K = cantilever(40)
     reduction = craig_bampton(M, K, [78, 79], modes=4)
     omega = np.sqrt(eigh(reduction.stiffness, reduction.mass, eigvals_only=True)[:3])
@@ -72,7 +74,7 @@ def test_a_reduced_cantilever_has_its_frequencies_from_above():
 
 
 def test_static_shapes_complete_the_modes():
-    """The deflection under a uniform load is a combination of the basis and one static shape."""
+    """The deflection under a uniform load is a linear combination of the basis and one static shape."""
     M, K = cantilever(12)
     load = M @ np.tile([1.0, 0.0], 12)
     reduction = craig_bampton(M, K, [22, 23], modes=2)
@@ -106,7 +108,7 @@ def test_invalid_arguments_are_refused(interface, modes, words):
         craig_bampton(*chain(8), interface, modes)
 
 
-def test_a_rigid_body_mode_at_fixed_interface_is_refused():
+def test_rigid_body_mode_at_fixed_interface_is_refused():
     M, K = chain(8, held=False)
     assert null_space(K).shape[1] == 1
     with pytest.raises(MatricesError, match="add coordinates to the interface"):
@@ -117,7 +119,7 @@ def test_a_rigid_body_mode_at_fixed_interface_is_refused():
         craig_bampton(M, K, [7], modes=2)
 
 
-def test_a_mode_without_mass_is_refused():
+def test_mode_without_mass_is_refused():
     M, K = chain(4)
     M[0, 0] = M[1, 1] = 0.0
     assert craig_bampton(M, K, [3], modes=1).discarded == np.inf

@@ -1,5 +1,5 @@
-"""Damping ratios of the modes: against 2ζ M √(M⁻¹K), closed forms of constant coefficients, and dissipation
-that is stated."""
+"""Modal damping ratios, compared with 2ζ M √(M⁻¹K), closed forms for constant coefficients, and prescribed
+dissipation."""
 
 from functools import cache
 
@@ -16,7 +16,8 @@ NUMBERS = {"m": 2.0, "k": 50.0, "F": 1.0}
 
 @cache
 def chain(varies=cos, ratios=2):
-    """Two masses on two springs, of which one varies with the phase; one ratio, or one a mode."""
+    """Return two masses on two springs, one of which varies with the phase, with one damping ratio or one per
+    mode."""
     made = Mechanism("chain", "Two masses whose spring varies")
     q1, q2 = made.coordinates(q1=("m", "first"), q2=("m", "second"))
     m, k, e, F = made.parameters(
@@ -30,7 +31,7 @@ def chain(varies=cos, ratios=2):
     return made
 
 
-def test_constant_coefficients_have_the_multipliers_of_their_ratios():
+def test_multipliers_follow_from_constant_damping_ratios():
     model = solve.load(chain(), e=0.0, zeta1=0.02, zeta2=0.3, **NUMBERS)
     omega = np.sqrt(np.linalg.eigvals(np.array([[50.0, -25.0], [-12.5, 12.5]])).real)
     omega.sort()
@@ -42,7 +43,7 @@ def test_constant_coefficients_have_the_multipliers_of_their_ratios():
     np.testing.assert_allclose(computed, np.where(expected.imag > 0, expected, expected.conj()), rtol=1e-9)
 
 
-def test_one_ratio_for_all_modes_at_every_position():
+def test_one_ratio_applies_to_all_modes_at_every_position():
     model = solve.load(chain(ratios=1), e=0.6, zeta1=0.04, **NUMBERS)
     phase = np.array([0.3, 1.7, 4.4])
     M, C, K, _ = model.at(phase, 7.0)
@@ -58,7 +59,7 @@ def test_damping_at_many_points_equals_single_points():
         assert point.spectral_radius == pytest.approx(alone.spectral_radius, rel=1e-9)
 
 
-def test_modal_damping_in_nonlinear_orbits_and_transients():
+def test_modal_damping_applies_to_nonlinear_orbits_and_transients():
     model = solve.load(chain(), e=0.3, zeta1=0.03, zeta2=0.08, **NUMBERS)
     linear, nonlinear = solve.periodic(model, 3.0), solve.nonlinear(model, 3.0)
     np.testing.assert_allclose(nonlinear.at(1.0), linear.at(1.0), rtol=1e-7)
@@ -119,12 +120,12 @@ def test_damping_follows_jumps_of_the_stiffness():
         solve.transient(model, 3.0, 2, nonlinear=True)
 
 
-def test_a_negative_stiffness_has_no_modes():
+def test_negative_stiffness_is_refused():
     with pytest.raises(MatricesError, match="K is not symmetric, or not positive semidefinite"):
         solve.periodic(solve.load(chain(), e=2.5, zeta1=0.02, zeta2=0.05, **NUMBERS), 3.0)
 
 
-def test_a_damping_ratio_above_one_raises_a_warning():
+def test_damping_ratio_above_one_raises_a_warning():
     model = solve.load(chain(), e=0.2, zeta1=0.02, zeta2=2.0, **NUMBERS)
     assert any(
         "above 1, modes do not oscillate" in warning for warning in solve.periodic(model, 3.0).warnings

@@ -1,5 +1,4 @@
-"""A fundamental motion that is not real and finite at a speed, or over a range of the phase, is refused;
-elsewhere nothing changes."""
+"""A fundamental motion that is not real and finite, at a speed or over a range of phases, is refused."""
 
 import math
 from functools import cache
@@ -39,8 +38,8 @@ def hoop():
 
 
 @pytest.mark.parametrize("speed", [1.001 * LEAST, 8.0, 12.0])
-def test_the_bead_vibrates_where_its_angle_exists(hoop, speed):
-    """m a² q̈ + c q̇ + m a² Ω² sin² q₀ q = 0: multipliers in closed form."""
+def test_multipliers_of_the_bead_match_the_closed_form(hoop, speed):
+    """The equation is m a² q̈ + c q̇ + m a² Ω² sin² q₀ q = 0."""
     inertia = BEAD["m"] * BEAD["a"] ** 2
     decay, stiffness = BEAD["c"] / inertia / 2, speed**2 - (9.81 / 0.2) ** 2 / speed**2
     exponent = -decay + 1j * math.sqrt(stiffness - decay**2)
@@ -53,14 +52,14 @@ def test_the_bead_vibrates_where_its_angle_exists(hoop, speed):
 
 @pytest.mark.parametrize("work", [solve.floquet, solve.periodic, solve.nonlinear, solve.transient])
 @pytest.mark.parametrize("speed", [6.0, 0.999 * LEAST])
-def test_the_bead_is_refused_below_the_least_speed(hoop, work, speed):
+def test_bead_is_refused_below_the_minimum_speed(hoop, work, speed):
     with pytest.raises(
-        DesiredMotionError, match=r"fundamental motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs"
+        DesiredMotionError, match=r"fundamental motion of q .* acos\(g/\(a\*speed\*\*2\)\) requires"
     ):
         work(hoop, speed)
 
 
-def test_speeds_are_named_in_the_unit_in_which_they_were_given(hoop):
+def test_speeds_are_reported_in_the_given_unit(hoop):
     for work in (solve.floquet, solve.nonlinear):
         with pytest.raises(DesiredMotionError, match=r"at 6 rad/s:"):
             work(hoop, "6 rad/s")
@@ -68,7 +67,7 @@ def test_speeds_are_named_in_the_unit_in_which_they_were_given(hoop):
         solve.chart(hoop, "speed=5:6:2 rad/s", "c=0.1:0.2:2")
 
 
-def test_a_run_up_that_leaves_the_motion_is_refused(hoop):
+def test_run_up_beyond_the_domain_is_refused(hoop):
     with pytest.raises(DesiredMotionError, match="fundamental motion of q"):
         solve.transient(hoop, speeds=("8 rad/s", "5 rad/s"))
 
@@ -86,8 +85,8 @@ def test_points_fail_individually(hoop):
         solve.sweep(hoop, [5.0, 6.0]).results.require_any()
 
 
-def test_a_motion_along_which_the_matrices_are_polynomials_of_the_speed():
-    """The matrices do not depend on the motion, but the points of a sweep do."""
+def test_motion_is_checked_although_matrices_do_not_depend_on_it():
+    """A sweep evaluates the matrices without the motion, but must refuse points without a motion."""
     made = Mechanism("one", "Mass on a spring that follows")
     q = made.coordinate("q", "rad", "angle")
     m, k, w = made.parameters(
@@ -103,7 +102,7 @@ def test_a_motion_along_which_the_matrices_are_polynomials_of_the_speed():
 
 @cache
 def follower(desired, *names):
-    """Mechanism with a fundamental motion that depends on the phase."""
+    """Return a mechanism whose fundamental motion depends on the phase."""
     made = Mechanism("one", "One coordinate")
     q = made.coordinate("q", "rad", "angle")
     m, k = made.parameters(m=("kg m^2", "inertia", "> 0"), k=("N m/rad", "spring", "> 0"))
@@ -115,7 +114,7 @@ def follower(desired, *names):
 
 
 def followed(desired, **numbers):
-    """Model linearised about this motion."""
+    """Return the model linearised about this motion."""
     return solve.load(follower(desired, *numbers), m=1, k=2, **numbers)
 
 
@@ -139,9 +138,9 @@ MOTIONS = {
         for a in each
     ],
 )
-def test_domains_over_the_turn(name, a, exists):
-    """Domains with known closed forms: violations between samples and over a hundredth of the period are
-    detected."""
+def test_violations_over_short_phase_ranges_are_detected(name, a, exists):
+    """The domains are known in closed form. The violations lie between samples or cover a hundredth of the
+    period."""
     if exists:
         assert followed(MOTIONS[name][0], a=a).n == 1
     else:
@@ -150,8 +149,7 @@ def test_domains_over_the_turn(name, a, exists):
 
 
 def linkage():
-    """Offset slider-crank with an elastic shaft; the length of its rod is the one that asin((r sin φ + e)/l)
-    requires."""
+    """Return an offset slider-crank with an elastic shaft. The angle of its rod is asin((r sin φ + e)/l)."""
     made = Mechanism("linkage", "Offset slider-crank")
     q = made.coordinate("q", "rad", "twist")
     J, m, k = made.parameters(J=("kg m^2", "J", "> 0"), m=("kg", "slider", "> 0"), k=("N m/rad", "k", "> 0"))
@@ -163,8 +161,8 @@ def linkage():
     return made
 
 
-def test_a_rod_that_is_too_short_over_part_of_the_turn():
-    """The loop closes everywhere if r + |e| < l; it opens first at φ = π/2."""
+def test_short_rod_is_refused():
+    """The loop closes at all phases if r + |e| < l. Otherwise it first opens at φ = π/2."""
     numbers = {"J": 1, "m": 1, "k": 1e3, "r": 0.1, "e": 0.05}
     made = linkage()
     model = solve.load(made, L=0.16, **numbers)
@@ -175,9 +173,9 @@ def test_a_rod_that_is_too_short_over_part_of_the_turn():
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_loop_opened_by_the_fundamental_motion(sign):
+def test_loop_that_a_fundamental_motion_opens_is_refused(sign):
     """A loop driven by a coordinate is evaluated along the fundamental motion of that coordinate: x² = c - b
-    sin φ."""
+    / sin φ."""
 
     def state():
         made = Mechanism("opening", "A loop driven by a coordinate")
@@ -199,7 +197,7 @@ def test_a_loop_opened_by_the_fundamental_motion(sign):
         solve.load(state, b=sign * 1.2, **given)
 
 
-def test_polynomials_and_sines_need_no_further_code():
+def test_polynomials_and_sines_require_no_domain_check():
     made = Mechanism("plain", "A motion that exists everywhere")
     q = made.coordinate("q", "rad", "angle")
     m, k, a = made.parameters(m=("kg m^2", "m", "> 0"), k=("N m/rad", "k", "> 0"), a=("1", "a", "> 0"))
@@ -211,7 +209,7 @@ def test_polynomials_and_sines_need_no_further_code():
 
 
 def rotor(angle):
-    """Of which a spring to ground acts on an angle that the phase prescribes, and q adds to."""
+    """Return a rotor with a spring to ground that acts on the sum of a prescribed angle and q."""
     made = Mechanism("rotor", "Rotor on a spring")
     q, phase = made.coordinate("q", "rad", "twist"), made.phase
     k, c = made.parameters(k=("N m/rad", "spring", "> 0"), c=("N m s/rad", "drag", ">= 0"))
@@ -248,7 +246,7 @@ def test_jump_of_an_angle_is_reported_with_its_phase(angle, phase, change):
 
 @pytest.mark.parametrize("waves", [17, 32, 64, 65, 128, 130])
 def test_fast_waves_beyond_the_domain_are_refused(waves):
-    """The sine reaches ±1 twice per wave; some of these phases lie near the sampled ones."""
+    """The sine reaches ±1 twice per wave. Some of these phases lie near the sampled phases."""
     made = Mechanism("waves", "Rotor whose fundamental motion has many waves")
     q = made.coordinate("q", "rad", "angle")
     J, k = made.parameters(J=("kg m^2", "rotor", "> 0"), k=("N m/rad", "spring", "> 0"))
@@ -262,8 +260,8 @@ def test_fast_waves_beyond_the_domain_are_refused(waves):
         require_desired_motion(solve.load(made, a=0.99, **numbers), np.array([3.0]))
 
 
-def test_a_stiffness_that_is_infinite_at_a_phase_is_named():
-    """Though the energy is zero in the fundamental motion."""
+def test_infinite_stiffness_is_reported_with_its_phase():
+    """The energy of the fundamental motion is zero."""
     made = Mechanism("pole", "Mass on a spring that is infinitely stiff once a revolution")
     q = made.coordinate("q", "m", "deflection")
     m, k, e = made.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring", "> 0"), e=("1", "distance"))
@@ -273,9 +271,10 @@ def test_a_stiffness_that_is_infinite_at_a_phase_is_named():
     assert solve.floquet(solve.load(made, m=1.0, k=2.0, e=0.5), 1.0).multipliers.shape == (2,)
 
 
-def test_natural_frequencies_are_refused_where_speed_0_has_no_motion(hoop):
-    """cos q = g/(a Ω²) has no solution. A motion that does not depend on the speed has frequencies."""
-    expected = r"at speed 0, .* motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs .* solve critical"
+def test_natural_frequencies_without_motion_at_speed_0_are_refused(hoop):
+    """cos q = g/(a Ω²) has no solution at speed 0. If the motion does not depend on the speed, the
+    frequencies exist."""
+    expected = r"at speed 0, .* motion of q .* acos\(g/\(a\*speed\*\*2\)\) requires .* solve critical"
     with pytest.raises(DesiredMotionError, match=expected):
         solve.frequencies(hoop)
     with pytest.raises(NoResultError, match=expected):

@@ -1,4 +1,4 @@
-"""Spreads of parameters: their texts, units, and their place in case files."""
+"""Spreads of parameters: their text forms, units and entries in case files."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ UNITS = {"k": "N/m", "m": "kg", "a1": "m", "a2": "m"}
         ("uniform( 0.1 , 0.3 )", "N/mm", (False, 100.0, 300.0)),
     ],
 )
-def test_texts_give_ends_or_mean_and_deviation_in_the_models_unit(text, file_unit, expected):
+def test_spread_text_is_converted_to_the_unit_of_the_model(text, file_unit, expected):
     normal, first, second = spread_of("k", text, 200.0, "N/m", file_unit)[1:]
     assert normal is expected[0]
     assert (first, second) == pytest.approx(expected[1:])
@@ -45,7 +45,7 @@ def test_texts_give_ends_or_mean_and_deviation_in_the_models_unit(text, file_uni
         ("", 1.0, ValueOutOfBoundsError, "write '±2 %'"),
     ],
 )
-def test_other_texts_are_refused_in_one_line(text, value, error, message):
+def test_invalid_spread_text_is_refused_in_one_line(text, value, error, message):
     with pytest.raises(error, match=message) as caught:
         spread_of("k", text, value, "N/m")
     assert "\n" not in str(caught.value)
@@ -68,7 +68,7 @@ def write(tmp_path, entries):
     return file
 
 
-def test_case_states_spreads_in_the_unit_of_the_entry(tmp_path):
+def test_case_contains_spreads_in_the_unit_of_the_entry(tmp_path):
     file = write(
         tmp_path,
         'k = { value = 2, unit = "N/mm", source = "s", distribution = "normal(2, 0.1)" }\n'
@@ -81,7 +81,7 @@ def test_case_states_spreads_in_the_unit_of_the_entry(tmp_path):
     assert (spread.first, spread.second) == (2000.0, pytest.approx(100.0))
 
 
-def test_another_number_keeps_its_tolerance_and_loses_its_distribution(tmp_path):
+def test_replaced_value_keeps_tolerance_but_not_distribution(tmp_path):
     file = write(
         tmp_path,
         'k = { value = 2, unit = "N/mm", source = "s", distribution = "normal(2, 0.1)" }\n'
@@ -101,7 +101,7 @@ def test_another_number_keeps_its_tolerance_and_loses_its_distribution(tmp_path)
         ('toleranc = "±1 %"', UnknownNameError, "did you mean 'tolerance'"),
     ],
 )
-def test_wrong_spreads_in_a_case_file_are_refused(tmp_path, entry, error, message):
+def test_invalid_spreads_in_a_case_file_are_refused(tmp_path, entry, error, message):
     file = write(tmp_path, f'm = {{ value = 3, unit = "kg", source = "s", {entry} }}')
     with pytest.raises(error, match=message):
         read_cases(file, UNITS)

@@ -1,4 +1,4 @@
-"""Tables of cases: fitted series, and every kind of invalid table."""
+"""Tables in case files: fitted series, and all kinds of invalid tables."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ UNEVEN = np.array([300, 10, 33.5, 61, 88, 120, 151, 199, 240, 265, 340, 221.0])
 
 @pytest.fixture
 def read(tmp_path):
-    """The first case of a file with this entry, beside a table of these rows."""
+    """Return a function that reads the first case of a file with this entry and a table with these rows."""
 
     def reading(entry, rows, header="angle (deg),value (Pa)"):
         text = "\n".join([header, *(",".join(map(str, row)) for row in rows)])
@@ -59,8 +59,8 @@ def test_fitted_series_equals_the_tabulated_series(read):
     assert fit.sentence.startswith("P is fitted to mine.csv with 3 harmonics: deviation up to ")
 
 
-def test_lift_and_slope_tables_yield_the_same_series(read):
-    """Of 5 + 2 cos x + sin 2x, whose derivative is −2 sin x + 2 cos 2x; the mean does not count."""
+def test_lift_and_slope_tables_give_the_same_series(read):
+    """The lift is 5 + 2 cos x + sin 2x and the slope −2 sin x + 2 cos 2x. The mean is not included."""
     lift = read(entry("U", "mm"), rows(lambda x: 5 + 2 * np.cos(x) + np.sin(2 * x)), "angle (deg),value (mm)")
     slope = read(
         entry("U'", "mm"), rows(lambda x: -2 * np.sin(x) + 2 * np.cos(2 * x)), "angle (deg),value (mm)"
@@ -70,7 +70,7 @@ def test_lift_and_slope_tables_yield_the_same_series(read):
         np.testing.assert_allclose(computed, [0, 2e-3, 0, -2e-3, 0, 0], atol=1e-15)
 
 
-def test_amplitudes_and_phase_angles_and_a_series_without_mean(read):
+def test_series_may_use_amplitudes_and_phase_angles(read):
     def stiffness(x):
         return 4 + 2 * np.cos(x + 0.3) + 0.5 * np.cos(2 * x - 1.1)
 
@@ -84,7 +84,8 @@ def test_amplitudes_and_phase_angles_and_a_series_without_mean(read):
 
 
 def test_fit_error_equals_the_omitted_harmonics(read):
-    """At even angles harmonics do not disturb each other: what is not fitted is the error."""
+    """At evenly spaced angles, harmonics are orthogonal. The fit error is therefore the sum of the omitted
+    harmonics."""
     degrees = np.arange(0.0, 360, 10)
     case = read(entry("P", "Pa", 1), rows(lambda x: np.sin(x) + 0.1 * np.cos(4 * x), degrees))
     assert abs(case.fits["P"].errors).max() == pytest.approx(0.1, rel=1e-9)
@@ -92,7 +93,7 @@ def test_fit_error_equals_the_omitted_harmonics(read):
     assert "rms 0.0707 Pa" in case.fits["P"].sentence
 
 
-def test_both_ends_of_the_turn_semicolons_and_other_columns(read, tmp_path):
+def test_semicolons_additional_columns_and_repeated_endpoints_are_accepted(read, tmp_path):
     radians = np.linspace(-np.pi, np.pi, 13)
     lines = [f"{i};{x!r};{np.cos(x)}" for i, x in enumerate(radians.tolist())]
     (tmp_path / "other.csv").write_text("row;angle (rad);p (Pa)\n" + "\n\n".join(lines), encoding="utf-8")
@@ -108,7 +109,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
 @pytest.mark.parametrize(
     ("text", "table", "error", "message"),
     [
-        (entry("P", "Pa"), GOOD[:6], CaseFileError, "has 6 rows; 3 harmonics need 7 or more"),
+        (entry("P", "Pa"), GOOD[:6], CaseFileError, "has 6 rows; 3 harmonics require 7 or more"),
         (
             entry("P", "Pa"),
             [(x, 1.0) for x in range(0, 230, 10)],
@@ -143,7 +144,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             CaseFileError,
             "more values than columns in the row '345, 2, 5'",
         ),
-        (entry("P", "Pa"), [], CaseFileError, "has 0 rows; 3 harmonics need 7 or more"),
+        (entry("P", "Pa"), [], CaseFileError, "has 0 rows; 3 harmonics require 7 or more"),
         (
             entry("P", "Pa").replace("value", "valve"),
             GOOD,
@@ -167,8 +168,13 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
         (entry("P", "Pa").replace("harm", "ham"), GOOD, UnknownNameError, "'hamonics'; did you mean 'harm"),
         (entry("P", "Pa").replace("mine", "none"), GOOD, CaseFileError, "cannot be read .no such file"),
         (entry("P", "Pa").replace("mine.csv", "."), GOOD, CaseFileError, "is not a file; give a CSV file"),
-        ('P = { table = "mine.csv" }', GOOD, CaseFileError, "P in mine.toml needs a table and two columns"),
-        ('P = { table = 3, columns = ["a", "b"] }', GOOD, CaseFileError, "needs a table and two columns"),
+        (
+            'P = { table = "mine.csv" }',
+            GOOD,
+            CaseFileError,
+            "P in mine.toml requires a table and two columns",
+        ),
+        ('P = { table = 3, columns = ["a", "b"] }', GOOD, CaseFileError, "requires a table and two columns"),
         (
             entry("P", "Pa") + '\nPa2 = { value = 1, unit = "Pa", source = "x" }',
             GOOD,
@@ -177,14 +183,14 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
         ),
     ],
 )
-def test_bad_tables_are_refused_in_one_line(read, text, table, error, message):
+def test_invalid_tables_are_refused_in_one_line(read, text, table, error, message):
     with pytest.raises(error, match=message) as refused:
         read(text, table)
     assert isinstance(refused.value, SolveError)
     assert "\n" not in str(refused.value)
 
 
-def test_a_case_may_give_numbers_where_the_common_ones_are_fitted(read, tmp_path):
+def test_case_values_replace_common_fitted_series(read, tmp_path):
     read("", GOOD)
     numbers = 'P = { value = 7, unit = "Pa", source = "x" }'
     common = entry("P", "Pa")

@@ -1,6 +1,6 @@
-"""Monodromy matrices of M q″ + C q′ + K q = 0 by Taylor series in fixed-point arithmetic with integers.
+"""Monodromy matrices of M q″ + C q′ + K q = 0 from Taylor series in fixed-point integer arithmetic.
 
-The code is independent of the package: only sines and cosines are from mpmath.
+The code is independent of the package; it uses mpmath only for sines and cosines.
 """
 
 import itertools
@@ -23,7 +23,8 @@ Term = tuple[int, np.ndarray, np.ndarray]
 
 
 def trigonometric(terms: Sequence[Term]) -> Callable[[mpmath.mpf, mpmath.mpf], list]:
-    """Taylor coefficients by τ at φ + hτ of Σ_r A_r cos rφ + B_r sin rφ; terms: (r, A, B) of doubles."""
+    """Return the Taylor coefficients in τ at φ + hτ of Σ_r A_r cos rφ + B_r sin rφ; `terms` are (r, A, B)
+    with doubles A and B."""
 
     exact = [(r, _exact(A), _exact(B)) for r, A, B in terms]
 
@@ -50,7 +51,8 @@ def _fixed(A) -> np.ndarray:
 
 
 def monodromy(M: Callable, C: Callable, K: Callable, nodes: Sequence[mpmath.mpf]) -> mpmath.matrix:
-    """Φ (2n, 2n) over the nodes; M, C, K: Taylor coefficients (n, n), fixed-point, at a phase by a step."""
+    """Return Φ (2n, 2n) over the nodes. M, C and K are functions of a phase and a step that return
+    fixed-point Taylor coefficients (n, n)."""
     with mpmath.workprec(BITS + 40):
         n = len(M(nodes[0], mpmath.mpf(1))[0])
         one = 1 << BITS

@@ -1,4 +1,5 @@
-"""Random systems whose proofs are compared with an independent integration: smooth ones, and a short bump."""
+"""Random systems whose proofs are compared with an independent integration: smooth systems, and systems with
+a short bump."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +20,8 @@ _STEPS = 40
 
 @cache
 def smooth_mechanism(n: int) -> Mechanism:
-    """M = M0 + M1 cos φ, K = K0 + K1 cos φ + K2 sin 2φ, dissipation by C = C0 + C1 sin φ; loads F cos φ."""
+    """Return a mechanism with M = M0 + M1 cos φ, K = K0 + K1 cos φ + K2 sin 2φ, C = C0 + C1 sin φ and loads F
+    cos φ."""
     made = Mechanism(f"random{n}", "Random smooth system")
     names = {f"q{i}": ("m", "deflection") for i in range(n)}
     q = made.coordinates(**names)
@@ -51,7 +53,7 @@ def symmetric(rng, n, size):
 
 @dataclass(frozen=True)
 class Case:
-    """A system at 1 rad/s, and its true monodromy matrix."""
+    """System at 1 rad/s with its true monodromy matrix."""
 
     name: str
     system: solve.Model
@@ -62,7 +64,7 @@ class Case:
 
 
 def smooth(number: int) -> Case:
-    """One of the random smooth systems."""
+    """Return one of the random smooth systems."""
     rng = np.random.default_rng([SEED, number])
     n = 1 + number % 3
     strong = rng.uniform(0.1, 1.2)
@@ -101,7 +103,7 @@ WIDTH = 2 * math.pi / 5000
 
 @cache
 def bump_mechanism() -> Mechanism:
-    """q″ + c q′ + (k + b exp(−(1 − cos(φ − p))/w²)) q = 0."""
+    """Return the mechanism q″ + c q′ + (k + b exp(−(1 − cos(φ − p))/w²)) q = 0."""
     made = Mechanism("bump", "Stiffness with a bump")
     (q,) = made.coordinates(q=("m", "deflection"))
     m, c, k, b, p, w, F = made.parameters(
@@ -120,7 +122,7 @@ def bump_mechanism() -> Mechanism:
 
 
 def bump(number: int) -> Case:
-    """The bump at a random place, with an impulse that makes the motion unstable."""
+    """Return a system with a bump at a random phase, whose impulse makes the motion unstable."""
     place = float(np.random.default_rng([SEED, 1000 + number]).uniform(0.2, 6.0))
     height = 4.0 / (WIDTH * math.sqrt(2 * math.pi))
     values = {"m": 1.0, "c": 0.02, "k": 3.9, "b": height, "p": place, "w": WIDTH, "F": 1.0}
@@ -136,7 +138,7 @@ def bump(number: int) -> Case:
 
 
 def _bump_series(phase, h, place, height):
-    """Coefficients of k + b e^g by g′ e^g = (e^g)′, g = −(1 − cos(φ − p))/w²."""
+    """Return the Taylor coefficients of k + b e^g from g′ e^g = (e^g)′, where g = −(1 − cos(φ − p))/w²."""
     square, x = mpmath.mpf(WIDTH) ** 2, phase - mpmath.mpf(place)
     count = len(trigonometric([(0, np.zeros((1, 1)), np.zeros((1, 1)))])(phase, h))
     g = [h**j / mpmath.factorial(j) * mpmath.cos(x + j * mpmath.pi / 2) / square for j in range(count)]
@@ -151,7 +153,7 @@ def _bump_series(phase, h, place, height):
 
 
 def _graded(place):
-    """Nodes that are dense near the bump."""
+    """Return nodes that are dense near the bump."""
     end, phase, nodes = 2 * mpmath.pi, mpmath.mpf(0), [mpmath.mpf(0)]
     while phase < end:
         # Past the bump the distance grows with the step; before it, it shrinks.
@@ -162,7 +164,7 @@ def _graded(place):
 
 
 def contradictions(case: Case, proof: Proof) -> list[str]:
-    """Statements of a proof that the true monodromy matrix contradicts."""
+    """Return the statements of a proof that the true monodromy matrix contradicts."""
     with mpmath.workprec(BITS):
         exact, found = multipliers(case.Phi), []
         radius = max(abs(rho) for rho in exact)

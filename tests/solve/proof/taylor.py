@@ -9,7 +9,8 @@ _ORDER, _STEPS = 27, 36
 
 @cache
 def duffing_orbit(zeta, k, alpha, f, speed, start, digits=22):
-    """q and q̇ at phase 0 of the orbit near a start, and its monodromy matrix, in time."""
+    """Return q and q̇ at phase 0 of the orbit near an initial state, and its monodromy matrix in terms of
+    time derivatives."""
     numbers = {"zeta": zeta, "k": k, "alpha": alpha, "f": f}
     with mpmath.workdps(digits + 10):
         values = {name: mpmath.mpf(value) for name, value in numbers.items()}
@@ -33,7 +34,7 @@ def _period(values, omega, state):
 
 
 def _series(values, omega, t, state, Phi):
-    """Taylor coefficients of q, and of its derivatives u with respect to the initial state."""
+    """Return the Taylor coefficients of q and of its derivatives u with respect to the initial state."""
     zeta, k, alpha, f = (values[name] for name in ("zeta", "k", "alpha", "f"))
     q = [state[0], state[1]]
     columns = [[Phi[0, j], Phi[1, j]] for j in range(2)]

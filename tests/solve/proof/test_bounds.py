@@ -1,6 +1,6 @@
-"""Bounds inside the proofs against independent values: none is smaller, and none is far larger.
+"""Bounds in proofs, compared with independent values: each must be at least as large, but not much larger.
 
-A bound that is left out or shrunk fails the first comparison.
+If a bound is omitted or reduced, the first comparison fails.
 """
 
 import mpmath
@@ -26,7 +26,7 @@ from tests.solve.proof.test_prove import exact_trace, mathieu
 
 
 def test_transition_bounds_contain_the_matrix_exponential():
-    """Undamped constant coefficients over many steps: Ψ(t, s) = e^{A(t−s)} does not grow."""
+    """For undamped systems with constant coefficients, Ψ(t, s) = e^{A(t−s)} does not grow over many steps."""
     system = mathieu(delta=2500.0, epsilon=0.0, zeta=0.0)
     with precision(100):
         equation = equation_of(system, 1.0, False)
@@ -43,7 +43,7 @@ def test_transition_bounds_contain_the_matrix_exponential():
 
 
 @pytest.mark.parametrize("ratio", _RATIOS[:3])
-def test_trace_and_determinant_lie_below_their_bounds_at_complex_values(ratio):
+def test_trace_and_determinant_satisfy_bounds_at_complex_values(ratio):
     plane, box = Plane(mathieu(zeta=0.01), ("delta", "epsilon"), 1.0), Box((3.0, 3.25), (0.5, 0.75))
     with precision(68):
         equation = plane.equation(box)
@@ -83,8 +83,9 @@ def test_bounds_of_a_step_contain_sampled_norms():
     assert max(inverses) <= float(made.inverse) < 2 * max(inverses)
 
 
-def test_the_nonlinear_remainder_lies_below_the_curvature():
-    """N(u) = α (3 q̄ u² + u³) of Duffing's oscillator, at random deviations of the norm ρ."""
+def test_nonlinear_remainder_is_below_the_curvature_bound():
+    """For Duffing's oscillator, N(u) = α (3 q̄ u² + u³). It is evaluated for random perturbations u of the
+    norm ρ."""
     numbers, speed, rho = {"zeta": 0.1, "k": 1.0, "alpha": 1.0, "f": 1.0}, 1.6, 0.01
     system = solve.nonlinear(model_of(duffing(), **numbers), speed).system
     assert isinstance(system, LinearisedModel)

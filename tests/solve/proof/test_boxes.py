@@ -1,4 +1,4 @@
-"""Proved boxes against closed forms and against the ordinary multipliers."""
+"""Boxes of a proved chart, compared with closed forms and with numerical multipliers."""
 
 import dataclasses
 
@@ -30,7 +30,7 @@ def plane(**parameters):
 
 
 def values_at(made, x, y):
-    """Of the polynomials at x and y in [−1, 1]."""
+    """Return the values of the polynomials at x and y in [−1, 1]."""
     across, upwards = (
         np.polynomial.chebyshev.chebvander(z, k - 1)[0]
         for z, k in zip((x, y), made.coefficients.shape[1:], strict=True)
@@ -44,7 +44,7 @@ def inside(box, rng):
 
 @pytest.mark.parametrize("accuracy", [2.0**-20, 1e-2])
 def test_trace_bound_over_a_box_contains_the_exact_trace(accuracy, monkeypatch):
-    """A low degree leaves a visible error, which the bound covers."""
+    """The error of a polynomial of low degree is large enough to test the bound."""
     monkeypatch.setattr(regions, "_ACCURACY", accuracy)
     box, rng = Box((3.0, 3.25), (0.5, 0.75)), np.random.default_rng(5)
     made = polynomials(plane(), box)
@@ -56,8 +56,9 @@ def test_trace_bound_over_a_box_contains_the_exact_trace(accuracy, monkeypatch):
 
 
 @pytest.mark.parametrize(("low", "bounded"), [(-0.5, False), (0.5, True)])
-def test_a_coefficient_that_is_not_analytic_has_no_bound(low, bounded):
-    """The damping of one of two coordinates contains √k, and the ellipse about k contains k = 0, or not."""
+def test_coefficient_that_is_not_analytic_has_no_bound(low, bounded):
+    """The damping of one of two coordinates contains √k. The ellipse about k contains k = 0 in one case
+    only."""
     made = Mechanism("rooted", "Two oscillators, one damped by a root", energy="1/s^2")
     u, v = made.coordinates(u=("1", "first"), v=("1", "second"))
     (k,) = made.parameters(k=("1/s^2", "stiffness"))
@@ -80,9 +81,9 @@ def test_polynomial_is_unchanged_by_halving_its_interval():
 
 
 @pytest.mark.parametrize(("width", "verdict"), [(1.0, ASYMPTOTICALLY_STABLE), (2.0**-40, UNDETERMINED)])
-def test_rounded_ends_of_a_box_lie_within_its_verdict(width, verdict):
-    """The trace is 2 T_40(x)/(1 + 1e-3): above 1 + D = 2 at a distance of 2^-52 beyond the box, if it is
-    narrow."""
+def test_verdict_of_a_box_includes_its_rounded_ends(width, verdict):
+    """The trace is 2 T_40(x)/(1 + 1e-3). In narrow boxes, it exceeds 1 + D = 2 at a distance of 2^-52 beyond
+    the box."""
     c = np.zeros((2, 41, 1))
     c[0, 40], c[1, 0] = 2 / (1 + 1e-3), 1 - 1e-9
     beyond = 2 / (1 + 1e-3) * np.cosh(40 * np.arccosh(1 + 2 * 2.0**-52 / width))
@@ -93,8 +94,8 @@ def test_rounded_ends_of_a_box_lie_within_its_verdict(width, verdict):
 
 @pytest.mark.slow
 def test_boxes_of_meissners_equation_agree_with_the_closed_form():
-    """Stiffness w1² and w2² in turn, each for 1 s, without damping: the trace of Φ is
-    2 cos w1 cos w2 − (w1/w2 + w2/w1) sin w1 sin w2."""
+    """The stiffness alternates between w1² and w2², each for 1 s, without damping. The trace of Φ is 2 cos w1
+    cos w2 − (w1/w2 + w2/w1) sin w1 sin w2."""
     system, whole, rng = solve.load("meissner"), Box((1.0, 1.5), (2.0, 2.5)), np.random.default_rng(3)
     boxes = proved_boxes(Plane(system, ("w1", "w2"), np.pi), whole)
     assert boxes.fraction(STABLE) > 0.2
@@ -110,8 +111,8 @@ def test_boxes_of_meissners_equation_agree_with_the_closed_form():
 
 
 def two_oscillators():
-    """Two uncoupled equations of Mathieu, a″ + c a′ + (k + e cos 2t) a = 0 and b″ + c b′ + 3 k b = 0, in the
-    coordinates u = a + b and v = a − b."""
+    """Return two uncoupled Mathieu equations, a″ + c a′ + (k + e cos 2t) a = 0 and b″ + c b′ + 3 k b = 0, in
+    the coordinates u = a + b and v = a − b."""
     made = Mechanism("two_oscillators", "Two uncoupled oscillators in coupled coordinates", period=pi)
     u, v = made.coordinates(u=("m", "sum"), v=("m", "difference"))
     k, e, c, m = made.parameters(
@@ -128,7 +129,7 @@ def two_oscillators():
 
 
 @pytest.mark.slow
-def test_boxes_of_two_coordinates_agree_with_the_oscillators_alone(monkeypatch):
+def test_boxes_of_two_coordinates_match_the_single_oscillators(monkeypatch):
     monkeypatch.setattr(of_boxes, "_OPEN", 0.1)
     system = solve.load(two_oscillators(), k=1.0, e=0.4, c=0.1, m=1.0)
     boxes = proved_boxes(Plane(system, ("k", "e"), 1.0), Box((0.5, 0.9), (0.1, 0.5)))
@@ -164,7 +165,7 @@ def test_chart_reports_proved_fractions_and_contradictions():
 def test_unsupported_proofs_are_refused():
     ranges = ((60.0, 63.0), (7e4, 8e4))
     with pytest.raises(
-        StepsError, match=r"cam is too stiff for a proved chart: a box of 0.0117 by 39.1 needs"
+        StepsError, match=r"cam is too stiff for a proved chart: a box of 0.0117 by 39.1 requires"
     ):
         prove_boxes(solve.load("cam"), ("speed", "k1"), ranges, None)
     with pytest.raises(LinearModelError, match=r"jumps of the equations move with share or w1"):

@@ -1,5 +1,5 @@
-"""Proofs of constant coefficients in extreme units, speeds and periods, and of nearly defective multipliers,
-against matrix exponentials with hundreds of digits."""
+"""Proofs for constant coefficients with extreme units, speeds or periods or with nearly defective
+multipliers, compared with matrix exponentials with hundreds of digits."""
 
 import mpmath
 import numpy as np
@@ -39,7 +39,7 @@ CASES = {
 
 
 def exponentials(M, C, K, period, speed):
-    """Multipliers from the roots of the characteristic polynomial of the state matrix."""
+    """Return the multipliers from the roots of the characteristic polynomial of the state matrix."""
     M, C, K = (mpmath.matrix(np.array(x, dtype=float).tolist()) for x in (M, C, K))
     n = M.rows
     A = mpmath.zeros(2 * n)
@@ -50,7 +50,7 @@ def exponentials(M, C, K, period, speed):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_extreme_systems_lie_within_their_proofs(name):
+def test_proofs_contain_the_multipliers_of_extreme_systems(name):
     *matrices, period, speed, verdict = CASES[name]
     M, C, K = (np.array(x, dtype=float) for x in matrices)
 

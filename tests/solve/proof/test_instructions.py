@@ -1,4 +1,4 @@
-"""CasADi functions on balls, discs and power series."""
+"""CasADi functions evaluated on balls, discs and power series."""
 
 import math
 
@@ -41,7 +41,7 @@ def evaluated(expression, number, outcomes=None):
 
 @pytest.mark.parametrize("name", [*SMOOTH, *PIECES])
 @pytest.mark.parametrize("at", [0.07, 0.31, 0.83])
-def test_a_ball_contains_the_value(name, at):
+def test_ball_contains_the_value(name, at):
     expression = {**SMOOTH, **PIECES}[name]
     exact = float(casadi.Function("f", [x], [expression])(at))
     value, _ = evaluated(expression, arb(at))
@@ -51,7 +51,7 @@ def test_a_ball_contains_the_value(name, at):
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-def test_a_series_has_the_derivatives_of_casadi(name):
+def test_power_series_has_the_derivatives_of_casadi(name):
     with precision(100, 4):
         _, outcomes = evaluated(SMOOTH[name], arb(0.31))
         series, _ = evaluated(SMOOTH[name], arb_series([arb(0.31), 1]), outcomes)
@@ -63,7 +63,7 @@ def test_a_series_has_the_derivatives_of_casadi(name):
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-def test_a_disc_contains_the_values_on_it(name):
+def test_disc_contains_the_function_values(name):
     _, outcomes = evaluated(SMOOTH[name], arb(0.31))
     disc, _ = evaluated(SMOOTH[name], acb(arb(0.31, 0.1), arb(0, 0.1)), outcomes)
     for angle in range(12):
@@ -83,12 +83,12 @@ def test_a_disc_contains_the_values_on_it(name):
         1 / x,
     ],
 )
-def test_a_disc_around_a_singularity_has_no_bound(expression):
+def test_disc_around_a_singularity_has_no_bound(expression):
     value, _ = evaluated(expression, acb(arb(0.1, 0.2), arb(0, 0.2)), ())
     assert not value.is_finite()
 
 
-def test_atan_has_no_bound_on_a_disc_around_i():
+def test_disc_around_i_has_no_bound_for_atan():
     value, _ = evaluated(casadi.atan(x), acb(arb(0.0, 0.1), arb(1.0, 0.1)), ())
     assert not value.is_finite()
 
@@ -104,7 +104,7 @@ def test_atan_has_no_bound_on_a_disc_around_i():
         ("logic", 0.2),
     ],
 )
-def test_an_interval_with_several_outcomes_is_undecided(name, at):
+def test_comparison_with_several_outcomes_is_undecided(name, at):
     with pytest.raises(UndecidedError):
         evaluated(PIECES[name], arb(at, 1e-3))
     hull, _ = evaluated(PIECES[name], arb(at, 1e-3), ANY)
@@ -113,6 +113,6 @@ def test_an_interval_with_several_outcomes_is_undecided(name, at):
         assert hull.overlaps(arb(float(function(near)), 1e-14))
 
 
-def test_an_operation_without_a_rule_is_refused():
+def test_unsupported_operation_is_refused():
     with pytest.raises(LinearModelError, match="OP_ERF"):
         Instructions.from_function(casadi.Function("f", [x], [casadi.erf(x)]))

@@ -38,13 +38,13 @@ def rounded_proof():
 
 
 def harmonics(place, derivative=0):
-    """q̄ or a derivative by the phase at phase 0, exactly."""
+    """Return q̄, or its derivative with respect to the phase, at phase 0 in exact arithmetic."""
     rates = (1j * np.arange(place.harmonics.shape[1])) ** derivative
     return sum(mpmath.mpf(x) for x in np.real(place.harmonics[0] * rates).tolist())
 
 
 def distance(found, numbers=NUMBERS, speed=SPEED):
-    """Distances of q and q̇ at phase 0 from the true orbit, and the true monodromy matrix."""
+    """Return the distances of q and q̇ at phase 0 from the true orbit, and the true monodromy matrix."""
     place = found.orbit
     start = round(float(harmonics(place)), 4), round(speed * float(harmonics(place, 1)), 4)
     with mpmath.workdps(40):
@@ -61,7 +61,7 @@ def contained(found, Phi):
         return all(any(abs(rho - center) <= radius for center, radius in discs) for rho in eigenvalues)
 
 
-def test_the_true_orbit_lies_within_the_radius():
+def test_true_orbit_lies_within_the_radius():
     found = proof()
     assert found.verdict == "asymptotically stable"
     apart, Phi = distance(found)
@@ -78,7 +78,7 @@ def test_the_true_orbit_lies_within_the_radius():
 
 
 @pytest.mark.parametrize("moved", [1e-9, 1e-6])
-def test_a_disturbed_polynomial_has_a_larger_radius(monkeypatch, moved):
+def test_perturbed_polynomial_has_a_larger_radius(monkeypatch, moved):
     usual = of_nonlinear.corrected
 
     def disturbed(*given):
@@ -94,7 +94,7 @@ def test_a_disturbed_polynomial_has_a_larger_radius(monkeypatch, moved):
     assert contained(found, Phi)
 
 
-def test_leaving_out_the_defect_is_noticed(monkeypatch):
+def test_omission_of_the_defect_is_detected(monkeypatch):
     usual = of_existence.Linear.from_maps
     monkeypatch.setattr(
         of_existence.Linear,
@@ -106,7 +106,7 @@ def test_leaving_out_the_defect_is_noticed(monkeypatch):
     assert apart[0] > found.orbit.radius["q"][0]
 
 
-def test_leaving_out_the_change_of_the_linearisation_is_noticed(monkeypatch):
+def test_omission_of_the_linearisation_change_is_detected(monkeypatch):
     usual = of_nonlinear.existence
     monkeypatch.setattr(
         of_nonlinear, "existence", lambda *given: dataclasses.replace(usual(*given), change=arb(0))
@@ -118,7 +118,7 @@ def test_leaving_out_the_change_of_the_linearisation_is_noticed(monkeypatch):
 
 @pytest.mark.slow
 def test_coexisting_orbits_are_unique_in_disjoint_regions():
-    """Three orbits at one speed, the middle one unstable."""
+    """There are three orbits at one speed. The middle one is unstable."""
     numbers = {"zeta": 0.05, "k": 1.0, "alpha": 1.0, "f": 0.5}
     system, speed, found = model_of(duffing(), **numbers), 1.8, []
     # Harmonic balance with one harmonic of amplitude a: |k − Ω² + 3αa²/4 + 2iζΩ| a = f.
@@ -144,8 +144,8 @@ def test_coexisting_orbits_are_unique_in_disjoint_regions():
                 assert apart > one.orbit.unique["q"][0]
 
 
-def test_an_orbit_is_not_unique_beyond_a_kink_of_the_equations():
-    """Second derivatives of an elastic stop are zero on both sides. A second orbit meets the stop."""
+def test_uniqueness_ends_at_a_kink_of_the_equations():
+    """The second derivatives at an elastic stop are zero on both sides. A second orbit touches the stop."""
     numbers, speed = {"zeta": 0.02, "k": 1.0, "kappa": 10.0, "gap": 1.0, "f": 0.5}, 1.35
     found = solve.prove(solve.nonlinear(model_of(stop(), **numbers), speed))
     amplitude = 0.5 / abs(1 - speed**2 + 0.04j * speed)
@@ -165,13 +165,14 @@ def test_an_orbit_is_not_unique_beyond_a_kink_of_the_equations():
     assert found.orbit.unique["q"][0] <= 1 - amplitude
 
 
-def test_an_orbit_of_equations_with_jumps_is_refused():
+def test_orbit_of_equations_with_jumps_is_refused():
     with pytest.raises(LinearModelError, match="without jumps or kinks"):
         solve.prove(solve.nonlinear(solve.load("meissner"), 1.0))
 
 
-def test_rounded_numbers_include_the_orbit_of_a_neighbour():
-    """Its damping and speed, the only fractions, differ by two units in the last place."""
+def test_proof_covers_rounding_of_parameters():
+    """The neighbouring system differs by two units in the last place in the damping and the speed, the only
+    numbers that are rounded."""
     found = rounded_proof()
     assert found.verdict == "asymptotically stable"
     assert "within two units in the last place" in found.assumed
@@ -186,7 +187,7 @@ def test_rounded_numbers_include_the_orbit_of_a_neighbour():
     assert found.orbit.radius["q"][0] > proof().orbit.radius["q"][0]
 
 
-def test_two_periods_have_the_square_of_the_multipliers():
+def test_multipliers_over_two_periods_are_squares():
     twice = solve.prove(solve.nonlinear(orbit().system.model, SPEED, start=orbit(), periods=2))
     low, high = (float(bound) ** 2 for bound in proof().spectral_radius)
     assert float(twice.spectral_radius[0]) <= high
@@ -209,7 +210,7 @@ def test_all_orbits_of_a_branch_through_folds_are_proved():
         assert (found.verdict == "unstable") == (first < point < last)
 
 
-def test_a_linear_system_has_its_orbit_everywhere_unique():
+def test_orbit_of_a_linear_system_is_unique_everywhere():
     """Without curvature, the orbit of the residual is that of the linear equations."""
     numbers = {"zeta": 0.1, "k": 2.0, "alpha": 0.0, "f": 1.0}
     found = solve.prove(solve.nonlinear(model_of(duffing(), **numbers), 1.0))
@@ -220,7 +221,7 @@ def test_a_linear_system_has_its_orbit_everywhere_unique():
 
 
 @pytest.mark.parametrize("ending", [".nc", ".npz"])
-def test_a_proof_is_saved_and_reopened(tmp_path, ending):
+def test_proof_is_saved_and_reopened(tmp_path, ending):
     path = tmp_path / f"proof{ending}"
     proof().save(path)
     opened = solve.open(path)

@@ -1,4 +1,4 @@
-"""Bounds on the extrema of outputs against closed forms."""
+"""Bounds on the extrema of outputs, compared with closed forms."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from solve.proof.prove import prove
 
 
 def oscillator():
-    """3.9 q + 0.02 q̇ + q̈ = cos 2φ with the outputs q̈ and q q̇."""
+    """Return 3.9 q + 0.02 q̇ + q̈ = cos 2φ with the outputs q̈ and q q̇."""
     made = Mechanism("oscillator", "One mass")
     (q,) = made.coordinates(q=("m", "deflection"))
     c, k, m, F = made.parameters(
@@ -29,7 +29,7 @@ AMPLITUDE = 1 / abs(3.9 - 4 + 0.04j)
 EXACT = {"inertia": 4 * AMPLITUDE, "power": 3.9 * AMPLITUDE**2}
 
 
-def test_outputs_have_the_closed_form():
+def test_output_bounds_contain_the_closed_form():
     found = prove(oscillator(), 1.0)
     for name, exact in EXACT.items():
         low, high = found.statistics(name)
@@ -38,7 +38,7 @@ def test_outputs_have_the_closed_form():
         assert high - low < 2e-3 * exact
 
 
-def test_leaving_out_the_variation_on_an_interval_is_noticed(monkeypatch):
+def test_omission_of_the_variation_within_intervals_is_detected(monkeypatch):
     def at_the_middle(polynomial, start, end):
         middle, (coefficients, _) = (start + end) / 2, polynomial
         return sum(c * middle**k for k, c in enumerate(coefficients))

@@ -1,4 +1,4 @@
-"""Steps of a proof that other processes compute."""
+"""Steps of a proof in other processes."""
 
 import pickle
 from concurrent.futures import Executor
@@ -13,7 +13,7 @@ from solve.proof.balls import arb, arb_mat, precision
 
 
 class Pickling(Executor):
-    """An executor whose work and results travel as between processes."""
+    """Executor that pickles tasks and results, as communication between processes does."""
 
     def __init__(self):
         self.parts = 0
@@ -26,7 +26,7 @@ class Pickling(Executor):
 
 
 @pytest.mark.parametrize("bits", [30, 600])
-def test_balls_are_restored_with_all_their_bits(bits):
+def test_balls_are_restored_with_all_bits(bits):
     with precision(300):
         matrix = arb_mat([[arb.pi() / 3, arb(0, 1e-30)], [arb(-1) / 7, arb.nan()]])
         data = pickle.dumps(matrix)
@@ -41,7 +41,7 @@ def test_balls_are_restored_with_all_their_bits(bits):
 
 
 @pytest.mark.parametrize("model", ["mathieu", "meissner"])
-def test_parts_of_a_period_prove_the_same(model):
+def test_proofs_from_parts_of_a_period_are_identical(model):
     system, executor = solve.load(model), Pickling()
     alone, together = solve.prove(system, 1.0), solve.prove(system, 1.0, executor=executor)
     assert executor.parts >= 24

@@ -1,4 +1,4 @@
-"""Periods that are shown from the instructions of a function."""
+"""Periods that are proved from the instructions of a function."""
 
 import math
 from fractions import Fraction
@@ -40,7 +40,7 @@ def shown(expression, period=Fraction(2)):
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_a_shown_period_is_one(name):
+def test_proved_periods_are_true_periods(name):
     assert shown(SHOWN[name])
     function = casadi.Function("f", [x], [SHOWN[name]])
     for at in (0.3, 1.1, 2.9, 4.0):
@@ -48,15 +48,15 @@ def test_a_shown_period_is_one(name):
 
 
 @pytest.mark.parametrize("name", OPEN)
-def test_a_function_without_an_exact_period_is_not_shown(name):
+def test_function_without_an_exact_period_has_no_proved_period(name):
     assert not shown(OPEN[name])
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_no_incommensurate_period_is_shown(name):
+def test_incommensurate_functions_have_no_proved_period(name):
     assert not shown(SHOWN[name], Fraction(201, 100))
 
 
-def test_the_assumption_states_what_is_not_shown():
+def test_assumption_states_the_unproved_periods():
     assert "continued periodically" not in prove(solve.load("mathieu"), 1.0, orbit=False).assumed
     assert "continued periodically" in prove(solve.load("meissner"), 1.0, orbit=False).assumed

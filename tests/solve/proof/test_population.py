@@ -1,4 +1,4 @@
-"""Proofs of random systems contain an independent integration with 28 digits."""
+"""Proofs of random systems contain the results of an independent integration with 28 digits."""
 
 import dataclasses
 
@@ -12,7 +12,7 @@ from tests.solve.proof.fixed_point import BITS, monodromy, trigonometric
 from tests.solve.proof.population import bump, contradictions, smooth
 
 
-def test_the_integration_has_the_closed_form_of_constant_coefficients():
+def test_reference_integration_matches_closed_forms():
     one, zero = np.eye(1), np.zeros((1, 1))
     with mpmath.workprec(BITS):
         nodes = [mpmath.mpf(k) / 8 for k in range(9)]
@@ -23,14 +23,14 @@ def test_the_integration_has_the_closed_form_of_constant_coefficients():
 
 
 @pytest.mark.parametrize("number", range(3))
-def test_a_proof_contains_the_truth(number):
+def test_proofs_contain_the_reference(number):
     case = smooth(number)
     proof = case.proof()
     assert proof.proved
     assert contradictions(case, proof) == []
 
 
-def test_a_shifted_disc_is_a_contradiction():
+def test_shifted_disc_is_reported_as_a_contradiction():
     case = smooth(0)
     proof = case.proof()
     moved = dataclasses.replace(proof, multipliers=proof.multipliers + 1e-15)
@@ -41,7 +41,7 @@ def test_a_shifted_disc_is_a_contradiction():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(2))
-def test_a_proof_with_a_bump_contains_the_truth(number):
+def test_proofs_with_a_bump_contain_the_reference(number):
     case = bump(number)
     proof = case.proof()
     assert proof.verdict == "unstable"
@@ -50,6 +50,6 @@ def test_a_proof_with_a_bump_contains_the_truth(number):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(3, 15))
-def test_more_proofs_contain_the_truth(number):
+def test_further_proofs_contain_the_reference(number):
     case = smooth(number)
     assert contradictions(case, case.proof()) == []

@@ -1,4 +1,4 @@
-"""Proofs against independent truths: closed forms, mpmath, and the same proof with more digits."""
+"""Proofs compared with independent references: closed forms, mpmath, and the same proof with more digits."""
 
 import dataclasses
 import math
@@ -26,7 +26,7 @@ def mathieu(**parameters):
 
 
 def exact_trace(delta, epsilon, zeta, terms=60, steps=16):
-    """Trace of the monodromy matrix of Mathieu's equation, from Taylor series of 40 digits."""
+    """Return the trace of the monodromy matrix of Mathieu's equation from Taylor series with 40 digits."""
     with mpmath.workdps(40):
         c, h = 2 * mpmath.mpf(zeta) * mpmath.sqrt(mpmath.mpmathify(delta)), mpmath.pi / steps
         product = mpmath.eye(2)
@@ -63,7 +63,7 @@ def exact_trace(delta, epsilon, zeta, terms=60, steps=16):
         (0.9, 1.5, 0.02, "unstable"),
     ],
 )
-def test_the_trace_of_mathieus_equation(delta, epsilon, zeta, message):
+def test_trace_of_mathieus_equation_matches_mpmath(delta, epsilon, zeta, message):
     proof = prove(mathieu(delta=delta, epsilon=epsilon, zeta=zeta), 1.0, digits=25)
     assert proof.verdict == message
     trace = exact_trace(delta, epsilon, zeta)
@@ -82,7 +82,7 @@ def test_the_trace_of_mathieus_equation(delta, epsilon, zeta, message):
 
 
 @pytest.mark.parametrize("stiffness", [1e16, 1e25])
-def test_modes_too_fast_for_a_proof_are_the_stated_reason(stiffness):
+def test_error_states_that_modes_are_too_fast(stiffness):
     # ω = √δ, over the period π.
     with pytest.raises(
         StepsError, match=r"the fastest mode advances by .* rad in a period; allowed"
@@ -101,8 +101,8 @@ def test_enclosures_with_more_digits_lie_within_those_with_fewer():
         assert widths[1] < 1e-25 * widths[0]
 
 
-def test_jumps_have_the_closed_form():
-    """Meissner's equation: a product of two rotations."""
+def test_proof_with_jumps_contains_the_closed_form():
+    """For Meissner's equation, the monodromy matrix is a product of two rotations."""
     proof = prove(solve.load("meissner"), 1.0)
     assert proof.verdict == "stable"
     product = np.eye(2)
@@ -114,7 +114,7 @@ def test_jumps_have_the_closed_form():
     assert sum(proof.multipliers).real == pytest.approx(np.trace(product), abs=1e-12)
 
 
-def test_an_undeclared_jump_is_refused():
+def test_undeclared_jump_is_refused():
     system = solve.load("meissner")
     with (
         precision(200),
@@ -128,7 +128,7 @@ def proof_of_the_manipulator():
     return prove(solve.load("manipulator"), "50 rpm")
 
 
-def test_the_ordinary_result_is_within_its_estimate_of_the_proof(proof_of_the_manipulator):
+def test_numerical_result_agrees_with_the_proof_within_its_estimate(proof_of_the_manipulator):
     proof = proof_of_the_manipulator
     estimate = proof.result.error_estimate
     assert proof.verdict == proof.result.verdict == "asymptotically stable"
@@ -141,7 +141,7 @@ def test_the_ordinary_result_is_within_its_estimate_of_the_proof(proof_of_the_ma
         assert proof.result.statistics(name).max_abs == pytest.approx(low, rel=2 * estimate.orbit + 1e-11)
 
 
-def test_outputs_of_the_manipulator_contain_the_ordinary_ones(proof_of_the_manipulator):
+def test_output_bounds_of_the_manipulator_contain_the_numerical_values(proof_of_the_manipulator):
     ordinary = proof_of_the_manipulator.result
     for name in ordinary.system.outputs:
         low, high = proof_of_the_manipulator.statistics(name)
@@ -150,9 +150,9 @@ def test_outputs_of_the_manipulator_contain_the_ordinary_ones(proof_of_the_manip
 
 
 @pytest.mark.parametrize("left_out", ["truncated coefficients", "defect"])
-def test_leaving_out_a_remainder_is_noticed(monkeypatch, left_out):
-    """Without a remainder the enclosure is too narrow to contain the truth; the truth is known, so a test
-    that passes with remainders and fails without them sees their absence."""
+def test_omission_of_a_remainder_is_detected(monkeypatch, left_out):
+    """Without a remainder, the enclosure is too narrow to contain the known solution. A test that passes with
+    remainders and fails without them detects their absence."""
     system = mathieu(delta=1.0, epsilon=1.0, zeta=0.0)
     truth = prove(system, 1.0, digits=40)
     whole = of_step._polynomial
@@ -180,7 +180,7 @@ def test_rounded_parameters_widen_the_enclosures():
     assert "within two units in the last place" in rounded.assumed
 
 
-def test_a_result_is_proved_at_its_own_speed():
+def test_result_is_proved_at_its_speed():
     orbit = solve.periodic(mathieu(delta=1.3, epsilon=0.4, zeta=0.03), 1.0)
     assert prove(orbit).result is orbit
     with pytest.raises(ValueOutOfBoundsError, match="omit the speed"):
@@ -189,16 +189,17 @@ def test_a_result_is_proved_at_its_own_speed():
         prove(orbit.system)
 
 
-def test_stability_boundary_stays_unproved():
-    """Without stiffness a mass drifts: a double multiplier +1."""
+def test_stability_boundary_remains_unproved():
+    """Without stiffness, a mass drifts: the multiplier +1 is double."""
     proof = prove(mathieu(delta=0.0, epsilon=0.0, zeta=0.0), 1.0, orbit=False)
     assert proof.verdict == "undetermined"
     assert not proof.proved
     assert any("meet the unit circle" in text for text in proof.warnings)
 
 
-def test_every_phase_of_a_period_is_covered():
-    """A window ends where the next step starts, also where a sum is rounded: there the break lies below 1."""
+def test_proof_covers_all_phases_of_a_period():
+    """A window ends where the next step starts, even if the sum of steps is rounded: the break then lies
+    below 1."""
     system = solve.load("meissner", share=0.15915494309189532)
     (at,) = [each for each in system.breaks if each]
     assert at < 1 < at + 1e-15
@@ -211,8 +212,9 @@ def test_every_phase_of_a_period_is_covered():
         assert (computed.starts[-1] + computed.lengths[-1]).overlaps(computed.period)
 
 
-def test_bounds_of_an_orbit_hold_to_the_last_digit():
-    """Two masses with constant coefficients: the amplitudes by a complex solve with 50 digits."""
+def test_bounds_of_an_orbit_hold_to_all_digits():
+    """The amplitudes of two masses with constant coefficients follow from a complex linear system solved with
+    50 digits."""
     rng = np.random.default_rng(7)
     made = Mechanism("pair", "Two masses")
     q1, q2 = made.coordinates(q1=("m", "first"), q2=("m", "second"))
@@ -250,7 +252,7 @@ def test_bounds_of_an_orbit_hold_to_the_last_digit():
         ("unstable", "undetermined", "0.9", False),
     ],
 )
-def test_verdicts_that_exclude_each_other(ordinary, proved, low, contradicted):
+def test_contradictory_verdicts_are_detected(ordinary, proved, low, contradicted):
     proof = prove(mathieu(delta=1.3, epsilon=0.4, zeta=0.03), 1.0, orbit=False)
     made = dataclasses.replace(
         proof, verdict=proved, spectral_radius=(low, low), result=SimpleNamespace(verdict=ordinary)
@@ -258,8 +260,8 @@ def test_verdicts_that_exclude_each_other(ordinary, proved, low, contradicted):
     assert made.contradicted is contradicted
 
 
-def test_a_step_beyond_a_singular_inertia_is_given_up():
-    """The series diverges on a step that is longer than the distance to a complex zero of M."""
+def test_step_beyond_a_singular_inertia_is_rejected():
+    """The series diverges if a step is longer than the distance to a complex zero of M."""
     made = Mechanism("swing", "A mass that nearly vanishes")
     (q,) = made.coordinates(q=("m", "deflection"))
     m, e, c, k = made.parameters(
@@ -284,7 +286,7 @@ def test_unsupported_proofs_are_refused():
 
 
 def oscillator(stiffness, load=cos):
-    """q̈ + 0.02 q̇ + stiffness(φ) q = load(φ)."""
+    """Return q̈ + 0.02 q̇ + stiffness(φ) q = load(φ)."""
     made = Mechanism("oscillator", "One mass")
     (q,) = made.coordinates(q=("m", "deflection"))
     c, k, m, F = made.parameters(
@@ -297,7 +299,7 @@ def oscillator(stiffness, load=cos):
     return solve.load(made, c=0.02, k=1.0, m=1.0, F=1.0)
 
 
-def test_the_response_of_constant_coefficients_has_the_closed_form():
+def test_response_with_constant_coefficients_matches_the_closed_form():
     proof = prove(oscillator(lambda phase: 3.9, lambda phase: cos(2 * phase)), 1.0)
     low, high = proof.statistics("q")
     response = 1 / abs(3.9 - 4 + 0.04j)
@@ -309,7 +311,7 @@ def test_the_response_of_constant_coefficients_has_the_closed_form():
 
 @pytest.mark.parametrize("place", [0.7, 2.9, 5.1])
 def test_proof_detects_a_very_short_stiffness_pulse(place):
-    """Its impulse alone, of which the product of two maps is the limit, makes the motion unstable."""
+    """The impulse alone makes the motion unstable. The limit of zero length is a product of two maps."""
     width = 2 * math.pi / 5000
     strength = 4.0
     peak = strength / (width * math.sqrt(2 * math.pi))
@@ -329,8 +331,8 @@ def test_proof_detects_a_very_short_stiffness_pulse(place):
     assert float(proof.spectral_radius[0]) == pytest.approx(limit, rel=0.02)
 
 
-def test_the_tongue_that_double_precision_leaves_open_is_unstable():
-    """The example of docs/believe.md, with an integration in fixed-point arithmetic."""
+def test_proof_decides_a_tongue_undetermined_in_double_precision():
+    """The example of docs/believe.md is compared with an integration in fixed-point arithmetic."""
     system = mathieu(delta=0.470654354933842, epsilon=1.0, zeta=0.0)
     found = prove(system, 1.0, orbit=False)
     assert (found.result.verdict, found.verdict) == ("undetermined", "unstable")

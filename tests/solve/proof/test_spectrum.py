@@ -1,4 +1,4 @@
-"""Discs of eigenvalues, and verdicts."""
+"""Discs that contain eigenvalues, and verdicts from them."""
 
 import pytest
 
@@ -18,7 +18,7 @@ with precision(200):
 
 
 def with_eigenvalues(places, radius=0.0):
-    """A full matrix with these eigenvalues, its entries wider by a radius."""
+    """Return a full matrix with these eigenvalues, whose entries are widened by a radius."""
     size = sum(2 if imaginary else 1 for _, imaginary in places)
     blocks, at = arb_mat(size, size), 0
     for real, imaginary in places:
@@ -48,7 +48,7 @@ def test_isolated_discs_contain_one_eigenvalue_each():
         assert computed[-1].radius < 1e-20 * abs(computed[-1].center)
 
 
-def test_real_eigenvalues_have_real_centers():
+def test_discs_of_real_eigenvalues_have_real_centers():
     with precision(300):
         computed = multipliers(with_eigenvalues(PLACES, 1e-60))
         real = [each for each in computed if each.isolated and each.center.imag.is_zero()]
@@ -56,7 +56,7 @@ def test_real_eigenvalues_have_real_centers():
         assert any(abs(each.center - 0.5) <= each.radius for each in real)
 
 
-def test_a_disc_with_the_multiplier_of_another_is_not_isolated():
+def test_disc_containing_another_disc_is_not_isolated():
     """The second disc is wide and contains the first one, which scaling isolates."""
     with precision(100):
         computed = multipliers(arb_mat([[0, arb(0, 0.9)], [arb(0, 1e-3), arb(1, 0.199)]]))
@@ -65,7 +65,7 @@ def test_a_disc_with_the_multiplier_of_another_is_not_isolated():
 
 
 @pytest.mark.parametrize(("distance", "alone"), [(2.0**-70, 2), (2.0**-40, 4)])
-def test_an_isolated_disc_about_a_double_contains_one_multiplier(distance, alone):
+def test_isolated_disc_contains_one_multiplier(distance, alone):
     with precision(300):
         third = arb(1) / 3
         places = [(0.6, 0.3), (third + distance, 0.0), (third, 0.0)]
@@ -77,7 +77,7 @@ def test_an_isolated_disc_about_a_double_contains_one_multiplier(distance, alone
             assert sum(bool(abs(value - center) <= radius) for value in exact(places)) == 1
 
 
-def test_eigenvalues_below_the_width_share_a_disc():
+def test_eigenvalues_closer_than_the_width_share_a_disc():
     with precision(300):
         computed = multipliers(with_eigenvalues(PLACES, 1e-40))
         counts = {each.count for each in computed}
@@ -88,7 +88,7 @@ def test_eigenvalues_below_the_width_share_a_disc():
 
 
 @pytest.mark.parametrize("radius", [0.0, 1e-30])
-def test_a_defective_pair_shares_a_disc(radius):
+def test_defective_eigenvalues_share_a_disc(radius):
     with precision(200):
         X = arb_mat([[2, 1, 0], [1, 3, 1], [0, 1, 2]])
         jordan = arb_mat([[0.5, 1, 0], [0, 0.5, 0], [0, 0, -0.25]])
@@ -110,14 +110,14 @@ def test_a_defective_pair_shares_a_disc(radius):
         ([(-1.0, 0.0), (0.2, 0.0)], False, "undetermined"),
     ],
 )
-def test_discs_give_the_verdict_of_the_spectrum(places, conservative, message):
+def test_verdict_follows_from_the_discs(places, conservative, message):
     with precision(120):
         Phi = with_eigenvalues(places, 1e-25)
         assert VERDICTS[verdict(Phi, multipliers(Phi), conservative)] == message
 
 
-def test_a_norm_or_a_trace_decides_where_discs_do_not():
-    """Discs of a nearly defective matrix are wider than the distance from the unit circle."""
+def test_norm_or_trace_gives_the_verdict_of_defective_matrices():
+    """Discs of a nearly defective matrix are wider than their distance from the unit circle."""
     with precision(53):
         for value, message in ((0.99, "asymptotically stable"), (1.01, "unstable")):
             Phi = arb_mat([[value, 1], [1e-12, value]])

@@ -1,4 +1,4 @@
-"""Proofs of systems whose matrices are functions of the user, or samples."""
+"""Proofs of systems whose matrices are user functions or samples."""
 
 from fractions import Fraction
 
@@ -20,7 +20,7 @@ DELTA, EPSILON, ZETA = 1.3, 0.4, 0.03
 
 
 def mathieu(phase, speed):
-    """Of zeta sqrt(delta) only the product is a double."""
+    """Return Mathieu's equation. Only the product zeta sqrt(delta) is rounded to a double."""
     one = np.ones((len(phase), 1, 1))
     stiffness = DELTA + EPSILON * np.cos(2 * phase)
     return one, 2 * ZETA * np.sqrt(DELTA) * one, stiffness[:, None, None], np.cos(2 * phase)[:, None]
@@ -34,8 +34,8 @@ def sampled():
 @pytest.mark.parametrize(
     ("system", "width"), [(solve.PeriodicSystem(mathieu, ["q"], np.pi), 1e-18), (sampled(), 1e-15)]
 )
-def test_functions_and_samples_have_the_multipliers_of_the_generated_model(system, width):
-    """Coefficients of samples are rounded."""
+def test_functions_and_samples_match_the_generated_model(system, width):
+    """The coefficients of the samples are rounded."""
     found = solve.prove(system, 1.0)
     assert found.verdict == "asymptotically stable"
     low, high = found.spectral_radius
@@ -49,14 +49,14 @@ def test_functions_and_samples_have_the_multipliers_of_the_generated_model(syste
     assert found.true_error["orbit"] <= found.result.error_estimate.orbit
 
 
-def test_the_period_of_a_function_is_shown():
+def test_period_of_a_function_is_proved():
     assert (
         "continued periodically" not in solve.prove(solve.PeriodicSystem(mathieu, ["q"], np.pi), 1.0).assumed
     )
 
 
-def test_a_symbolic_function_has_the_values_of_the_function():
-    """Operations in turn, among them the remainder, powers and reflected ones."""
+def test_symbolic_function_equals_the_numerical_function():
+    """The operations include the remainder, powers and reflected operations."""
 
     def matrices(phase, speed):
         x = phase[:, None, None]
@@ -107,8 +107,9 @@ def test_operations_without_an_exact_meaning_are_refused(function, message):
         linearised(stiffness(function))
 
 
-def test_jumps_of_a_function_have_the_closed_form():
-    """Meissner's equation by the integer part of the phase: the trace of two rotations."""
+def test_proof_with_jumps_of_a_function_contains_the_closed_form():
+    """Meissner's equation is written with the integer part of the phase. The trace is that of a product of
+    two rotations."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -121,8 +122,9 @@ def test_jumps_of_a_function_have_the_closed_form():
     assert "continued periodically" in found.assumed
 
 
-def test_harmonics_of_samples_count_by_entry():
-    """The coupling of units must not drop the varying stiffness of the small coordinate."""
+def test_harmonics_of_samples_are_selected_for_each_entry():
+    """The large coupling terms must not suppress the varying stiffness of the coordinate with small
+    entries."""
     phases, zero = np.arange(16) * np.pi / 8, np.zeros((16, 2, 2))
     M, C, K = zero.copy(), zero.copy(), zero.copy()
     M[:, 0, 0], C[:, 0, 0], K[:, 0, 0] = 1e17, 5e15, 7e16
@@ -148,7 +150,7 @@ def test_constants_are_not_combined_in_double_precision(function, exact):
         assert abs(value - arb(exact.numerator) / exact.denominator) < arb(2) ** -190
 
 
-def test_a_symbolic_speed_multiplies_arrays():
+def test_symbolic_speed_can_multiply_arrays():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         K = speed**2 * one + (speed * np.cos(phase))[:, None, None] + speed % (2 * one) + speed**one
@@ -175,7 +177,7 @@ def test_unsuitable_arrays_are_refused(matrices, message):
         linearised(system)
 
 
-def test_an_input_matrix_is_left_out():
+def test_input_matrix_is_ignored():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, 4 * one, one[:, 0], one
@@ -183,13 +185,13 @@ def test_an_input_matrix_is_left_out():
     assert linearised(solve.PeriodicSystem(matrices, ["q"], inputs=["u"])).n_out() == 4
 
 
-def test_matrices_of_the_first_phase_only_are_refused():
+def test_matrices_for_the_first_phase_only_are_refused():
     with pytest.raises(LinearModelError, match="depend on other phases"):
         linearised(stiffness(lambda phase: 2 + 0 * phase + np.cos(phase[0])))
 
 
-def test_the_jump_of_an_angle_is_that_of_a_remainder():
-    """The angle of a point on a circle jumps by 2π at the cut of atan2."""
+def test_jump_of_an_angle_is_treated_as_a_remainder():
+    """The polar angle of a point on a circle, from atan2, jumps by 2π."""
     angle = stiffness(lambda phase: 2 + 0.1 * np.arctan2(np.sin(phase), np.cos(phase)))
     rest = stiffness(lambda phase: 2 + 0.1 * (phase - 2 * np.pi * np.floor(phase / (2 * np.pi) + 0.5)))
     angle.breaks = rest.breaks = (np.pi,)

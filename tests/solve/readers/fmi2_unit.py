@@ -1,4 +1,4 @@
-"""A unit of FMI 2, compiled from C: ẍ + cẋ + (d + e cos t)x = f cos t, with the input u on the right."""
+"""FMI 2 unit compiled from C: ẍ + cẋ + (d + e cos t)x = f cos t + u with the input u."""
 
 import shutil
 import subprocess
@@ -100,7 +100,7 @@ TAIL = """<ModelStructure><Outputs><Unknown index="8"/></Outputs>
 
 
 def require_fmu_tools(exported=True):
-    """Skip a test without FMPy, a C compiler or, for exported units, CasADi 3.8."""
+    """Skip a test without FMPy, without a C compiler or, for exported units, without CasADi 3.8."""
     pytest.importorskip("fmpy", reason="FMPy is not installed")
     if sys.platform == "win32" or shutil.which("cc") is None:
         pytest.skip("there is no C compiler")
@@ -118,7 +118,8 @@ def description(kind="ModelExchange"):
 
 
 def write_unit(folder, *, next_event="0", indicator="1", status="0", kind="ModelExchange", stubs=STUBS):
-    """Path of the unit; indicator: expression in C; status: of the directional derivatives."""
+    """Return the path of the unit. `indicator` is a C expression, and `status` the return status of the
+    directional derivatives."""
     start = ", ".join(["0.1", "0", "0", *map(repr, NUMBERS.values()), "0"])
     source = SOURCE.replace("START", start).replace("NEXT", next_event).replace("SWITCH", indicator)
     source = source.replace("PARTIAL", status) + "".join(

@@ -1,4 +1,4 @@
-"""Linearisation files in the format of the regression tests of OpenFAST, with known multipliers."""
+"""Linearisation files in the format of the OpenFAST regression tests, with known multipliers."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ OUTPUTS = ("ED YawBrMzp, (kN-m)", "ED Azimuth, (deg)")
 
 
 def turned(azimuth):
-    """A, B, C, D in coordinates that rotate with the rotor, y = S x."""
+    """Return A, B, C and D in coordinates that rotate with the rotor, where y = S x."""
     c, s, zero = np.cos(azimuth), np.sin(azimuth), np.zeros((2, 2))
     R, dR = np.array([[c, s], [-s, c]]), SPEED * np.array([[-s, c], [-c, -s]])
     S, dS = np.block([[R, zero], [zero, R]]), np.block([[dR, zero], [zero, dR]])
@@ -38,7 +38,7 @@ def turned(azimuth):
 
 
 def _rows(descriptions, points, rotating, order):
-    """Rows of a section."""
+    """Return the rows of a section."""
     rows = zip(descriptions, points, rotating, strict=True)
     return [
         f"{number:11d}  {point:19.12E}{'T' if turns else 'F':>53}{order:16d}         {text}"
@@ -52,7 +52,7 @@ def _matrix(name, values):
 
 
 def lin_text(azimuth, speed=SPEED):
-    """Text of a file."""
+    """Return the text of a file."""
     every, B, C, D = turned(azimuth)
     generator = (azimuth - np.pi / 2) % (2 * np.pi)
     states = _rows(STATES, (0.1, 0.2, generator, 0.0, 0.0, speed), (1, 1, 0, 1, 1, 0), 2)
@@ -108,7 +108,7 @@ def lin_text(azimuth, speed=SPEED):
 
 
 def write_set(folder, count=24, order=None, offset=0.0):
-    """Files of `count` azimuths; order: in which they are numbered."""
+    """Write files for `count` azimuths, numbered in the given order."""
     azimuths = (np.arange(count) + offset) * 2 * np.pi / count
     for number, k in enumerate(order or range(count), start=1):
         (folder / f"run.{number}.lin").write_text(lin_text(azimuths[k]), encoding="utf-8")

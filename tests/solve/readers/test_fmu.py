@@ -1,4 +1,4 @@
-"""Functional mock-up units: read back with the multipliers of their equations, and refused ones."""
+"""Functional mock-up units: multipliers match those of the equations, and unsuitable units are refused."""
 
 import sys
 
@@ -19,7 +19,7 @@ def _tools():
 
 
 def by_hand(c, d, e, f):
-    """Monodromy matrix and periodic motion at four times, by SciPy."""
+    """Return the monodromy matrix and the periodic motion at four times, integrated by SciPy."""
 
     def rates(t, x, load):
         return [x[1], load * np.cos(t) - c * x[1] - (d + e * np.cos(t)) * x[0]]
@@ -34,7 +34,7 @@ def by_hand(c, d, e, f):
     return Phi, ends(start, f, np.arange(4) * np.pi / 2)
 
 
-def test_unit_of_fmi_2_has_the_multipliers_and_the_motion_of_its_equation(tmp_path):
+def test_fmi_2_unit_has_the_multipliers_of_its_equation(tmp_path):
     Phi, motion = by_hand(**NUMBERS)
     read = solve.read_fmu(write_unit(tmp_path), 1.0)
     found = solve.floquet(read, 1.0, rtol=1e-10).multipliers
@@ -48,7 +48,7 @@ def test_unit_of_fmi_2_has_the_multipliers_and_the_motion_of_its_equation(tmp_pa
     assert (read.labels.units["x"], read.labels.meanings["x"], read.labels.title) == ("m", "the x", "Hill")
 
 
-def test_values_and_a_given_motion_are_used(tmp_path):
+def test_given_values_and_motion_are_used(tmp_path):
     Phi, _ = by_hand(**{**NUMBERS, "d": 2.3})
     unit = write_unit(tmp_path)
     motion = {"x": np.zeros(64), "v": np.zeros(64)}
@@ -68,7 +68,7 @@ def test_values_and_a_given_motion_are_used(tmp_path):
     ],
 )
 def test_exported_models_are_read_back_with_their_multipliers(tmp_path, name, speed):
-    """Linearised along the motion of the nonlinear equations."""
+    """The unit is linearised about the orbit of the nonlinear equations."""
     require_fmu_tools()
     model, file = solve.load(name), tmp_path / "made.fmu"
     solve.export(model, file, speed)
@@ -117,7 +117,7 @@ def test_unsuitable_arguments_are_refused(tmp_path):
         solve.read_fmu(tmp_path / "text.fmu", 1.0)
 
 
-def test_without_fmpy_the_extra_is_named(tmp_path, monkeypatch):
+def test_missing_fmpy_is_reported_with_its_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "fmpy", None)
     with pytest.raises(MissingLibraryError, match=r'pip install "parametric-vibration\[fmu\]"'):
         solve.read_fmu(write_unit(tmp_path), 1.0)

@@ -1,4 +1,4 @@
-"""Matrices over the azimuth in .mat, .npz, netCDF and Matrix Market files: round trips, and bad files."""
+"""Matrices versus azimuth in .mat, .npz, netCDF and Matrix Market files: round trips, and invalid files."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ RNG = np.random.default_rng(7)
 
 
 def second_order():
-    """M, C, K and d with the azimuth first."""
+    """Return M, C, K and d with the azimuth as the first axis."""
     c, s = np.cos(PHASES)[:, None, None], np.sin(PHASES)[:, None, None]
     base = np.random.default_rng(7).standard_normal((3, 2, 2))
     M = np.eye(2) + 0.1 * c * base[0]
@@ -47,7 +47,8 @@ ARRAYS = {"second": second_order(), "first": first_order()}
 
 
 def write(arrays, file):
-    """Write arrays with the azimuth first in the format of the ending, with the conventions of the tool."""
+    """Write arrays, whose first axis is the azimuth, in the format of the file ending with the conventions of
+    its tools."""
     if file.suffix == ".npz":
         np.savez(file, **arrays)
     elif file.suffix == ".nc":
@@ -75,7 +76,7 @@ READERS = {".mat": solve.read_mat, ".npz": solve.read_npz, ".nc": solve.read_net
 
 @pytest.mark.parametrize("ending", READERS)
 @pytest.mark.parametrize("kind", ["second", "first"])
-def test_files_are_read_back_as_they_were_written(tmp_path, ending, kind):
+def test_files_are_read_back_unchanged(tmp_path, ending, kind):
     arrays, file = ARRAYS[kind], tmp_path / f"machine{ending}"
     write({**arrays, **NAMES[kind], "speed": 2.5}, file)
     system = READERS[ending](file)
@@ -88,7 +89,7 @@ def test_files_are_read_back_as_they_were_written(tmp_path, ending, kind):
         np.testing.assert_allclose(values, arrays[name], atol=1e-13, err_msg=name)
 
 
-def test_both_forms_have_the_same_multipliers_and_orbit(tmp_path):
+def test_first_and_second_order_files_give_the_same_solution(tmp_path):
     results = []
     for kind in ARRAYS:
         write(ARRAYS[kind], tmp_path / f"{kind}.npz")
@@ -97,7 +98,7 @@ def test_both_forms_have_the_same_multipliers_and_orbit(tmp_path):
     np.testing.assert_allclose(results[0].at(0.3)[0], results[1].at(0.3)[0][:2], atol=1e-4)
 
 
-def test_export_of_a_model_is_read_back(tmp_path):
+def test_exported_model_is_read_back(tmp_path):
     cam, file = solve.load("cam"), tmp_path / "cam.mat"
     solve.export(cam, file, "600 rpm", samples=256)
     read = solve.read_mat(file)
@@ -106,7 +107,7 @@ def test_export_of_a_model_is_read_back(tmp_path):
     np.testing.assert_allclose(solve.floquet(read, "600 rpm").multipliers, expected, atol=1e-7)
 
 
-def test_azimuths_and_constant_matrices(tmp_path):
+def test_irregular_azimuths_and_constant_matrices_are_read(tmp_path):
     phases = np.sort(RNG.uniform(0, 2 * np.pi, 21))
     K = 4 + 0.5 * np.cos(phases)
     np.savez(tmp_path / "k.npz", M=np.eye(1), K=K[:, None, None], phase=phases)
@@ -116,8 +117,8 @@ def test_azimuths_and_constant_matrices(tmp_path):
     np.testing.assert_allclose(system.at(at, 1.0)[0], np.ones((3, 1, 1)), atol=1e-12)
 
 
-def test_a_vector_is_a_constant_load(tmp_path):
-    """In .mat files SciPy writes a vector as a row."""
+def test_vector_is_a_constant_load(tmp_path):
+    """In .mat files, SciPy writes a vector as a row."""
     arrays = {"M": np.eye(2), "K": np.diag([4.0, 9.0]), "d": np.array([1.0, 2.0])}
     scipy.io.savemat(tmp_path / "a.mat", arrays)
     np.savez(tmp_path / "a.npz", **arrays)
@@ -125,13 +126,13 @@ def test_a_vector_is_a_constant_load(tmp_path):
         np.testing.assert_array_equal(read.at(np.array([0.0, 2.0]), 1.0)[3], [[1.0, 2.0]] * 2)
 
 
-def test_signals_of_a_first_order_system_need_all_matrices(tmp_path):
+def test_signals_of_a_first_order_system_require_all_matrices(tmp_path):
     np.savez(tmp_path / "a.npz", A=-np.eye(2), B=np.ones((2, 1)))
     with pytest.raises(FileError, match="has no C; give all of B, C and D, or none"):
         solve.read_npz(tmp_path / "a.npz")
 
 
-def test_coordinates_beside_states_make_a_mixed_system(tmp_path):
+def test_coordinates_with_states_form_a_mixed_system(tmp_path):
     M = np.diag([1.0, 0.0])
     C, K = np.array([[0.1, 0.0], [0.0, 0.5]]), np.array([[4.0, -1.0], [0.2, 1.0]])
     file = tmp_path / "mixed.npz"
@@ -140,7 +141,7 @@ def test_coordinates_beside_states_make_a_mixed_system(tmp_path):
 
 
 def bad(name, **changes):
-    """A file of second order with some arrays changed; None removes one."""
+    """Write a second-order file with some arrays changed; None removes an array."""
     arrays = {**ARRAYS["second"], **changes}
     return {key: value for key, value in arrays.items() if value is not None}
 
@@ -161,7 +162,7 @@ BAD = {
 
 @pytest.mark.parametrize("ending", [".mat", ".npz"])
 @pytest.mark.parametrize(("arrays", "expected"), BAD.values(), ids=BAD)
-def test_arrays_that_do_not_fit_are_refused_in_one_line(tmp_path, ending, arrays, expected):
+def test_inconsistent_arrays_are_refused_in_one_line(tmp_path, ending, arrays, expected):
     file = tmp_path / f"bad{ending}"
     write(arrays, file)
     with pytest.raises(FileError, match=f"bad{ending}") as refused:
@@ -171,7 +172,7 @@ def test_arrays_that_do_not_fit_are_refused_in_one_line(tmp_path, ending, arrays
 
 
 @pytest.mark.parametrize("ending", READERS)
-def test_other_files_are_refused_in_one_line(tmp_path, ending):
+def test_files_of_other_kinds_are_refused_in_one_line(tmp_path, ending):
     file = tmp_path / f"damaged{ending}"
     file.write_bytes(b"not a file of this kind" * 20)
     with pytest.raises(FileError, match="damaged") as refused:
@@ -213,7 +214,7 @@ def test_matrix_market_files_are_read_back(tmp_path, symbols):
     assert system.labels.name == "run"
 
 
-def test_matrix_market_takes_constant_matrices_names_and_azimuths(tmp_path):
+def test_matrix_market_reader_accepts_names_and_azimuths(tmp_path):
     scipy.io.mmwrite(tmp_path / "M.mtx", np.eye(1))
     phases = [0.0, 1.0, 2.5, 4.0, 5.5]
     for number, phase in enumerate(phases):
@@ -224,7 +225,7 @@ def test_matrix_market_takes_constant_matrices_names_and_azimuths(tmp_path):
     np.testing.assert_allclose(system.at(np.array([3.0]), 1.0)[2], [[[4 + np.cos(3.0)]]], atol=1e-12)
 
 
-def test_matrix_market_files_that_do_not_fit_are_refused(tmp_path):
+def test_inconsistent_matrix_market_files_are_refused(tmp_path):
     pattern = write_matrix_market(tmp_path)
     (tmp_path / "run.K.003.mtx").unlink()
     with pytest.raises(FileError, match="same azimuths"):
@@ -242,7 +243,7 @@ def test_matrix_market_files_that_do_not_fit_are_refused(tmp_path):
         solve.read_matrix_market(pattern)
 
 
-def test_azimuths_of_other_number_are_refused(tmp_path):
+def test_wrong_number_of_azimuths_is_refused(tmp_path):
     np.savez(tmp_path / "p.npz", **ARRAYS["second"], phase=PHASES[:-1])
     with pytest.raises(MatricesError, match="phases"):
         solve.read_npz(tmp_path / "p.npz")

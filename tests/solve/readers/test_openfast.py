@@ -1,4 +1,4 @@
-"""Sets of OpenFAST linearisation files: read back with known multipliers, and malformed ones."""
+"""Sets of OpenFAST linearisation files: known multipliers, and malformed files."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ AZIMUTH_STATES = ("GeAz", "GeAz_rate")
 
 
 @pytest.mark.parametrize("count", [12, 24, 36])
-def test_multipliers_are_those_of_the_fixed_coordinates(tmp_path, count):
+def test_multipliers_match_those_in_fixed_coordinates(tmp_path, count):
     system = solve.read_openfast(write_set(tmp_path, count), AZIMUTH_STATES)
     found = solve.floquet(system, system.labels.case_speed, all_multipliers=True)
     expected = np.exp(np.linalg.eigvals(A) * 2 * np.pi / SPEED)
@@ -21,7 +21,7 @@ def test_multipliers_are_those_of_the_fixed_coordinates(tmp_path, count):
     np.testing.assert_allclose(distance.min(axis=0), 0.0, atol=1e-10)
 
 
-def test_names_units_and_meanings_come_from_the_descriptions(tmp_path):
+def test_names_units_and_meanings_are_read_from_descriptions(tmp_path):
     system = solve.read_openfast(write_set(tmp_path))
     assert system.states == ("BE_1_1", "BE_2_1", "GeAz", "BE_1_1_rate", "BE_2_1_rate", "GeAz_rate")
     assert [system.labels.units[name] for name in system.states] == ["m", "m", "rad", "m/s", "m/s", "rad/s"]
@@ -37,7 +37,7 @@ def test_names_units_and_meanings_come_from_the_descriptions(tmp_path):
     assert speed_or_usual(system, None) == pytest.approx(SPEED)
 
 
-def test_matrices_are_sorted_by_azimuth_whatever_the_order_of_the_files(tmp_path):
+def test_matrices_are_sorted_by_azimuth(tmp_path):
     order = np.random.default_rng(1).permutation(24).tolist()
     system = solve.read_openfast(write_set(tmp_path, order=order, offset=0.37))
     azimuth = (5 + 0.37) * 2 * np.pi / 24
@@ -48,7 +48,7 @@ def test_matrices_are_sorted_by_azimuth_whatever_the_order_of_the_files(tmp_path
         np.testing.assert_allclose(values[0], expected, atol=1e-10, err_msg=name)
 
 
-def test_printed_azimuth_is_used_without_the_state_of_the_generator(tmp_path):
+def test_printed_azimuth_is_used_without_a_generator_state(tmp_path):
     pattern = write_set(tmp_path)
     for file in tmp_path.glob("run.*.lin"):
         file.write_text(file.read_text("utf-8").replace("Variable speed generator", "Azimuth"), "utf-8")
@@ -58,14 +58,14 @@ def test_printed_azimuth_is_used_without_the_state_of_the_generator(tmp_path):
     assert 1e-8 < error < 1e-3
 
 
-def test_other_speeds_carry_a_warning(tmp_path):
+def test_other_speeds_give_a_warning(tmp_path):
     system = solve.read_openfast(write_set(tmp_path, 12), AZIMUTH_STATES)
     assert not any("sampled" in text for text in solve.floquet(system, SPEED).warnings)
     assert any("sampled at 1.2 rad/s" in text for text in solve.floquet(system, 2 * SPEED).warnings)
 
 
 def test_free_rotor_has_a_mode_without_frequency_and_damping(tmp_path):
-    """The azimuth of the generator is a state that nothing restores."""
+    """No restoring torque acts on the azimuth of the generator, which is a state."""
     modes = solve.follow_modes(solve.read_openfast(write_set(tmp_path, 12)), [SPEED, 1.01 * SPEED])
     assert modes.frequencies[0, 0] == modes.damping[0, 0] == 0
     assert len(modes.labels) == 3
@@ -79,7 +79,7 @@ def edited(old, new, count=1):
 
 
 def cut(line):
-    """A file without everything from a line on."""
+    """Return a file without the lines from a given line on."""
     text = lin_text(0.5)
     return text[: text.index(line) + len(line)]
 

@@ -1,4 +1,4 @@
-"""docs/readers.md: its examples run, and the table lists the functions."""
+"""The examples in docs/readers.md run, and its table lists all reader functions."""
 
 import json
 import re
@@ -40,7 +40,7 @@ def test_example_of_an_fmu_runs(tmp_path, monkeypatch, capsys):
         assert point["spectral_radius"] == pytest.approx(expected, rel=1e-6)
 
 
-def test_system_in_python_of_the_page_runs(tmp_path, monkeypatch, capsys):
+def test_python_system_on_the_page_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (example,) = re.findall(r"```python\n(# pendulum\.py.*?)```", PAGE, flags=re.DOTALL)
     (tmp_path / "pendulum.py").write_text(example, encoding="utf-8")
@@ -53,8 +53,9 @@ def test_system_in_python_of_the_page_runs(tmp_path, monkeypatch, capsys):
     assert run(shlex.split(chart)) == 0, capsys.readouterr().err
 
 
-def test_body_of_the_page_vibrates_as_its_masses_do(tmp_path, monkeypatch, capsys):
-    """The amplitude of the motor, from all four masses; two of three modes leave an error of 4e-4."""
+def test_reduced_body_vibrates_as_the_full_body_does(tmp_path, monkeypatch, capsys):
+    """The amplitude of the motor is computed from all four masses. With two of three modes, its error is
+    4e-4."""
     monkeypatch.chdir(tmp_path)
     blocks = dict(re.findall(r"```python\n# (rig\.py|frame\.npz).*?\n(.*?)```", PAGE, flags=re.DOTALL))
     Path("rig.py").write_text(blocks["rig.py"], encoding="utf-8")
@@ -74,7 +75,7 @@ def test_body_of_the_page_vibrates_as_its_masses_do(tmp_path, monkeypatch, capsy
     )
 
 
-def test_commands_run(tmp_path, monkeypatch, capsys):
+def test_commands_on_the_page_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_set(tmp_path)
     write({**second_order(), "phase": PHASES}, tmp_path / "rotor.mat")
@@ -86,7 +87,7 @@ def test_commands_run(tmp_path, monkeypatch, capsys):
         assert run(shlex.split(command.replace(":21 rpm", ":2 rpm"))) == 0, capsys.readouterr().err
 
 
-def test_table_lists_every_reader():
+def test_table_lists_all_readers():
     listed = set(re.findall(r"`solve\.(read_\w+)`", PAGE))
     assert listed == {"read_fmu", *(reader.__name__ for reader in READERS.values())}
     assert listed == {name for name in solve.__all__ if name.startswith("read_")}

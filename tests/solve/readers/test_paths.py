@@ -1,4 +1,5 @@
-"""`solve.load` takes the paths of every reader; units without a speed; Python files that define a system."""
+"""`solve.load` with the paths of all readers, FMI units without a speed, and Python files that define a
+system."""
 
 import numpy as np
 import pytest
@@ -37,9 +38,9 @@ def test_paths_of_matrices_are_loaded(tmp_path, ending):
         write(second_order(), tmp_path / f"rotor{ending}")
     expected = np.diag([4.0, 9.0]) if ending == ".op4" else second_order()["K"][0]
     np.testing.assert_allclose(solve.load(path).at(np.zeros(1), 1.0)[2][0], expected, atol=1e-12)
-    with pytest.raises(ValueOutOfBoundsError, match="no parameters, cases or options; leave out k1"):
+    with pytest.raises(ValueOutOfBoundsError, match="no parameters, cases or options; omit k1"):
         solve.load(path, k1=1.0)
-    with pytest.raises(ValueOutOfBoundsError, match="leave out reduce"):
+    with pytest.raises(ValueOutOfBoundsError, match="omit reduce"):
         solve.load(path, reduce=2)
 
 
@@ -54,8 +55,8 @@ def test_states_of_openfast_are_excluded_by_an_option(tmp_path, how):
         solve.load(str(tmp_path / "run.*.lin"), options={"drive": "w"})
 
 
-def test_unit_without_a_speed_is_linearised_at_each(tmp_path):
-    """A unit whose stiffness d is set to the speed: its multipliers are those of units with that value."""
+def test_unit_without_a_speed_is_linearised_at_every_speed(tmp_path):
+    """The stiffness d of the unit is set to the speed. The multipliers are those of units with this value."""
     require_fmu_tools(exported=False)
     path = str(write_unit(tmp_path))
     unit, swept = solve.load(path, c=0.3), solve.load(path, options={"drive": "d"})
@@ -116,6 +117,6 @@ def test_mechanisms_are_not_executed_by_loading(tmp_path):
         solve.load(str(tmp_path / "made.py"))
 
 
-def test_missing_unit_is_named(tmp_path):
+def test_missing_file_is_reported(tmp_path):
     with pytest.raises(FileError, match="there is no file"):
         solve.load(str(tmp_path / "none.fmu"))

@@ -1,4 +1,4 @@
-"""A result of every kind, for the tests of what all of them can."""
+"""One result of every kind, for tests of their common functions."""
 
 import tempfile
 from functools import cache
@@ -28,7 +28,7 @@ def four_bar():
 
 @cache
 def measured_torque():
-    """A file of what an orbit of the cam is."""
+    """Return a file with the orbit of the cam, for use as measured data."""
     file = Path(tempfile.mkdtemp()) / "measured.csv"
     solve.periodic(cam(), "400 rpm", rtol=1e-6).save(file)
     return file
@@ -171,14 +171,14 @@ def made(name):
 
 
 def picture(result):
-    """Drawn once for all cells of a row."""
+    """Return the figure of a result, which is drawn once and used for all cells of a row."""
     if id(result) not in PICTURES:
         PICTURES[id(result)] = result.plot()
     return PICTURES[id(result)]
 
 
 def saved(result, ending):
-    """Written once for all cells of a row."""
+    """Return a saved file of a result, which is written once and used for all cells of a row."""
     key = id(result), ending
     if key not in FILES:
         FILES[key] = Path(FOLDER.name) / f"{len(FILES)}{ending}"

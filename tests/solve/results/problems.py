@@ -1,4 +1,4 @@
-"""Small periodic systems whose results are known in closed form, for the tests of pictures and files."""
+"""Small periodic systems with results in closed form, for tests of figures and files."""
 
 import math
 
@@ -13,7 +13,8 @@ SPEED = 3.0
 
 
 def oscillators(damping=0.4):
-    """Two uncoupled oscillators, q″ + damping q′ + 4 q = cos φ + 2 and q″ + damping q′ + 9 q = sin 3φ."""
+    """Return two uncoupled oscillators, q″ + damping q′ + 4 q = cos φ + 2 and q″ + damping q′ + 9 q = sin
+    3φ."""
 
     def matrices(phase, speed):
         one = np.broadcast_to(np.eye(2), (len(phase), 2, 2))
@@ -39,7 +40,7 @@ def oscillators(damping=0.4):
 
 
 def response(stiffness, damping, order, speed=SPEED):
-    """Complex amplitude of the response to a unit force cos(order φ)."""
+    """Return the complex amplitude of the response to a unit force cos(order φ)."""
     omega = order * speed
     return 1.0 / (stiffness - omega**2 + 1j * damping * omega)
 
@@ -49,7 +50,7 @@ def x_of(phase, damping=0.4):
 
 
 def multipliers(damping=0.4):
-    """exp(λT) of the dominant pair: both oscillators decay alike."""
+    """Return exp(λT) of the dominant pair. Both oscillators have the same decay rate."""
     return math.exp(-damping / 2 * 2 * math.pi / SPEED)
 
 
@@ -58,7 +59,7 @@ def orbit(damping=0.4, **settings):
 
 
 def chain(n):
-    """n alike oscillators with names of their own."""
+    """Return n identical oscillators with given names."""
 
     def matrices(phase, speed):
         one = np.broadcast_to(np.eye(n), (len(phase), n, n))

@@ -1,4 +1,4 @@
-"""Files of results: whole, together or not at all, with the rights and links that were there."""
+"""Files of results are written completely and together, or not at all, and keep existing modes and links."""
 
 import os
 import stat
@@ -37,7 +37,7 @@ def test_two_files_appear_together(tmp_path):
     assert held(tmp_path) == {"a.csv": "one", "b.csv": "two"}
 
 
-def test_an_exception_between_two_files_leaves_neither(tmp_path):
+def test_exception_between_two_files_leaves_neither(tmp_path):
 
     def fail(stream):
         raise ZeroDivisionError
@@ -48,7 +48,7 @@ def test_an_exception_between_two_files_leaves_neither(tmp_path):
 
 
 def test_failed_joint_write_restores_earlier_files(tmp_path):
-    """A folder of its name made in the meantime cannot be replaced."""
+    """A folder that has been created with the name of a file cannot be replaced."""
     (tmp_path / "old.csv").write_text("before")
     (tmp_path / "c.csv").mkdir()
     writers = {"new.csv": text("one"), "old.csv": text("two"), "c.csv": text("three")}
@@ -70,7 +70,7 @@ def test_replaced_file_keeps_its_mode_and_new_files_follow_umask(tmp_path):
     assert [stat.S_IMODE(file.stat().st_mode) for file in (old, new)] == [0o640, 0o640]
 
 
-def test_the_target_of_a_link_is_written(tmp_path):
+def test_target_of_a_link_is_written(tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "real.csv").write_text("before")
     link = tmp_path / "link.csv"
@@ -81,7 +81,7 @@ def test_the_target_of_a_link_is_written(tmp_path):
 
 
 @pytest.mark.parametrize("device", ["/dev/null", "/dev/full"])
-def test_a_device_is_not_replaced_by_a_file(tmp_path, device):
+def test_device_is_not_replaced_by_a_file(tmp_path, device):
     (tmp_path / "link.csv").symlink_to(device)
     with pytest.raises(FileError, match="is a device or a pipe; give the name of a file"):
         checked(tmp_path / "link.csv", CSV, "data")
@@ -89,13 +89,13 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path, device):
 
 
 @pytest.mark.parametrize("name", ["x" * 300 + ".csv", "loop.csv", "\0.csv"])
-def test_names_that_no_file_can_have_are_refused(tmp_path, name):
+def test_impossible_file_names_are_refused(tmp_path, name):
     (tmp_path / "loop.csv").symlink_to(tmp_path / "loop.csv")
     with pytest.raises(FileError, match=r"cannot be written; give a path in a writable folder"):
         checked(tmp_path / name, CSV, "data")
 
 
-def test_temporary_names_cannot_be_foreseen(tmp_path, monkeypatch):
+def test_temporary_names_are_unpredictable(tmp_path, monkeypatch):
     seen, opened = [], module.Path.open
 
     def noting(path, *mode, **how):
@@ -109,7 +109,7 @@ def test_temporary_names_cannot_be_foreseen(tmp_path, monkeypatch):
     assert len(set(seen)) == len(seen) == 2
 
 
-def test_only_temporary_files_of_dead_processes_are_removed(tmp_path):
+def test_only_temporary_files_of_ended_processes_are_removed(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     (tmp_path / f"{module._prefix(gone.pid)}abc").write_text("half")
@@ -133,7 +133,7 @@ files.write_atomic(Path("a.csv"), lambda stream: stream.write(b"after" * 1000))
 
 
 @pytest.mark.parametrize("moment", ["chmod", "replace"])
-def test_a_process_killed_while_writing_leaves_the_file_as_it_was(tmp_path, moment):
+def test_killed_process_leaves_the_file_unchanged(tmp_path, moment):
     (tmp_path / "a.csv").write_text("before")
     died = subprocess.run([sys.executable, "-c", KILLED, moment], cwd=tmp_path)
     assert died.returncode == -9
@@ -145,7 +145,7 @@ def test_a_process_killed_while_writing_leaves_the_file_as_it_was(tmp_path, mome
 
 @pytest.fixture
 def tiny(tmp_path):
-    """A file system of 64 kB."""
+    """Yield a file system of 64 kB."""
     place = tmp_path / "tiny"
     place.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
@@ -174,7 +174,7 @@ def test_full_disk_is_reported_and_leaves_no_file(tiny, name, capsys):
 
 @pytest.mark.parametrize("mode", [0o500, 0o300, 0o000])
 def test_write_without_permission_is_refused(tmp_path, as_ordinary_user, mode):
-    """A folder that can be written, but not listed, is no obstacle."""
+    """A folder with write permission but without list permission is accepted."""
     place = tmp_path / "place"
     place.mkdir(mode=mode)
     os.chown(place, tmp_path.stat().st_uid, tmp_path.stat().st_gid)

@@ -1,4 +1,4 @@
-"""Units with prefixes, and digits."""
+"""Units with prefixes, and rounding of numbers."""
 
 import math
 

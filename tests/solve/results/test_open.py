@@ -1,4 +1,4 @@
-"""Results read back from files: what they can, what they refuse, and files that are none."""
+"""Results read from files: available functions, refused functions, and invalid files."""
 
 import json
 import math
@@ -32,8 +32,8 @@ def again(request, first, tmp_path):
     return solve.open(tmp_path / f"orbit{request.param}")
 
 
-def test_a_new_process_opens_results_of_every_class(first, tmp_path):
-    """Modules of results are otherwise imported at the first use of a function."""
+def test_new_process_opens_results_of_every_class(first, tmp_path):
+    """Modules of results are usually imported when a function is first used."""
     first.save(tmp_path / "orbit.nc")
     solve.compare(oscillators(), SPEED, "gauss", [20], [0.1]).save(tmp_path / "comparison.npz")
     code = (
@@ -49,7 +49,7 @@ def test_a_new_process_opens_results_of_every_class(first, tmp_path):
     assert results <= set(classes.split())
 
 
-def test_the_curve_is_the_same_function(first, again):
+def test_reopened_curve_equals_the_original_curve(first, again):
     np.testing.assert_array_equal(again.at(PHASE), first.at(PHASE))
     np.testing.assert_allclose(again.at(PHASE)[0], x_of(PHASE), rtol=1e-6)
     for ours, theirs in zip(again.state(PHASE), first.state(PHASE), strict=True):
@@ -57,7 +57,7 @@ def test_the_curve_is_the_same_function(first, again):
     assert again.harmonics("x", 300)[0].tobytes() == first.harmonics("x", 300)[0].tobytes()
 
 
-def test_reopened_outputs_are_exact_at_nodes_and_splines_between(first, again):
+def test_reopened_outputs_are_exact_at_nodes(first, again):
     np.testing.assert_array_equal(again.outputs["power"], first.outputs["power"])
     assert again.statistics("power") == first.statistics("power")
     assert again.harmonics("power")[0].tobytes() == first.harmonics("power")[0].tobytes()
@@ -65,7 +65,7 @@ def test_reopened_outputs_are_exact_at_nodes_and_splines_between(first, again):
     np.testing.assert_allclose(again.signal("power")(PHASE), first.signal("power")(PHASE), atol=between)
 
 
-def test_reopened_result_refuses_requests_that_need_the_equations(again):
+def test_reopened_result_refuses_requests_that_require_the_equations(again):
     for ask in (
         lambda: again.quasi_static.statistics("x"),
         lambda: again.certified,
@@ -78,14 +78,14 @@ def test_reopened_result_refuses_requests_that_need_the_equations(again):
         _ = again.colour
 
 
-def test_the_labels_of_the_system_are_kept(again):
+def test_labels_of_the_system_are_saved(again):
     system = oscillators()
     assert (again.system.labels.name, again.system.coordinates) == (system.labels.name, system.coordinates)
     assert dict(again.system.labels.units) == dict(system.labels.units)
     assert dict(again.system.labels.meanings) == dict(system.labels.meanings)
 
 
-def test_a_chart_of_a_quantity_is_read_back(tmp_path):
+def test_chart_of_a_quantity_is_read_back(tmp_path):
     speeds, stiff = {"speed": ["200 rpm", "300 rpm"]}, {"k1": [8e4, 1e5]}
     chart = solve.chart(solve.load("cam"), speeds, stiff, boundaries=False, of="q3.max_abs", rtol=1e-5)
     chart.save(tmp_path / "chart.nc")
@@ -95,7 +95,7 @@ def test_a_chart_of_a_quantity_is_read_back(tmp_path):
     assert read.record() == chart.record()
 
 
-def test_reopened_chart_keeps_its_cuts_and_refuses_new_points(tmp_path):
+def test_reopened_chart_has_its_cuts_and_refuses_new_points(tmp_path):
     made = solve.chart("mathieu", "delta=0:5:7", "epsilon=0:5:7", 1.0).with_cuts([("epsilon", 1.0)])
     made.save(tmp_path / "chart.nc")
     read = solve.open(tmp_path / "chart.nc")
@@ -152,7 +152,7 @@ def same(one, other):
     return type(one) is type(other) and repr(one) == repr(other)
 
 
-def test_values_of_every_kind_come_back_to_the_bit():
+def test_values_of_every_kind_are_restored_exactly():
     encoder = serialization._Encoder()
     encoded = json.loads(json.dumps([encoder.plain(value) for value in VALUES]))
     decoder = serialization._Decoder(encoder.arrays, [])
@@ -173,7 +173,7 @@ def test_arrays_are_joined_by_type_and_format_1_is_readable():
 
 
 @pytest.mark.parametrize("ending", [".csv", ".mat"])
-def test_exports_are_refused(first, tmp_path, ending):
+def test_exported_files_are_refused(first, tmp_path, ending):
     first.save(tmp_path / f"orbit{ending}")
     with pytest.raises(FileError, match=r"is an export, .* open the result's \.nc or \.npz$"):
         solve.open(tmp_path / f"orbit{ending}")
@@ -187,13 +187,13 @@ def test_exports_are_refused(first, tmp_path, ending):
         ("orbit", "allowed"),
     ],
 )
-def test_other_names_are_refused(tmp_path, name, message):
+def test_other_file_names_are_refused(tmp_path, name, message):
     with pytest.raises(FileError, match=message):
         solve.open(tmp_path / name)
 
 
 def foreign(folder):
-    """Files of the right ending that hold something else."""
+    """Return files with a valid ending but other content."""
     folder.joinpath("text.nc").write_text("no result")
     folder.joinpath("empty.npz").write_bytes(b"")
     np.savez(folder / "other.npz", q=np.arange(3.0))
@@ -210,7 +210,7 @@ def foreign(folder):
     return sorted(path for path in folder.iterdir() if path.is_file())
 
 
-def test_foreign_files_are_refused_in_one_line(tmp_path):
+def test_files_of_other_programs_are_refused_in_one_line(tmp_path):
     files = foreign(tmp_path)
     assert len(files) == 8
     for file in files:

@@ -1,4 +1,4 @@
-"""What an orbit offers: nodes, the continuous curve, states, outputs, names."""
+"""Interface of an orbit: nodes, the continuous curve, states, outputs, names."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def orbit():
     return periodic(random_system(2, 3), 1.7, rtol=1e-10)
 
 
-def test_nodes_hold_both_ends_of_the_turn(orbit):
+def test_nodes_include_both_ends_of_the_period(orbit):
     m = orbit.steps
     assert orbit.phase.shape == orbit.time.shape == (m + 1,)
     assert (orbit.phase[0], orbit.phase[-1]) == (0.0, 2 * np.pi)
@@ -33,7 +33,7 @@ def test_nodes_lie_on_the_curve(orbit):
         np.testing.assert_allclose(nodal, curve, rtol=0, atol=1e-12 * np.abs(nodal).max())
 
 
-def test_velocities_and_accelerations_are_derivatives_by_time(orbit):
+def test_velocities_and_accelerations_are_time_derivatives(orbit):
     step = 1e-4
     before, here, after = (orbit.at(PHASES + 1.7 * k * step) for k in (-1, 0, 1))
     _, qd, qdd = orbit.state(PHASES)
@@ -71,16 +71,16 @@ def test_statistics_match_the_continuous_curve(orbit):
         assert orbit.at(statistics.min_phase)[row, 0] == pytest.approx(statistics.min, abs=1e-13 * scale)
 
 
-def test_a_coarse_grid_does_not_lower_the_extrema():
-    """Nodes of 128 steps miss the peaks of the fast cam; the curve between them does not."""
+def test_coarse_grid_does_not_change_the_extrema():
+    """The nodes of 256 steps miss the peaks of the fast cam. The curve between the nodes does not."""
     fine, coarse = (periodic(cam(), "600 rpm", steps=m, rtol=0.5) for m in (2048, 256))
     truth = fine.statistics("q3").max
     assert coarse.statistics("q3").max == pytest.approx(truth, rel=1e-4)
     assert coarse.q[2].max() < (1 - 1e-4) * truth
 
 
-def test_an_order_of_thousands_is_not_mistaken_for_a_mean():
-    """Order 2048 of the load: 2048 samples would see it as a constant."""
+def test_high_harmonic_is_not_aliased_to_a_mean():
+    """With 2048 samples, harmonic 2048 of the load would appear as a constant."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -101,7 +101,7 @@ def test_harmonics_sum_to_the_curve(orbit):
 
 
 def test_harmonics_are_counted_per_period():
-    """A period of π: order 1 turns twice as fast as the phase."""
+    """The period is π. Harmonic 1 therefore has twice the frequency of the phase."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -151,7 +151,7 @@ def test_unknown_names_are_refused_with_a_suggestion(with_force, given, near):
             asked(given)
 
 
-def test_orbit_states_its_method_steps_and_speed():
+def test_orbit_contains_its_method_steps_and_speed():
     orbit = periodic(random_system(2, 2), "3 Hz", "rk4", steps=200, rtol=0.1)
     assert isinstance(orbit, Orbit)
     assert (orbit.method, orbit.steps, orbit.coordinates) == ("rk4", 200, ("q1", "q2"))
@@ -171,7 +171,7 @@ def test_orbit_without_a_load_is_zero():
 
 
 @pytest.mark.parametrize(("angle", "warned"), [(1.0, True), (0.0, False)])
-def test_output_that_grows_every_turn_gives_a_warning(angle, warned):
+def test_output_that_grows_every_period_gives_a_warning(angle, warned):
     class Shaft(PeriodicSystem, Outputs):
         outputs = ("swing",)
 

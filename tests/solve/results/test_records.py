@@ -1,4 +1,4 @@
-"""Records of results, and what they are made of."""
+"""JSON records of results and conversion of their values."""
 
 import json
 import math
@@ -41,11 +41,11 @@ def test_values_are_converted_to_json_data():
         (solve.RungeKutta4(), "rk4"),
     ],
 )
-def test_methods_are_named_with_their_settings(method, words):
+def test_record_contains_method_settings(method, words):
     assert method_text(method) == words
 
 
-def test_a_singular_stiffness_has_no_quasi_static_solution():
+def test_singular_stiffness_gives_no_quasi_static_solution():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, one, 0.0 * one, np.cos(phase)[:, None]

@@ -1,4 +1,4 @@
-"""docs/results.md: every cell of its table is tried, and its examples run."""
+"""All cells of the table in docs/results.md are tested, and the examples run."""
 
 import json
 import re
@@ -100,7 +100,7 @@ def is_csv(result, folder):
 
 
 def opened(result, folder, ending):
-    """Text, figure and values of the reopened result are identical to the last bit."""
+    """Check that text, figure and values of the reopened result are identical to the last bit."""
     again = solve.open(saved(result, ending))
     assert type(again) is type(result)
     assert again.record() == result.record()
@@ -143,7 +143,7 @@ def is_json(result, _):
 
 
 def command_of(name, cell):
-    """The command of a row and its flags, and what runs it."""
+    """Return the function that runs the command of a row, and its arguments."""
     program, words = cell.strip("`").split(" ", 1)
     run = solve_command
     if program == "python":
@@ -155,7 +155,8 @@ def command_of(name, cell):
 
 
 def without_times(record):
-    """Processor times differ from run to run, and with them what is chosen by them."""
+    """Return a record without processor times, which differ between runs, and without choices that depend on
+    them."""
     return {name: value for name, value in record.items() if name not in {"rows", "measured", "targets"}}
 
 
@@ -169,7 +170,7 @@ TRIED = {name: globals()[f"is_{name.lower().replace(' ', '_').replace('.', '')}"
 
 
 def names():
-    """Of the results, as the page states them."""
+    """Return the names of the results on the page."""
     return [re.match(r"`(.+?)`", row[0])[1] for row in ROWS[2:]]
 
 
@@ -177,8 +178,8 @@ def slowly(name):
     return pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name
 
 
-def test_page_lists_every_result_with_all_abilities():
-    """Every public function of `solve` whose return value is declared to be a result has a row."""
+def test_page_lists_all_results_with_all_functions():
+    """Every public function of `solve` that is annotated to return a result has a row."""
     public = {name: getattr(solve, name) for name in solve.__all__}
     returned = {name: get_type_hints(each).get("return") for name, each in public.items() if isfunction(each)}
     results = {
@@ -192,11 +193,11 @@ def test_page_lists_every_result_with_all_abilities():
 
 @pytest.mark.parametrize("ability", HEAD[1:-1])
 @pytest.mark.parametrize("name", [slowly(name) for name in names()])
-def test_every_ability_in_the_table_works(name, ability, tmp_path):
+def test_every_function_in_the_table_works(name, ability, tmp_path):
     TRIED[ability](made(name), tmp_path)
 
 
-def test_rows_of_a_chart_are_its_points():
+def test_chart_has_one_row_per_point():
     chart = made("solve.chart")
     table, dataset = chart.to_pandas(), chart.to_xarray()
     assert dataset["spectral_radius"].dims == ("epsilon", "delta")
@@ -206,8 +207,8 @@ def test_rows_of_a_chart_are_its_points():
 
 
 @pytest.mark.parametrize("name", [slowly(name) for name in names()])
-def test_every_command_saves_and_prints_the_same(name, tmp_path, capsys, monkeypatch):
-    """The picture is inspected as an object; the commands' own tests draw."""
+def test_every_command_saves_and_prints_the_result(name, tmp_path, capsys, monkeypatch):
+    """The figure is inspected as an object; the tests of the commands draw it."""
     pictures = []
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: pictures.append(figure))
     cell = next(row[-1] for row in ROWS[2:] if row[0].startswith(f"`{name}`"))
@@ -224,7 +225,7 @@ def test_every_command_saves_and_prints_the_same(name, tmp_path, capsys, monkeyp
 
 
 def shows_the_unit_given(result, drawn, words):
-    """Speeds have the unit of the flags; rpm appears only beside it."""
+    """Check that speeds have the unit of the flags; rpm appears only together with it."""
     unit = next((text.split()[-1] for text in words if re.search(r"\d (Hz|rad/s)$", text)), None)
     if unit is None:
         return
@@ -241,7 +242,7 @@ def blocks():
     return re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
 
 
-def test_the_examples_run(tmp_path, monkeypatch):
+def test_examples_on_the_page_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     first, second = blocks()
     exec(first, {})
@@ -255,8 +256,8 @@ def test_the_examples_run(tmp_path, monkeypatch):
     assert "phase (°)" in repr(computed)
 
 
-def test_a_notebook_shows_a_result_once(monkeypatch):
-    """Within Jupyter Rich displays by itself what it prints, and a text is then empty."""
+def test_notebook_shows_a_result_once(monkeypatch):
+    """In Jupyter, Rich displays printed output itself. The text form must then be empty."""
     shown = []
     stability = solve.floquet(solve.load("mathieu"), "1 rad/s")
     alone = repr(stability)

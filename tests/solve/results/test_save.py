@@ -1,4 +1,4 @@
-"""Files hold what the orbit holds: each kind is read back with the tools of its users."""
+"""Files contain the orbit: each kind is read with the tools of its users."""
 
 import csv
 import json
@@ -42,8 +42,8 @@ def test_npz_file_contains_the_arrays(result, tmp_path):
 
 
 @pytest.mark.parametrize("names", [["time", "y"], ["phase", "y"], ["y", "yd"], ["multiplier_re", "y"]])
-def test_names_that_files_hold_already_are_refused(names, tmp_path):
-    """Otherwise one of the two would be lost, the table's time among them."""
+def test_names_used_by_the_file_format_are_refused(names, tmp_path):
+    """Otherwise, one of the two columns would be lost, for example the time."""
     alike = chain(2)
     twice = solve.periodic(PeriodicSystem(alike.at, names), 3.0, rtol=1e-3)
     with pytest.raises(ValueOutOfBoundsError, match=r"is the name of two quantities .*rename the coordinate"):
@@ -52,7 +52,7 @@ def test_names_that_files_hold_already_are_refused(names, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a/b", "", "state", "state1", "seal", "metadata"])
-def test_names_that_no_file_can_hold_are_refused(name, tmp_path):
+def test_names_unsuitable_for_files_are_refused(name, tmp_path):
     alike = chain(2)
     orbit = solve.periodic(PeriodicSystem(alike.at, [name, "y"]), 3.0, rtol=1e-3)
     for ending in (".nc", ".npz"):
@@ -93,8 +93,8 @@ def test_mat_file_contains_the_arrays(result, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["φ", "_x"])
-def test_names_that_matlab_cannot_hold_are_refused(name, tmp_path):
-    """The library that writes would stop at the one, and leave the other out."""
+def test_names_unsuitable_for_matlab_are_refused(name, tmp_path):
+    """SciPy would raise an error for one of the names and omit the other."""
     sweep = solve.sweep(PeriodicSystem(chain(2).at, [name, "y"]), [3.0, 4.0], rtol=1e-3)
     with pytest.raises(
         ValueOutOfBoundsError, match=f"'{name}_max' cannot be the name of a variable in MATLAB"
@@ -152,7 +152,7 @@ def test_invalid_file_name_is_refused_and_writes_nothing(result, tmp_path, name)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+def test_interrupted_save_leaves_no_file(tmp_path):
     file = tmp_path / "orbit.csv"
     file.write_text("before")
 
@@ -167,7 +167,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("orbit.csv", "after")]
 
 
-def test_the_commands_save_every_kind(tmp_path):
+def test_commands_save_all_file_types(tmp_path):
     from solve.commands.app import run
 
     problem = ["manipulator", "--method", "radau", "--steps", "64", "--json"]

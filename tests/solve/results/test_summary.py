@@ -1,4 +1,4 @@
-"""Summaries of results: their numbers are those of the result, and verdicts are in plain words."""
+"""Summaries of results contain the numbers of the result and verdicts in plain words."""
 
 import math
 import re
@@ -11,7 +11,7 @@ from solve.results.bands import Band, Bands
 
 
 def oscillator(damping, stiffness=4.0, load=1.0):
-    """q″ + damping q′ + stiffness q = load cos φ."""
+    """Return q″ + damping q′ + stiffness q = load cos φ."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -29,7 +29,7 @@ def oscillator(damping, stiffness=4.0, load=1.0):
         (-0.2, f"unstable: perturbations grow by a factor {math.exp(0.2 * math.pi):.4g} per period"),
     ],
 )  # fmt: skip
-def test_a_verdict_in_plain_words(damping, words):
+def test_summary_gives_the_verdict_in_plain_words(damping, words):
     assert words in solve.floquet(oscillator(damping), 1.0).summary
 
 
@@ -46,7 +46,7 @@ def test_linearised_orbit_summary_states_the_linearisation_error():
 
 
 @pytest.mark.parametrize(("name", "speed"), [("gear_pair", 300.0), ("mathieu", 1.0), ("coupler", 90.0)])
-def test_linear_models_have_no_linearisation_error_above_round_off(name, speed):
+def test_linear_models_have_no_linearisation_error_above_roundoff(name, speed):
     model = solve.load(name)
     orbit = solve.periodic(model, speed)
     assert orbit.summary.endswith("Estimated linearisation error: none above round-off.")
@@ -56,7 +56,7 @@ def test_linear_models_have_no_linearisation_error_above_round_off(name, speed):
     )
 
 
-def test_bands_are_named_and_the_rest_counted():
+def test_summary_lists_some_bands_and_counts_the_others():
     system = oscillator(0.2)
     one = [Band(speed, speed + 0.5, "+1", 1.1) for speed in range(1, 7)]
     message = Bands(one[:1], system, (1.0, 9.0), 0.1).summary
@@ -65,15 +65,15 @@ def test_bands_are_named_and_the_rest_counted():
     assert Bands([], system, (1.0, 9.0), 0.1).summary.startswith("No unstable band found")
 
 
-def test_summary_names_the_largest_elasticity():
+def test_summary_states_the_largest_elasticity():
     sensitivities = solve.sensitivities(solve.load("cam"), "600 rpm", "q3.max_abs", ["k1", "F", "speed"])
     sizes = sensitivities.elasticities("q3.max_abs")
     most = max(sizes, key=lambda name: abs(sizes[name]))
     assert f"q3.max_abs by {most} ({sizes[most]:.3g} % per 1 %)" in sensitivities.summary
 
 
-def test_the_highest_maximum_is_named():
-    """Response of the oscillator is largest at Ω = √(4 − 0.2²/2)."""
+def test_summary_states_the_highest_maximum():
+    """The response of the oscillator is largest at Ω = √(4 − 0.2²/2)."""
     critical = solve.critical_speeds(oscillator(0.2), "1:3:5 rad/s", rtol=1e-6)
     (speed,) = re.findall(r"at ([\d.]+) rad/s", critical.summary)
     assert float(speed) == pytest.approx(math.sqrt(4 - 0.02), rel=1e-4)

@@ -36,7 +36,7 @@ def test_outputs_are_evaluated_together(model, monkeypatch):
 
 
 def extremum(signal, period, sign):
-    """Largest sign · value by SciPy, starting from the best of many samples."""
+    """Return the largest sign · value by SciPy, starting from the best of many samples."""
     width = period / 20000
     phases = np.arange(20000) * width
     best = phases[np.argmax(sign * signal(phases))]
@@ -50,7 +50,7 @@ def extremum(signal, period, sign):
 
 
 @pytest.mark.parametrize("name", ["crank_tip_deflection", "O_moment", "B_force_x", "strain_energy", "B_x"])
-def test_figures_match_the_single_quantity(orbit, name):
+def test_joint_statistics_match_those_of_single_quantities(orbit, name):
     signal, figures = orbit.signal(name), orbit.statistics(name)
     allowed = 1e-10 * figures.max_abs
     assert figures.max == pytest.approx(extremum(signal, orbit.system.period, 1.0), abs=allowed)
@@ -58,8 +58,8 @@ def test_figures_match_the_single_quantity(orbit, name):
 
 
 @pytest.mark.parametrize("name", ["crank_tip_deflection", "C_force_y"])
-def test_harmonics_match_the_single_quantity(orbit, name):
-    """Compared with trapezoidal sums on a grid with a different number of phases."""
+def test_joint_harmonics_match_those_of_single_quantities(orbit, name):
+    """They are compared with trapezoidal sums on a grid with a different number of phases."""
     count, (amplitudes, angles) = 6001, orbit.harmonics(name, 5)
     phases = np.arange(count) * (2 * np.pi / count)
     values = orbit.signal(name)(phases)
@@ -68,8 +68,8 @@ def test_harmonics_match_the_single_quantity(orbit, name):
         assert amplitudes[k] * np.exp(1j * angles[k]) == pytest.approx(truth, abs=1e-9 * amplitudes.max())
 
 
-def test_more_harmonics_than_the_samples_resolve(orbit):
-    """The shared samples have too few phases for these harmonics; new samples are taken."""
+def test_unresolved_harmonics_are_computed_from_new_samples(orbit):
+    """The shared samples have too few phases for these harmonics."""
     few, _ = orbit.harmonics("A_x", 60)
     many, _ = orbit.harmonics("A_x", orbit.samples // 4)
     assert len(many) == orbit.samples // 4 + 1

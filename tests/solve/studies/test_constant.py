@@ -63,7 +63,7 @@ def test_bands_of_a_chain_require_no_solution(solutions, anchor):
 
 
 @pytest.mark.parametrize("k2", [1.5, 1.01, 1.0001])
-def test_a_shaft_of_two_stiffnesses_is_unstable_between_its_critical_speeds(solutions, k2):
+def test_shaft_of_two_stiffnesses_is_unstable_between_its_critical_speeds(solutions, k2):
     (band,) = solve.bands(shaft(k2), [0.3, 2.0])
     assert (band.low, band.high) == pytest.approx((1.0, np.sqrt(k2)), rel=2e-7)
     assert band.kind == "+1"
@@ -88,7 +88,7 @@ def test_internal_damping_makes_a_rotor_unstable_above_its_threshold():
     assert band.spectral_radius == pytest.approx(np.exp(growth * 2 * np.pi / 4.0), rel=1e-9)
 
 
-def test_a_narrow_band_of_flutter_is_found():
+def test_narrow_band_of_flutter_is_found():
     """K = [[1, p], [-p, 1.2]] leads to flutter for p > 0.1. Near speed 2, p exceeds this value."""
 
     def matrices(speed):
@@ -158,7 +158,7 @@ def test_chart_of_a_chain_searches_no_tongues(solutions):
     assert solutions == [20]
 
 
-def test_a_chart_of_rotors_finds_the_threshold():
+def test_chart_of_rotors_finds_the_threshold():
     """The threshold ω0 (1 + outer / inner) as a function of the outer damping."""
 
     def build(outer, speed):

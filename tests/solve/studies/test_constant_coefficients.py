@@ -25,7 +25,8 @@ def state_matrix(M, C, K):
 
 
 def load(seed, n, orders=4):
-    """Complex amplitudes (orders+1, n) of d = Re Σ D_k exp(ikφ), and the function d."""
+    """Return the complex amplitudes (orders+1, n) of d = Re Σ D_k exp(ikφ), and d as a function of the
+    phase."""
     rng = np.random.default_rng(seed + 1)
     D = rng.standard_normal((orders + 1, n)) + 1j * rng.standard_normal((orders + 1, n))
     return D, lambda phase: np.real(np.exp(1j * np.outer(phase, np.arange(orders + 1))) @ D)

@@ -1,4 +1,4 @@
-"""Regulators and filters: known solutions, integrated references, closed forms, and machines."""
+"""Regulators and filters, compared with known solutions, integrated references and closed forms."""
 
 import itertools
 import re
@@ -30,7 +30,7 @@ def oscillator(load=1.0):
 
 
 @pytest.mark.parametrize("system", [lambda: jumping_system(), lambda: varying_with_output()])
-def test_filter_is_the_steady_covariance_of_its_differential_equation(system):
+def test_filter_covariance_is_the_steady_solution_of_its_differential_equation(system):
     made = system()
     found = solve.kalman(made, 1.0, np.eye(2), np.array([[0.5]]))
 
@@ -48,13 +48,14 @@ def test_filter_is_the_steady_covariance_of_its_differential_equation(system):
 
 
 def jumping_system():
-    """Spring whose stiffness jumps at phase 2, with its position as the output."""
+    """Return an oscillator whose stiffness jumps at phase 2, with its position as the output."""
     A = np.array([[[0.0, 1.0], [-1.0, 0.1]], [[0.0, 1.0], [2.0, 0.0]]])
     return with_output(lambda phase: A[(np.mod(phase, 2 * np.pi) > 2.0).astype(int)], (0.0, 2.0))
 
 
 def varying_with_output():
-    """Spring whose stiffness is neither even nor odd in phase, with its position as the output."""
+    """Return an oscillator whose stiffness is neither even nor odd in phase, with its position as the
+    output."""
 
     def A(phase):
         matrices = np.zeros((len(phase), 2, 2))
@@ -65,7 +66,7 @@ def varying_with_output():
 
 
 def with_output(A, breaks):
-    """System of first order with two states, of which the first one is the output."""
+    """Return a first-order system with two states. Its output is the first state."""
 
     def matrices(phase, speed):
         k, one = len(phase), np.ones((len(phase), 1, 1))
@@ -74,7 +75,7 @@ def with_output(A, breaks):
     return solve.FirstOrderSystem(matrices, ["x0", "x1"], breaks=breaks, inputs=["u0"], outputs=["y0"])
 
 
-def test_second_order_and_first_order_have_the_same_solution():
+def test_second_and_first_order_equations_have_the_same_solution():
     A, B = np.array([[0.0, 1.0], [-4.0, -0.1]]), np.array([[0.0], [2.0]])
     first = solve.lqr(constant(A, B), 1.0, np.diag([3.0, 1.0]), [[0.5]])
     second = solve.lqr(oscillator(), 1.0, {"q": 3.0, "q_dot": 1.0}, {"u": 0.5})
@@ -86,7 +87,7 @@ def test_second_order_and_first_order_have_the_same_solution():
     assert np.allclose([stiffness[0, 0, 0], damping[0, 0, 0]], [4 + 2 * K[0], 0.1 + 2 * K[1]])
 
 
-def test_feedforward_is_the_optimum_at_the_frequency_of_the_load():
+def test_feedforward_minimises_the_vibration_at_the_load_frequency():
     weight, cost = 3.0, 0.5
     found = solve.lqr(oscillator(), 1.0, {"q": weight}, {"u": cost}, feedforward=True)
     orbit = solve.periodic(found.closed, 1.0)
@@ -98,7 +99,7 @@ def test_feedforward_is_the_optimum_at_the_frequency_of_the_load():
     assert orbit.statistics("u").max_abs == pytest.approx(abs(u), rel=1e-8)
 
 
-def test_multipliers_with_an_observer_are_those_of_regulator_and_filter():
+def test_observer_leaves_regulator_and_filter_multipliers_unchanged():
     system = oscillator()
     weights, noise = ({"q": 3.0}, {"u": 0.5}), ({"u": 1.0}, {"q": 0.1})
     both = solve.lqg(system, 1.0, *weights, *noise)
@@ -115,7 +116,7 @@ def test_multipliers_with_an_observer_are_those_of_regulator_and_filter():
 
 
 def helicopter():
-    """Hammond's rotor with a failed damper of docs/machines.md, with forces on the hub."""
+    """Return Hammond's rotor with a failed damper of docs/machines.md, with forces on the hub as inputs."""
     section = MACHINES[MACHINES.index("## Ground resonance with a failed damper") :].partition("\n## ")[0]
     names = {}
     code = re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL)[0].partition("def growth")[0]
@@ -130,7 +131,7 @@ def helicopter():
     return solve.PeriodicSystem(matrices, open_loop.coordinates, inputs=["Fx", "Fy"])
 
 
-def test_ground_resonance_with_a_failed_damper_is_stabilised():
+def test_regulator_stabilises_ground_resonance_with_a_failed_damper():
     system = helicopter()
     assert solve.floquet(system, "255 rpm").verdict == "unstable"
     weights, forces = {"x": 1e6, "y": 1e6}, {"Fx": 1e-6, "Fy": 1e-6}
@@ -140,7 +141,7 @@ def test_ground_resonance_with_a_failed_damper_is_stabilised():
 
 
 @pytest.mark.slow
-def test_vibration_of_the_hammer_is_halved_in_the_nonlinear_equations_too():
+def test_regulator_halves_the_hammer_vibration_in_the_nonlinear_equations():
     press, speed = solve.load("manipulator"), "70 rpm"
     noise = {"u": 1.0}, {"q1": 1e-9}
     found = solve.lqg(press, speed, {"q2": 1e8}, {"u": 1e-3}, *noise, feedforward=True)
@@ -151,7 +152,7 @@ def test_vibration_of_the_hammer_is_halved_in_the_nonlinear_equations_too():
     assert before.statistics("load_torque").max_abs > 840.0
 
 
-def test_systems_and_weights_that_do_not_fit_are_refused():
+def test_incompatible_systems_and_weights_are_refused():
     system = oscillator()
     for error, arguments, words in (
         (UnknownNameError, ({"x": 1.0}, {"u": 1.0}), "allowed: q, q_dot|q"),
@@ -174,7 +175,7 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
         solve.control(system, 1.0, lqr={"q": 1.0})
     with pytest.raises(MissingValueError, match="requires weights"):
         solve.control(system, 1.0)
-    with pytest.raises(MissingValueError, match="V names no measured quantity"):
+    with pytest.raises(MissingValueError, match="V contains no measured quantity"):
         solve.kalman(system, 1.0, {"u": 1.0}, {})
     with pytest.raises(ControlError, match=r"^the Kalman filter holds no feedback"):
         solve.closed_loop(system, solve.kalman(system, 1.0, {"u": 1.0}, {"q": 1.0}))
@@ -182,7 +183,7 @@ def test_systems_and_weights_that_do_not_fit_are_refused():
 
 @pytest.mark.parametrize("harmonic", [60, 192])
 @pytest.mark.parametrize("weight", [1e4, 1e8])
-def test_gains_have_the_harmonics_of_inputs_that_hardly_act_on_the_solution(harmonic, weight):
+def test_gains_follow_inputs_with_little_effect_on_the_solution(harmonic, weight):
     def matrices(phase, speed):
         B, C = np.zeros((len(phase), 2, 1)), np.zeros((len(phase), 1, 2))
         B[:, 1, 0], C[:, 0, 0] = 1 + 0.5 * np.cos(harmonic * phase), 1 + 0.5 * np.sin(harmonic * phase)
@@ -203,7 +204,7 @@ def test_gains_have_the_harmonics_of_inputs_that_hardly_act_on_the_solution(harm
         assert np.abs(found.gain(phase) - exact).max() < 1e-8 * np.abs(exact).max()
 
 
-def test_observer_of_a_system_without_parameters_keeps_the_equations_of_the_design():
+def test_observer_keeps_the_design_equations_without_parameters():
     def spring(stiffness):
         def matrices(phase, speed):
             one = np.ones((len(phase), 1, 1))
@@ -226,13 +227,13 @@ def test_observer_of_a_system_without_parameters_keeps_the_equations_of_the_desi
     assert solve.floquet(loop, 1.0).spectral_radius == pytest.approx(exact, rel=1e-6)
 
 
-def test_stable_system_without_process_noise_has_a_filter_without_gain(recwarn):
+def test_filter_gain_of_a_stable_system_without_noise_is_zero(recwarn):
     found = solve.kalman(oscillator(), 1.0, {"u": 0.0}, {"q": 1.0})
     assert not found.gain(PHASES).any()
     assert not recwarn.list
 
 
-def test_modes_that_no_input_reaches_are_reported():
+def test_uncontrollable_modes_are_reported():
     A, B = np.diag([1.0, -1.0]), np.array([[0.0], [1.0]])
     with pytest.raises(ControlError, match="cannot be controlled"):
         solve.lqr(constant(A, B), 1.0, np.eye(2), np.eye(1))
@@ -240,7 +241,7 @@ def test_modes_that_no_input_reaches_are_reported():
         solve.kalman(constant(A, B, np.array([[0.0, 1.0]])), 1.0, np.eye(2), np.eye(1))
 
 
-def test_feedback_that_is_far_too_fast_is_refused_before_it_is_solved():
+def test_excessively_fast_feedback_is_refused_before_solving():
     with pytest.raises(ControlError, match="larger weights of the inputs"):
         solve.lqr(oscillator(), 1.0, {"q": 1.0}, {"u": 1e-30})
     with pytest.raises(ControlError, match="larger noise"):
@@ -258,7 +259,7 @@ def test_weights_are_functions_of_the_phase():
     assert np.abs(left).max() < 1e-7
 
 
-def test_weights_that_differ_at_the_ends_of_the_period_jump_there():
+def test_weights_that_differ_at_the_period_ends_jump_there():
     def Q(phase):
         return (1 + phase % (2 * np.pi))[:, None, None] * np.eye(2)
 

@@ -16,7 +16,7 @@ FREQUENCIES, ZETA = np.array([10.0, 37.0]), 0.02
 
 
 def oscillators():
-    """Two uncoupled oscillators under loads of orders 1 to 4."""
+    """Return two uncoupled oscillators under loads with harmonics 1 to 4."""
     damping = np.diag(2 * ZETA * FREQUENCIES)
 
     def push(phase):
@@ -59,7 +59,7 @@ def test_maxima_of_multipliers_follow_from_the_damped_frequency(computed):
         assert rows[order].multiplier.speed == pytest.approx(truth.x, rel=1e-4)
 
 
-def test_divisions_and_combinations_are_exact(computed):
+def test_divisions_and_combinations_match_the_closed_form(computed):
     divided = {(row.mode, row.order): row.division for row in computed.rows if row.division}
     assert {order for mode, order in divided if mode == 1} == {1, 2, 3, 4}
     for (mode, order), speed in divided.items():
@@ -78,7 +78,7 @@ def test_constant_matrices_have_no_combination_resonances(computed):
     assert computed.constant_matrices
 
 
-def test_range_may_be_a_text():
+def test_speed_range_may_be_text():
     text, numbers = (
         solve.critical_speeds(oscillators(), speeds, figure="rms", orders=2)
         for speeds in ("5:6:4 rad/s", np.linspace(5.0, 6.0, 4))
@@ -98,7 +98,7 @@ def test_invalid_input_is_refused():
         solve.critical_speeds(system, [3.0, 4.0], orders=0)
 
 
-def test_figure_has_response_multiplier_and_campbell_diagram(computed):
+def test_figure_shows_response_multiplier_and_campbell_diagram(computed):
     response, multiplier, campbell = computed.plot().axes
     assert response.get_ylabel().startswith("rms q1")
     assert "multiplier" in multiplier.get_ylabel()
@@ -112,7 +112,8 @@ def test_figure_has_response_multiplier_and_campbell_diagram(computed):
 
 
 def _growing(phase, speed):
-    """System q″ + c q′ + 4 q with c < 0 between the speeds 2 and 3. The frozen K is 4 at all speeds."""
+    """Return the system q″ + c q′ + 4 q, where c < 0 between the speeds 2 and 3 and the frozen K is 4 at all
+    speeds."""
     one = np.ones((len(phase), 1, 1))
     damping = -0.1 if 2.0 < speed < 3.0 else 0.1
     return one, damping * one, 4.0 * one, np.cos(phase)[:, None]
@@ -144,7 +145,7 @@ def test_imaginary_frozen_frequencies_give_a_warning():
     assert any("integer fractions are meaningless" in text for text in critical.warnings)
 
 
-def test_curve_passes_through_the_marked_maxima(computed):
+def test_response_curve_passes_through_the_marked_maxima(computed):
     for axes in computed.plot().axes[:2]:
         marks = [line for line in axes.get_lines() if line.get_marker() == "v"]
         points = set(zip(*axes.get_lines()[0].get_data(), strict=True))
@@ -152,8 +153,8 @@ def test_curve_passes_through_the_marked_maxima(computed):
         assert all(points.issuperset(zip(*mark.get_data(), strict=True)) for mark in marks)
 
 
-def test_peak_is_assigned_to_the_resonant_order():
-    """q1 is excited at order 3 only. The seventh division of the other oscillator lies at the maximum of
+def test_peak_is_assigned_to_the_resonant_harmonic():
+    """Only q1 is excited, at harmonic 3. The seventh division of the other oscillator lies at the maximum of
     q1."""
     peak = 30.0 * np.sqrt(1 - 2 * ZETA**2) / 3
     frequencies = np.array([30.0, 7 * peak])
@@ -186,7 +187,7 @@ def rotor(asymmetry=0.2, zeta=ZETA_OF_ROTOR, frequency=100.0):
 
 
 def test_unstable_rotor_growth_is_not_assigned_to_a_division():
-    """The response is largest at both edges of the band, where ρ = +1 and the order is 1: in rotating
+    """The response is largest at both edges of the band, where ρ = +1 and the harmonic is 1. In rotating
     coordinates it is constant, and (1 + μ - s)(1 - μ - s) + 4 ζ² s = 0 with s = Ω²/ω². Between the edges,
     there is no sustained motion, and the maximum of the multiplier does not belong to a division."""
     half = np.sqrt(0.2**2 - 4 * ZETA_OF_ROTOR**2 + 4 * ZETA_OF_ROTOR**4)
@@ -208,15 +209,15 @@ def test_unstable_rotor_growth_is_not_assigned_to_a_division():
     assert all(row.mode is None for row in inside)
 
 
-def test_response_is_unbounded_at_edges_of_an_unstable_range():
+def test_response_is_unbounded_at_the_edges_of_an_unstable_range():
     critical = solve.critical_speeds(rotor(), np.linspace(80.0, 120.0, 41), orders=2)
     assert [row.unbounded for row in critical.rows if row.response] == [True, True]
 
 
 @pytest.mark.parametrize(("shaken", "other"), [(0.2, 102.0), (0.1, 94.0)])
 def test_both_edges_are_found_despite_another_dominant_mode(shaken, other):
-    """A second mode decays at the same rate, so that its real part hides that of the mode that passes through
-    +1."""
+    """A second mode decays at the same rate. Its real part hides that of the mode whose multiplier passes
+    through +1."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -240,7 +241,7 @@ def test_both_edges_are_found_despite_another_dominant_mode(shaken, other):
     ],
 )
 def test_unstable_ranges_of_two_nearly_equal_modes_are_separated(frequencies, shares, ranges):
-    """The gap is between two of the speeds. The ranges of the third pair overlap."""
+    """The gap lies between two of the given speeds. The ranges of the third pair overlap."""
     damping = 100 * min(shares) ** 2 / 16
 
     def shaken(w, share, turn):
@@ -289,14 +290,14 @@ def test_neighbouring_unstable_resonances_are_separate_ranges():
         assert band.low < low <= high < band.high
 
 
-def test_widest_table_fits_into_80_columns():
+def test_widest_table_fits_80_columns():
     critical = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
     lines = [line.rstrip() for line in str(critical).splitlines()]
     assert any("|ρ|" in line and "mode" in line for line in lines)
     assert max(map(len, lines)) <= 80
 
 
-def test_division_on_a_given_speed_is_reported_once():
+def test_division_at_a_given_speed_is_reported_once():
     critical = solve.critical_speeds(oscillators(), [2.5, 5.0, 10.0], orders=4)
     divided = [(row.mode, row.order) for row in critical.rows if row.division and row.mode == 1]
     assert divided == [(1, 1), (1, 2), (1, 3), (1, 4)]

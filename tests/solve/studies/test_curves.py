@@ -9,7 +9,7 @@ from solve.errors import MatricesError, StepsError, ValueOutOfBoundsError
 SPEEDS = np.array([20.0, 40.0, 62.8])
 
 
-def test_curves_match_single_solutions():
+def test_solutions_on_one_grid_match_single_solutions():
     model = solve.load("coupler")
     curves = solve.PeriodicCurves(model, solve.Radau(9), steps=128)
     solved = curves(SPEEDS)
@@ -24,7 +24,7 @@ def test_curves_match_single_solutions():
         assert solved.radius_bound[number] >= orbit.spectral_radius * (1 - 1e-6)
 
 
-def test_speeds_may_be_texts():
+def test_speeds_may_be_text():
     curves = solve.PeriodicCurves(solve.load("coupler"), steps=64)
     expected = curves(np.array([20.0, 40.0])).q
     for speeds in ([20.0, "40 rad/s"], "20:40:2 rad/s"):
@@ -33,7 +33,7 @@ def test_speeds_may_be_texts():
         curves([-1.0])
 
 
-def test_odd_steps_and_jumps_are_refused():
+def test_odd_step_counts_and_jumps_are_refused():
     with pytest.raises(StepsError, match="even"):
         solve.PeriodicCurves(solve.load("coupler"), steps=95)
 

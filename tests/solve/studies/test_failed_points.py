@@ -1,4 +1,4 @@
-"""Points without a result are reported as unknown, that is, neither stable nor unstable."""
+"""Points without a result are reported as unknown: neither stable nor unstable."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ LOW, HIGH = 1.3, 2.6
 
 
 def holed(delta, epsilon):
-    """Undamped Mathieu equation whose matrices are NaN between LOW and HIGH."""
+    """Return the undamped Mathieu equation with NaN matrices between LOW and HIGH."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -40,7 +40,7 @@ def test_chart_marks_failed_points(gapped_chart):
 
 
 def test_no_boundary_is_drawn_at_failed_points(gapped_chart):
-    """For large epsilon, the right edge of the tongue of order 1 lies in the range without matrices."""
+    """For large epsilon, the right edge of the first tongue lies in the range without matrices."""
     for curve in gapped_chart.boundaries:
         delta, q = curve.points[:, 0], curve.points[:, 1] / 2
         assert not ((delta > LOW) & (delta < HIGH)).any()
@@ -49,7 +49,7 @@ def test_no_boundary_is_drawn_at_failed_points(gapped_chart):
     assert {curve.name for curve in gapped_chart.boundaries} == {"+1", "-1"}
 
 
-def test_cut_through_failed_points_omits_their_edge(gapped_chart):
+def test_band_edge_at_failed_points_is_omitted_from_a_cut(gapped_chart):
     cut = gapped_chart.cut(y=1.0)
     hole = (cut.values > LOW) & (cut.values < HIGH)
     np.testing.assert_array_equal(np.isnan(cut.stable), hole)
@@ -59,7 +59,7 @@ def test_cut_through_failed_points_omits_their_edge(gapped_chart):
     assert [at for at, _ in cut.crossings] == pytest.approx(edges, abs=1e-7)
 
 
-def test_figure_of_a_chart_with_failed_points(gapped_chart):
+def test_figure_marks_failed_points_of_a_chart(gapped_chart):
     assert gapped_chart.plot().axes
 
 
@@ -69,28 +69,28 @@ def test_chart_without_any_result_is_refused():
 
 
 @pytest.fixture(scope="module")
-def turning():
+def rotating_linkage():
     model = solve.load("coupler", alpha=0, cx=0, cy=0)
     speeds = np.linspace(400.0, 560.0, 6)
     return solve.chart(model, {"speed": speeds}, {"l2": [0.05, 0.2, 0.45, 0.59, 0.61, 0.75]})
 
 
-def test_linkage_that_cannot_turn_fails_point_by_point(turning):
+def test_impossible_linkages_fail_point_by_point(rotating_linkage):
     # l1 + l2 < l3 + l4 = 1.6 with l1 = 1.
-    np.testing.assert_array_equal(np.isnan(turning.stable).all(axis=1), turning.y > 0.6)
-    assert not np.isnan(turning.stable[turning.y < 0.6]).any()
-    assert "the crank cannot turn fully" in turning.failures[4, 0]
-    for curve in turning.boundaries:
+    np.testing.assert_array_equal(np.isnan(rotating_linkage.stable).all(axis=1), rotating_linkage.y > 0.6)
+    assert not np.isnan(rotating_linkage.stable[rotating_linkage.y < 0.6]).any()
+    assert "the crank cannot turn fully" in rotating_linkage.failures[4, 0]
+    for curve in rotating_linkage.boundaries:
         assert curve.points[:, 1].max() < 0.6
 
 
-def test_bounds_of_parameters_are_refused_at_once():
+def test_parameters_out_of_bounds_are_refused_before_solving():
     with pytest.raises(ValueOutOfBoundsError, match=r"l2 .* is -0.1 m; allowed: > 0"):
         solve.chart(solve.load("coupler"), {"l2": [-0.1, 0.1]}, {"speed": [400.0, 500.0]})
 
 
 def broken(delta, low, high):
-    """Undamped Mathieu equation with epsilon = 2, without matrices between two speeds."""
+    """Return the undamped Mathieu equation with epsilon = 2. It has no matrices between two speeds."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -100,7 +100,7 @@ def broken(delta, low, high):
     return systems.system(matrices, 1, period=np.pi)
 
 
-def test_bands_have_open_ends_at_failed_speeds():
+def test_bands_have_open_edges_at_failed_speeds():
     whole = solve.bands(broken(4.0, 9, 9), np.linspace(1.2, 3.0, 20))
     (band,) = whole
     assert whole.notes == []
@@ -117,7 +117,7 @@ def test_bands_have_open_ends_at_failed_speeds():
     assert "NaN" in bands.notes[0]
 
 
-def test_band_edge_among_failed_speeds_is_open():
+def test_band_edge_between_failed_speeds_is_open():
     (band,) = solve.bands(broken(4.0, 9, 9), np.linspace(1.2, 3.0, 20))
     system = broken(4.0, band.low - 0.1, band.low + 0.1)
     (cut,) = solve.bands(system, np.linspace(1.2, 3.0, 20))
@@ -143,7 +143,7 @@ def test_critical_speeds_report_failed_speeds():
 
 
 def faulty(fault):
-    """Damped oscillator with a fault at the speed 2 rad/s."""
+    """Return a damped oscillator that raises an error at the speed 2 rad/s."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 2, 2))
@@ -179,7 +179,8 @@ def test_chart_and_single_solution_report_the_same_failure():
 
 
 def known_between(low, high):
-    """Damped oscillator with a varying stiffness, without matrices at other speeds and at rest."""
+    """Return a damped oscillator with a varying stiffness. It has matrices only at speeds between `low` and
+    `high`."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -190,9 +191,9 @@ def known_between(low, high):
 
 
 @pytest.mark.parametrize("speeds", [np.linspace(1.0, 6.0, 11), np.array([1.0, 6.0])])
-def test_failed_speeds_at_the_ends_are_omitted(speeds):
-    """The unstable band and the maximum of the response lie at speeds with matrices. The note states the
-    speeds without matrices."""
+def test_failed_speeds_at_the_range_ends_are_omitted(speeds):
+    """The unstable band and the maximum of the response lie at speeds with matrices. A note states the speeds
+    without matrices."""
     system, whole = known_between(1.55, 5.1), known_between(-1.0, 9.0)
     gapped_chart, every = solve.bands(system, speeds), solve.bands(whole, speeds)
     assert [band.kind for band in gapped_chart] == [band.kind for band in every] == ["+1", "-1"]
@@ -212,6 +213,6 @@ def test_failed_speeds_at_the_ends_are_omitted(speeds):
 
 
 @pytest.mark.parametrize("study", [solve.bands, solve.critical_speeds])
-def test_a_range_without_any_matrices_is_refused(study):
+def test_speed_range_without_any_matrices_is_refused(study):
     with pytest.raises(MatricesError, match="M has NaN"):
         study(known_between(7.0, 8.0), [1.0, 6.0])

@@ -1,4 +1,4 @@
-"""Parameters from measurements: known values, unidentifiable parameters, outliers and invalid files."""
+"""Parameters fitted to measurements: known values, unidentifiable parameters, outliers and invalid files."""
 
 import json
 import re
@@ -27,7 +27,7 @@ TRUE = {"m": 2.2, "c": 0.6, "k": 10.0}
 
 
 def curve(noise=0.0, seed=0, speeds=(SPEED, 2.0), outlier=False, **numbers):
-    """Rows of phase, speed and q of the first oscillator, in closed form."""
+    """Return rows of phase, speed and q of the first oscillator, from its closed form."""
     rng, rows = np.random.default_rng(seed), []
     for speed in speeds:
         size = amplitude(**{**TRUE, **numbers}, speed=speed)
@@ -48,7 +48,7 @@ def file(tmp_path):
     return lambda rows, header="phase (rad),speed (rad/s),q (1)": written(tmp_path / "q.csv", header, rows)
 
 
-def test_exact_curves_yield_the_true_parameters(file):
+def test_exact_curves_give_the_true_parameters(file):
     fitted = solve.fit(model(), file(curve()), list(TRUE))
     for name, value in TRUE.items():
         assert fitted.parameters[name].value == pytest.approx(value, rel=1e-6)
@@ -58,7 +58,7 @@ def test_exact_curves_yield_the_true_parameters(file):
 
 
 @pytest.mark.parametrize("phases", [True, False])
-def test_amplitudes_of_orders_yield_the_true_parameters(file, phases):
+def test_harmonic_amplitudes_give_the_true_parameters(file, phases):
     rows = []
     for speed in (1.5, 2.0, SPEED):
         size = amplitude(**TRUE, speed=speed)
@@ -69,7 +69,7 @@ def test_amplitudes_of_orders_yield_the_true_parameters(file, phases):
         assert fitted.parameters[name].value == pytest.approx(value, rel=1e-5)
 
 
-def test_natural_frequencies_yield_the_ratio_of_stiffness_to_mass(tmp_path):
+def test_natural_frequencies_give_the_ratio_of_stiffness_to_mass(tmp_path):
     rows = [(1, np.sqrt(K2) / 2 / np.pi), (2, np.sqrt(TRUE["k"] / M) / 2 / np.pi)]
     rows = [
         (mode, value * (1 + off)) for mode, value in sorted(rows, key=lambda row: row[1]) for off in (0, 1e-9)
@@ -93,7 +93,7 @@ def test_natural_frequencies_yield_the_ratio_of_stiffness_to_mass(tmp_path):
             solve.fit(model(), made, ["k"])
 
 
-def matlab(path):
+def write_matlab_file(path):
     from scipy.io import savemat
 
     speed, size = SPEED, amplitude(**TRUE)
@@ -103,7 +103,7 @@ def matlab(path):
     return path
 
 
-def universal(path, complex_=False):
+def write_universal_file(path, complex_=False):
     pyuff = pytest.importorskip("pyuff")
     size = amplitude(**TRUE)
     x = np.array([1.0, 2.0, 3.0]) if complex_ else ANGLES / SPEED
@@ -124,16 +124,20 @@ def universal(path, complex_=False):
 
 
 def test_matlab_and_universal_files_are_read(tmp_path):
-    files = [matlab(tmp_path / "q.mat"), universal(tmp_path / "q.uff"), universal(tmp_path / "o.unv", True)]
+    files = [
+        write_matlab_file(tmp_path / "q.mat"),
+        write_universal_file(tmp_path / "q.uff"),
+        write_universal_file(tmp_path / "o.unv", True),
+    ]
     for file in files:
         fitted = solve.fit(model(), file, ["k", "c"], speed=SPEED)
-        expected = solve.fit(model(), matlab(tmp_path / "again.mat"), ["k", "c"])
+        expected = solve.fit(model(), write_matlab_file(tmp_path / "again.mat"), ["k", "c"])
         for name in ("k", "c"):
             # Universal files hold the abscissa with six digits.
             assert fitted.parameters[name].value == pytest.approx(expected.parameters[name].value, rel=1e-3)
 
 
-def test_unreadable_files_are_refused_in_one_line(tmp_path, monkeypatch):
+def test_unreadable_data_files_are_refused_in_one_line(tmp_path, monkeypatch):
     for name, content in (
         ("q.mat", b"no such file\n    58\n" * 9),
         ("q.uff", b"no such file\n"),
@@ -230,7 +234,7 @@ def test_fitted_parameter_stays_within_its_bounds(file):
     assert fitted.parameters["k"].value == pytest.approx(10.5, rel=1e-3)
 
 
-def test_saved_orbit_is_read_as_data(tmp_path):
+def test_saved_orbit_is_accepted_as_data(tmp_path):
     cam = solve.load("cam")
     solve.periodic(cam.varied({"k1": 8.2e4}), "400 rpm").save(tmp_path / "cam.csv")
     fitted = solve.fit(cam, tmp_path / "cam.csv", "k1", speed="400 rpm")
@@ -296,7 +300,7 @@ def test_invalid_measurement_file_is_refused_in_one_line(tmp_path, rows, words):
     assert "\n" not in str(refused.value)
 
 
-def test_speed_column_may_be_first(file, tmp_path):
+def test_speed_may_be_the_first_column(file, tmp_path):
     rows, header = curve(), "phase (rad),speed (rad/s),q (1)"
     usual = solve.fit(model(), file(rows, header), ["k", "c"])
     turned = [f"{speed},{phase},{q}" for phase, speed, q in rows]
@@ -307,7 +311,7 @@ def test_speed_column_may_be_first(file, tmp_path):
     }
 
 
-def test_command_writes_record_figure_and_case(tmp_path, monkeypatch, capsys):
+def test_command_writes_json_figure_and_case_file(tmp_path, monkeypatch, capsys):
     from solve.commands.app import run
 
     monkeypatch.chdir(tmp_path)
@@ -338,8 +342,8 @@ def test_command_writes_record_figure_and_case(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("count", [20, 100])
 def test_residual_diagnosis_has_few_false_alarms(count):
-    """Differences after a fit of three waves. With a probability of 1 %, more than 20 of 1000 occur in one
-    case in a thousand."""
+    """The residuals are those of a fit of three waves. With a false-alarm probability of 1 %, more than 20
+    alarms in 1000 fits occur with a probability of 0.1 %."""
     rng, at = np.random.default_rng(5), 2 * np.pi / count * np.arange(count)
     waves = np.linalg.qr(np.stack((np.cos(at), np.sin(at), np.cos(2 * at)), axis=1))[0]
     reported = {0.0: 0, 3.0: 0}
@@ -371,7 +375,7 @@ def test_correlated_residuals_give_a_warning(file):
         (lambda q: -q, "so the model does not describe them; check unit, sign, speed and phase origin"),
     ],
 )
-def test_data_with_wrong_unit_or_sign_give_a_warning(file, changed, words):
+def test_wrong_unit_or_sign_gives_a_warning(file, changed, words):
     rows = [(phase, speed, changed(q)) for phase, speed, q in curve(0.01, m=2.0, c=0.5, k=11.0)]
     assert any(words in text for text in solve.fit(model(), file(rows), ["c"]).warnings)
 
@@ -381,9 +385,9 @@ def test_duplicate_rows_are_reported(file):
     assert any("duplicate rows" in text for text in solve.fit(model(), file([*rows, *rows]), ["k"]).warnings)
 
 
-def test_fewer_values_than_parameters_are_refused(file):
+def test_fewer_values_than_parameters_is_refused(file):
     with pytest.raises(
-        ValueOutOfBoundsError, match="1 parameter needs 2 or more measured values, not 1; fit fewer"
+        ValueOutOfBoundsError, match="1 parameter requires 2 or more measured values, not 1; fit fewer"
     ):
         solve.fit(model(), file(curve()[:1]), ["k"])
 

@@ -31,14 +31,14 @@ TABLE_6_3 = [
 
 
 def half_a_digit(printed):
-    """Half a unit of the last of the three digits printed in the table."""
+    """Return half a unit of the last of the three digits printed in the table."""
     value = float(printed)
     power = len(str(int(value))) - 3
     return 0.5 * 10.0 ** (power if "." not in printed else -len(printed.split(".")[1]))
 
 
 @pytest.mark.parametrize(("N", "n", "cycles", "stored", "not_stored"), TABLE_6_2)
-def test_table_6_2(N, n, cycles, stored, not_stored):
+def test_counts_match_table_6_2(N, n, cycles, stored, not_stored):
     for printed, keep in ((stored, True), (not_stored, False)):
         counts = time_marching(N, n, cycles, keep), algorithm_1(N, n, keep), algorithm_2(N, n, keep)
         for text, count in zip(printed, counts, strict=True):
@@ -46,20 +46,20 @@ def test_table_6_2(N, n, cycles, stored, not_stored):
 
 
 @pytest.mark.parametrize(("N", "harmonics", "n", "fourier", "first"), TABLE_6_3)
-def test_table_6_3(N, harmonics, n, fourier, first):
-    """Algorithm 1 agrees to the digits printed, and the Fourier series agrees with the formula above the
-    table to 7 %."""
+def test_counts_match_table_6_3(N, harmonics, n, fourier, first):
+    """The counts of algorithm 1 agree to the digits printed. Those of the Fourier series agree with the
+    formula above the table to 7 %."""
     assert algorithm_1(N, n) / 1e6 == pytest.approx(float(first), abs=1.01 * half_a_digit(first))
     assert abs(misfit(N, harmonics, n, fourier)) < 0.07
 
 
 def misfit(N, harmonics, n, printed):
-    """Deviation of the printed number of millions from the formula, relative to the formula."""
+    """Return the difference of the printed number, in millions, from the formula, relative to the formula."""
     return printed * 1e6 / fourier_series(N, n, harmonics) - 1
 
 
 def test_printed_fourier_column_differs_from_its_formula():
-    """Values of the formula at the four positions with the largest deviations."""
+    """Differences from the formula at the four entries with the largest differences."""
     assert fourier_series(90, 10, 6) == 216 * 11_200 + 36 * 112 + 6 * 36_700 - 12_460
     for (N, harmonics, n), millions in {
         (90, 6, 10): 2.63, (90, 6, 50): 285, (90, 10, 50): 1214, (720, 15, 10): 38.7,
@@ -71,8 +71,8 @@ def test_printed_fourier_column_differs_from_its_formula():
 
 
 def test_marching_is_cheaper_only_for_few_cycles():
-    """With stored matrices, marching is cheaper if the transient decays quickly. Algorithm 1 is always
-    cheaper than algorithm 2."""
+    """With stored matrices, marching is cheaper if the transient decays quickly. Algorithm 1 always requires
+    fewer operations than algorithm 2."""
     assert time_marching(90, 10, 5) < algorithm_1(90, 10) < time_marching(90, 10, 100)
     for n in range(1, 60):
         for keep in (True, False):

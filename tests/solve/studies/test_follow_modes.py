@@ -1,4 +1,4 @@
-"""Floquet modes keep their identity over crossings and veerings."""
+"""Floquet modes keep their identity through crossings and veerings."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,8 @@ def followed(planted):
 
 
 def values_agree(result, planted):
-    """At every speed the exponents are those of the constant system, up to multiples of the speed."""
+    """Check at every speed that the exponents are those of the constant system, up to multiples of the
+    speed."""
     for row, speed in enumerate(SPEEDS):
         for exponent in result.exponents[row]:
             difference = exponent - np.append(planted.exponents(speed), planted.exponents(speed).conj())
@@ -27,7 +28,7 @@ def values_agree(result, planted):
 
 
 def ends(result, planted):
-    """For each mode, the positions of its exponent in the ascending exponents at both ends."""
+    """Return, for each mode, the ranks of its exponent among the ascending exponents at both ends."""
     places = []
     for row in (0, -1):
         truth = planted.exponents(SPEEDS[row])
@@ -66,8 +67,9 @@ def test_modes_are_never_swapped_without_a_warning(gap, rotating):
 
 
 @pytest.mark.parametrize(("gap", "kind"), [(0.02, "veering"), (0.002, "crossing")])
-def test_coupling_beyond_the_difference_of_damping_is_a_veering(gap, kind):
-    """Modes of growth rates -0.005 and -0.01 exchange their vectors from a gap of their difference, 0.005."""
+def test_coupling_above_the_damping_difference_causes_veering(gap, kind):
+    """Modes with growth rates -0.005 and -0.01 exchange their vectors if the gap is at least the difference,
+    0.005."""
     result = followed(pair(gap, seed=3, damping=(0.01, 0.02)))
     assert [meeting.kind for meeting in result.meetings] == [kind]
     order = np.argsort(-result.damping, axis=1)[[0, -1]]
@@ -75,8 +77,8 @@ def test_coupling_beyond_the_difference_of_damping_is_a_veering(gap, kind):
 
 
 @pytest.mark.parametrize("gaps", [(1e-2, 1e-4, 1e-5), (0.0, 1e-3, 0.0)])
-def test_three_modes_that_meet_at_one_speed(gaps):
-    """Ascending order is kept where all pairs are coupled. Without coupling of the first to the others, it
+def test_three_modes_keep_their_identity_where_they_meet(gaps):
+    """The modes keep their order if all pairs are coupled. If the first is not coupled to the others, it
     crosses both."""
     frequencies = np.array([[3.0, 0.8], [3.05, 0.1], [3.1, -0.6]])
     couplings = {(0, 1): gaps[0], (1, 2): gaps[1], (0, 2): gaps[2]}
@@ -89,8 +91,8 @@ def test_three_modes_that_meet_at_one_speed(gaps):
 
 
 def test_modes_locked_in_a_combination_resonance_are_ambiguous():
-    """Without damping, the sum of two frequencies equal to the speed makes both exponents grow or decay:
-    M. Hsu's combination resonance at ω1 + ω2 = 3."""
+    """Without damping, there is a combination resonance at the speed ω1 + ω2 = 3. There, both modes have an
+    exponent that grows and one that decays."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -112,7 +114,8 @@ def test_modes_locked_in_a_combination_resonance_are_ambiguous():
 
 
 def test_real_multipliers_of_one_mode_do_not_end_its_track():
-    """The mode of Mathieu's equation near ω = Ω/2 is locked with its own conjugate and follows after."""
+    """Near ω = Ω/2, the mode of Mathieu's equation is locked with its own conjugate. Its track continues
+    beyond."""
     system = solve.load("mathieu", delta=1.0, epsilon=0.3, zeta=0.01)
     result = solve.follow_modes(system, np.linspace(0.8, 1.2, 21))
     assert result.labels == ["1"]
@@ -121,7 +124,7 @@ def test_real_multipliers_of_one_mode_do_not_end_its_track():
     assert result.damping.min() < 0 < result.damping[0, 0]
 
 
-def test_equal_oscillators_without_coupling_are_followed_as_a_group():
+def test_equal_uncoupled_oscillators_are_followed_as_a_group():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1)) * np.eye(2)
         return one, 0.1 * one, (4.0 + speed) * one, np.zeros((len(phase), 2))
@@ -132,16 +135,17 @@ def test_equal_oscillators_without_coupling_are_followed_as_a_group():
     np.testing.assert_allclose(result.frequencies, np.tile(expected[:, None], 2), rtol=1e-7)
 
 
-def test_participation_is_that_of_rotating_coordinates():
-    """A mode that is still in the rotating frame has the harmonics ±1 of both coordinates, a quarter each."""
+def test_participations_match_those_in_rotating_coordinates():
+    """A mode that is constant in the rotating frame has the harmonics ±1 of both coordinates, each with a
+    participation of a quarter."""
     result = followed(pair(0.0, seed=5))
     main = list(result.harmonics).index(0)
     np.testing.assert_allclose(result.participation[0, :, :, main], 0.25, atol=0.02)
     np.testing.assert_allclose(result.participation.sum(axis=(2, 3)), 1.0, atol=0.01)
 
 
-def test_power_of_harmonics_is_that_of_the_waves():
-    """p = (e^{2iφ} + e^{-iφ}/2, e^{-8iφ}) at 24 nodes; inertia 1 and 3."""
+def test_harmonic_powers_match_those_of_given_waves():
+    """The mode is p = (e^{2iφ} + e^{-iφ}/2, e^{-8iφ}) at 24 nodes; the inertias are 1 and 3."""
     nodes = np.arange(24) * 2 * np.pi / 24
     parts = np.stack((np.exp(2j * nodes) + 0.5 * np.exp(-1j * nodes), np.exp(-8j * nodes)), axis=1)[
         :, :, None
@@ -153,14 +157,14 @@ def test_power_of_harmonics_is_that_of_the_waves():
     np.testing.assert_allclose(modes.power(np.array([-8, -1, 0, 2])), expected, atol=1e-14)
 
 
-def test_modes_are_followed_over_a_parameter():
+def test_modes_are_followed_versus_a_parameter():
     system = solve.load("mathieu", delta=1.3, epsilon=0.1, zeta=0.05)
     result = solve.follow_modes(system, 1.0, over="delta=1.2:1.8:4")
     assert result.over == "delta"
     np.testing.assert_allclose(result.frequencies[:, 0], np.sqrt(result.values), atol=0.02)
 
 
-def test_speeds_without_a_solution_are_named():
+def test_speeds_without_a_solution_are_listed():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, one * (np.nan if speed == 2.0 else 4.0), np.zeros((len(phase), 1))
@@ -171,7 +175,7 @@ def test_speeds_without_a_solution_are_named():
     assert any("no result at" in warning for warning in result.warnings)
 
 
-def test_arguments_are_checked():
+def test_invalid_arguments_are_refused():
     mathieu = solve.load("mathieu", delta=1.3, epsilon=0.1)
     with pytest.raises(ValueOutOfBoundsError, match="at least two"):
         solve.follow_modes(mathieu, [1.0])
@@ -186,7 +190,7 @@ def test_arguments_are_checked():
 
 
 def test_modes_of_a_first_order_system_are_followed():
-    """ẏ = A y in coordinates that rotate: the eigenvalues of A are constant."""
+    """The equation is ẏ = A y in rotating coordinates. The eigenvalues of A are constant."""
     A = np.array([[0.0, 1.0, 0.0], [-9.0, -0.1, 1.0], [0.3, 0.0, -2.0]])
 
     def matrices(phase, speed):
@@ -206,22 +210,22 @@ def test_modes_of_a_first_order_system_are_followed():
     assert len(result.labels) == 2
 
 
-def test_unresolved_harmonics_are_stated():
-    """The cam has modes of some hundred harmonics at low speeds."""
+def test_unresolved_harmonics_are_reported():
+    """At low speeds, the modes of the cam have several hundred harmonics."""
     result = solve.follow_modes(solve.load("cam"), "100:110:2 rpm", steps=128)
     assert any("128 steps do not resolve the harmonics of all modes" in text for text in result.warnings)
     assert not followed(pair(1e-2, seed=2)).warnings
 
 
-def test_ranges_without_refinement_are_stated(monkeypatch):
+def test_unrefined_ranges_are_reported(monkeypatch):
     monkeypatch.setattr("solve.studies.follow_modes._ADDED", 1)
     result = followed(pair(1e-4, seed=2))
     (sentence,) = (text for text in result.warnings if "modes are not identified from" in text)
     assert sentence.endswith("give closer values or a smaller range")
 
 
-def test_shifts_beyond_the_nodes_raise_no_warning_of_numpy():
-    """A frequency of 400 harmonics, whose number doubles between both speeds."""
+def test_shifts_beyond_the_nodes_cause_no_numpy_warning():
+    """The mode has a frequency of 400 times the speed. This number halves between the two speeds."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1)) * np.eye(2)

@@ -1,4 +1,4 @@
-"""Natural frequencies, their studies and fits with rigid-body and growing modes."""
+"""Natural frequencies of systems with rigid-body or growing modes: values, studies and fits."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from tests.solve.studies.free_trains import (
 )
 
 
-def test_a_free_train_names_its_rigid_body_mode():
+def test_rigid_body_mode_of_a_free_train_is_labelled():
     frequencies = solve.frequencies(train(), count=5)
     np.testing.assert_allclose(frequencies.values[0] / (2 * np.pi), HERTZ, rtol=1e-9, atol=0)
     (mode,) = frequencies.rigid_body_modes
@@ -34,13 +34,14 @@ def test_a_free_train_names_its_rigid_body_mode():
     ("discs", "count", "title"),
     [(5, None, ": the lowest 4 of 5"), (8, 7, ": the lowest 6 of 8"), (3, None, "")],
 )
-def test_frequency_table_states_the_number_of_omitted_modes(discs, count, title):
+def test_frequency_table_reports_the_number_of_omitted_modes(discs, count, title):
     frequencies = solve.frequencies(train([0.1] * discs, [50.0] * (discs - 1)), count=count)
     assert f"Over the turn, rad/s{title}\n" in repr(frequencies).replace(" \n", "\n")
 
 
-def test_the_first_mode_of_three_discs_is_zero_for_every_stiffness():
-    """The others from the closed form for three equal inertias J: J λ = k1 + k2 ± √(k1² + k2² − k1 k2)."""
+def test_first_frequency_of_three_discs_is_always_zero():
+    """The other frequencies follow from the closed form for three equal inertias J: J λ = k1 + k2 ± √(k1² +
+    k2² − k1 k2)."""
     k1, k2, J = np.linspace(40, 60, 21), 50.0, 0.1
     discs = train([J] * 3, [50.0, k2])
     variation = solve.frequencies_over(discs, "k1", k1, np.zeros(1))
@@ -51,7 +52,7 @@ def test_the_first_mode_of_three_discs_is_zero_for_every_stiffness():
     assert variation.shown_modes == [0, 1]
 
 
-def test_a_spring_that_turns_negative_does_not_renumber_the_modes():
+def test_negative_spring_stiffness_does_not_renumber_the_modes():
     k1 = np.linspace(-3, 3, 13)
     low, high = squares_of_masses(k1)
     variation = solve.frequencies_over(masses(), "k1", k1, np.zeros(1))
@@ -73,9 +74,9 @@ def test_a_spring_that_turns_negative_does_not_renumber_the_modes():
     assert low_edge < -np.sqrt(-low[0])
 
 
-def test_over_a_turn_on_which_the_stiffness_changes_its_sign():
-    """ẍ + (1/2 + cos φ) x = 0 with frozen φ: a growth rate where the bracket is negative, a frequency
-    elsewhere."""
+def test_negative_frozen_stiffness_gives_a_growth_rate():
+    """At a frozen phase φ, ẍ + (1/2 + cos φ) x = 0 has a growth rate if the bracket is negative, otherwise a
+    frequency."""
     mathieu = solve.load("mathieu", delta=0.5, epsilon=1.0)
     positions = np.linspace(0, np.pi, 5, endpoint=False)
     square = 0.5 + np.cos(2 * positions)
@@ -92,7 +93,7 @@ def test_over_a_turn_on_which_the_stiffness_changes_its_sign():
     assert set(frequencies.to_pandas()) == {"position", "frequency1", "growth_rate1"}
 
 
-def test_speed_0_is_named_where_it_makes_a_matrix_infinite():
+def test_error_reports_speed_0_if_a_matrix_is_infinite():
     with pytest.raises(MatricesError, match=r"no finite M, C, K at speed 0.*divides by the speed.*critical"):
         solve.frequencies(bearing())
 
@@ -116,21 +117,21 @@ def written(path, rows):
     return path
 
 
-def test_a_fit_finds_the_stiffness_of_a_free_train(tmp_path):
+def test_fit_finds_the_stiffness_of_a_free_train(tmp_path):
     file = written(tmp_path / "f.csv", [*enumerate(HERTZ, 1)][1:])
     fitted = solve.fit(train(k1=9000.0), file, ["k1"])
     assert fitted.parameters["k1"].value == pytest.approx(12e3, rel=1e-8)
 
 
-def test_a_fit_of_two_free_discs(tmp_path):
-    """ω² = k (1/J1 + 1/J2)."""
+def test_fit_finds_the_stiffness_between_two_free_discs(tmp_path):
+    """The natural frequency is ω² = k (1/J1 + 1/J2)."""
     hertz = np.sqrt(2500.0 * (1 / 0.1 + 1 / 0.3)) / (2 * np.pi)
     file = written(tmp_path / "f.csv", [(2, hertz), (2, hertz * (1 + 1e-9))])
     fitted = solve.fit(train([0.1, 0.3], [900.0]), file, ["k1"])
     assert fitted.parameters["k1"].value == pytest.approx(2500.0, rel=1e-7)
 
 
-def test_a_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
+def test_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
     file = written(tmp_path / "f.csv", [(at, hertz) for at, hertz in enumerate(HERTZ[1:], 1)])
     with pytest.raises(ValueOutOfBoundsError) as refused:
         solve.fit(train(k1=9000.0), file, ["k1"])
@@ -138,14 +139,14 @@ def test_a_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
     assert "counted first; number the elastic modes in the file from 2 on" in str(refused.value)
 
 
-def test_a_fit_recovers_from_a_start_with_a_growing_mode(tmp_path):
+def test_fit_converges_from_a_start_with_a_growing_mode(tmp_path):
     low, high = squares_of_masses(3.0)
     file = written(tmp_path / "f.csv", [(1, np.sqrt(low) / 2 / np.pi), (2, np.sqrt(high) / 2 / np.pi)])
     fitted = solve.fit(masses(k1=-3.0), file, ["k1"])
     assert fitted.parameters["k1"].value == pytest.approx(3.0, rel=1e-6)
 
 
-def test_the_summary_gives_growth_rates_per_second():
+def test_summary_states_growth_rates_per_second():
     mathieu = solve.load("mathieu", delta=0.5, epsilon=1.0)
     (growing,) = solve.frequencies(mathieu, np.pi / 2).growth_rates[0]
     summary = Findings(solve.frequencies(mathieu, np.pi / 2)).summary

@@ -75,13 +75,13 @@ def test_drag_without_a_mean_load_leaves_no_steady_velocity():
     assert note.endswith("; the motion has no steady velocity along this mode")
 
 
-def test_bands_name_rigid_body_modes():
+def test_bands_report_rigid_body_modes():
     bands = solve.bands(mechanism(), "500:3000:5 rpm")
     assert bands.notes[0].startswith("rigid-body modes: ")
     assert list(bands) == []
 
 
-def test_a_free_orbit_is_read_from_its_file(tmp_path):
+def test_saved_orbit_of_a_free_machine_is_read(tmp_path):
     orbit = solve.periodic(train(DRAG, mean=1.0), SPEED)
     orbit.save(tmp_path / "orbit.nc")
     again = solve.open(tmp_path / "orbit.nc")

@@ -1,4 +1,4 @@
-"""Least squares over domains known only by trial, for problems with known minima."""
+"""Least squares over domains whose limits are found only by evaluation, for problems with known minima."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ FREE = (np.array([-np.inf]), np.array([np.inf]))
 
 
 class Root:
-    """Residuals a √x t − y, undefined for x <= 0."""
+    """Residuals a √x t − y, which are undefined for x <= 0."""
 
     def __init__(self, start, y, broken=False):
         self.start, self.y, self.broken, self.refused = np.array([start]), y, broken, 0
@@ -31,7 +31,7 @@ class Root:
         return (T / (2 * np.sqrt(x[0])) * (np.nan if self.broken else 1.0))[:, None]
 
 
-def test_a_trial_without_a_result_shortens_the_step():
+def test_step_is_shortened_after_a_trial_without_a_result():
     """The first Gauss-Newton step from 9 to √0.01 t ends at 9 + 2 · 3 (0.1 − 3) = −8.4."""
     problem = Root(9.0, 0.1 * T)
     solution = minimise(problem, FREE, False)
@@ -40,7 +40,7 @@ def test_a_trial_without_a_result_shortens_the_step():
     assert solution.warnings == []
 
 
-def test_a_trial_that_is_not_finite_shortens_the_step():
+def test_step_is_shortened_after_a_trial_that_is_not_finite():
     class Infinite(Root):
         def residuals(self, x):
             return np.sqrt(x[0]) * T - self.y if x[0] > 0 else np.full(len(T), np.inf)
@@ -48,8 +48,8 @@ def test_a_trial_that_is_not_finite_shortens_the_step():
     assert minimise(Infinite(9.0, 0.1 * T), FREE, False).x == pytest.approx([0.01], rel=1e-8)
 
 
-def test_a_minimum_outside_the_domain_is_reported():
-    """√x t against −t: the residual falls towards the boundary 0, and no point is a minimum."""
+def test_minimum_outside_the_domain_is_reported():
+    """The fit of √x t to −t has no minimum: the residual decreases towards the boundary 0."""
     solution = minimise(Root(2.0, -T), FREE, False)
     assert not solution.stationary
     (text,) = solution.warnings
@@ -58,7 +58,7 @@ def test_a_minimum_outside_the_domain_is_reported():
     assert "M has NaN" in text
 
 
-def test_a_start_at_a_minimum_is_reported_unless_it_fits_exactly():
+def test_inexact_fit_at_the_start_is_reported():
     off = np.array([1.0, -1, 1, -1, 1, -1, 0])
     off -= T * (off @ T) / (T @ T)
     (text,) = minimise(Root(4.0, 2 * T + 0.1 * off), FREE, False).warnings
@@ -68,7 +68,7 @@ def test_a_start_at_a_minimum_is_reported_unless_it_fits_exactly():
 
 
 @pytest.mark.parametrize("problem", [Root(1.0, T, broken=True), Root(4.0, np.full(len(T), np.inf))])
-def test_a_non_finite_start_is_refused_with_its_values(problem):
+def test_start_that_is_not_finite_is_refused_with_its_values(problem):
     with pytest.raises(
         NoResultError, match=r"starts from x = .* m, where .* are not finite; start from other values"
     ):
@@ -76,7 +76,7 @@ def test_a_non_finite_start_is_refused_with_its_values(problem):
 
 
 def softening():
-    """Spring k √(1 − a²), undefined for |a| > 1, driven by F cos φ."""
+    """Return a spring k √(1 − a²), undefined for |a| > 1, driven by F cos φ."""
     made = Mechanism("softening", "A spring that an angle softens")
     (q,) = made.coordinates(q=("m", "way"))
     m, c, k, F = made.parameters(
@@ -97,7 +97,7 @@ NUMBERS = {"m": 1.0, "c": 0.5, "k": 20.0, "F": 3.0}
 
 @pytest.fixture
 def data(tmp_path):
-    """The response at 1 and 2 rad/s with a = 0.95, by the complex solution."""
+    """Return the response at 1 and 2 rad/s for a = 0.95, from the complex solution."""
     rows, phases = ["phase (rad),speed (rad/s),q (m)"], np.linspace(0, 2 * np.pi, 40, endpoint=False)
     for speed in (1.0, 2.0):
         stiffness = 20 * np.sqrt(1 - 0.95**2) - speed**2 + 0.5j * speed
@@ -108,13 +108,13 @@ def data(tmp_path):
 
 
 @pytest.mark.parametrize("start", [0.7, -0.9])
-def test_a_fit_continues_past_values_without_matrices(data, start):
+def test_fit_continues_past_values_without_matrices(data, start):
     fitted = solve.fit(solve.load(softening(), **NUMBERS, a=start), data, ["a"])
     assert fitted.parameters["a"].value == pytest.approx(np.copysign(0.95, start), rel=1e-6)
     assert not any("fit" in text for text in fitted.warnings)
 
 
-def test_a_start_without_matrices_is_refused_with_its_values(data):
+def test_start_without_matrices_is_refused_with_its_values(data):
     with pytest.raises(MatricesError, match=r"the fit starts from a = 1.2, k = 20 N/m, where . has NaN"):
         solve.fit(solve.load(softening(), **NUMBERS, a=1.2), data, ["a", "k"])
     # Without the spring the mass is free and still vibrates, but the slope of √0 is infinite.
@@ -122,8 +122,9 @@ def test_a_start_without_matrices_is_refused_with_its_values(data):
         solve.fit(solve.load(softening(), **{**NUMBERS, "m": 0.5}, a=1.0), data, ["a"])
 
 
-def test_a_poor_fit_of_few_values_is_reported(tmp_path):
-    """Amplitudes of three harmonics of a response that has one; 1 % is a typical sensor error."""
+def test_poor_fit_of_few_values_is_reported(tmp_path):
+    """The data are the amplitudes of three harmonics, but the response has one. The error of 1 % is typical
+    of sensors."""
     size = float(3 / abs(20 * np.sqrt(1 - 0.95**2) - 1 + 0.5j))
     rows = [f"1,1,{size!r}", f"1,1,{1.01 * size!r}"]
     file = tmp_path / "orders.csv"

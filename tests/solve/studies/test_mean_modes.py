@@ -1,5 +1,5 @@
-"""Frozen modes that cross within a turn, against the angles that multipliers turn by in a period, and against
-means of frequencies that are known."""
+"""Frozen modes that cross within a period, compared with multiplier angles and with means of known
+frequencies."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,8 @@ from tests.solve import systems
 
 
 def oscillators(swing, coupling, damping=(0.0, 0.0)):
-    """ω² = 1 + swing cos φ and 1.44 - swing cos φ, which cross twice a turn, coupled by a stiffness."""
+    """Return two oscillators coupled by a stiffness. Their ω², 1 + swing cos φ and 1.44 - swing cos φ, cross
+    twice per period."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -30,12 +31,13 @@ def oscillators(swing, coupling, damping=(0.0, 0.0)):
 
 
 def mean_root(middle, swing):
-    """The mean of sqrt(middle + swing cos φ)."""
+    """Return the mean of sqrt(middle + swing cos φ) over a period."""
     return np.sqrt(middle + swing * np.cos((np.arange(4096) + 0.5) * np.pi / 2048)).mean()
 
 
 def angle_off(system, speed):
-    """Largest difference, in full turns, of the multipliers' angles from those of the means."""
+    """Return the largest difference, in revolutions, between the angles of the multipliers and those of the
+    mean frequencies."""
     rho = np.array(solve.floquet(system, speed).multipliers)
     turned = np.abs(np.angle(rho[np.imag(rho) > 0])) / (2 * np.pi)
     expected = mean_modes(system, speed).frequencies / speed
@@ -44,14 +46,14 @@ def angle_off(system, speed):
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.07, 0.2, 1.9])
-def test_modes_that_cross_stay_themselves(speed):
+def test_crossing_modes_keep_their_identity(speed):
     modes = mean_modes(oscillators(0.5, 0.0, (0.1, 0.3)), speed)
     np.testing.assert_allclose(modes.frequencies, [mean_root(1.0, 0.5), mean_root(1.44, -0.5)], rtol=1e-9)
     np.testing.assert_allclose(modes.rates, [0.05, 0.15], rtol=1e-9)
 
 
 def test_coupled_identical_modes_have_symmetric_candidates():
-    """x + y and x - y move by themselves, with ω² = 1 ± 0.3 cos φ."""
+    """The combinations x + y and x - y are uncoupled, with ω² = 1 ± 0.3 cos φ."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -67,9 +69,9 @@ def test_coupled_identical_modes_have_symmetric_candidates():
     assert {one.order for one in row.candidates} == {1}
 
 
-def test_in_an_avoided_crossing_the_speed_decides():
-    """By their angles multipliers keep ranks at low speeds and shapes at high ones; between the two means
-    jump, which is no combination."""
+def test_speed_determines_identities_in_an_avoided_crossing():
+    """According to the angles of the multipliers, modes keep their ranks at low speeds and their shapes at
+    high speeds. Between these, the two mean frequencies jump; the jump is not a combination resonance."""
     system, slow, quick = oscillators(0.5, 0.1), 0.03, 0.37
     for speed in (slow, quick):
         assert angle_off(system, speed) < 0.01
@@ -83,8 +85,9 @@ def test_in_an_avoided_crossing_the_speed_decides():
 
 @pytest.mark.parametrize("speed", [20.0, 30.0])
 def test_decay_rates_of_approaching_modes_match_the_multipliers(speed):
-    """The lower of two close modes has little damping, the higher one much, whatever their shapes. By shapes
-    both would have the mean damping; the multipliers decide."""
+    """Of two close modes, the lower always has little damping and the higher much damping, whatever their
+    shapes. If modes were identified by shape, both would have the mean damping. The multipliers show which
+    rule holds."""
     manipulator = solve.load("manipulator")
     omega = speed * np.pi / 30
     rho = np.array(solve.floquet(manipulator, omega).multipliers)
@@ -94,7 +97,7 @@ def test_decay_rates_of_approaching_modes_match_the_multipliers(speed):
 
 
 @pytest.mark.parametrize("coupling", [0.0, 0.05])
-def test_the_tongues_of_modes_that_cross_belong_to_them(coupling):
+def test_tongues_of_crossing_modes_are_assigned_to_them(coupling):
     critical = solve.critical_speeds(
         oscillators(0.5, coupling, (0.02, 0.02)), np.linspace(1.6, 2.6, 41), orders=4
     )
@@ -107,7 +110,7 @@ def test_the_tongues_of_modes_that_cross_belong_to_them(coupling):
 
 
 def turning_frame():
-    """A mass on four equal springs, ω = 100 rad/s, in a frame that turns with Ω: λ = ± i (ω ± Ω)."""
+    """Return a mass on four equal springs, ω = 100 rad/s, in a frame that rotates at Ω: λ = ± i (ω ± Ω)."""
 
     def matrices(phase, speed):
         one, turned = np.ones((len(phase), 1, 1)), np.array([[0.0, -1.0], [1.0, 0.0]])

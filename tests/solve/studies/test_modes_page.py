@@ -1,4 +1,4 @@
-"""docs/modes.md: its example runs, and its printed commands are those of the program."""
+"""The example of docs/modes.md runs, and its printed commands are those of the program."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ def test_example_of_the_two_bladed_rotor_runs():
     exec(example, {})
 
 
-def test_two_bladed_rotor_has_ground_resonance_at_the_speeds_of_the_page():
+def test_ground_resonance_occurs_at_the_speeds_on_the_page():
     (example,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
     names = {}
     exec(example.partition("system =")[0], names)

@@ -1,4 +1,4 @@
-"""Norms of periodic systems: closed forms, a covariance integrated by SciPy, and gains over frequency."""
+"""Norms of periodic systems: closed forms, a covariance integrated by SciPy, and gains versus frequency."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def oscillator(epsilon):
     return solve.PeriodicSystem(matrices, ["q"], inputs=["u"])
 
 
-def test_norms_of_a_constant_oscillator_are_closed_forms():
+def test_norms_of_a_constant_oscillator_match_closed_forms():
     variance = solve.h2_norm(oscillator(0.0), 1.0, ["q"])
     assert variance.value**2 == pytest.approx(1 / (2 * 0.2 * 4), rel=1e-9)
     gain = solve.hinf_norm(oscillator(0.0), 1.0, ["q"])
@@ -42,7 +42,7 @@ def test_largest_gain_of_a_lag_is_at_frequency_zero():
     assert found.frequency == 0.0
 
 
-def test_h2_norm_is_the_integrated_covariance():
+def test_h2_norm_matches_the_integrated_covariance():
     found = solve.h2_norm(oscillator(1.0), 1.0, ["q"])
 
     def rates(t, y):
@@ -58,7 +58,7 @@ def test_h2_norm_is_the_integrated_covariance():
     assert found.error < 1e-8
 
 
-def test_hinf_norm_is_the_largest_gain_of_the_harmonic_transfer_function():
+def test_hinf_norm_matches_the_largest_harmonic_transfer_gain():
     found = solve.hinf_norm(oscillator(1.0), 1.0, ["q"])
 
     def first_order(phase, speed):
@@ -77,7 +77,8 @@ def test_hinf_norm_is_the_largest_gain_of_the_harmonic_transfer_function():
 
 
 def test_hinf_norm_of_slow_variation_is_the_largest_frozen_gain():
-    """x′ = -x + u, y = (1 + cos φ) x: the gains of both factors are at most 1 and 2."""
+    """For x′ = -x + u and y = (1 + cos φ) x, the gain from u to x is at most 1, and that from x to y at most
+    2."""
     rate = 0.02
 
     def matrices(phase, speed):
@@ -91,7 +92,7 @@ def test_hinf_norm_of_slow_variation_is_the_largest_frozen_gain():
 
 
 @pytest.mark.slow
-def test_hinf_norm_of_a_press_is_above_gains_with_few_harmonics():
+def test_hinf_norm_exceeds_gains_computed_with_few_harmonics():
     press = solve.load("manipulator")
     found = solve.hinf_norm(press, "70 rpm", ["q2"], rtol=1e-5)
     with_two, with_many = (
@@ -103,7 +104,7 @@ def test_hinf_norm_of_a_press_is_above_gains_with_few_harmonics():
 
 
 def _of_press(press):
-    """Equations of first order from the torque to the deflection q2."""
+    """Return the first-order equations of the press from the torque to the deflection q2."""
 
     def matrices(phase, speed):
         M, C, K, _ = press.at(phase, speed)
@@ -129,7 +130,7 @@ def test_norms_require_stability_and_inputs():
 
 
 @pytest.mark.parametrize("norm", [solve.h2_norm, solve.hinf_norm])
-def test_names_of_norms_are_one_or_more(norm):
+def test_one_or_more_norms_may_be_requested(norm):
     system = oscillator(0.0)
     assert norm(system, 1.0, "q", "u").value == norm(system, 1.0, ["q", "q"], ["u", "u"]).value
     for names in (([],), (["q"], [])):

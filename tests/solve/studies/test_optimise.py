@@ -1,4 +1,4 @@
-"""Optima of parameters: closed forms, scans, kept quantities, stability, requests that are refused."""
+"""Optima of parameters: closed forms, scans, constraints, stability, and invalid requests."""
 
 import json
 from dataclasses import replace
@@ -26,7 +26,7 @@ def model():
     return loaded()
 
 
-def test_two_speeds_share_the_largest_amplitude(model):
+def test_optimum_has_equal_peaks_at_two_speeds(model):
     low, high = 1.5, 3.0
     found = solve.optimise(model, "q.max_abs", {"k": (5.0, 17.0)}, [low, high])
     # Equal moduli of k - m Ω² + i c Ω at both speeds.
@@ -38,14 +38,14 @@ def test_two_speeds_share_the_largest_amplitude(model):
 
 
 def largest(p1, p2, speed):
-    """Largest |q| over a fine grid of phases."""
+    """Return the largest |q| on a fine grid of phases."""
     phase = np.linspace(0, 2 * np.pi, 20001)
     curve = p1 * response(speed) * np.exp(1j * phase) + p2 * response(3 * speed) * np.exp(3j * phase)
     return np.abs(curve.real).max()
 
 
 @pytest.mark.parametrize("figure", ["load.max", "load.range"])
-def test_kept_maximum_of_the_load_is_kept(model, figure):
+def test_equality_constraint_on_the_largest_load_is_met(model, figure):
     speed = 0.8
     free = {"p1": (0.5, 1.5), "p2": (-0.4, 0.4)}
     found = solve.optimise(model, "q.max_abs", free, speed, keep=[figure])
@@ -58,7 +58,7 @@ def test_kept_maximum_of_the_load_is_kept(model, figure):
     assert found.objective < 0.9 * found.before
 
 
-def test_kept_curve_with_tolerance_stays_within_it(model):
+def test_curve_constraint_is_met_within_its_tolerance(model):
     found = solve.optimise(
         model, "q.max_abs", {"p1": (0.5, 1.5), "p2": (-0.4, 0.4)}, 0.8, keep=["load@0:30 deg within 0.05 N"]
     )
@@ -67,7 +67,7 @@ def test_kept_curve_with_tolerance_stays_within_it(model):
     assert np.abs(change).max() == pytest.approx(0.05, rel=1e-3)
 
 
-def test_bound_on_another_quantity_is_active(model):
+def test_bound_on_another_quantity_is_active_at_the_optimum(model):
     found = solve.optimise(model, "q.max_abs", {"k": (4.0, 20.0)}, 0.5, subject=["q.max > 0.1"])
     assert found.objective == pytest.approx(0.1, rel=1e-5)
     assert found.constraints[1].value >= 0.1 * (1 - 1e-6)
@@ -76,13 +76,13 @@ def test_bound_on_another_quantity_is_active(model):
 
 @pytest.fixture
 def solutions(monkeypatch):
-    """Speeds of all solutions at designs."""
+    """Return the speeds of all solutions that are computed at designs."""
     speeds, at = [], Design.at
     monkeypatch.setattr(Design, "at", lambda design, x, given: speeds.extend(given) or at(design, x, given))
     return speeds
 
 
-def test_requirement_that_no_design_fulfils_is_named_with_its_best_value(model):
+def test_infeasible_requirement_is_reported_with_its_best_value(model):
     found = solve.optimise(model, "q.max_abs", {"k": (8.0, 10.0)}, 0.5, subject=["q.max < 10 mm"])
     least = abs(response(0.5, k=10.0))
     assert found.objective == pytest.approx(least, rel=1e-6)
@@ -90,7 +90,7 @@ def test_requirement_that_no_design_fulfils_is_named_with_its_best_value(model):
     assert any(text in warning for warning in found.warnings)
 
 
-def test_requirements_that_exclude_each_other_are_both_named(model, solutions):
+def test_conflicting_requirements_are_both_reported(model, solutions):
     bounds = ["q.max < 0.1", "q.max > 0.11"]
     found = solve.optimise(model, "q.max_abs", {"k": (8.0, 12.0)}, 0.5, subject=bounds)
     # Equal violations, relative to the bounds.
@@ -99,7 +99,7 @@ def test_requirements_that_exclude_each_other_are_both_named(model, solutions):
     assert len(solutions) < 100
 
 
-def test_unstable_band_that_no_design_avoids_ends_the_search_over_its_range(solutions):
+def test_unavoidable_unstable_band_ends_the_search_over_its_range(solutions):
     pendulum = solve.load("mathieu", delta=2.0, epsilon=1.0, zeta=0.02)
     found = solve.optimise(pendulum, "spectral_radius", {"zeta": (0.0, 0.1)}, "1:2:3 rad/s", rtol=1e-6)
     damped = pendulum.varied({"zeta": 0.1})
@@ -109,14 +109,14 @@ def test_unstable_band_that_no_design_avoids_ends_the_search_over_its_range(solu
     assert len(solutions) < 500
 
 
-def test_unstable_start_becomes_stable():
+def test_unstable_initial_design_becomes_stable():
     unstable = solve.load("mathieu", delta=1.0, epsilon=0.5, zeta=0.01)
     assert solve.floquet(unstable, 1.0).verdict == "unstable"
     found = solve.optimise(unstable, "spectral_radius", {"delta": (0.9, 2.0)}, 1.0)
     assert solve.floquet(found.system, 1.0).verdict == "asymptotically stable"
 
 
-def test_narrow_unstable_band_that_no_design_avoids_is_named():
+def test_unavoidable_narrow_unstable_band_is_reported():
     # Mathieu's first tongue, about the speed of the natural frequency, has a width of 2 %.
     pendulum = solve.load("mathieu", delta=1.0, epsilon=0.05, zeta=0.005)
     found = solve.optimise(pendulum, "spectral_radius", {"delta": (0.99, 1.01)}, "0.7:1.7:2 rad/s", rtol=1e-4)
@@ -135,8 +135,8 @@ def test_narrow_unstable_band_is_moved_out_of_the_range():
     assert found.free["delta"] > 1.7**2
 
 
-def test_maximum_over_the_speed_is_followed_with_its_derivatives(model):
-    """Its height is F / (c ω √(1 - D²)) with the damping ratio D, wherever the resonance moves."""
+def test_maximum_over_speed_and_its_derivatives_match_closed_forms(model):
+    """The height of the resonance is F / (c ω √(1 - D²)), where D is the damping ratio, at every design."""
     speed = np.sqrt(STIFFNESS / MASS)
     speeds = [0.995 * speed, speed, 1.005 * speed]
     design = Design(
@@ -152,7 +152,7 @@ def test_maximum_over_the_speed_is_followed_with_its_derivatives(model):
     np.testing.assert_allclose(peak.slopes(x), differences(peak.values, x), rtol=1e-5)
 
 
-def test_function_of_orbits_equals_the_named_quantity(model):
+def test_objective_function_of_orbits_equals_the_named_quantity(model):
     free, speeds = {"k": (5.0, 17.0)}, [1.5, 3.0]
     named = solve.optimise(model, "q.rms", free, 3.0)
     given = solve.optimise(model, lambda orbits: orbits[0].statistics("q").rms, free, 3.0)
@@ -164,7 +164,7 @@ def test_function_of_orbits_equals_the_named_quantity(model):
     assert both.objective == pytest.approx(min(scan), rel=1e-5)
 
 
-def test_random_starts_find_the_better_of_two_minima(model):
+def test_random_initial_designs_find_the_better_of_two_minima(model):
     # Amplitudes with stiffnesses above both resonances are lower than those between them.
     free = {"k": (7.0, 60.0)}
     one = solve.optimise(model, "q.max_abs", free, [1.5, 3.0])
@@ -174,13 +174,13 @@ def test_random_starts_find_the_better_of_two_minima(model):
 
 
 def dwell_law(cosines):
-    """Symmetric lift at phases from 0 to 180°."""
+    """Return a symmetric lift at phases from 0 to 180°."""
     phase, order = np.linspace(0.0, np.pi, 50_001), np.arange(1, 13)
     return phase, np.cos(np.outer(phase, order)) @ cosines
 
 
 @pytest.mark.slow
-def test_cam_with_a_dwell_vibrates_a_third_less_with_dwell_and_range_kept():
+def test_cam_with_unchanged_dwell_vibrates_a_third_less():
     cam, names = solve.load("cam", case="dwell"), [f"b{order}" for order in range(1, 13)]
     keep = ["lift.range", "lift@150:210 deg"]
     free = dict.fromkeys(names, (-0.06, 0.08))
@@ -201,7 +201,7 @@ def test_cam_with_a_dwell_vibrates_a_third_less_with_dwell_and_range_kept():
     assert not len(solve.bands(found.system, "50:300:11 rpm", rtol=1e-6))
 
 
-def test_a_quantity_that_is_zero_at_the_start_is_bounded(model):
+def test_bound_on_an_initially_zero_quantity_is_met(model):
     # A counteracting third harmonic, absent at the start.
     free = {"p1": (0.5, 1.5), "p2": (-0.4, 0.4)}
     start = model.varied({"p1": 1.0, "p2": 0.0, "k": 12.0})
@@ -212,7 +212,8 @@ def test_a_quantity_that_is_zero_at_the_start_is_bounded(model):
 
 
 def manipulator_with_a_torque():
-    """The manipulator with a periodic torque on its cam, an output, and no numbers of its harmonics."""
+    """Return the manipulator with a periodic torque on its cam and an output; the harmonics of the torque
+    have no values."""
     made = manipulator()
     torque = made.series("T", harmonics=6, unit="N m", meaning="torque on the cam")(made.phase)
     made.force(torque, along=made.phase + made.declared_coordinates[0].symbol)
@@ -228,7 +229,7 @@ def manipulator_with_a_torque():
         (0.02, "q.max < 2 m", []),
     ],
 )
-def test_optimum_that_nonlinear_orbits_contradict_has_a_warning(cubic, bound, warned):
+def test_optimum_contradicted_by_nonlinear_orbits_has_a_warning(cubic, bound, warned):
     # With k = 4 N/m, q = cos(φ) solves m q̈ + c q̇ + k q + k3 q³ = p1 cos(φ) + p2 cos(3φ) + s sin(φ).
     made = Mechanism("cubic", "Oscillator with a cubic spring")
     (q,) = made.coordinates(q=("m", "displacement"))
@@ -248,7 +249,7 @@ def test_optimum_that_nonlinear_orbits_contradict_has_a_warning(cubic, bound, wa
 
 
 @pytest.mark.slow
-def test_torque_of_150_nm_lowers_the_manipulators_peak_by_three_quarters():
+def test_torque_of_150_nm_reduces_the_peak_by_three_quarters():
     names = [f"T{kind}{order}" for order in range(1, 7) for kind in "ab"]
     numbers = {**solve.case_numbers("manipulator").parameters, **dict.fromkeys(["T", *names], 0.0)}
     press = solve.load(manipulator_with_a_torque(), **numbers)
@@ -264,7 +265,7 @@ def test_torque_of_150_nm_lowers_the_manipulators_peak_by_three_quarters():
 
 
 @pytest.mark.slow
-def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
+def test_four_bar_optimum_matches_a_fine_scan():
     bar = solve.load("four_bar", elements=1)
     quantity, speed = "crank_root_stress_minus", 17.0
     found = solve.optimise(bar, f"{quantity}.max_abs", {"L4": (0.54, 0.67)}, speed, rtol=1e-7)
@@ -297,14 +298,14 @@ def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
         ({"free": {"k": 3}}, ValueOutOfBoundsError, r"free is {'k': 3}; allowed: mapping of str to"),
         ({"free": {"k": "5:20"}}, ValueOutOfBoundsError, "free is {'k': '5:20'}"),
         ({"vary": {"k": 3}, "robust": 3}, ValueOutOfBoundsError, "vary is {'k': 3}; allowed: mapping of str"),
-        ({"minimise": "q"}, ValueOutOfBoundsError, "names no statistic"),
+        ({"minimise": "q"}, ValueOutOfBoundsError, "contains no statistic"),
         ({"minimise": "rho1"}, ValueOutOfBoundsError, "is complex"),
         ({"free": {}}, ValueOutOfBoundsError, "'free' is empty"),
         ({"free": {"z": (1, 2)}}, UnknownNameError, "parameter of oscillator 'z'"),
         ({"free": {"k": (10, 20)}}, ValueOutOfBoundsError, "its initial value is 9"),
         ({"free": {"k": (0, 20)}}, ValueOutOfBoundsError, "allowed: > 0"),
         ({"free": {"k": ("5 kg", 20)}}, UnitError, "kg"),
-        ({"keep": ["load"]}, ValueOutOfBoundsError, "names no statistic"),
+        ({"keep": ["load"]}, ValueOutOfBoundsError, "contains no statistic"),
         ({"keep": ["load@30:0 deg"]}, ValueOutOfBoundsError, "ends before it begins"),
         ({"keep": ["load@x deg"]}, ValueOutOfBoundsError, "has no valid interval"),
         ({"keep": ["load.max within 0 N"]}, ValueOutOfBoundsError, "numbers > 0"),
@@ -317,7 +318,7 @@ def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
         ({"method": "newmark"}, ValueOutOfBoundsError, "allowed for an optimum: radau, gauss, auto"),
     ],
 )
-def test_bad_requests_are_refused(model, change, error, text):
+def test_invalid_requests_are_refused(model, change, error, text):
     request = {"minimise": "q.max_abs", "free": {"k": (5.0, 20.0)}, "speeds": 1.0, **change}
     with pytest.raises(error, match=text) as caught:
         solve.optimise(model, **request)
@@ -325,7 +326,7 @@ def test_bad_requests_are_refused(model, change, error, text):
     assert "\n" not in str(caught.value)
 
 
-def test_result_is_reopened_and_drawn(model, tmp_path):
+def test_saved_result_is_reopened_and_drawn(model, tmp_path):
     found = solve.optimise(model, "q.max_abs", {"k": (5.0, 17.0)}, [1.5, 3.0])
     found.save(tmp_path / "optimum.nc")
     again = solve.open(tmp_path / "optimum.nc")
@@ -335,7 +336,7 @@ def test_result_is_reopened_and_drawn(model, tmp_path):
     assert "falls from" in repr(found)
 
 
-def test_command_prints_the_promised_keys(capsys, tmp_path):
+def test_command_prints_the_documented_keys(capsys, tmp_path):
     case = tmp_path / "optimum.toml"
     line = "optimise mathieu --speed 1rad/s --minimise spectral_radius --free zeta --bounds zeta=0:0.1 --json"
     assert run([*line.split(), "--toml", str(case)]) == 0
@@ -354,15 +355,15 @@ def test_verdict_of_the_optimum_is_proved_on_request():
 
 
 @pytest.mark.parametrize("missing", ["--minimise", "--free", "--bounds"])
-def test_command_names_the_flag_that_is_missing(capsys, missing):
+def test_command_reports_the_missing_flag(capsys, missing):
     flags = {"--minimise": "spectral_radius", "--free": "zeta", "--bounds": "zeta=0:0.1"}
     line = [part for flag, value in flags.items() if flag != missing for part in (flag, value)]
     assert run(["optimise", "mathieu", *line]) == 2
     assert missing in capsys.readouterr().err
 
 
-def test_every_search_for_a_feasible_design_begins_elsewhere(monkeypatch):
-    """Searches over a range repeat the search in every round."""
+def test_every_search_for_a_feasible_design_has_another_start(monkeypatch):
+    """A search over a range repeats the search for a feasible design in every round."""
     begun = []
 
     def begin(search, state):
@@ -386,7 +387,7 @@ def test_every_search_for_a_feasible_design_begins_elsewhere(monkeypatch):
     assert not [x for x in later[1:] if x in second]
 
 
-def test_optimum_at_a_bound_is_exactly_the_bound():
+def test_optimum_at_a_bound_equals_the_bound():
     cam, low, high = solve.load("cam"), np.array([0.0, 7e4]), np.array([0.3, 9.1e4])
     design = Design(cam, ["Fa1", "k1"], low, high, [60.0], chosen("auto"), 1e-6, True)
     near = np.array([[2e-16, 1 - 1.1e-16], [-1e-17, 1 + 2.2e-16], [1e-13, 1.0]])

@@ -1,4 +1,4 @@
-"""Output feedback: gains as parameters, delay, resonators, optimum of gains, and margins of stability."""
+"""Output feedback: gains as parameters, delay, resonators, optimal gains, and stability margins."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_constant_gains_are_added_to_the_matrices():
 
 
 @pytest.mark.parametrize(("delay", "sections"), [(0.05, 1), (0.2, 3)])
-def test_late_outputs_are_the_outputs_before_the_delay(delay, sections):
+def test_delayed_outputs_equal_earlier_outputs(delay, sections):
     loop = solve.OutputFeedback(varying_oscillator(), ["q"], delay=delay, sections=sections)
     orbit = solve.periodic(loop.varied({"u_by_q": 0.7}), SPEED, rtol=1e-10)
     phase = np.linspace(0, 6, 13)
@@ -57,7 +57,7 @@ def test_late_outputs_are_the_outputs_before_the_delay(delay, sections):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])
-def test_notch_removes_its_frequency_and_filters_others_as_its_transfer_function(delay):
+def test_notch_filters_as_its_transfer_function(delay):
     loop = solve.OutputFeedback(varying_oscillator(), ["q"], delay=delay, notches=["2 rad/s"])
     orbit = solve.periodic(loop.varied({"u_by_q": 0.7}), SPEED, rtol=1e-10)
     angles = np.arange(64) * (2 * np.pi / 64)
@@ -69,7 +69,7 @@ def test_notch_removes_its_frequency_and_filters_others_as_its_transfer_function
     assert np.abs(u[1]) < 1e-8 * np.abs(q[1])
 
 
-def test_frequencies_of_notches_are_checked():
+def test_invalid_notch_frequencies_are_refused():
     for frequency in (0, -1.0, "18", "3 kg", float("nan")):
         with pytest.raises(ValueOutOfBoundsError, match="notch is"):
             solve.OutputFeedback(varying_oscillator(), ["q"], notches=[frequency])
@@ -108,7 +108,7 @@ def test_derivatives_of_gains_agree_with_differences():
 
 @pytest.mark.slow
 def test_optimal_damping_of_an_oscillator_is_critical():
-    """The spectral radius of q̈ + c q̇ + 4 q is least for the critical damping c = 4."""
+    """The spectral radius of q̈ + c q̇ + 4 q is smallest at the critical damping c = 4."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -122,7 +122,7 @@ def test_optimal_damping_of_an_oscillator_is_critical():
 
 
 @pytest.mark.slow
-def test_constant_gains_halve_the_vibration_within_the_torque():
+def test_constant_gains_halve_the_vibration_within_the_torque_limit():
     loop = solve.OutputFeedback(solve.load("manipulator"), ["q1", "q1_dot"])
     free = {"u_by_q1": (-2e4, 2e4), "u_by_q1_dot": (-2e3, 2e3)}
     found = solve.optimise(loop, "q2.max_abs", free, "70 rpm", subject=["u.max_abs < 280 N m"], rtol=1e-6)
@@ -131,8 +131,9 @@ def test_constant_gains_halve_the_vibration_within_the_torque():
     assert found.confirmed["verdicts"] == ["asymptotically stable"]
 
 
-def test_margin_of_a_constant_oscillator_is_its_damping():
-    """q̈ + (0.3 c - 0.1 e) q̇ + 4 q with c = e = 1 is stable for 3c > e: distance √(0.4) by 3Δc - Δe = -2."""
+def test_margin_of_a_constant_oscillator_is_set_by_its_damping():
+    """q̈ + (0.3 c - 0.1 e) q̇ + 4 q is stable if 3c > e. The stability limit is at the distance √(0.4) from c
+    = e = 1, where 3Δc - Δe = -2."""
 
     class Damped(solve.PeriodicSystem):
         labels = Labels(parameters={"c": 1.0, "e": 1.0})
@@ -151,7 +152,7 @@ def test_margin_of_a_constant_oscillator_is_its_damping():
     assert found.verdicts == ("asymptotically stable", "unstable")
 
 
-def test_gains_and_systems_that_do_not_fit_are_refused():
+def test_incompatible_gains_and_systems_are_refused():
     system = varying_oscillator()
     for error, call, words in (
         (ControlError, lambda: solve.OutputFeedback(solve.load("mathieu"), ["q"]), "inputs"),

@@ -1,4 +1,4 @@
-"""Probabilities of events of normal variables: coverage of the intervals, rare events, weights."""
+"""Probabilities of events for normal variables: coverage of the intervals, rare events, weights."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def outside_a_ball(distance):
 
 
 def gradient_of(margin):
-    """Margin at a point and its derivatives by differences."""
+    """Return the margin at a point and its derivatives by differences."""
     steps = 1e-6 * np.eye(3)
     return lambda z: (float(margin(z[None])[0]), (margin(z + steps) - margin(z - steps)) / 2e-6)
 
@@ -57,7 +57,7 @@ def test_intervals_cover_the_truth_in_92_to_98_percent(event, sides, distance):
 
 
 @pytest.mark.parametrize("truth", [0.02, 0.3])
-def test_plain_samples_have_the_interval_of_wilson(truth):
+def test_plain_samples_have_the_wilson_interval(truth):
     rng, covered = np.random.default_rng(1), 0
     for _ in range(300):
         events = rng.random(500) < truth
@@ -107,7 +107,7 @@ def test_sobol_indices_equal_the_closed_form_of_ishigami():
         assert abs(index.first - part / variance) < max(3 * index.first_error, 1e-3)
 
 
-def test_points_without_a_value_are_left_out_and_counted():
+def test_points_without_a_value_are_omitted_and_counted():
     def holed(cube):
         return np.where(cube[:, :1] < 0.25, np.nan, cube[:, :1])
 

@@ -1,5 +1,5 @@
-"""Maxima of the dominant multiplier and of the spectral radius: the divisions and combinations that explain
-them."""
+"""Maxima of the dominant multiplier and of the spectral radius, and the divisions and combinations that
+explain them."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.solve import systems
 
 
 def two_modes(frequencies, decays, coupling=0.0):
-    """Two oscillators that decay at rates δ(Ω), coupled by a stiffness that varies once a turn."""
+    """Return two oscillators that decay at rates δ(Ω), coupled by a stiffness that varies once per period."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -24,8 +24,8 @@ def two_modes(frequencies, decays, coupling=0.0):
 
 
 def test_maximum_at_a_multiplier_crossing_stays_unexplained():
-    """At Ω = 10 mode 1 decays as fast as mode 2, which leads from there on. Mode 1 is a tenth of an order
-    from its third division, which is near, but its multiplier is 36° from +1."""
+    """At Ω = 10, mode 1 decays as fast as mode 2; beyond this speed, mode 1 is dominant. Its frequency is a
+    tenth of the speed away from its third division, but its multiplier is 36° from +1."""
     system = two_modes((31.0, 55.0), (lambda speed: 0.5 + 0.1 * (speed - 10.0), lambda _: 0.5))
     critical = solve.critical_speeds(system, np.linspace(9.6, 10.25, 27), orders=6)
     (row,) = [row for row in critical.rows if row.multiplier]
@@ -39,8 +39,8 @@ def test_maximum_at_a_multiplier_crossing_stays_unexplained():
 
 
 def test_combination_resonance_explains_the_multiplier_maximum():
-    """At Ω = ω1 + ω2 the parametric coupling ε feeds both modes: the slower of their rates of decay is there
-    (δ1 + δ2)/2 - sqrt((δ1 - δ2)²/4 + ε²/(16 ω1 ω2)) (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 1979,
+    """At Ω = ω1 + ω2, the parametric coupling ε feeds both modes. The slower of their decay rates is (δ1 +
+    δ2)/2 - sqrt((δ1 - δ2)²/4 + ε²/(16 ω1 ω2)) (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 1979,
     Section 5.4)."""
     system = two_modes((1.0, 9.0), (lambda _: 0.2, lambda _: 0.3), 1.8)
     critical = solve.critical_speeds(system, np.linspace(9.0, 11.0, 41), orders=5)
@@ -59,10 +59,11 @@ def test_combination_resonance_explains_the_multiplier_maximum():
 
 
 def coupled(frequencies, damping, amplitude, sign=1, own=0.0):
-    """Oscillators of one damping c that a stiffness varying as cos Ωt couples, antisymmetrically for sign -1;
-    it acts in the first besides. In the first approximation the sum of the frequencies grows, with sign -1
-    the difference, at the rate -c/2 + sqrt(ε²/(16 ω1 ω2) - (Ω - ω2 ∓ ω1)²/4) (A. H. Nayfeh, D. T. Mook,
-    Nonlinear Oscillations, 1979, Section 5.4)."""
+    """Return oscillators with the same damping c, coupled by a stiffness that varies as cos Ωt; the coupling
+    is antisymmetric for sign -1. The stiffness of the first oscillator also varies. In the first
+    approximation, the resonance of the sum of the frequencies (for sign -1, of the difference) grows at the
+    rate -c/2 + sqrt(ε²/(16 ω1 ω2) - (Ω - ω2 ∓ ω1)²/4) (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations,
+    1979, Section 5.4)."""
     coupling = np.array([[own, amplitude], [sign * amplitude, 0.0]])
 
     def matrices(phase, speed):
@@ -75,8 +76,9 @@ def coupled(frequencies, damping, amplitude, sign=1, own=0.0):
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("damping", [0.0, 0.05, 0.1])
-def test_a_combination_resonance_of_modes_that_decay_alike_is_found(damping, sign):
-    """Whether it makes the motion unstable or not: all moduli are alike beside it, and only |ρ| rises."""
+def test_combination_resonance_of_equally_damped_modes_is_found(damping, sign):
+    """The resonance is found whether or not it makes the motion unstable. Beside it, all moduli are equal;
+    only at the resonance does |ρ| rise."""
     low, high, amplitude = 1.0, np.sqrt(3.0), 0.1
     speed = high + sign * low
     critical = solve.critical_speeds(
@@ -109,9 +111,9 @@ def test_principal_parametric_resonance_is_found_at_twice_the_frequency():
     assert row.radius.speed == pytest.approx(2.0, rel=1e-2)
 
 
-def test_without_damping_each_maximum_of_the_multiplier_is_a_division():
-    """cos ωT = 1 at Ω = ω/k, and nowhere else is the largest of cos ω1 T and cos ω2 T a smooth maximum: with
-    all moduli 1 the dominant multiplier is no single one."""
+def test_undamped_multiplier_maxima_are_all_divisions():
+    """Without damping, cos ωT = 1 at Ω = ω/k. The larger of cos ω1 T and cos ω2 T has no other smooth
+    maximum. As all moduli are 1, no single multiplier is dominant."""
     frequencies = np.array([1.0, 1.7])
     critical = solve.critical_speeds(coupled(frequencies, 0.0, 0.0), np.linspace(0.4, 2.0, 90), orders=4)
     computed = {(row.mode, row.order): row.multiplier.speed for row in critical.rows if row.multiplier}
@@ -133,7 +135,7 @@ def test_equally_good_combinations_are_all_reported():
 
 
 def test_combination_resonance_narrower_than_the_speed_spacing_is_found():
-    """ε = 0.03 makes the motion unstable over a relative width of less than 0.01."""
+    """With ε = 0.03, the motion is unstable over a relative width of less than 0.01."""
     critical = solve.critical_speeds(
         coupled((1.0, np.sqrt(3.0)), 0.0, 0.03), np.linspace(2.05, 3.3, 9), orders=3
     )
@@ -145,8 +147,9 @@ def test_combination_resonance_narrower_than_the_speed_spacing_is_found():
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["one decay", "each its own"])
-def test_multipliers_are_matched_to_modes_by_decay_and_angle_together(alike):
-    """Of oscillators apart from each other, in whatever order, by the angle alone where they decay alike."""
+def test_multipliers_are_matched_to_modes_by_modulus_and_angle(alike):
+    """The oscillators are uncoupled, and the multipliers are given in several orders. With equal decay rates,
+    the angle alone decides."""
     speed, frequencies = 7.0, np.array([10.0, 16.0, 35.7])
     decays = np.full(3, 0.3) if alike else np.array([0.2, 0.9, 0.4])
     system = systems.constant(

@@ -1,4 +1,4 @@
-"""Periodic Riccati equations against SciPy, known solutions and integration, and maps of steps."""
+"""Periodic Riccati equations, compared with SciPy, known solutions and integration; maps of single steps."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from tests.solve.studies.control_systems import (
 
 
 @pytest.mark.parametrize("N", [1, 2, 5, 8])
-def test_solutions_of_constant_systems_are_those_of_scipy(N):
+def test_solutions_of_constant_systems_match_scipy(N):
     rng = np.random.default_rng(N)
     A, B, C = (rng.normal(size=shape) for shape in ((N, N), (N, 2), (2, N)))
     Q, R = np.diag(rng.uniform(0.5, 2.0, N)), np.diag([2.0, 0.5])
@@ -39,7 +39,7 @@ def test_solutions_of_constant_systems_are_those_of_scipy(N):
 
 
 @pytest.mark.parametrize("breaks", [(), (0.0, 0.3, 0.31, 2.0)])
-def test_solution_is_the_known_one_of_johansson(breaks):
+def test_solution_matches_the_published_one_of_johansson(breaks):
     found = solve.lqr(in_rotating_frame(breaks), 1.0, np.eye(2), np.eye(1), rtol=1e-10)
     P, X = rotation(PHASES), solve_continuous_are(A0, B0, np.eye(2), np.eye(1))
     exact = P @ X @ np.swapaxes(P, 1, 2)
@@ -53,7 +53,7 @@ def test_solution_is_the_known_one_of_johansson(breaks):
 
 
 @pytest.mark.parametrize("breaks", [(), (0.0, 0.3, 0.31, 2.0)])
-def test_filter_in_the_rotating_frame_is_the_known_one(breaks):
+def test_filter_in_the_rotating_frame_matches_the_known_solution(breaks):
     C, A = np.array([[3.0, 1.0]]), in_rotating_frame().equations_at
 
     def matrices(phase, speed):
@@ -69,7 +69,8 @@ def test_filter_in_the_rotating_frame_is_the_known_one(breaks):
 
 
 def riccati_integrated(A, B, Q, R, period, X):
-    """X one period earlier, by SciPy, with constant A, Q and R and an input matrix B of the time."""
+    """Return X one period earlier, integrated by SciPy. A, Q and R are constant; the input matrix B depends
+    on time."""
     N = len(X)
 
     def slope(t, x):
@@ -95,7 +96,7 @@ SATELLITE = np.array(
 )
 
 
-def test_solution_of_pittelkaus_satellite_repeats_after_an_orbit():
+def test_solution_of_pittelkaus_satellite_is_periodic():
     def B(phase):
         columns = [0 * phase, 0 * phase, 0.1389735e-6 * np.sin(phase), -0.3701336e-7 * np.cos(phase)]
         return np.stack(columns, axis=-1)[..., None]
@@ -110,7 +111,7 @@ def test_solution_of_pittelkaus_satellite_repeats_after_an_orbit():
     assert np.abs(earlier - X).max() < 1e-7 * np.abs(X).max()
 
 
-def test_periodic_difference_equation_of_hench_and_laub_is_that_of_a_cyclic_system():
+def test_periodic_difference_equation_matches_that_of_a_cyclic_system():
     """Example 2 of J. J. Hench, A. J. Laub, IEEE Trans. Automat. Contr. 39 (1994) 1197-1210, with R = 1."""
     A = np.array(
         [
@@ -133,7 +134,7 @@ def test_periodic_difference_equation_of_hench_and_laub_is_that_of_a_cyclic_syst
         assert np.abs(X[k] - block).max() < 1e-9 * np.abs(exact).max()
 
 
-def test_solution_with_jumps_repeats_after_a_period():
+def test_solution_with_jumps_is_periodic():
     A = np.array([[[0.0, 1.0], [-1.0, 0.1]], [[0.0, 1.0], [2.0, 0.0]]])
     b = np.array([[0.0], [1.0]])
 
@@ -153,7 +154,7 @@ def test_solution_with_jumps_repeats_after_a_period():
 
 
 def residual_of(system, found, N):
-    """Largest residual of the Riccati equation by differences of X, relative to X."""
+    """Return the largest residual of the Riccati equation, with X′ by differences, relative to X."""
     phase = np.linspace(0.05, 6.2, 23)
     A, _, B, *_ = system.equations_at(phase, 1.0)
     X = found.riccati(phase)
@@ -195,7 +196,7 @@ def test_residuals_of_a_hundred_random_systems_are_small(first):
 
 
 def random_steps():
-    """A, E and Q of 3 steps of 5 stages for 3 positions and velocities with 2 inputs."""
+    """Return A, E and Q of 3 steps with 5 stages each, for 3 positions and velocities and 2 inputs."""
     rng, p = np.random.default_rng(1), 3
     A, Q = 0.2 * rng.normal(size=(2, 3, 8, 2 * p, 2 * p))
     E = 0.2 * rng.normal(size=(3, 8, 2 * p, 2))
@@ -204,7 +205,7 @@ def random_steps():
     return A, E, Q + np.swapaxes(Q, 2, 3)
 
 
-def test_mechanical_steps_equal_those_of_any_system(monkeypatch):
+def test_mechanical_steps_equal_those_of_general_systems(monkeypatch):
     A, E, _ = random_steps()
     method = Gauss(16).collocation
     general = maps._response(A, E, method)
@@ -216,7 +217,7 @@ def test_mechanical_steps_equal_those_of_any_system(monkeypatch):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_steps_relate_states_and_costates_as_collocation_of_both_does(sign):
+def test_steps_match_collocation_of_states_and_costates(sign):
     A, E, Q = random_steps()
     weights, (m, s, N, _) = Gauss(16).collocation, E.shape
     of_start, gramian, cost, _ = maps._condensed(maps._response(A, E, weights), Q, weights.b, sign)

@@ -20,7 +20,8 @@ def model():
 
 
 def integrals(k, speed, half):
-    """Mean and standard deviation of the amplitude for a stiffness within k ± half."""
+    """Return the mean and standard deviation of the amplitude for a stiffness evenly distributed within k ±
+    half."""
     first, second = (
         quad(lambda x, power=power: abs(response(speed, k=x)) ** power, k - half, k + half)[0] / (2 * half)
         for power in (1, 2)
@@ -62,7 +63,7 @@ def test_quantile_optimum_equals_a_scan_of_quantiles(model):
 
 
 @pytest.mark.parametrize("percent", [1, 30, 50, 95, 99])
-def test_quantile_of_machines_is_that_of_hazen(percent):
+def test_quantile_over_machines_is_that_of_hazen(percent):
     statistic = Statistic.parse(f"{percent} %")
     values = np.random.default_rng(percent).standard_normal(statistic.machines)
     expected = np.quantile(values, percent / 100, method="hazen")
@@ -92,14 +93,14 @@ def test_robust_gradient_equals_differences(model, objective):
         ({"robust": 1.0, "vary": {"k": "±1 %"}, "minimise": lambda orbits: 0.0}, "quantity by name"),
     ],
 )
-def test_bad_robust_requests_are_refused(model, change, text):
+def test_invalid_robust_requests_are_refused(model, change, text):
     request = {"minimise": "q.max_abs", "free": {"k": (5.0, 20.0)}, "speeds": 1.0, **change}
     with pytest.raises(SolveError, match=text):
         solve.optimise(model, **request)
 
 
 @pytest.mark.slow
-def test_robust_gear_deviates_less_than_the_nominal_optimum():
+def test_robust_gear_has_a_smaller_deviation_than_the_nominal_optimum():
     gear, free = solve.load("gear_pair", J1=0.05), {"J1": (0.03, 0.08)}
     vary, speed = {"k0": "±5 %", "zeta": "normal(0.024, 0.002)"}, "3800 rpm"
     spread = []

@@ -1,4 +1,4 @@
-"""Sampled feedback: matrix exponentials, and integration by SciPy from sample to sample."""
+"""Sampled feedback, compared with matrix exponentials and with integration by SciPy from sample to sample."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def constant_gains(system):
 
 @pytest.mark.parametrize("samples", [3, 8])
 @pytest.mark.parametrize("delay", [0, 1])
-def test_constant_system_has_the_multipliers_of_its_matrix_exponential(samples, delay):
+def test_multipliers_of_a_constant_system_match_the_matrix_exponential(samples, delay):
     rates = np.zeros((3, 3))
     rates[:2] = [[0.0, 1.0, 0.0], [-4.0, -0.1, 1.0]]
     step = expm(rates * 2 * np.pi / samples)
@@ -42,7 +42,7 @@ def test_constant_system_has_the_multipliers_of_its_matrix_exponential(samples, 
 
 
 @pytest.mark.parametrize("delay", [0, 1])
-def test_observer_and_held_inputs_agree_with_integration_by_scipy(delay):
+def test_observer_with_held_inputs_matches_integration_by_scipy(delay):
     samples, system = 12, oscillator(1.0)
     made = solve.lqg(system, 1.0, {"q": 3.0}, {"u": 0.5}, {"u": 1.0}, {"q": 0.1}, feedforward=True)
     found = solve.sampled(made.closed, 1.0, samples, delay)
@@ -73,7 +73,7 @@ def test_observer_and_held_inputs_agree_with_integration_by_scipy(delay):
     assert found.largest["q"] < 1.1 * largest
 
 
-def test_many_samples_approach_the_continuous_loop():
+def test_multipliers_converge_to_those_of_the_continuous_loop():
     made = solve.lqr(oscillator(1.0), 1.0, {"q": 3.0}, {"u": 0.5}, feedforward=True)
     gaps = [
         abs(solve.sampled(made.closed, 1.0, samples).spectral_radius - made.stability.spectral_radius)
@@ -83,7 +83,7 @@ def test_many_samples_approach_the_continuous_loop():
     assert gaps[1] == pytest.approx(gaps[0] / 2, rel=0.1)
 
 
-def test_loops_that_cannot_be_sampled_are_refused():
+def test_unsupported_sampled_loops_are_refused():
     system = oscillator(0.0)
     late = solve.OutputFeedback(system, ["q"], delay=0.01)
     for loop in (system, late):

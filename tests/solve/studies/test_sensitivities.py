@@ -1,4 +1,5 @@
-"""Sensitivities over speed, of maxima over speed in closed form, and of edges of bands by another search."""
+"""Sensitivities versus speed, of maxima over speed in closed form, and of band edges found by another
+search."""
 
 import math
 import re
@@ -15,7 +16,7 @@ from solve.studies.sensitivities import _CORNER
 from tests.solve.derivatives.test_sensitivities import C, F, K, M, amplitude, model
 
 
-def test_sensitivities_over_speed_match_single_speeds():
+def test_sensitivities_versus_speed_match_those_at_single_speeds():
     cam, of, by = solve.load("cam"), ["q3.max_abs", "rho1"], ["k1", "speed"]
     over = solve.sensitivities_over(cam, "300 600 rpm", of, by)
     for at, speed in enumerate(over.speeds.tolist()):
@@ -29,7 +30,7 @@ def test_sensitivities_over_speed_match_single_speeds():
     assert len(over.to_pandas()) == 2 * 2 * 2
 
 
-def test_speeds_without_an_orbit_are_named():
+def test_speeds_without_an_orbit_are_reported():
     undamped = model(c=0.0)
     resonance = math.sqrt(K / M) / 2
     over = solve.sensitivities_over(undamped, [1.0, resonance], "q.max", ["k", "f"])
@@ -41,11 +42,11 @@ def test_speeds_without_an_orbit_are_named():
 
 
 def peak(m=M, c=C, k=K):
-    """The speed at which the amplitude f / |k - 4 m Ω² + 2 i c Ω| is largest."""
+    """Return the speed at which the amplitude f / |k - 4 m Ω² + 2 i c Ω| is largest."""
     return math.sqrt(k / m - c**2 / (2 * m**2)) / 2
 
 
-def test_the_speed_of_the_largest_response_in_closed_form():
+def test_derivative_of_the_resonance_speed_matches_the_closed_form():
     # The second coordinate rests but for its own load; the first has one maximum.
     critical = solve.critical_speeds(model(), np.linspace(0.9, 1.5, 13), quantity="q", figure="rms")
     moved = solve.speed_sensitivities(critical, ["m", "c", "k", "f"])
@@ -84,7 +85,7 @@ def test_derivative_of_the_maximum_speed_matches_finite_differences():
 
 
 def test_maximum_at_a_multiplier_crossing_has_no_derivative():
-    """Of the cam at 69.01 rad/s, where Re ρ1 jumps."""
+    """The maximum is that of the cam at 69.01 rad/s, where Re ρ1 jumps."""
     cam, at = solve.load("cam"), 69.00953
     below, above = (solve.floquet(cam, at + way).multipliers[0].real for way in (-1e-3, 1e-3))
     assert below < -0.03
@@ -105,14 +106,14 @@ def test_unbounded_response_has_no_derivative():
 
 
 def edge(low, high, **numbers):
-    """A speed at which the spectral radius is 1, by bisection."""
+    """Return a speed at which the spectral radius is 1, by bisection."""
     mathieu = solve.load("mathieu", **numbers)
     return brentq(
         lambda speed: solve.floquet(mathieu, speed, rtol=1e-11).spectral_radius - 1, low, high, xtol=1e-13
     )
 
 
-def test_edges_of_a_band_move_as_a_search_finds_them():
+def test_derivatives_of_band_edges_match_a_search():
     numbers = {"delta": 1.0, "epsilon": 0.3, "zeta": 0.02}
     bands = solve.bands(solve.load("mathieu", **numbers), [0.8, 1.2])
     moved = solve.speed_sensitivities(bands, ["delta", "epsilon", "zeta"])

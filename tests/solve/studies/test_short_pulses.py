@@ -1,4 +1,4 @@
-"""Studies of systems that are constant except in short parts of the period."""
+"""Studies of systems that are constant except during short fractions of the period."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,8 @@ STIFFNESS, DAMPING, IMPULSE = 3.1, 0.03, 0.5
 
 
 def pulsed(start, length, stiffness=STIFFNESS, is_declared=True):
-    """Oscillator with a stiffness that is larger by IMPULSE/`length` for phases of the length `length`."""
+    """Return an oscillator whose stiffness is increased by IMPULSE/`length` over a range of phases of this
+    length."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -25,7 +26,8 @@ def pulsed(start, length, stiffness=STIFFNESS, is_declared=True):
 
 
 def spectral_radius(speed, length):
-    """Closed form for the rectangular pulse: the product of the two transition matrices."""
+    """Return the spectral radius for the rectangular pulse, from the product of the two transition
+    matrices."""
     total = np.eye(2)
     for stiffness, duration in (
         (STIFFNESS + IMPULSE / length, length / speed),
@@ -40,7 +42,7 @@ def spectral_radius(speed, length):
 
 @pytest.mark.parametrize(("start", "length"), [(160.6 / 1001, 1 / 3000), (653.7 / 1001, 1 / 20_000)])
 def test_bands_due_to_pulses_between_breaks_are_found(start, length):
-    """Meissner's equation with a pulse that contains none of 1001 equidistant phases."""
+    """Meissner's equation has a pulse that contains none of 1001 equidistant phases."""
     start, length = 2 * np.pi * start, 2 * np.pi * length
     speeds = np.linspace(0.9, 1.9, 21)
     bands = solve.bands(pulsed(start, length), speeds)

@@ -1,4 +1,4 @@
-"""Sweeps and charts of a structure of beams: matrices assembled, not printed."""
+"""Sweeps and charts of a structure of beams, whose matrices are assembled numerically."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def four_bar():
     return solve.load("four_bar")
 
 
-def test_a_sweep_is_its_single_solves(four_bar):
+def test_sweep_equals_single_solutions(four_bar):
     speeds = np.linspace(20.0, 40.0, 5)
     sweep = solve.sweep(four_bar, speeds, rtol=1e-6)
     for at in (1, 4):
@@ -36,7 +36,7 @@ def test_a_sweep_is_its_single_solves(four_bar):
 
 
 @pytest.mark.parametrize("options", [{}, {"terms": "full", "stiffening": "on"}, {"damping": "rayleigh"}])
-def test_matrices_between_speeds_follow_from_three(options):
+def test_matrices_at_all_speeds_follow_from_three_speeds(options):
     model = solve.load("four_bar", options=options)
     family, phase = SystemFamily(model, ["speed", "L4"]), np.linspace(0.0, 6.0, 7)
     points = np.array([[w, L4] for L4 in (0.53, 0.547) for w in (20.0, 23.0, 31.0, 38.0, 40.0)])
@@ -51,7 +51,7 @@ def test_matrices_between_speeds_follow_from_three(options):
             start += part.shape[1]
 
 
-def test_a_chart_over_speed_and_a_length(four_bar):
+def test_chart_over_speed_and_length_equals_single_solutions(four_bar):
     chart = solve.chart(
         four_bar,
         {"speed": [25.0, 27.0, 29.0, 31.0, 33.0]},
@@ -67,7 +67,7 @@ def test_a_chart_over_speed_and_a_length(four_bar):
         assert chart.verdicts[row, 2] == alone.verdict
 
 
-def test_only_the_outputs_that_are_kept_are_calculated(four_bar, monkeypatch):
+def test_only_requested_outputs_are_calculated(four_bar, monkeypatch):
     from solve.beams import structure
 
     calls = set()

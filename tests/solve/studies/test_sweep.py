@@ -1,4 +1,4 @@
-"""Sweeps over speed: what they keep, and points that fail."""
+"""Sweeps over speed: stored quantities and failed points."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from solve.system import relabelled
 from tests.solve import systems
 
 
-def test_speeds_keep_their_order_and_points_their_figures():
+def test_sweep_keeps_the_given_order_of_speeds():
     sweep = solve.sweep(solve.load("manipulator"), ["50 rpm", 3.0, "2 Hz"])
     np.testing.assert_allclose(sweep.speeds, [50 * np.pi / 30, 3.0, 4 * np.pi])
     assert len(sweep.points) == 3
@@ -24,7 +24,7 @@ def test_speeds_keep_their_order_and_points_their_figures():
 
 
 def resonant():
-    """An undamped oscillator of frequency 2: forced at order 1, it resonates at 2 rad/s."""
+    """Return an undamped oscillator of frequency 2. The first harmonic of its load is resonant at 2 rad/s."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -33,7 +33,7 @@ def resonant():
     return systems.system(matrices, 1)
 
 
-def test_a_sweep_shows_one_quantity_that_is_given_as_a_text():
+def test_one_requested_quantity_may_be_given_as_text():
     sweep = solve.sweep(solve.load("manipulator"), [3.0, 4.0])
     assert len(sweep.plot("q1").axes) == len(sweep.plot(["q1"]).axes) == 2
     with pytest.raises(UnknownNameError, match="'drive_torqe'; did you mean 'drive_torque'"):
@@ -47,7 +47,7 @@ def test_sweep_shows_the_requested_quantity():
     assert sweep.plot().axes[0].get_ylabel().startswith("max|load")
 
 
-def test_a_resonance_fails_alone():
+def test_resonance_fails_without_affecting_other_speeds():
     sweep = solve.sweep(resonant(), [1.5, 2.0, 2.5])
     assert [point.error is None for point in sweep.points] == [True, False, True]
     assert "multiplier is at +1" in sweep.points[1].error
@@ -57,7 +57,7 @@ def test_a_resonance_fails_alone():
     np.testing.assert_allclose(sweep.figures("q1")[[0, 2]], [1 / (4 - 1.5**2), 1 / (2.5**2 - 4)], rtol=1e-9)
 
 
-def test_matrices_that_break_down_fail_with_their_reason():
+def test_invalid_matrices_fail_with_a_reason():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         stiffness = one * (np.nan if speed > 1.9 else 3.0)
@@ -88,7 +88,7 @@ def test_sweep_stores_only_the_requested_quantities():
         sweep.figures("q2")
 
 
-def test_spectra_over_speed():
+def test_spectra_match_those_of_single_solutions():
     model = solve.load("manipulator")
     sweep = solve.sweep(model, [4.0, 5.0], spectra=["q2", "drive_torque"], harmonics=12)
     for row, speed in enumerate((4.0, 5.0)):
@@ -100,7 +100,7 @@ def test_spectra_over_speed():
         sweep.spectrum("q1")
 
 
-def test_ranges_of_unstable_speeds_have_edges_and_kind():
+def test_unstable_ranges_have_edges_and_a_kind():
     model = solve.load("mathieu", zeta=0.0)
     sweep = solve.sweep(model, np.linspace(0.6, 1.7, 56))
     runs = sweep.unstable
@@ -124,12 +124,12 @@ def test_ranges_of_unstable_speeds_have_edges_and_kind():
         ([100.0], {"method": "gaus"}, UnknownNameError, "did you mean 'gauss'"),
     ],
 )
-def test_bad_input(speeds, chosen, error, text):
+def test_invalid_input_is_refused(speeds, chosen, error, text):
     with pytest.raises(error, match=text):
         solve.sweep(solve.load("cam"), speeds, **chosen)
 
 
-def test_the_picture_shows_responses_radius_and_unstable_speeds():
+def test_figure_shows_responses_radius_and_unstable_speeds():
     model = solve.load("mathieu")
     figure = solve.sweep(model, np.linspace(0.6, 1.7, 23)).plot()
     response, radius = figure.axes
@@ -139,7 +139,7 @@ def test_the_picture_shows_responses_radius_and_unstable_speeds():
     assert names == ["ρ = +1: period T", "ρ = −1: period 2T"] or names == ["ρ = −1: period 2T"]
 
 
-def test_waterfall_has_columns_per_speed_and_rows_per_order():
+def test_waterfall_has_a_column_per_speed_and_row_per_harmonic():
     sweep = solve.sweep(solve.load("manipulator"), np.linspace(2, 6, 7), spectra=["q1"], harmonics=9)
     axes, bar = sweep.waterfall("q1").axes
     assert axes.collections[0].get_array().shape == (9, 7)
@@ -164,7 +164,7 @@ def test_parameter_sweep_matches_single_models():
         assert point.statistics["q1"].max_abs == pytest.approx(alone.statistics("q1").max_abs, rel=1e-7)
 
 
-def test_over_a_parameter_at_the_speed_of_the_case():
+def test_parameter_sweep_uses_the_speed_of_the_case():
     sweep = solve.sweep(solve.load("mathieu", zeta=0), over="epsilon=0:4:5")
     assert sweep.speeds.tolist() == [1.0] * 5
     for point in sweep.record()["points"]:
@@ -175,7 +175,7 @@ def test_over_a_parameter_at_the_speed_of_the_case():
     assert sweep.plot().axes[-1].get_xlabel() == "ε (1/s²): amplitude of the stiffness, twice a turn"
 
 
-def test_a_point_over_parameters_fails_alone():
+def test_failed_parameter_point_does_not_affect_other_points():
     sweep = solve.sweep(solve.load("coupler"), "600 rpm", over={"l2": [0.04, 0.9]})
     failed, point = sweep.points[1], sweep.record()["points"][1]
     assert "cannot turn fully" in failed.error
@@ -211,14 +211,14 @@ def test_invalid_parameter_ranges_are_refused(speeds, over, error, message):
         solve.sweep(solve.load("cam"), speeds, over=over)
 
 
-def test_values_that_are_nearly_equal_have_a_line_each():
+def test_nearly_equal_values_have_one_line_each():
     values = [2.0, 2.0000002, 2.0000004]
     sweep = solve.sweep(solve.load("mathieu"), "1:2:3 rad/s", over={"delta": values})
     (legend,) = sweep.plot().legends
     assert [text.get_text() for text in legend.get_texts()] == [f"δ = {value:.8g} 1/s²" for value in values]
 
 
-def test_too_many_lines_for_one_picture():
+def test_too_many_lines_for_one_figure_are_refused():
     sweep = solve.sweep(solve.load("mathieu"), "1:2:2 rad/s", over={"epsilon": np.linspace(0, 1, 13)})
     with pytest.raises(
         ValueOutOfBoundsError,
@@ -226,15 +226,15 @@ def test_too_many_lines_for_one_picture():
     ):
         sweep.plot()
     with pytest.raises(
-        ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn over one of these quantities"
+        ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn versus one quantity"
     ):
         solve.sweep(
             solve.load("mathieu"), "1:2:2 rad/s", spectra=["q"], over={"epsilon": [0.1, 0.2]}
         ).waterfall("q")
 
 
-def test_over_takes_numbers_in_the_unit_that_the_model_declares():
-    """Grams, on a contact as Hertz has it."""
+def test_parameter_values_are_in_the_units_of_the_model():
+    """The mass is in grams, on a Hertzian contact."""
 
     def hanging():
         scale = Mechanism("hanging", "Weight on a preloaded contact")

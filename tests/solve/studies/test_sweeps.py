@@ -1,4 +1,4 @@
-"""Several systems over speed beside each other: oscillators whose responses are known in closed form."""
+"""Sweeps of several systems at the same speeds: oscillators whose responses are known in closed form."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ SPEEDS = np.linspace(0.5, 3.5, 61)
 
 
 def oscillator(zeta):
-    """q″ + 2ζω q′ + ω² q = cos Ωt at ω = 2 rad/s."""
+    """Return the system q″ + 2ζω q′ + ω² q = cos Ωt with ω = 2 rad/s."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -37,26 +37,26 @@ def test_responses_match_the_closed_form(oscillator_sweeps):
     assert oscillator_sweeps.figures("q", "rms") == pytest.approx(expected / np.sqrt(2), rel=1e-6)
 
 
-def test_peak_of_the_first_curve_lists_all_responses(oscillator_sweeps):
+def test_extremes_of_the_first_curve_list_all_responses(oscillator_sweeps):
     (peak,) = oscillator_sweeps.extremes("q")
     assert (peak.speed, peak.kind) == (pytest.approx(2.0), "peak")
     assert peak.responses == pytest.approx([amplitude(zeta, 2.0) for zeta in (0.05, 0.2)], rel=1e-6)
 
 
-def test_a_speed_without_a_result_is_neither_peak_nor_quiet():
-    """Without damping there is no solution at resonance, 2 rad/s."""
+def test_speed_without_a_result_is_no_maximum_or_minimum():
+    """Without damping, there is no solution at the resonance, 2 rad/s."""
     oscillator_sweeps = sweeps({"0": oscillator(0.0)}, [1.2, 1.5, 2.0, 2.5, 3.0], ["q"])
     assert np.isnan(oscillator_sweeps.figures("q")[0]).tolist() == [False, False, True, False, False]
     assert [(extreme.speed, extreme.kind) for extreme in oscillator_sweeps.extremes("q")] == [(1.5, "peak")]
 
 
-def test_the_picture_has_a_curve_a_system(oscillator_sweeps):
+def test_figure_has_one_curve_per_system(oscillator_sweeps):
     figure = oscillator_sweeps.plot(["q"])
     assert [line.get_label() for line in figure.axes[0].get_lines()] == ["0.05", "0.2"]
     assert figure.legends[0].get_title().get_text() == "zeta"
 
 
-def test_one_name_may_be_a_text():
+def test_one_quantity_may_be_given_as_text():
     oscillator_sweeps = sweeps({"as it is": solve.load("manipulator")}, [3.0, 4.0], "q1")
     assert oscillator_sweeps.quantities == ("q1",)
     assert len(oscillator_sweeps.plot("q1").axes) == len(oscillator_sweeps.plot().axes) == 1
@@ -71,14 +71,14 @@ def test_progress_covers_the_points_of_all_curves():
     assert {0.5, 1.0} <= set(known)
 
 
-def test_variants_of_a_parameter_and_of_an_option():
+def test_parameters_and_options_may_vary_together():
     coupler = solve.load("coupler")
     lengths = variants(coupler, "l3", [0.7, "0.8"])
     assert {label: each.parameters["l3"] for label, each in lengths.items()} == {"0.7": 0.7, "0.8": 0.8}
     assert [variant.n for variant in variants(coupler, "modes", ["1", "4"]).values()] == [1, 4]
 
 
-def test_variants_that_differ_in_the_seventh_digit_are_all_there():
+def test_variants_that_differ_in_the_seventh_digit_are_distinguished():
     values = [0.7, 0.7000001, 0.7000002]
     oscillator_sweeps = variants(solve.load("coupler"), "l3", values)
     assert [each.parameters["l3"] for each in oscillator_sweeps.values()] == values

@@ -1,4 +1,4 @@
-"""Tolerances of models with closed forms: probabilities, Sobol indices, worst points, refused requests."""
+"""Tolerances of models with closed forms: probabilities, Sobol indices, worst points, invalid requests."""
 
 import json
 import math
@@ -28,7 +28,7 @@ MASS, DAMPING, STIFFNESS, SPEED = 2.0, 0.3, 9.0, 1.5
 
 
 def oscillator():
-    """m q̈ + c q̇ + k q = p cos φ, with damping of either sign."""
+    """Return m q̈ + c q̇ + k q = p cos φ. The damping may be negative."""
     made = Mechanism("oscillator", "Oscillator")
     (q,) = made.coordinates(q=("m", "displacement"))
     m, c, k = made.parameters(m=("kg", "mass", "> 0"), c=("N s/m", "damping"), k=("N/m", "spring", "> 0"))
@@ -48,7 +48,7 @@ def amplitude(k, p=1.0):
 
 
 @pytest.mark.parametrize("truth", [1e-5, 1e-3, 0.2])
-def test_probability_of_a_large_amplitude_equals_the_closed_form(model, truth):
+def test_probability_of_a_large_amplitude_matches_the_closed_form(model, truth):
     # The amplitude exceeds the limit where k is below a quantile of its normal distribution.
     limit = amplitude(norm(STIFFNESS, 0.4).ppf(truth))
     found = solve.tolerances(
@@ -64,7 +64,7 @@ def test_probability_of_a_large_amplitude_equals_the_closed_form(model, truth):
     assert probability.undetermined == probability.failed == 0
 
 
-def test_probability_of_instability_equals_that_of_negative_damping(model):
+def test_instability_is_as_probable_as_negative_damping(model):
     found = solve.tolerances(model, SPEED, {"c": "normal(0.1, 0.025)"}, samples=2048, index_samples=0)
     unstable = found.probability["unstable"]
     assert unstable.low < norm.sf(4.0) < unstable.high < 1.3 * norm.sf(4.0)
@@ -81,8 +81,8 @@ def test_values_below_a_lower_limit_violate_it(model):
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize(("low", "high", "worst"), [(9.8, 7.0, 10.0), (11.0, 8.5, 8.0), (9.5, 9.4, 8.0)])
 def test_worst_point_is_farthest_beyond_one_of_two_limits(model, low, high, worst, reverse):
-    """The amplitude falls with the stiffness k: between the limits at stiffnesses `low` and `high`, or beyond
-    one of them at the stiffness `worst`."""
+    """The amplitude decreases with the stiffness k. It reaches the limits at the stiffnesses `low` and
+    `high`; the worst point is at the stiffness `worst`."""
     limits = [f"q.max_abs > {amplitude(low):.17g}", f"q.max_abs < {amplitude(high):.17g}"]
     limits.append("spectral_radius > 0.1")
     found = solve.tolerances(
@@ -98,7 +98,7 @@ def test_worst_point_is_farthest_beyond_one_of_two_limits(model, low, high, wors
     assert found.worst["spectral_radius"].value == pytest.approx(np.exp(-np.pi * DAMPING / MASS / SPEED))
 
 
-def test_results_within_their_error_of_a_limit_are_counted_apart(model):
+def test_results_within_their_error_of_a_limit_are_counted_separately(model):
     exact = float(solve.periodic(model, SPEED, rtol=1e-12).statistics("q").max_abs)
     found = solve.tolerances(
         model,
@@ -123,7 +123,7 @@ def test_verdicts_of_several_speeds_are_combined():
     assert event.failed.tolist() == [False, False, True, False]
 
 
-def test_sobol_indices_of_a_product_equal_the_closed_form(model):
+def test_sobol_indices_of_a_product_match_the_closed_form(model):
     found = solve.tolerances(
         model,
         SPEED,
@@ -192,7 +192,7 @@ def test_worst_point_is_sought_among_points_with_a_result(model, text, sign, mon
     assert np.isnan(value)
 
 
-def test_worst_of_several_speeds_and_its_speed_are_found(model):
+def test_worst_speed_is_found_among_several(model):
     found = solve.tolerances(
         model, [1.0, SPEED], {"k": "±10 %"}, of=["q.max_abs"], samples=64, index_samples=0
     )
@@ -230,7 +230,7 @@ def test_samples_depend_on_the_seed_but_not_on_workers(model, tmp_path):
     assert one.record() == same.record() == stored.record() != other.record()
 
 
-def test_result_is_reopened_and_drawn(model, tmp_path):
+def test_saved_result_is_reopened_and_drawn(model, tmp_path):
     limits = ["q.max_abs < 0.3 m"]
     vary = {"k": "±1 %", "c": "±1 %"}
     found = solve.tolerances(model, SPEED, vary, limits, samples=64, index_samples=16)
@@ -252,7 +252,7 @@ def test_quantities_without_influence_are_not_drawn(model):
 
 
 @pytest.mark.parametrize("limits", [["q.rms > 0.15", "q.rms < 0.16"], ["q.min > -0.3", "q.min < -0.2"]])
-def test_two_limits_of_a_quantity_are_kept_and_drawn(model, limits, tmp_path):
+def test_two_limits_of_one_quantity_are_stored_and_drawn(model, limits, tmp_path):
     solve.tolerances(model, SPEED, {"k": "±1 %"}, limits, samples=64, index_samples=0).save(
         tmp_path / "a.npz"
     )
@@ -273,7 +273,7 @@ def test_two_limits_of_a_quantity_are_kept_and_drawn(model, limits, tmp_path):
         ({"vary": {"k": "±1 kg"}}, UnitError, "kg"),
         ({"vary": {"k": "uniform(-1, 1)"}}, ValueOutOfBoundsError, "allowed: > 0"),
         ({"subject": ["q.max"]}, ValueOutOfBoundsError, "is not a bound"),
-        ({"of": ["q"]}, ValueOutOfBoundsError, "names no statistic"),
+        ({"of": ["q"]}, ValueOutOfBoundsError, "contains no statistic"),
         ({"of": ["rho1"]}, ValueOutOfBoundsError, "is complex"),
         ({"samples": 10}, ValueOutOfBoundsError, "samples is 10"),
         ({"samples": 10**9}, ValueOutOfBoundsError, "up to"),
@@ -282,14 +282,14 @@ def test_two_limits_of_a_quantity_are_kept_and_drawn(model, limits, tmp_path):
         ({"rtol": 2.0}, SolveError, "rtol"),
     ],
 )
-def test_bad_requests_are_refused(model, change, error, text):
+def test_invalid_requests_are_refused(model, change, error, text):
     request = {"vary": {"k": "±1 %"}, "speeds": SPEED, "samples": 64, "index_samples": 0, **change}
     with pytest.raises(error, match=text) as caught:
         solve.tolerances(model, **request)
     assert "\n" not in str(caught.value)
 
 
-def test_command_prints_the_promised_keys(capsys):
+def test_command_prints_the_documented_keys(capsys):
     line = ["tolerances", "mathieu", "--speed", "1rad/s", "--vary", "delta=±0.1", "--vary", "zeta=±10%"]
     flags = ["--set", "zeta=0.01", "--subject", "spectral_radius < 0.97", "--samples", "64"]
     assert run([*line, *flags, "--index-samples", "16", "--json"]) == 0
@@ -301,14 +301,14 @@ def test_command_prints_the_promised_keys(capsys):
     assert "spectral_radius < 0.97" in record["probability"]
 
 
-def test_command_refuses_two_kinds_of_speeds(capsys):
+def test_command_refuses_a_speed_with_a_range_of_speeds(capsys):
     line = ["tolerances", "mathieu", "--speed", "1rad/s", "--speeds", "1:2:2 rad/s", "--vary", "delta=±1%"]
     assert run(line) == 2
     assert "give one of them" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_coverage_of_instability_of_a_model_is_92_to_98_percent(model):
+def test_instability_intervals_of_a_model_cover_92_to_98_percent(model):
     covered = 0
     for seed in range(300):
         found = solve.tolerances(

@@ -15,7 +15,7 @@ def model():
     return loaded()
 
 
-def test_derivatives_of_extrema_equal_the_closed_form(model):
+def test_derivatives_of_extrema_match_the_closed_form(model):
     low, high, speed = np.array([5.0, -0.5]), np.array([17.0, 0.5]), 1.1
     design = Design(model, ["k", "p2"], low, high, [speed], "auto", 1e-10, True)
     x = np.array([0.4, 0.7])
@@ -36,7 +36,7 @@ def test_derivatives_of_extrema_equal_the_closed_form(model):
 
 
 def differences(function, x, size=1e-3):
-    """Derivatives (k, r) of values (k,) by differences of fourth order."""
+    """Return derivatives (k, r) of values (k,) by differences of fourth order."""
     columns = []
     for step in size * np.eye(len(x)):
         near, far = (function(x + each * step) - function(x - each * step) for each in (1, 2))
@@ -65,7 +65,7 @@ FIGURES = ("max", "min", "max_abs", "rms", "harmonic1", "harmonic3", "phase3")
         ),
     ],
 )
-def test_gradient_of_every_objective_equals_differences(name, free, speed, quantities):
+def test_gradients_of_all_objectives_match_differences(name, free, speed, quantities):
     system = solve.load(name) if name == "cam" else solve.load(name, delta=1.0, epsilon=0.5, zeta=0.01)
     low, high = np.array(list(free.values())).T
     design = Design(system, list(free), low, high, [speed], "auto", 1e-12, name == "cam")
@@ -80,7 +80,7 @@ def test_gradient_of_every_objective_equals_differences(name, free, speed, quant
 
 
 @pytest.mark.parametrize("at", [0.0, 0.4, 1.0])
-def test_gradient_of_a_function_equals_that_of_the_quantity(model, at):
+def test_gradient_of_a_function_equals_that_of_its_quantity(model, at):
     design = Design(model, ["k"], np.array([5.0]), np.array([17.0]), [1.5, 2.0], "auto", 1e-8, True)
     x, rms = np.array([at]), Named.parse(model, "q.rms")
     given = Function(design, lambda orbits: sum(orbit.statistics("q").rms for orbit in orbits))

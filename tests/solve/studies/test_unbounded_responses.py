@@ -33,9 +33,9 @@ def test_undamped_resonance_is_unbounded():
 
 
 @pytest.mark.parametrize("count", [30, 60, 120])
-def test_narrow_unstable_ranges_have_no_height_however_many_speeds_are_given(count):
-    """q″ + 100 (1 + cos φ / 5) q = 1 + cos φ: a multiplier is +1 at both edges of ranges that get narrower
-    by powers of ten, at divisions of the mean frequency."""
+def test_response_in_narrow_unstable_ranges_is_unbounded(count):
+    """In q″ + 100 (1 + cos φ / 5) q = 1 + cos φ, a multiplier is +1 at both edges of each unstable range, at
+    divisions of the mean frequency. Each range is narrower than the previous one by a power of ten."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -48,7 +48,7 @@ def test_narrow_unstable_ranges_have_no_height_however_many_speeds_are_given(cou
     assert all(one.height == np.inf for one in divisions)
 
 
-def test_a_resonance_with_the_least_damping_has_its_height():
+def test_resonance_with_slight_damping_has_a_finite_height():
     critical = solve.critical_speeds(pushed(1e-7), np.linspace(2.5, 3.5, 12), orders=1)
     (row,) = [row for row in critical.rows if row.response]
     assert not row.unbounded
@@ -56,8 +56,9 @@ def test_a_resonance_with_the_least_damping_has_its_height():
     assert not any("unbounded" in text for text in critical.warnings)
 
 
-def test_both_edges_of_a_narrow_unstable_range_are_unbounded():
-    """A pendulum whose pivot moves up and down: the speeds see one maximum about the two edges."""
+def test_response_is_unbounded_at_edges_of_narrow_unstable_ranges():
+    """The system is a pendulum whose pivot moves vertically. Among the given speeds, there is one maximum
+    near both edges."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -73,8 +74,8 @@ def test_both_edges_of_a_narrow_unstable_range_are_unbounded():
     assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
 
 
-def test_both_edges_of_a_range_between_speeds_are_unbounded():
-    """At both speeds det(I - Φ) is positive; between them the dominant multiplier rises beyond +1."""
+def test_response_is_unbounded_at_edges_between_given_speeds():
+    """At both given speeds, det(I - Φ) is positive. Between them, the dominant multiplier rises beyond +1."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))

@@ -22,7 +22,7 @@ class RefusedError(Exception):
 
 
 def ended(work, *arguments):
-    """Exit status, standard output and standard error of work run as a command."""
+    """Return exit status, standard output and standard error of work run as a command."""
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err):
         status = run_cli("program", work, arguments, RefusedError)
@@ -42,18 +42,18 @@ def test_returned_value_is_the_exit_status(status):
     assert ended(lambda _: status) == (status or 0, "", "")
 
 
-def test_a_refusal_is_one_line_and_status_2():
+def test_refusal_is_one_line_with_status_2():
     assert ended(raising(RefusedError("no\n such  thing"))) == (2, "before\n", "program: no such thing\n")
 
 
-def test_a_long_message_is_cut():
+def test_long_message_is_truncated():
     _, _, error = ended(raising(RefusedError("given " + "9" * 5000 + "; allowed: 1")))
     assert len(error) < 950
     assert error.startswith("program: given 999")
     assert error.endswith("; allowed: 1\n")
 
 
-def test_an_internal_error_is_one_line_and_status_70():
+def test_internal_error_is_one_line_with_status_70():
     status, _, error = ended(raising(ZeroDivisionError("by nothing")))
     assert status == 70
     assert error.count("\n") == 1
@@ -72,7 +72,7 @@ def test_out_of_memory_is_reported_in_one_line():
     assert "this machine has too little memory" in error
 
 
-def test_a_package_that_is_not_installed_is_named():
+def test_missing_package_is_reported():
     status, _, error = ended(raising(ModuleNotFoundError("No module named 'typer.core'", name="typer.core")))
     assert (status, error.count("\n")) == (2, 1)
     assert "typer.core is not installed" in error
@@ -80,11 +80,11 @@ def test_a_package_that_is_not_installed_is_named():
     assert ended(raising(ModuleNotFoundError("No module named 'solve.lost'", name="solve.lost")))[0] == 70
 
 
-def test_an_interruption_is_130():
+def test_interruption_exits_with_130():
     assert ended(raising(KeyboardInterrupt())) == (130, "before\n", "program: interrupted\n")
 
 
-def test_an_interruption_that_a_library_passes_over_comes_again():
+def test_interruption_that_a_library_ignores_is_repeated():
     def work(_):
         try:
             os.kill(os.getpid(), signal.SIGINT)

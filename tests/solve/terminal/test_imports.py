@@ -15,16 +15,16 @@ TERMINAL = ["solve", "solve.terminal", "solve.terminal.command_line", "solve.ter
 
 
 def modules_of_solve(program, *options):
-    """Modules of `solve` that a program loads."""
+    """Return the modules of `solve` that a program loads."""
     program += "\nprint(*sorted(name for name in sys.modules if name.partition('.')[0] == 'solve'))"
     command = [sys.executable, *options, "-c", program]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
 
 
-def test_terminal_imports_the_standard_library_only():
+def test_terminal_imports_only_the_standard_library():
     # With -S, Python finds no installed package.
     assert modules_of_solve(IMPORT_TERMINAL, "-S") == TERMINAL
 
 
-def test_derive_imports_of_solve_the_terminal_only():
+def test_derive_imports_only_the_terminal_from_solve():
     assert modules_of_solve(IMPORT_DERIVE) == TERMINAL

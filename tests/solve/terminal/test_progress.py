@@ -1,4 +1,4 @@
-"""Progress of long computations: texts, listeners, and what appears on standard error."""
+"""Progress of long computations: text, listeners, and output on standard error."""
 
 import io
 import os
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def status(tracker, seconds=10.0):
-    """Status at a time (s) after the start of the outermost task."""
+    """Return the status at a time (s) after the start of the outermost task."""
     return tracker.status(tracker.tasks[0].started + seconds)
 
 
@@ -64,7 +64,7 @@ def test_nested_tasks_of_one_unit_are_shown_once():
         assert status(tracker).text == "10 s so far, about 90 s to go: 10 of 100 points"
 
 
-def test_a_subtask_of_another_unit_is_not_counted():
+def test_subtask_of_another_unit_is_not_counted():
     with progress.listen() as tracker, progress.task("curves", 4) as curves:
         with progress.subtask("points", 3):
             progress.set_total("steps", 5, lambda: 10)
@@ -72,7 +72,7 @@ def test_a_subtask_of_another_unit_is_not_counted():
         assert tracker.reports == 1
 
 
-def test_the_expected_total_can_be_set_again():
+def test_expected_total_can_be_changed():
     with progress.listen() as tracker, progress.task("steps"):
         assert status(tracker).text == "10 s so far: steps"
         progress.set_total("steps", 100, lambda: 400)
@@ -105,7 +105,7 @@ def test_durations_in_words(seconds, words):
 
 
 class Waits:
-    """Event that advances the clock at each wait and is set after a number of pauses."""
+    """Event that advances the clock at each wait and is set after a number of waits."""
 
     def __init__(self, clock, pauses):
         self.clock, self.left, self.pauses = clock, pauses, []
@@ -117,7 +117,7 @@ class Waits:
         return self.left < 0
 
 
-def test_a_log_receives_lines_at_growing_intervals(monkeypatch):
+def test_log_receives_lines_at_increasing_intervals(monkeypatch):
     clock = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
     error, ended = io.StringIO(), Waits(clock, 6)
@@ -149,7 +149,7 @@ def test_no_progress_is_shown_without_a_task(monkeypatch):
 def shown_on_a_terminal(command, until, then):
     """Run a command on a pseudo-terminal and call `then` with its process once `until` has appeared.
 
-    Returns the output, the exit status and the processor time (s) used after the call.
+    Return the output, the exit status and the processor time (s) used after the call.
     """
     leader, follower = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "200", "OMP_NUM_THREADS": "1"}
@@ -192,7 +192,7 @@ print("result")
 """
 
 
-def test_a_terminal_shows_one_line_that_disappears():
+def test_terminal_shows_one_line_that_disappears():
     read = []
     leader, follower = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
@@ -239,7 +239,7 @@ LONG = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("line", LONG)
-def test_a_long_command_shows_progress_and_can_be_interrupted(line, tmp_path):
+def test_long_command_shows_progress_and_can_be_interrupted(line, tmp_path):
     flag, file = ("--out", "page.html") if " report " in line else ("--save", "result.npz")
     command = [sys.executable, "-m", *shlex.split(line), flag, str(tmp_path / file)]
     interrupt = lambda process: process.send_signal(signal.SIGINT)  # noqa: E731

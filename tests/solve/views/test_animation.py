@@ -1,4 +1,4 @@
-"""The mechanism in motion: geometry by closed forms, the vibration by the orbit, files by their readers."""
+"""Animations of mechanisms: geometry compared with closed forms, vibration with the orbit, and files."""
 
 import json
 import re
@@ -66,7 +66,8 @@ def test_rigid_links_keep_their_lengths_and_meet(name, links):
 
 
 def test_cam_follower_matches_the_transmission_function():
-    """U is the integral of zero mean of Σ aₖ cos kφ, chapter Eq. (65); the profile touches it."""
+    """U is the integral with zero mean of Σ aₖ cos kφ, chapter Eq. (65). The cam profile touches the
+    follower."""
     model = solve.load("cam")
     lines = rigid(model)
     lift = sum(model.parameters[f"a{k}"] / k * np.sin(k * TURN) for k in range(1, 13))
@@ -99,7 +100,7 @@ def test_gears_roll_on_each_other():
 
 
 def test_drawn_coupler_is_the_magnified_sum_of_its_modes(coupler):
-    """w = Σ q_k sin kπξ across the chord, 33 points along it."""
+    """The deflection is w = Σ q_k sin kπξ across the chord, at 33 points."""
     rigid, moved = coupler.lines(TURN, 0.0)["coupler"], coupler.lines(TURN, 7.0)["coupler"]
     q, xi = coupler.vibration(TURN), np.linspace(0, 1, 33)
     w = sum(q[k - 1] * np.sin(k * np.pi * xi)[:, None] for k in (1, 2, 3))
@@ -107,7 +108,7 @@ def test_drawn_coupler_is_the_magnified_sum_of_its_modes(coupler):
     np.testing.assert_allclose(moved - rigid, 7.0 * w * across, atol=1e-14)
 
 
-def test_links_of_a_structure_end_where_its_joints_are():
+def test_links_of_a_structure_end_at_its_joints():
     model = solve.load("four_bar")
     animation = solve.animate(model, "20 rad/s", **ROUGH)
     q = dict(zip(model.coordinates, animation.vibration(TURN), strict=True))
@@ -138,7 +139,7 @@ def gif(made: Animation) -> bytes:
     return stream.getvalue()
 
 
-def test_an_orbit_is_shown_as_it_is(coupler):
+def test_animation_of_an_orbit_shows_this_orbit(coupler):
     model = solve.load("coupler")
     orbit = solve.periodic(model, "600 rpm", **ROUGH)
     animation = solve.animate(orbit, scale=10, show=["stress"])
@@ -158,7 +159,7 @@ def test_animation_uses_the_nonlinear_orbit():
 
 
 def test_free_vibration_matches_the_closed_form():
-    """With a constant stiffness cos(√delta t), its largest value 1."""
+    """With a constant stiffness, it is cos(√delta t), whose largest value is 1."""
     animation = solve.animate(solve.load("mathieu", epsilon=0, zeta=0, delta=2.0), "1 rad/s", rtol=1e-8)
     phase = np.linspace(0, animation.span, 200)
     assert animation.span == pytest.approx(8 * np.pi)
@@ -166,7 +167,7 @@ def test_free_vibration_matches_the_closed_form():
     assert animation.scale == 1
 
 
-def test_picture_states_an_unstable_motion():
+def test_figure_states_that_the_motion_is_unstable():
     animation = solve.animate(solve.load("mathieu", case="unstable"), frames=2, **ROUGH)
     assert animation.plot()._supxlabel.get_text().endswith("unstable: it grows")
     assert animation.warnings[0] == "unstable: it grows"
@@ -194,7 +195,7 @@ def test_page_is_valid_html_without_external_resources(mathieu):
     assert page.count('class="mover"') == len(page_data(page)["parts"])
 
 
-def test_a_notebook_shows_the_page_in_a_frame(mathieu):
+def test_notebook_shows_the_page_in_a_frame(mathieu):
     frame = html5lib.HTMLParser(strict=True).parseFragment(mathieu._repr_html_())[0]
     assert frame.attrib["srcdoc"] == mathieu.html
 
@@ -205,8 +206,8 @@ def page_data(page):
     return json.loads(match[1])
 
 
-def test_the_page_moves_its_lines_as_the_figure_does(coupler, laid_out):
-    """Each path, moved as the script does, lies where matplotlib puts the line, to a hundredth of a point."""
+def test_page_moves_lines_as_the_figure_does(coupler, laid_out):
+    """Each path, moved as by the script, agrees with the line of matplotlib to a hundredth of a point."""
     made = Animation(**{**vars(coupler), "frames": 4})
     page, seen = made.html, scene(made.drawn(still=False))
     figure = seen.figure
@@ -238,7 +239,7 @@ def numbers(text):
 
 
 @pytest.mark.slow
-def test_the_page_moves_in_a_browser(mathieu, tmp_path):
+def test_page_is_animated_in_a_browser(mathieu, tmp_path):
     if browser.CHROMIUM is None:
         pytest.skip("no Chromium is installed")
     mathieu.save(tmp_path / "moving.html")
@@ -249,7 +250,7 @@ def test_the_page_moves_in_a_browser(mathieu, tmp_path):
 
 
 @pytest.mark.parametrize("ending", [".png", ".pdf", ".svg"])
-def test_a_still_shows_some_positions(mathieu, tmp_path, ending):
+def test_still_figure_shows_several_positions(mathieu, tmp_path, ending):
     file = tmp_path / f"still{ending}"
     mathieu.save(file)
     assert file.stat().st_size > 10_000
@@ -272,7 +273,7 @@ def spring(lines):
 NUMBERS = {"m": 1.0, "k": 100.0, "a": 0.1, "L": 1.0}
 
 
-def test_a_mechanism_in_memory_moves():
+def test_mechanism_in_memory_is_animated():
     animation = solve.animate(solve.load(spring(True), **NUMBERS), "50 rad/s", **ROUGH)
     x = animation.lines(TURN, 1.0)["rod"][-1].real
     np.testing.assert_allclose(x, 0.1 * np.sin(TURN), atol=1e-15)
@@ -285,7 +286,7 @@ def test_lines_that_shrink_to_a_point_are_drawn():
     assert Image.open(BytesIO(gif(animation))).n_frames == 2
 
 
-def test_undefined_sketch_line_is_named():
+def test_undefined_sketch_line_is_reported():
     with pytest.raises(ValueOutOfBoundsError, match="sketch rod of spring is not defined"):
         solve.animate(solve.load(spring(True), **NUMBERS | {"L": 0.05}), "50 rad/s", **ROUGH)
 
@@ -317,10 +318,10 @@ def test_invalid_animations_are_refused():
         solve.animate(cam, "100 rpm", frames=90, **ROUGH).plot()
 
 
-def test_an_orbit_keeps_its_speed_method_and_equations():
+def test_animated_orbit_has_its_speed_method_and_equations():
     orbit = solve.periodic(solve.load("coupler"), "600 rpm", **ROUGH)
     for wrong in ({"speed": "100 rpm"}, {"nonlinear": True}, {"method": "radau"}):
-        with pytest.raises(ValueOutOfBoundsError, match="leave out speed"):
+        with pytest.raises(ValueOutOfBoundsError, match="omit speed"):
             solve.animate(orbit, **wrong)
     assert solve.animate(orbit, show="q2").signals.keys() == {"q2"}
 
@@ -332,8 +333,8 @@ def test_orbit_from_a_file_cannot_be_animated(tmp_path):
         solve.animate(solve.open(tmp_path / "orbit.npz"))
 
 
-def test_a_structure_draws_further_lines_besides_its_links():
-    """A turning beam, clamped to a disc, before a wall that stands still."""
+def test_structure_may_have_lines_in_addition_to_links():
+    """The structure is a rotating beam, clamped to a disc, in front of a fixed wall."""
     rotor = Structure("rotor", "A turning beam on a disc")
     E, A, I, rho, L = rotor.parameters(  # noqa: E741 - the field's symbol
         E=("Pa", "modulus"), A=("m^2", "area"), I=("m^4", "second moment"), rho=("kg/m^3", "density"),

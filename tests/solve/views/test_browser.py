@@ -1,4 +1,4 @@
-"""A report in a real browser: equations are mathematics, its console is empty, and nothing is wider than a
+"""Report in a browser: equations are rendered, the console is empty, and the page fits the width of a
 telephone."""
 
 import re
@@ -31,7 +31,7 @@ def page(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_console_is_empty(page):
+def test_browser_console_is_empty(page):
     _, message = browser.run(page, "--dump-dom")
     assert re.findall(r".*CONSOLE.*", message) == []
 

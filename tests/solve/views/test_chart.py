@@ -11,7 +11,8 @@ KINDS = list(KIND_NAMES)
 
 
 def field(kind, other, is_elsewhere):
-    """Stable points, a band of one kind between them and, if requested, a region of another kind nearby."""
+    """Return stable points, a band of one kind between them and, if requested, a nearby region of another
+    kind."""
     x, y = np.arange(7.0), np.arange(5.0)
     kinds, growth = np.full((5, 7), "", dtype="U8"), np.full((5, 7), -0.1)
     if is_elsewhere:
@@ -22,7 +23,7 @@ def field(kind, other, is_elsewhere):
 
 @pytest.mark.parametrize("is_elsewhere", [True, False])
 @pytest.mark.parametrize(("kind", "other"), [KINDS[:2], KINDS[1::-1], KINDS[-1:] + KINDS[:1]])
-def test_a_band_between_the_points_has_the_kind_of_its_boundary(kind, other, is_elsewhere):
+def test_band_between_points_has_the_kind_of_its_boundary(kind, other, is_elsewhere):
     given = field(kind, other, is_elsewhere)
     plane = _plane(given, given.growth)
     assert np.count_nonzero((plane.values == 0) & (plane.kinds == kind)) == 4

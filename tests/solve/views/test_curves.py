@@ -1,4 +1,4 @@
-"""Curves of pictures over speed: through their points, without extremes of their own, not where unstable."""
+"""Curves versus speed: they pass through their points, add no extrema, and omit unstable speeds."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_interpolated_curve_adds_no_extrema(seed):
     )
 
 
-def test_gaps_stay_gaps_and_points_that_come_twice_are_drawn_once():
+def test_gaps_remain_and_repeated_points_are_drawn_once():
     x = np.array([1.0, 2.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     y = np.array([1.0, 2.0, 2.0, np.nan, 1.0, 2.0, 0.5])
     fine, values = through(x, y)
@@ -60,7 +60,7 @@ def test_response_curve_omits_unstable_speeds_and_their_edges():
     assert len(marks.get_xdata()) == 0
 
 
-def test_order_labels_do_not_overlap_frame_or_frequencies(laid_out):
+def test_harmonic_labels_do_not_overlap_frame_or_frequencies(laid_out):
     critical = solve.critical_speeds(solve.load("cam"), "400:700:30 rpm", figure="rms", rtol=1e-6)
     figure = critical.plot(campbell=True)
     figure.draw_without_rendering()

@@ -1,4 +1,4 @@
-"""The lines of the pump of one's own, which the page on motion shows."""
+"""Sketch of the user-defined pump on the page on motion."""
 
 import re
 from pathlib import Path

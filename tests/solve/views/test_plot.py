@@ -1,4 +1,4 @@
-"""Pictures: what they show, that nothing overlaps, and how they are written. No pixel is compared."""
+"""Figures of orbits: content, overlaps and files. The tests compare no pixels."""
 
 import math
 from itertools import combinations
@@ -26,7 +26,7 @@ def result():
 
 
 def panels(figure):
-    """Axes by what they are: curves, spectra, multiplier planes."""
+    """Return the axes grouped into curves, spectra and multiplier planes."""
     curves = [axes for axes in figure.axes if axes.lines and len(axes.lines[0].get_xdata()) > 1000]
     spectra = [axes for axes in figure.axes if axes.collections and axes not in curves]
     planes = [axes for axes in figure.axes if axes.get_xlabel().startswith("Re ρ")]
@@ -34,7 +34,7 @@ def panels(figure):
 
 
 def overlaps(figure):
-    """Pairs of panels whose frames, labels and titles cover each other."""
+    """Return pairs of panels whose frames, labels and titles overlap."""
     figure.draw_without_rendering()
     boxes = [(axes, axes.get_tightbbox()) for axes in figure.axes]
     return [
@@ -44,7 +44,7 @@ def overlaps(figure):
     ]
 
 
-def test_one_row_per_coordinate_with_curve_and_spectrum(result):
+def test_figure_has_a_row_per_coordinate(result):
     curves, spectra, planes = panels(result.plot())
     assert [axes.get_title(loc="left") for axes in curves] == ["slide", "twist"]
     assert [axes.get_ylabel() for axes in curves] == ["x (mm)", "φ (mrad)"]
@@ -54,7 +54,7 @@ def test_one_row_per_coordinate_with_curve_and_spectrum(result):
     assert result.plot().get_suptitle() == "two oscillators, 28.6479 rpm"
 
 
-def test_the_curve_is_the_motion_over_the_phase_in_degrees(result):
+def test_curve_shows_the_motion_versus_phase_in_degrees(result):
     axes = panels(result.plot())[0][0]
     degrees, millimetres = axes.lines[0].get_data()
     assert (degrees[0], degrees[-1]) == (0.0, 360.0)
@@ -62,7 +62,7 @@ def test_the_curve_is_the_motion_over_the_phase_in_degrees(result):
     assert panels(result.plot())[0][-1].get_xlabel() == "phase (°)"
 
 
-def test_the_axes_above_are_time_and_hertz(result):
+def test_upper_axes_show_time_and_frequency_in_hertz(result):
     figure = result.plot()
     curves, spectra, _ = panels(figure)
     (time,), (hertz,) = curves[0].child_axes, spectra[0].child_axes
@@ -75,17 +75,17 @@ def test_the_axes_above_are_time_and_hertz(result):
 
 
 def stems(axes):
-    """Height by order."""
+    """Return the height of each stem as a mapping from its order."""
     return {round(foot[0]): head[1] for foot, head in axes.collections[0].get_segments()}
 
 
-def test_spectra_show_only_nonzero_orders(result):
+def test_spectra_show_only_nonzero_harmonics(result):
     _, (x, phi), _ = panels(result.plot())
     assert stems(x) == {1: pytest.approx(1e3 * abs(response(4.0, 0.4, 1)), rel=1e-6)}
     assert stems(phi) == {3: pytest.approx(1e3 * abs(response(9.0, 0.4, 3)), rel=1e-6)}
 
 
-def test_decibels_are_relative_to_the_largest_order(result):
+def test_decibels_are_relative_to_the_largest_harmonic(result):
     _, spectra, _ = panels(result.plot(["power"], scale="dB"))
     amplitudes = result.harmonics("power")[0]
     assert spectra[0].get_ylabel() == f"dB re {1e3 * amplitudes[2]:.3g} mW"
@@ -103,7 +103,7 @@ def test_quasi_static_curve_is_dashed(result):
     assert [text.get_text() for text in curves[0].get_legend().get_texts()] == ["dynamic", "quasi-static"]
 
 
-def test_outputs_are_shown_by_name(result):
+def test_requested_outputs_are_shown(result):
     curves, _, _ = panels(result.plot(["power", "x"]))
     assert [axes.get_title(loc="left") for axes in curves] == ["lost in the damper", "slide"]
 
@@ -115,7 +115,7 @@ def test_unknown_names_and_scales_are_refused(result):
         result.plot(scale="liner")
 
 
-def test_many_coordinates_stay_readable():
+def test_figure_of_many_coordinates_has_no_overlaps():
     import solve
 
     many = solve.periodic(chain(20), SPEED, rtol=1e-4)
@@ -126,7 +126,7 @@ def test_many_coordinates_stay_readable():
         many.plot([f"q{k}" for k in range(1, 8)])
 
 
-def test_small_multipliers_get_a_closer_view():
+def test_small_multipliers_have_an_enlarged_view():
     near, far = orbit(damping=0.4), orbit(damping=4.0)
     radius = multipliers(damping=4.0)
     assert multipliers(damping=0.4) > 0.4 > radius
@@ -179,8 +179,8 @@ def test_figure_files_match_their_extension_and_are_reproducible(result, tmp_pat
     assert first == second
 
 
-def test_a_dollar_in_a_users_texts_is_shown_as_such(tmp_path):
-    """matplotlib would read "$_ $" as mathematics, and fail."""
+def test_dollar_signs_in_user_text_are_shown_unchanged(tmp_path):
+    """matplotlib would interpret "$_ $" as mathematics and raise an error."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -192,8 +192,8 @@ def test_a_dollar_in_a_users_texts_is_shown_as_such(tmp_path):
         assert any("5 $" in text.get_text() for text in figure.findobj(Text))
 
 
-def test_numbers_at_ticks_and_their_power_of_ten_are_plain():
-    """Formulas take as long to read as all else takes to draw."""
+def test_tick_labels_use_plain_text():
+    """Parsing mathematical text takes as long as the remaining drawing."""
     with page(2.0, "small") as figure:
         axes = figure.add_subplot()
         axes.set_yticks([-1e-7, 0.0, 1e-7])
@@ -203,7 +203,7 @@ def test_numbers_at_ticks_and_their_power_of_ten_are_plain():
 
 
 def test_compared_spectra_end_below_the_measured_values():
-    """The computed orders beyond the first are rounding."""
+    """Beyond the first, the computed harmonics are round-off."""
     at = np.arange(32) * (2 * np.pi / 32)
     noisy = np.cos(at) + 1e-3 * np.random.default_rng(1).standard_normal(32)
     channel = Channel(SPEED, False, "q1", at, noisy, np.cos(at))

@@ -1,4 +1,4 @@
-"""`solve.report`: what stands on the page, what is left out and why; the page itself by a parser."""
+"""Report page: contents, omitted sections with reasons, and valid HTML."""
 
 import itertools
 import re
@@ -24,9 +24,9 @@ RANGE = "1.1:1.2:3 rad/s"
 
 @cache
 def parsed(page):
-    """The page as a tree. html5lib follows the parsing rules of the HTML standard and stops, when strict, at
-    the first deviation: a tag that is not closed, a name given twice to an attribute. The parser of the
-    standard library accepts anything."""
+    """Return the page as a tree. In strict mode, html5lib follows the HTML standard and stops at the first
+    error, for example an unclosed tag or a repeated attribute. The parser of the standard library accepts any
+    text."""
     return html5lib.HTMLParser(strict=True).parse(page)
 
 
@@ -41,7 +41,7 @@ def mathieu():
 
 @pytest.fixture(scope="module")
 def driven():
-    """An oscillator in numbers alone: q″ + 0.2 q′ + 4 q = cos φ."""
+    """Return a user oscillator: q″ + 0.2 q′ + 4 q = cos φ."""
 
     def oscillator(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -57,7 +57,7 @@ def frame():
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Report without figures: drawing takes longer than solving."""
+    """Return a report without figures. Drawing takes longer than solving."""
     monkeypatch.setattr("solve.views.page.svg_of", lambda _: "<svg></svg>")
 
 
@@ -66,7 +66,7 @@ def page(request):
     return request.getfixturevalue(request.param).html
 
 
-def test_the_page_is_html_with_language_title_and_headings_in_order(page):
+def test_page_has_language_title_and_ordered_headings(page):
     tree = parsed(page)
     assert tree.get("lang") == "en"
     assert len(texts(tree, "h1")) == len(texts(tree, "main")) == 1
@@ -111,7 +111,7 @@ def test_tables_and_pictures_are_labelled_for_accessibility(page):
         assert len(each.get("aria-label")) > 20
 
 
-def test_equations_and_parameters_with_their_sources(mathieu):
+def test_page_contains_equations_and_parameters_with_sources(mathieu):
     tree = parsed(mathieu.html)
     assert len(list(tree.iter(MATHS + "math"))) == len(mathieu.system.labels.equations) == 4
     table = next(each for each in tree.iter(HTML + "table"))
@@ -121,7 +121,7 @@ def test_equations_and_parameters_with_their_sources(mathieu):
     assert rows["ζ"][-1] == solve.load("mathieu").labels.parameter_sources["zeta"] != ""
 
 
-def test_report_of_a_closed_loop_states_that_the_equations_lack_the_feedback(mathieu):
+def test_closed_loop_report_states_that_equations_exclude_feedback(mathieu):
     press = solve.load("manipulator")
     closed = solve.lqr(press, "70 rpm", {"q2": 1e8}, {"u": 1e-3}, rtol=1e-4).closed
     page = Report(closed, [Part("Motion", "", reason="not computed")], [], 1e-4).html
@@ -179,8 +179,8 @@ def test_impossible_sections_are_omitted_with_a_reason(driven, mathieu, frame):
             assert any(reason in text for text in stated)
 
 
-def test_a_machine_that_the_load_drives_has_no_vibration_to_report():
-    """Stability and frequencies are reported; a periodic motion and the linear answer are not mentioned."""
+def test_report_omits_the_vibration_of_a_machine_without_steady_motion():
+    """Stability and frequencies are reported. The periodic motion and the linear response are not."""
     machine = Mechanism("driven_discs", "Two discs that turn freely")
     q1, q2 = machine.coordinates(q1=("rad", "disc 1"), q2=("rad", "disc 2"))
     J, k, k3 = machine.parameters(
@@ -207,7 +207,7 @@ def test_report_without_a_load_contains_stability(mathieu):
 
 
 def test_failed_section_states_its_reason_and_others_remain():
-    """One speed has no bands beside it."""
+    """There are no bands at a single speed."""
     report = solve.report(solve.load("mathieu", epsilon=0.2), "1.1 rad/s", rtol=1e-3)
     assert "two speeds" in report.missing["Unstable bands"]
     assert report.summary
@@ -225,8 +225,8 @@ def test_warnings_are_listed_once_with_their_sections(undrawn):
         assert items.count(f"{text} (One, Other)") == 1
 
 
-def test_warning_names_its_orbit(undrawn, capsys, tmp_path):
-    """Both orbits lift off; page and terminal name the orbit of each warning."""
+def test_warning_states_its_orbit(undrawn, capsys, tmp_path):
+    """Both orbits lift off. The page and the terminal state the orbit of each warning."""
     cam = solve.load("cam")
     parts = [
         Part(f"By {each}", "The same.", solve.periodic(cam, f"{rpm} rpm", rtol=1e-2), orbit=each)
@@ -254,7 +254,7 @@ def test_repeated_report_is_identical_byte_for_byte(frame):
     assert solve.report(solve.load("portal_frame")).html == frame.html
 
 
-def test_a_file_is_written_whole_or_not_at_all(frame, tmp_path):
+def test_interrupted_report_leaves_no_file(frame, tmp_path):
     frame.save(tmp_path / "frame.html")
     assert (tmp_path / "frame.html").read_text("utf-8") == frame.html
     with pytest.raises(FileError, match=r"allowed: \.html"):
@@ -262,7 +262,7 @@ def test_a_file_is_written_whole_or_not_at_all(frame, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["frame.html"]
 
 
-def test_a_model_that_moves_needs_a_speed_and_speeds():
+def test_moving_model_requires_a_speed_and_speeds():
     with pytest.raises(MissingValueError, match="states no speed"):
         solve.report(solve.load("cam"), "60:61:2 rad/s")
     with pytest.raises(MissingValueError, match="no speeds given"):

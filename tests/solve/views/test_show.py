@@ -1,4 +1,4 @@
-"""Displays are found by the class of a result."""
+"""Displays are selected by the class of a result."""
 
 import pkgutil
 from importlib import import_module
@@ -10,7 +10,7 @@ from solve.views import show
 
 
 @pytest.mark.parametrize("name", ["figure", "waterfall", "tables", "brief"])
-def test_module_of_every_display_is_imported_for_its_result(name):
+def test_module_of_every_display_is_imported_when_required(name):
     for module in pkgutil.iter_modules(solve.views.__path__, "solve.views."):
         import_module(module.name)
     modules = {

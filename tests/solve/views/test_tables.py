@@ -1,4 +1,4 @@
-"""Tables of systems that no model describes."""
+"""Tables of user systems without a model."""
 
 import io
 import math
@@ -21,8 +21,8 @@ def text_of(report, width=80):
     return stream.getvalue()
 
 
-def test_a_system_of_ones_own_is_reported():
-    """x is 1/2 + cos(φ + ψ)/|4 - 9 + 1.2i|, tan ψ = -1.2/(4 - 9): its maximum lies at φ = 166.5°."""
+def test_user_system_is_reported():
+    """x is 1/2 + cos(φ + ψ)/|4 - 9 + 1.2i| with tan ψ = -1.2/(4 - 9). Its maximum lies at φ = 166.5°."""
     text = text_of(printout(orbit()))
     assert "two oscillators" in text
     assert "28.6479 rpm = 3 rad/s" in text
@@ -31,14 +31,15 @@ def test_a_system_of_ones_own_is_reported():
 
 
 def test_harmonics_below_the_error_are_not_shown():
-    """The load of phi has order 3 alone, and so has the response of constant coefficients."""
+    """The load of phi contains only harmonic 3. With constant coefficients, so does the response."""
     rows = [line.split() for line in text_of(printout(orbit())).splitlines()]
     (row,) = (row for row in rows if row[:2] == ["φ", "3:"])
     assert row[-2:] == ["–", "–"]
 
 
 def test_phases_are_drive_angles_for_any_period():
-    """Two turns of the drive a period: cos(φ/2 + ψ) has its maximum twice as far on as over one turn."""
+    """A period consists of two revolutions of the drive: the maximum of cos(φ/2 + ψ) lies at twice the angle
+    that it has over one revolution."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -52,7 +53,7 @@ def test_phases_are_drive_angles_for_any_period():
 
 
 def test_constant_quantities_have_no_phase_of_their_extrema():
-    """x = 2 and y = cos(φ)/(4.3 - 1) with forces that are coupled by x + y."""
+    """x = 2 and y = cos(φ)/(4.3 - 1), with forces that are coupled by x + y."""
 
     def matrices(phase, speed):
         couple = np.ones((len(phase), 1, 1)) * np.array([[1.0, 1.0], [0.0, 1.0]])
@@ -65,7 +66,7 @@ def test_constant_quantities_have_no_phase_of_their_extrema():
     assert ["y", "0.3030303", "0.0°", "-0.3030303", "180.0°", "0.0000000"] in rows
 
 
-def test_the_end_of_the_turn_is_its_beginning():
+def test_phase_at_the_period_end_is_shown_as_zero():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.0 * one, 40.0 * one, np.cos(phase + 1e-5)[:, None]
@@ -83,8 +84,9 @@ def test_many_multipliers_are_counted_not_listed():
     assert len(text.splitlines()) < 25
 
 
-def test_a_system_at_rest_over_half_a_turn_is_reported_and_drawn():
-    """No force: q = 0, whose spectrum is empty. Orders of rotation are even where the period is π."""
+def test_zero_orbit_is_reported_and_drawn():
+    """There is no force: q = 0, with an empty spectrum. The period is π, so that orders of rotation are
+    even."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -97,7 +99,7 @@ def test_a_system_at_rest_over_half_a_turn_is_reported_and_drawn():
         assert rest.plot(scale=scale).axes[0].get_xlim() == (0.0, 180.0)
 
 
-def test_orders_count_turns_where_the_period_is_half_a_turn():
+def test_orders_of_rotation_are_counted_per_revolution():
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, 2.0 * one, np.cos(4 * phase)[:, None]
@@ -111,7 +113,7 @@ def test_orders_count_turns_where_the_period_is_half_a_turn():
     assert orbit.record()["coordinates"]["q"]["harmonics"][2] == pytest.approx(amplitude, rel=1e-7)
 
 
-def test_greek_letters_are_shown_and_spelled_out_in_files(tmp_path):
+def test_greek_letters_are_shown_but_spelled_out_in_files(tmp_path):
     sweep = solve.sweep(solve.load("mathieu", zeta=0.1), over="epsilon=0:1:3")
     for text in (text_of(printout(sweep)), sweep._repr_html_()):
         assert "ε (1/s²)" in text
@@ -123,7 +125,7 @@ def test_greek_letters_are_shown_and_spelled_out_in_files(tmp_path):
 
 
 def test_notebook_shows_a_result_once_with_left_aligned_text(monkeypatch, capsys):
-    """Consoles of rich display their output if rich detects a notebook."""
+    """Rich consoles display their output themselves in a notebook."""
     stability = solve.floquet(solve.load("mathieu"), "1 rad/s")
     alone = repr(stability)
     monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
@@ -135,7 +137,7 @@ def test_notebook_shows_a_result_once_with_left_aligned_text(monkeypatch, capsys
 
 
 def test_long_tables_state_which_rows_they_show():
-    """Every third of 100 rows fits into 40."""
+    """Every third of 100 rows fits into 40 rows."""
     lines = text_of(table_of("Squares", {"n": Column(np.arange(100), heading="n")}, most=40)).split("\n")
     assert "Squares; one row in 3 of 100" in lines
     assert [line.strip() for line in lines if line.strip().isdigit()] == [str(n) for n in range(0, 100, 3)]

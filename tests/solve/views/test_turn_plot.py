@@ -1,4 +1,4 @@
-"""The picture of a quantity over the turn, a curve a speed: read back from the drawn figure."""
+"""Figure of a quantity versus phase with one curve per speed, read back from the drawn figure."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def coupler():
 
 
 def curves(figure):
-    """The curves of the legend, by their label."""
+    """Return the curves of the legend as a mapping from their labels."""
     (axes,) = figure.axes
     return {
         line.get_label(): np.array(line.get_data())
@@ -29,7 +29,7 @@ def curves(figure):
     }
 
 
-def test_one_curve_per_speed_over_the_whole_period(coupler):
+def test_figure_has_one_curve_per_speed_over_the_period(coupler):
     drawn = curves(turn_figure(coupler, "midpoint_deflection"))
     assert list(drawn) == ["600", "1500"]
     for orbit, label in zip(coupler, ("1500", "600"), strict=True):
@@ -41,7 +41,7 @@ def test_one_curve_per_speed_over_the_whole_period(coupler):
         assert values.min() == pytest.approx(1e3 * range_.min, rel=1e-5)
 
 
-def test_legend_and_axis_show_speed_and_unit(coupler):
+def test_legend_and_axis_show_speeds_and_unit(coupler):
     figure = turn_figure(coupler, "midpoint_deflection")
     (legend,) = figure.legends
     assert legend.get_title().get_text() == "speed (rpm)"
@@ -50,13 +50,13 @@ def test_legend_and_axis_show_speed_and_unit(coupler):
     assert figure.get_suptitle() == "coupler, case table2: midpoint deflection over one turn"
 
 
-def test_a_period_that_is_half_a_turn_ends_at_180_degrees():
+def test_axis_of_a_half_revolution_period_ends_at_180_degrees():
     computed = orbits("1 rad/s", "2 rad/s", delta=3.0, epsilon=0.5, zeta=0.1)
     drawn = curves(turn_figure(computed, computed[0].coordinates[0]))
     assert {values[0, -1] for values in drawn.values()} == {180.0}
 
 
-def test_no_two_of_twelve_curves_look_alike():
+def test_twelve_curves_are_distinguishable():
     computed = orbits(*(f"{rpm} rpm" for rpm in range(600, 1800, 100)), model="coupler")
     (axes,) = turn_figure(computed, "q1").axes
     lines = [line for line in axes.lines if not line.get_label().startswith("_")]
@@ -65,12 +65,12 @@ def test_no_two_of_twelve_curves_look_alike():
     assert neighbours.count(False) == 3
 
 
-def test_speeds_that_are_nearly_equal_have_a_curve_each():
+def test_nearly_equal_speeds_have_separate_curves():
     computed = orbits("600 rpm", "600.0002 rpm", "600.0004 rpm", model="coupler")
     assert list(curves(turn_figure(computed, "midpoint_deflection"))) == ["600", "600.0002", "600.0004"]
 
 
-def test_the_command_draws_a_curve_for_values_that_are_nearly_equal(tmp_path):
+def test_command_draws_separate_curves_for_nearly_equal_values(tmp_path):
     picture = tmp_path / "turn.svg"
     line = ["sweep", "mathieu", "--over", "delta=2:2.0000004:3", "--turn", "q", "--plot", str(picture)]
     assert run(line) == 0
@@ -115,15 +115,15 @@ def test_command_refuses_invalid_arguments_in_one_line(arguments, message, tmp_p
 AT_REST = ["sweep", "mathieu", "--set", "delta=4", "--set", "epsilon=0", "--set", "zeta=0", "--turn", "q"]
 
 
-def test_a_speed_without_result_is_left_out(tmp_path, capsys):
-    """Without damping the natural frequency of 2 rad/s is met at 1 rad/s, not at 2 rad/s."""
+def test_speed_without_a_result_is_omitted(tmp_path, capsys):
+    """Without damping, the natural frequency of 2 rad/s is excited at 1 rad/s, not at 2 rad/s."""
     file = tmp_path / "turn.png"
     assert run([*AT_REST, "--speeds", "1 2 rad/s", "--plot", str(file)]) == 0
     assert "no result: I - Φ is singular" in capsys.readouterr().err
     assert file.exists()
 
 
-def test_no_result_at_all_is_refused(tmp_path, capsys):
+def test_figure_without_any_result_is_refused(tmp_path, capsys):
     file = tmp_path / "turn.png"
     assert run([*AT_REST, "--speeds", "1 rad/s", "--plot", str(file)]) == 2
     assert "1 point, none with a result: I - Φ is singular" in capsys.readouterr().err

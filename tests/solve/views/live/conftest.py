@@ -1,4 +1,5 @@
-"""A browser, a session of the live window without a page, and mechanism files in a folder of their own."""
+"""Fixtures: a browser, a session of the live window without a page, and mechanism files in a separate
+folder."""
 
 import time
 
@@ -47,21 +48,22 @@ def running_browser():
 
 @pytest.fixture
 def chromium(running_browser):
-    """Browser whose pages are closed after the test: they would follow the values of later tests."""
+    """Yield a browser whose pages are closed after the test. Otherwise, they would change with the values of
+    later tests."""
     yield running_browser
     running_browser.close_pages()
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty current folder."""
+    """Return an empty current folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def spring(folder):
-    """Path of a mechanism file with a case file, m = 2 kg, k = 50 N/m, derived."""
+    """Return the path of a derived mechanism file with a case file, m = 2 kg, k = 50 N/m."""
     (folder / "spring.py").write_text(SPRING, encoding="utf-8")
     (folder / "spring.toml").write_text(CASES, encoding="utf-8")
     assert not derive(["spring.py"])
@@ -69,7 +71,7 @@ def spring(folder):
 
 
 class Window:
-    """A session and the messages that it has sent."""
+    """Session with the messages that it has sent."""
 
     def __init__(self, model, speed=None, origin=None):
         self.sent, self.points, self.waiting = [], [], []
@@ -84,7 +86,7 @@ class Window:
         self.waiting.append((delay, work))
 
     def ask(self, action, **message):
-        """Messages sent in answer, with those that come later."""
+        """Return the messages sent in answer, including later ones."""
         before = len(self.sent)
         getattr(self.session, action)(message)
         while self.waiting:
@@ -92,7 +94,7 @@ class Window:
         return self.sent[before:]
 
     def solution(self, **message):
-        """Solution at the position of the sliders."""
+        """Return the solution for the current values of the sliders."""
         number = int(time.monotonic() * 1e6)
         self.session.replace(number)
         return next(each for each in self.ask("solve", number=number, **message) if each["is"] != "progress")
@@ -100,5 +102,5 @@ class Window:
 
 @pytest.fixture
 def window():
-    """Window of a model by name."""
+    """Return a function that opens the window of a model by its name."""
     return lambda name, *arguments, **options: Window(solve.load(name, **options), *arguments)

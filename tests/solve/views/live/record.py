@@ -1,4 +1,4 @@
-"""`python -m tests.solve.views.live.record`: renew docs/live.gif, the live window in motion."""
+"""`python -m tests.solve.views.live.record` writes docs/live.gif, an animation of the live window."""
 
 import io
 from pathlib import Path
@@ -17,7 +17,7 @@ _PLACES = [*range(330, 850, 40), *range(850, 330, -40)]
 
 
 def record(file: Path = FILE) -> None:
-    """Write an animated picture of the window while a slider moves."""
+    """Write an animation of the window while a slider moves."""
     live, images = solve.explore("cam", "300 rpm"), []
     slider = "document.querySelector('[data-name=speed] input[type=range]')"
     try:

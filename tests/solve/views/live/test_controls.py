@@ -1,4 +1,4 @@
-"""Sliders of the live window: their ranges, and values typed with units."""
+"""Sliders of the live window: ranges, and values typed with units."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from solve.views.live import controls
 
 
 @pytest.mark.parametrize("model", ["cam", "manipulator", "gear_pair", "mathieu", "meissner", "coupler"])
-def test_every_end_of_a_slider_is_allowed_by_the_bound_of_its_parameter(model):
+def test_slider_ends_satisfy_the_bounds_of_their_parameters(model):
     loaded = solve.load(model)
     for control in controls.controls_of(loaded, controls.first_speed(loaded, None)):
         span = control.range
@@ -35,13 +35,13 @@ def test_range_of_a_slider_follows_the_bound(value, bound, low, high):
     assert span.integer == ("integer" in bound)
 
 
-def test_open_end_of_a_bound_is_no_value_of_the_slider():
+def test_open_bound_is_excluded_from_the_slider():
     span = controls.parameter_range(0.5, "> 0, < 1", 1.0)
     assert 0 < span.low < 0.01
     assert 0.99 < span.high < 1
 
 
-def test_first_speed_is_that_of_the_case_or_below_resonance():
+def test_initial_speed_is_that_of_the_case_or_below_resonance():
     assert controls.first_speed(solve.load("manipulator"), None) == speed_in_si("50 rpm")
     assert controls.first_speed(solve.load("cam"), "600 rpm") == speed_in_si("600 rpm")
     lowest = solve.frequencies(solve.load("cam")).values.min()
@@ -74,7 +74,7 @@ def test_typed_values_are_converted_to_the_unit_of_the_slider(name, text, value)
         ("k9", "3", "unknown parameter of cam 'k9'"),
     ],
 )
-def test_wrong_input_is_refused_in_one_sentence(name, text, message):
+def test_invalid_input_is_refused_in_one_sentence(name, text, message):
     with pytest.raises(solve.SolveError) as refusal:
         controls.typed(solve.load("cam"), name, text, RPM)
     assert message in str(refusal.value)

@@ -1,4 +1,5 @@
-"""The live page of twenty models: those of the package that move, and mechanism files of the pages."""
+"""Live page of twenty models: models of the package with moving parts, and mechanism files from the
+documentation."""
 
 import re
 import shlex
@@ -21,7 +22,7 @@ OWN = [name for name in FILES if "--case" not in LINES.get(name, "--case")][:12]
 
 
 def stated(name):
-    """Values of the parameters and the first speed of the line that a page prints."""
+    """Return the parameter values and the initial speed of a command printed on a page."""
     words = shlex.split(LINES[name])
     pairs = dict(pairwise(words))
     speed = pairs.get("--speed") or re.sub(r":[^ ]*", "", pairs["--speeds"])
@@ -29,7 +30,7 @@ def stated(name):
 
 
 def loaded(name, folder):
-    """Model of the package, or of a file that is written and derived."""
+    """Return a model of the package, or of a file that is written and derived."""
     if name in PACKAGE:
         return solve.load(name), None
     (folder / f"{name}.py").write_text(FILES[name], encoding="utf-8")
@@ -39,7 +40,7 @@ def loaded(name, folder):
 
 
 @pytest.mark.parametrize("name", [*PACKAGE, *OWN])
-def test_page_of_a_model_follows_its_sliders(name, chromium, folder):
+def test_live_page_of_a_model_follows_its_sliders(name, chromium, folder):
     model, speed = loaded(name, folder)
     live = solve.explore(model, speed)
     try:
@@ -60,5 +61,5 @@ def test_page_of_a_model_follows_its_sliders(name, chromium, folder):
         live.close()
 
 
-def test_twenty_models_are_opened():
+def test_twenty_models_are_tested():
     assert len({*PACKAGE, *OWN}) == 20

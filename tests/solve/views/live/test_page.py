@@ -1,4 +1,4 @@
-"""The live page in a real browser: sliders, typed units, refusals, cursors, commands, widths and latency."""
+"""Live page in a browser: sliders, typed units, errors, cursors, commands, widths and latency."""
 
 import json
 import os
@@ -33,7 +33,7 @@ def page(chromium, address):
 
 
 def number(tab):
-    """Number of the solution that is drawn."""
+    """Return the number of the displayed solution."""
     return int(tab.evaluate("document.documentElement.dataset.drawn || 0"))
 
 
@@ -45,13 +45,13 @@ def after(tab, work):
 
 
 def slide(tab, name, place):
-    """Move a slider to a place from 0 to 1000, as an event of the mouse would."""
+    """Move a slider to a position from 0 to 1000, as a mouse event would."""
     slider = f"document.querySelector('[data-name={name}] input[type=range]')"
     tab.evaluate(f"{slider}.value = {place}; {slider}.dispatchEvent(new Event('input', {{bubbles: true}}))")
 
 
 def box(tab, selector):
-    """Left, top, width and height of an element."""
+    """Return left, top, width and height of an element."""
     rectangle = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
     return tab.evaluate(f"(r => [r.left, r.top, r.width, r.height])({rectangle})")
 
@@ -60,7 +60,7 @@ def value(tab, name):
     return float(tab.evaluate(f"document.querySelector('[data-name={name}] .typed input').value"))
 
 
-def test_moved_slider_shows_the_orbit_of_its_value(page):
+def test_moved_slider_shows_the_orbit_at_its_value(page):
     after(page, lambda: slide(page, "k1", 550))
     k1 = value(page, "k1")
     orbit = solve.periodic(solve.load("cam", k1=k1), "300 rpm")
@@ -84,7 +84,7 @@ def test_mouse_moves_a_slider(page):
     assert value(page, "speed") > before
 
 
-def test_typed_unit_is_converted_and_kept_in_the_command(page):
+def test_typed_unit_is_converted_and_used_in_the_command(page):
     after(page, lambda: page.type("[data-name=k1] .typed input", "95 kN m/rad"))
     assert value(page, "k1") == 95e3
     assert page.text("#command") == 'solve periodic cam --case 1 --set "k1=95 kN m/rad" --speed "300 rpm"'
@@ -92,7 +92,7 @@ def test_typed_unit_is_converted_and_kept_in_the_command(page):
     assert value(page, "speed") == pytest.approx(330)
 
 
-def test_wrong_input_is_refused_beside_its_field(page):
+def test_invalid_input_is_reported_beside_its_field(page):
     before = number(page)
     page.type("[data-name=k1] .typed input", "soft")
     page.wait("!document.querySelector('[data-name=k1] .refusal').hidden")
@@ -140,7 +140,7 @@ def test_copied_command_reproduces_the_state(page, capsys):
     assert f"{1e3 * found['coordinates']['q1']['max_abs']:.3g}" == largest[0]
 
 
-def test_chosen_quantities_are_shown(page):
+def test_selected_quantities_are_shown(page):
     after(page, lambda: page.click("#quantities input[value=contact_force]"))
     titles = page.evaluate("[...document.querySelectorAll('.curve h3 b')].map(e => e.textContent)")
     assert titles == ["q1", "q2", "q3", "contact_force"]
@@ -159,14 +159,14 @@ def test_invalid_tolerance_or_magnification_is_not_sent(page):
     page.wait("document.querySelector('#motion small').textContent === 'vibration magnified 3 times'")
 
 
-def test_range_extended_by_a_typed_value_is_restored_by_reset(page):
+def test_reset_restores_an_extended_range(page):
     after(page, lambda: page.type("[data-name=speed] .typed input", "9000"))
     after(page, lambda: page.click("#reset"))
     place = page.evaluate("document.querySelector('[data-name=speed] input[type=range]').value")
     assert float(place) == pytest.approx(1000 * (300 - 60) / (900 - 60), abs=1)
 
 
-def test_fault_of_the_model_is_a_sentence_and_the_page_goes_on(chromium):
+def test_model_error_is_one_sentence_and_the_page_continues(chromium):
     live = solve.explore("coupler", "600 rpm")
     try:
         tab = chromium.open(live.address)
@@ -186,7 +186,7 @@ def test_fault_of_the_model_is_a_sentence_and_the_page_goes_on(chromium):
 
 
 @pytest.mark.parametrize("width", [360, 420, 768, 1280, 1920])
-def test_nothing_is_wider_than_the_window(page, width):
+def test_page_fits_the_width_of_the_window(page, width):
     page.resize(width, 900)
     page.wait(f"innerWidth === {width}")
     assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
@@ -195,7 +195,7 @@ def test_nothing_is_wider_than_the_window(page, width):
     assert page.evaluate("document.querySelector('#verdict').getBoundingClientRect().top") >= 0
 
 
-def test_page_states_that_the_program_has_ended(chromium):
+def test_page_reports_the_end_of_the_program(chromium):
     live = solve.explore("mathieu")
     tab = chromium.open(live.address)
     tab.wait(SOLVED)
@@ -204,7 +204,7 @@ def test_page_states_that_the_program_has_ended(chromium):
     live.close()
 
 
-def test_two_windows_side_by_side_keep_their_own_values(page, chromium, address):
+def test_two_windows_have_independent_values(page, chromium, address):
     other = chromium.open(address)
     other.wait(SOLVED)
     after(page, lambda: slide(page, "k1", 400))
@@ -227,8 +227,8 @@ MOVES = """(async (count) => {
 })"""
 
 
-def test_memory_and_latency_after_a_thousand_moves(chromium, record_property):
-    """Latency depends on the machine and is recorded; memory and answers do not."""
+def test_memory_is_bounded_after_a_thousand_moves(chromium, record_property):
+    """Latency depends on the machine and is only recorded. Memory and answers are tested."""
     live = solve.explore("mathieu")
     try:
         tab = chromium.open(live.address)
@@ -251,12 +251,12 @@ def test_memory_and_latency_after_a_thousand_moves(chromium, record_property):
 
 
 def heap(tab):
-    """Memory of the objects of a page in bytes."""
+    """Return the memory (bytes) of the JavaScript objects of a page."""
     tab.command("HeapProfiler.collectGarbage")
     return tab.evaluate("performance.memory.usedJSHeapSize")
 
 
 def resident():
-    """Resident memory of this process in bytes; 0 where the system has no file that states it."""
+    """Return the resident memory (bytes) of this process, or 0 if the system has no file that states it."""
     file = Path("/proc/self/statm")
     return int(file.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") if file.exists() else 0

@@ -1,4 +1,4 @@
-"""Server of the live window: its address, its token, its end, and several windows at once."""
+"""Server of the live window: address, token, end of the program, and several windows at once."""
 
 import asyncio
 import json
@@ -37,7 +37,7 @@ PRINTED = re.findall(
 
 @pytest.fixture(scope="module")
 def live():
-    """Live window of the cam."""
+    """Yield a live window of the cam."""
     opened = solve.explore("cam", "300 rpm")
     yield opened
     opened.close()
@@ -45,7 +45,7 @@ def live():
 
 
 def fetched(address, **headers):
-    """Status, headers and text of an answer."""
+    """Return status, headers and text of a response."""
     try:
         with urllib.request.urlopen(
             urllib.request.Request(address, headers=headers), timeout=_SECONDS
@@ -75,7 +75,7 @@ async def talk(address, *conversation, origin=None):
     return found
 
 
-def test_address_is_local_with_a_token_and_pages_load_nothing_from_elsewhere(live):
+def test_local_page_loads_no_external_resources(live):
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}/", live.address)
     status, headers, page = fetched(live.address)
     assert status == 200
@@ -105,13 +105,13 @@ def test_only_files_of_the_page_are_served(live, name):
     assert fetched(live.address + name)[0] == 404
 
 
-def test_other_names_of_this_machine_are_refused(live):
-    """A page of another site may give its own name this machine's address."""
+def test_other_host_names_are_refused(live):
+    """A page of another site may resolve its own host name to the address of this machine."""
     assert fetched(live.address, Host="example.org")[0] == 403
 
 
 @pytest.mark.parametrize("origin", ["http://example.org", "null", "http://127.0.0.1:1"])
-def test_page_of_another_site_cannot_connect(live, origin):
+def test_page_of_another_origin_cannot_connect(live, origin):
     with pytest.raises(HTTPClientError, match="403"):
         asyncio.run(talk(live.address, origin=origin))
 
@@ -122,7 +122,7 @@ def test_connection_without_the_token_is_refused(live):
         asyncio.run(talk(f"{root}/x/"))
 
 
-def test_two_windows_have_their_own_sliders(live):
+def test_two_windows_have_separate_sliders(live):
     async def both():
         ask = {"do": "solve", "number": 1, "shown": ["q1"], "speed": "300 rpm"}
         one = talk(live.address, (None, "model"), ({**ask, "values": {"k1": "9e4"}}, "solution"))
@@ -135,7 +135,7 @@ def test_two_windows_have_their_own_sliders(live):
 
 
 def test_message_before_the_greeting_is_answered(live):
-    """The numerical thread is held until the message has arrived."""
+    """The test blocks the numerical thread until the message has arrived."""
     ask = {"do": "solve", "number": 1, "shown": ["q1"], "speed": "300 rpm", "values": {}}
     live._server.numerics.submit(time.sleep, 0.3)
     model, solution = asyncio.run(talk(live.address, (ask, "model"), (None, "solution")))
@@ -156,7 +156,7 @@ def test_malformed_message_does_not_close_the_window(live, text):
     asyncio.run(send())
 
 
-def test_window_in_python_has_the_model_of_the_sliders():
+def test_python_window_exposes_the_model_at_the_slider_values():
     with_closing = solve.explore(solve.load("mathieu", delta=1.5))
     try:
         ask = {"do": "solve", "number": 1, "shown": ["q"], "values": {"epsilon": "0.25"}}
@@ -172,8 +172,8 @@ def test_window_in_python_has_the_model_of_the_sliders():
 
 
 @pytest.mark.parametrize(("seconds", "reason"), [(30.0, "OSError: too few files"), (0.0, "not within 0 s")])
-def test_server_that_does_not_start_is_an_error(monkeypatch, seconds, reason):
-    """One fails; the other one is slow, and ends as soon as it has started."""
+def test_server_that_does_not_start_raises_an_error(monkeypatch, seconds, reason):
+    """One server fails; the other one is slow and stops as soon as it has started."""
     ended, serve = threading.Event(), LiveServer.serve
 
     async def failing(server, ready):
@@ -217,12 +217,12 @@ def test_sweep_reports_progress_and_can_be_cancelled(live):
 
 
 def started(*arguments):
-    """Process of the command, and the address that it prints."""
+    """Return the process of the command and the address that it prints."""
     return opened([sys.executable, "-m", "solve", "explore", *arguments, "--no-browser"])
 
 
 def opened(command):
-    """Process that opens a window, and the address that it prints."""
+    """Return a process that opens a window and the address that it prints."""
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     line = process.stdout.readline()
     found = re.fullmatch(r"\w+: (http://127\.0\.0\.1:\d+/[\w-]+/) \(Ctrl-C ends\)\n", line)
@@ -231,13 +231,13 @@ def opened(command):
 
 
 def ended(process):
-    """Exit status and both streams of a process that ends by itself."""
+    """Return the exit status, standard output and standard error of a process that ends by itself."""
     out, err = process.communicate(timeout=_SECONDS)
     return process.returncode, out, err
 
 
 @pytest.mark.slow
-def test_interruption_ends_the_command_in_order():
+def test_interruption_ends_the_command_cleanly():
     process, address = started("mathieu")
     assert fetched(address)[0] == 200
     process.send_signal(signal.SIGINT)
@@ -256,8 +256,8 @@ run(server(solve.load("cam"), Origin("cam"), "300 rpm"), False)
 
 
 @pytest.mark.slow
-def test_interruption_ends_long_calculations_too():
-    """One in the numerical thread, and a sweep of minutes in another process."""
+def test_interruption_ends_long_calculations():
+    """One calculation runs in the numerical thread, and a sweep of minutes in another process."""
     process, address = opened([sys.executable, "-c", ENDLESS])
     speeds = {"name": "speed", "low": 20, "high": 900, "count": 2000}
     survey = {"do": "survey", "number": 1, "of": "q1.max_abs", "x": speeds}
@@ -271,7 +271,7 @@ def test_interruption_ends_long_calculations_too():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", sorted({shlex.join(shlex.split(text)) for text in PRINTED}))
-def test_command_that_the_documentation_prints_opens_a_window(command):
+def test_documented_command_opens_a_window(command):
     process, address = started(*shlex.split(command))
     assert fetched(address)[0] == 200
     process.send_signal(signal.SIGTERM)
@@ -279,7 +279,7 @@ def test_command_that_the_documentation_prints_opens_a_window(command):
 
 
 @pytest.mark.slow
-def test_page_ends_the_command():
+def test_closing_the_program_from_the_page_ends_the_command():
     process, address = started("cam", "--set", "k1=90kN m/rad", "--speed", "300 rpm")
 
     async def leave():
@@ -313,14 +313,14 @@ def test_used_port_is_refused_in_one_line(capsys):
         (["cam", "--speed", "3 kg"], "unit 'kg' does not convert to 'rad/s'"),
     ],
 )
-def test_impossible_window_is_refused_before_it_opens(capsys, arguments, message):
+def test_unsupported_model_is_refused_before_a_window_opens(capsys, arguments, message):
     assert run(["explore", *arguments, "--no-browser"]) == 2
     said = capsys.readouterr().err
     assert message in said
     assert said.count("\n") == 1
 
 
-def test_missing_library_is_named(capsys, monkeypatch):
+def test_missing_library_is_reported(capsys, monkeypatch):
     for name in [
         name for name in sys.modules if name.split(".")[0] == "tornado" or name.endswith("live.server")
     ]:
@@ -351,8 +351,8 @@ print(*ended)
 
 
 @pytest.mark.slow
-def test_script_that_opens_a_window_is_not_run_again_for_a_sweep(folder):
-    """Scripts often have no guard against being imported, which processes of `multiprocessing` need."""
+def test_sweep_does_not_run_the_script_of_the_window_again(folder):
+    """Scripts often have no `if __name__ == "__main__"`, which processes of `multiprocessing` require."""
     (folder / "script.py").write_text(UNGUARDED, encoding="utf-8")
     ran = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, timeout=_SECONDS)
     assert (ran.stdout, ran.stderr) == ("begins\ndone\n", "")

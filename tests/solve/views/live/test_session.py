@@ -1,4 +1,4 @@
-"""Answers of a window to the messages of its page."""
+"""Replies of a window to messages of its page."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from solve.views.live.texts import Origin
 from tests.solve.views.live.conftest import Window
 
 
-def test_curves_and_figures_are_those_of_the_orbit(window):
+def test_curves_and_statistics_are_those_of_the_orbit(window):
     cam = window("cam", "300 rpm")
     found = cam.solution(speed="310 rpm", values={"k1": "90 kN m/rad"}, shown=["q1", "contact_force"])
     orbit = solve.periodic(solve.load("cam", k1=9e4), "310 rpm")
@@ -80,7 +80,7 @@ def test_free_vibration_is_shown_without_a_load(window):
         ({"rtol": "2"}, "rtol is 2.0"),
     ],
 )
-def test_fault_is_a_sentence_and_the_window_goes_on(window, message, sentence):
+def test_error_is_one_sentence_and_the_window_continues(window, message, sentence):
     cam = window("cam", "300 rpm")
     found = cam.solution(**{"shown": ["q1"], **message})
     assert found["is"] == "fault"
@@ -88,7 +88,7 @@ def test_fault_is_a_sentence_and_the_window_goes_on(window, message, sentence):
     assert cam.solution(shown=["q1"], values={}, speed="300 rpm")["is"] == "solution"
 
 
-def test_linkage_that_cannot_turn_is_a_fault_of_the_model(window):
+def test_impossible_linkage_is_reported_as_a_model_error(window):
     found = window("coupler").solution(values={"l2": "2 m"}, shown=["q1"])
     assert found["is"] == "fault"
     assert "the crank cannot turn fully" in found["message"]
@@ -101,7 +101,7 @@ def test_newer_request_replaces_an_older_one(window):
     assert cam.ask("solve", number=5, shown=["q1"])[0]["is"] == "solution"
 
 
-def test_nonlinear_orbit_and_tolerance_are_part_of_the_command(window):
+def test_command_includes_nonlinear_orbit_and_tolerance(window):
     found = window("cam", "100 rpm").solution(shown=["q1"], nonlinear=True, rtol="1e-5")
     assert found["command"].endswith('--speed "100.0 rpm" --nonlinear --rtol 1e-05'.replace("100.0", "100"))
     assert 'solve.nonlinear(model, "100 rpm", rtol=1e-05)' in found["python"]
@@ -110,7 +110,7 @@ def test_nonlinear_orbit_and_tolerance_are_part_of_the_command(window):
     assert max(found["curves"][0]["values"]) == pytest.approx(factor * orbit.statistics("q1").max, rel=1e-3)
 
 
-def test_checked_value_is_in_the_unit_of_its_slider(window):
+def test_validated_value_has_the_unit_of_its_slider(window):
     cam = window("cam", "300 rpm")
     assert cam.ask("check", name="k1", text="90 kN m/rad") == [
         {"is": "checked", "name": "k1", "value": 9e4, "text": "90 kN m/rad"}
@@ -120,7 +120,7 @@ def test_checked_value_is_in_the_unit_of_its_slider(window):
     assert "k1 is 'soft'" in refused["message"]
 
 
-def test_sweep_has_the_values_of_single_orbits(window):
+def test_sweep_equals_single_orbits(window):
     cam = window("cam", "300 rpm")
     request = {"x": {"name": "k1", "low": 7e4, "high": 9e4, "count": 3}, "of": "q3.max_abs"}
     found = cam.session.survey({**request, "speed": "310 rpm", "values": {"c1": "20"}}).run()
@@ -160,7 +160,7 @@ def test_chart_has_verdicts_and_boundaries(window):
         ({"x": {"name": "k9", "low": 1, "high": 2, "count": 3}}, "unknown parameter of cam 'k9'"),
         (
             {"x": {"name": "k1", "low": 2, "high": 1, "count": 3}},
-            "k1 from 2 to 1; give two different values, the smaller first",
+            "k1 ranges from 2 to 1; give two different values, the smaller first",
         ),
         (
             {"x": {"name": "k1", "low": 1, "high": 2, "count": 1}},
@@ -184,7 +184,7 @@ def test_impossible_sweep_is_refused_before_it_begins(window, request_, sentence
     assert sentence in str(refusal.value)
 
 
-def test_survey_can_be_sent_to_another_process(window):
+def test_sweep_request_can_be_sent_to_another_process(window):
     request = {"x": {"name": "speed", "low": 300, "high": 310, "count": 2}, "of": "spectral_radius"}
     survey = window("cam", "300 rpm").session.survey(request)
     again = pickle.loads(pickle.dumps(survey))
@@ -192,7 +192,7 @@ def test_survey_can_be_sent_to_another_process(window):
     assert again.run()["values"] == survey.run()["values"]
 
 
-def test_save_answers_with_a_sentence(window, folder):
+def test_save_request_receives_a_reply(window, folder):
     cam = window("cam", "300 rpm")
     (saved,) = cam.ask("save", case="mine", file="cam_cases.toml", values={"k1": "9e4"}, speed="310 rpm")
     assert saved["is"] == "saved"

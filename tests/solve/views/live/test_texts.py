@@ -1,4 +1,4 @@
-"""State of the live window as a command, as Python and as a case: each gives the same orbit."""
+"""State of the live window as a command, as Python code and as a case; each reproduces the orbit."""
 
 import json
 import shlex
@@ -19,7 +19,7 @@ def state(model, texts, speed="300 rpm", origin=None):
     return State(origin, origin.stated(model), model.varied(values), texts, speed)
 
 
-def test_command_names_only_what_differs_from_the_case():
+def test_command_contains_only_differences_from_the_case():
     model = solve.load("gear_pair", options={"load": "constant"})
     assert state(model, {"k0": "400 MN/m"}).command == (
         'solve periodic gear_pair --case 1 --option load=constant --set "k0=400 MN/m" --speed "300 rpm"'
@@ -40,7 +40,7 @@ def test_command_and_python_reproduce_the_orbit(capsys, texts):
     assert np.array_equal(names["orbit"].q, here.q)
 
 
-def test_python_of_a_model_in_memory_varies_the_model():
+def test_python_code_of_a_model_in_memory_varies_the_model():
     model = solve.load("mathieu")
     made = state(model, {"delta": "1.5"}, "1 rad/s", Origin())
     assert made.command == ""
@@ -50,12 +50,12 @@ def test_python_of_a_model_in_memory_varies_the_model():
     assert names["orbit"].spectral_radius == expected.spectral_radius
 
 
-def test_mechanism_file_is_named_by_its_path(spring, folder):
+def test_mechanism_file_is_given_by_its_path(spring, folder):
     made = state(solve.load(spring), {"k": "60"}, "3 rad/s")
     assert made.command == f'solve periodic {folder}/spring.py --case only --set k=60 --speed "3 rad/s"'
 
 
-def test_saved_case_has_every_number_with_unit_and_source(folder):
+def test_saved_case_has_all_numbers_with_units_and_sources(folder):
     model = solve.load("cam", case="2")
     made = state(model, {"k1": "95 kN m/rad"}, "250 rpm")
     sentence = save_case(made, "stiff", "mine.toml")
@@ -72,7 +72,7 @@ def test_saved_case_has_every_number_with_unit_and_source(folder):
     assert dict(again.parameters) == dict(made.model.parameters)
 
 
-def test_saving_adds_to_a_file_and_never_replaces_a_case(folder):
+def test_saving_adds_a_case_and_never_replaces_one(folder):
     made = state(solve.load("mathieu"), {"delta": "1.5"}, "1 rad/s")
     save_case(made, "one", "mine.toml")
     save_case(made, "two", "mine.toml")
@@ -90,6 +90,6 @@ def test_case_is_saved_in_the_current_folder_only(folder, file):
 
 
 @pytest.mark.parametrize("name", ["", "a b", 'x"]', "x\n[y", "é"])
-def test_case_needs_a_plain_name(folder, name):
+def test_case_requires_a_plain_name(folder, name):
     with pytest.raises(solve.SolveError, match="allowed: up to 40 letters"):
         save_case(state(solve.load("mathieu"), {}), name, "mine.toml")
