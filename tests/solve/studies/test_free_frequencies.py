@@ -36,7 +36,7 @@ def test_a_free_train_names_its_rigid_body_mode():
 )
 def test_frequency_table_states_the_number_of_omitted_modes(discs, count, title):
     frequencies = solve.frequencies(train([0.1] * discs, [50.0] * (discs - 1)), count=count)
-    assert f"Over the turn, rad/s{title}\n" in repr(frequencies).replace(" \n", "\n")
+    assert f"Over a revolution, rad/s{title}\n" in repr(frequencies).replace(" \n", "\n")
 
 
 def test_the_first_mode_of_three_discs_is_zero_for_every_stiffness():
