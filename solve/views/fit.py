@@ -190,9 +190,10 @@ def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
     """Figure of the largest elasticities versus speed, with one panel per quantity. For complex quantities,
     the moduli are drawn."""
     count, speeds = len(result.quantities), result.system.labels.speed_unit.from_si(result.speeds)
-    with panels_over(
-        result.system, result.speeds, "elasticities", 0.7 + 2.2 * count, count, align=False
-    ) as (page, panels):
+    with panels_over(result.system, result.speeds, "elasticities", 0.7 + 2.2 * count, count, align=False) as (
+        page,
+        panels,
+    ):
         for place, (axes, quantity) in enumerate(zip(panels, result.quantities, strict=True)):
             ranked = result.ranked(place)
             for k, shade in zip(ranked, shades(len(ranked)), strict=True):
