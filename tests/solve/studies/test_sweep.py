@@ -225,6 +225,9 @@ def test_too_many_lines_for_one_picture():
         match="13 curves to draw, one for each epsilon; allowed: up to 12; give fewer values of epsilon",
     ):
         sweep.plot()
+    many = {"epsilon": np.linspace(0, 1, 7), "delta": [1.0, 2.0]}
+    with pytest.raises(ValueOutOfBoundsError, match="14 curves .*; give fewer values of epsilon or delta"):
+        solve.sweep(solve.load("mathieu"), "1:2:2 rad/s", over=many).plot()
     with pytest.raises(
         ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn over one of these quantities"
     ):
