@@ -5,7 +5,7 @@ import numpy as np
 import solve
 from solve.views.style import BLACK, GREY, VERMILION, page
 
-zeta, speeds = 0.05, np.linspace(0.42, 1.6, 900)  # rad/s; the stiffness beats twice a turn
+zeta, speeds = 0.05, np.linspace(0.42, 1.6, 900)  # rad/s; the stiffness varies twice per revolution
 model = solve.load("mathieu", delta=1.0, epsilon=0.6, zeta=zeta)
 rho = np.array([point.multipliers for point in solve.sweep(model, speeds).points])
 shrinks = np.exp(-zeta * np.pi / speeds)  # Liouville: ρ1 ρ2 = exp(-2ζT), T = π/Ω

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from solve.arguments import described
-from solve.arrays import CACHE_SIZE, Array
+from solve.arrays import Array
 from solve.certify.coefficients import PHASES
 from solve.contracts import Formulas
 from solve.equations import entries_of, entries_over, output_formulas, output_values, terms_of
@@ -21,6 +21,9 @@ from solve.model.many_points import ModelPoints
 from solve.period.grid import pieces
 from solve.period.points import SpeedPoints
 from solve.system import PeriodicSystem
+
+_CACHED_SYSTEMS = 8
+"""Number of cached systems, those with the most recent values of the parameters. Chosen by judgement."""
 
 _REPRESENTATIVES = 8
 """Approximate number of points that are sampled at all compared phases. Measured: sampling them takes 1 % of
@@ -221,7 +224,7 @@ class SystemFamily(Family):
         key = tuple(values.tolist())
         if key not in self._recent:
             system = self.example.varied(dict(zip(self._free, key, strict=True)))
-            while len(self._recent) >= CACHE_SIZE:
+            while len(self._recent) >= _CACHED_SYSTEMS:
                 del self._recent[next(iter(self._recent))]
             self._recent[key] = system
         return self._recent[key]

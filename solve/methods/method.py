@@ -225,7 +225,7 @@ class Method:
         most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
         if steps > most:
             raise StepsError(
-                f"{self.name} takes at most {most} steps a period for {counted(points.n, 'coordinate')}; "
+                f"{self.name} takes at most {most} steps per period for {counted(points.n, 'coordinate')}; "
                 f"given: {steps}; use fewer, raise --limit, or omit steps for automatic selection"
             )
 

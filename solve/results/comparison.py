@@ -133,7 +133,7 @@ class Comparison(Result):
         labels: dict[str, tuple[Any, ...]] = {
             "method": ("", "", "method"),
             "order": ("", ""),
-            "steps": ("", "a period", "steps"),
+            "steps": ("", "per period", "steps"),
             "orbit_error": ("1", "relative", "q error", digits(".1e")),
             "multiplier_error": ("1", "relative", "ρ error", digits(".1e")),
             "time": ("s", "processor time, shortest of several runs", "time (ms)", digits(".2f", 1e3)),
@@ -154,7 +154,7 @@ class Comparison(Result):
         """Rows of the heading that describe the reference solution and its errors."""
         reference, (orbit, multipliers) = self.reference, self.reference.error_estimate
         return [
-            ("reference", f"{reference.method}, {reference.steps} steps a period"),
+            ("reference", f"{reference.method}, {reference.steps} steps per period"),
             ("", f"errors: orbit {orbit:.1e}, multipliers {multipliers:.1e} (relative)"),
         ]
 

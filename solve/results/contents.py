@@ -34,9 +34,6 @@ pixels of a narrow panel."""
 HALF_DEGREES = 2 * DEGREES - 1
 """Number of phases of a curve over a period in figures, one for every half degree of a revolution."""
 
-LEAST_SHARE = 0.1
-"""Smallest contribution, relative to the largest, that results name. Chosen by judgement."""
-
 MOST_SHOWN = 6
 """Maximum number of quantities in a picture, and of coordinates in a table or a sentence: as many as fit."""
 

@@ -154,7 +154,7 @@ class Sensitivities(Result):
 
     def header_rows(self) -> HeaderRows:
         steps = counted(self.steps, "step")
-        return [] if self.speed is None else [("method", f"{self.method}, {steps} a period")]
+        return [] if self.speed is None else [("method", f"{self.method}, {steps} per period")]
 
     @property
     def summary(self) -> str:

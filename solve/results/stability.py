@@ -317,7 +317,7 @@ class Stability(Solution):
         """Rows of the heading: method, errors, checks and notes."""
         errors, checks = self._accuracy()
         return [
-            ("method", f"{self.described}, {counted(self.steps, 'step')} a period"),
+            ("method", f"{self.described}, {counted(self.steps, 'step')} per period"),
             ("errors", f"{', '.join(errors)} (relative)"),
             *(("reduced", text) for text in self._reduced()),
             ("checks", ", ".join(checks)),

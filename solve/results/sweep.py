@@ -324,7 +324,7 @@ class Sweep(Result):
         texts = {
             "verdict": ([point.verdict for point in points], "stability"),
             "method": ([point.method for point in points], ""),
-            "steps": ([point.steps for point in points], "a period"),
+            "steps": ([point.steps for point in points], "per period"),
             "error": ([point.error or "" for point in points], "reason of the failure"),
         }
         columns.append(("spectral_radius", Column(self.spectral_radius, "1", radius, axes=axes)))

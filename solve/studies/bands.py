@@ -28,7 +28,7 @@ from solve.period.pencils import residual_amplitude
 from solve.period.points import SinglePoint
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, LEFT_OUT, Kept
-from solve.studies.boundaries import MAX_TRIALS, BoundarySearch, Brackets
+from solve.studies.boundaries import BoundarySearch, Brackets
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.speed_grids import (
     DAMPED_OUT,
@@ -68,6 +68,10 @@ judgement."""
 _HALVINGS = 3
 """Maximum number of times that an interval in which multipliers may coalesce is halved. Chosen by
 judgement."""
+
+_POINTS_INSIDE = 15
+"""Number of additional speeds evaluated inside every band to find the largest multiplier and any stable
+speeds. Chosen by judgement."""
 
 _MAX_SPLITS = 8
 """Maximum number of times that bands are split at stable speeds inside them. Chosen by judgement."""
@@ -280,18 +284,18 @@ class _UnstableRuns:
             if growing[at]:
                 open_ends = bool(unknown[run]), bool(unknown[run + 1])
                 uniform.append(Band(*within[at], KINDS[state[first]], float(radius), *open_ends))
-        return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], MAX_TRIALS))]
+        return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
         """Evaluate additional samples inside runs between the speeds `low` and `high` (k,). Return the
         samples and a mask (k,) of the runs in which a sample differs from the state of its run in `states`
         (k,)."""
-        parts = (np.arange(MAX_TRIALS) + 1) / (MAX_TRIALS + 1)
+        parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
         self.inside.append(looked)
-        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, MAX_TRIALS).max(axis=1, initial=0.0)
+        radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _POINTS_INSIDE).max(axis=1, initial=0.0)
         self._within.update(zip(zip(low.tolist(), high.tolist(), strict=True), radii.tolist(), strict=True))
-        return looked, (_state(looked).reshape(-1, MAX_TRIALS) != states[:, None]).any(axis=1)
+        return looked, (_state(looked).reshape(-1, _POINTS_INSIDE) != states[:, None]).any(axis=1)
 
     def _cached_borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
         """Result of `_borders`, from the cache where available."""

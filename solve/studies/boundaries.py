@@ -26,8 +26,8 @@ _BATCH = 64
 """Smallest number of points per evaluation. Chosen by judgement: a batch of this size costs little more than
 a single point."""
 
-MAX_TRIALS = 15
-"""Maximum number of evenly spaced trials in an interval; these divide it into 16 parts. Chosen by
+_MAX_TRIALS = 15
+"""Maximum number of evenly spaced trials per bracket; these reduce its width sixteenfold. Chosen by
 judgement."""
 
 _KIND_TOLERANCE = 1e-5
@@ -365,4 +365,4 @@ def _parabolic_prediction(columns: Array) -> Prediction:
 
 def _trial_count(lines: int) -> int:
     """Return the number of trials per bracket in a batch of `lines` brackets."""
-    return max(1, min(MAX_TRIALS, _BATCH // max(lines, 1)))
+    return max(1, min(_MAX_TRIALS, _BATCH // max(lines, 1)))

@@ -238,7 +238,7 @@ class _AgainstReference:
 
     @property
     def _limit(self) -> str:
-        return f"takes at most {self.solver.max_steps} steps a period for n = {self.point.n}"
+        return f"takes at most {self.solver.max_steps} steps per period for n = {self.point.n}"
 
     def _obstacle(self, goal: float, trace: list[Row]) -> str:
         done = [row for row in trace if row.reason is None]

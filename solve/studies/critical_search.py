@@ -12,7 +12,6 @@ from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.gathering import gathered
 from solve.period.multipliers import UNIT_CIRCLE, UNSTABLE
-from solve.results.contents import LEAST_SHARE
 from solve.results.critical_speeds import Maximum
 from solve.results.points import FIGURES, Kept, PointResults, selected
 from solve.results.sweep import Sweep
@@ -39,6 +38,11 @@ this maximum, and closer than the next maximum."""
 _BESIDE = 4.0
 """Distance from a maximum to the speeds, on either side, at which results are computed for comparison, as a
 multiple of the tolerance of its speed. Chosen by judgement, larger than the error of the speed."""
+
+
+_SHARE = 0.1
+"""Smallest rise of a harmonic's power at a maximum, relative to the largest rise of any harmonic, with which
+the harmonic counts as a cause of the maximum. Chosen by judgement."""
 
 
 def radius(results: PointResults) -> Array:
@@ -256,7 +260,7 @@ class CriticalSearch:
             for order in range(1, self.orders + 1)
             if math.isclose(order * turns, round(order * turns))
         }
-        least = LEAST_SHARE * rise[1:].max()
+        least = _SHARE * rise[1:].max()
         rising = [order for order, number in harmonics.items() if rise[number] >= least > 0]
         return set(itertools.product(range(1, self.system.n + 1), rising))
 

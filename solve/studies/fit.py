@@ -12,7 +12,6 @@ from solve.errors import ValueOutOfBoundsError, counted, require_name
 from solve.labels import bounds_in_own_unit
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
-from solve.results.contents import LEAST_SHARE
 from solve.results.fit import Channel, Fitted, Interval
 from solve.studies.fit_diagnostics import diagnose
 from solve.studies.fit_problem import Problem, require_elastic_modes
@@ -28,6 +27,10 @@ _CONFIDENCE = 0.95
 _UNIDENTIFIABLE = 0.5
 """Relative standard deviation above which a combination of parameters counts as unidentifiable. Chosen by
 judgement."""
+
+_SHARE = 0.1
+"""Smallest component of a parameter in an unidentifiable combination, relative to the largest component, with
+which the parameter is listed. Chosen by judgement."""
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 """Type of mappings from names of parameters to lower and upper bounds: numbers in the unit of the parameter,
@@ -171,7 +174,7 @@ def _uncertainty(
         for axis, deviation in zip(axes, spread, strict=True)
         if deviation > _UNIDENTIFIABLE
     ]
-    unresolved = np.asarray((np.abs(axes[~is_identifiable]) > LEAST_SHARE).any(axis=0))
+    unresolved = np.asarray((np.abs(axes[~is_identifiable]) > _SHARE).any(axis=0))
     return (axes.T * np.where(is_identifiable, spread, 0.0) ** 2) @ axes, unresolved, unidentifiable
 
 
@@ -181,7 +184,7 @@ def _sentence(names: Sequence[str], axis: Array) -> str:
     parts = [
         f"{name} by {100 * share:+.3g} %"
         for name, share in zip(names, (axis / lead).tolist(), strict=True)
-        if abs(share) > LEAST_SHARE
+        if abs(share) > _SHARE
     ]
     if len(parts) == 1:
         return f"the data do not determine {parts[0].split()[0]}"

@@ -17,14 +17,14 @@ from solve.studies.least_squares import EXACT
 _FALSE_ALARMS = 0.003
 """Probability of a false warning, for residuals that are noise. Chosen by judgement."""
 
-_LAGS = 6
+_MAX_LAGS, _VALUES_PER_LAG = 6, 6
 """Maximum number of lags, and number of residuals required for each lag. Chosen by judgement."""
 
 _POOR_FIT = 0.5
 """Relative residual above which the model counts as not describing the data. Chosen by judgement."""
 
 _SENSOR_ERROR = 0.05
-"""Relative residual above which a fit counts as poor if the values for two lags are missing: accelerometers
+"""Relative residual above which a fit to fewer values than two lags require counts as poor: accelerometers
 and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT_RATIO = 100.0
@@ -45,7 +45,7 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
     for name in ratios:
         at, measured, residuals = _sorted([channel for channel in channels if channel.name == name], period)
         size = float(np.linalg.norm(residuals) / np.linalg.norm(measured))
-        lags = range(1, 1 + min(_LAGS, len(residuals) // _LAGS))
+        lags = range(1, 1 + min(_MAX_LAGS, len(residuals) // _VALUES_PER_LAG))
         pairs = [_autocorrelation(residuals, lag) for lag in lags]
         noise = chi2.sf(sum(deviation**2 for deviation, _ in pairs), max(1, len(pairs)))
         curve = all(channel.by_phase for channel in channels)
@@ -57,7 +57,7 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
                 "model does not describe them; check unit, sign, speed and phase origin of the data, "
                 "or fit further parameters"
             )
-        elif len(residuals) < 2 * _LAGS and size > _SENSOR_ERROR:
+        elif len(residuals) < 2 * _VALUES_PER_LAG and size > _SENSOR_ERROR:
             warnings.append(
                 f"{name}: the residuals are {100 * size:.3g} % of the measured values (rms), more than "
                 f"typical sensor errors; {len(residuals)} values are too few to distinguish noise from "

@@ -10,9 +10,9 @@ from solve.period.points import rate_of
 from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
-_PHASES, FEW_PHASES = 64, 16
-"""Number of phases for the means; and number for the comparison of the means with and without C, and for
-rotation rates. Chosen by judgement: means converge exponentially."""
+_PHASES, _FEW_PHASES = 64, 16
+"""Number of phases for the means, and for the comparison of the means with and without C. Chosen by
+judgement: both converge exponentially."""
 
 _NEAR = 0.5
 """Two frequencies count as close at a phase if their difference is below this fraction of its maximum over
@@ -81,7 +81,7 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     if len(system.states):
         return 0.0
     halves = np.s_[: system.n], np.s_[system.n : 2 * system.n]
-    phases = (np.arange(FEW_PHASES) + 0.5) * system.period / FEW_PHASES
+    phases = (np.arange(_FEW_PHASES) + 0.5) * system.period / _FEW_PHASES
     rate = rate_of(*system.at(phases, speed))[..., :-1]
     squares, values = np.linalg.eigvals(-rate[:, system.n :, : system.n]), np.linalg.eigvals(rate)
     rigid = int(rigid_body_modes(*(-rate[None, :, system.n :, half] for half in halves)).present.sum())

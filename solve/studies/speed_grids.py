@@ -9,7 +9,6 @@ from solve.arrays import Array, runs
 from solve.errors import SolveError, counted
 from solve.period.frozen import frozen
 from solve.period.points import SinglePoint
-from solve.studies.mean_modes import FEW_PHASES
 from solve.studies.stability_samples import Evaluate, StabilitySamples, crossing_function
 from solve.system import PeriodicSystem, check
 from solve.units import ShownUnit
@@ -22,6 +21,10 @@ causes instability."""
 INTERVALS = 40
 """Smallest number of intervals into which a range of speeds is divided: to search for narrow bands, and to
 test whether matrices exist. Chosen by judgement."""
+
+_PHASES = 16
+"""Number of phases at which the rotation rate of the multipliers is computed from frozen matrices. Chosen by
+judgement."""
 
 DAMPED_OUT = 1e-2
 """Modes of the frozen matrices whose multipliers have a modulus below this are ignored: they can become
@@ -56,7 +59,7 @@ def multiplier_rotation(
     Modes are ignored if they are damped out within a period, or if their phase advance per period exceeds
     `max_angle` at the lowest speed.
     """
-    values = [omega * frozen(SinglePoint(system, omega), FEW_PHASES).eigenvalues().ravel() for omega in ends]
+    values = [omega * frozen(SinglePoint(system, omega), _PHASES).eigenvalues().ravel() for omega in ends]
     exponents = np.concatenate(values) * system.period
     exponents = exponents[np.abs(np.imag(exponents)) <= max_angle * ends[0]]
 

@@ -243,9 +243,11 @@ def _usage_error(name: str, error: Any) -> int:
     command = error.ctx.command_path if error.ctx else name
     message = error.format_message().rstrip(".")
     options = [option for each in error.ctx.command.params for option in each.opts] if error.ctx else []
-    assignment = re.search(r"unexpected extra argument\S* \(.*?(\w+)=", message)
+    assignment = re.search(r"unexpected extra argument\S* \(.*?(\w+)=(?!\S*:)", message)
     if assignment and "--set" in options:
-        message += f"; to change {assignment[1]}, use --set {assignment[1]}=NUMBER"
+        flag = f"--{assignment[1]}"
+        remedy = f"{flag} VALUE" if flag in options else f"--set {assignment[1]}=NUMBER"
+        message += f"; to change {assignment[1]}, use {remedy}"
     return _fail(name, f"{message}{'' if message.endswith('?') else '.'} See: {command} --help")
 
 

@@ -180,7 +180,7 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
         bar.ax.set_title(_SHORT[kind], fontsize=8)
         bar.outline.set_linewidth(0.5)
         if kind == kinds[-1]:
-            bar.set_label("growth a period, ln |ρ|", color=GREY)
+            bar.set_label("growth per period, ln |ρ|", color=GREY)
         else:
             bar.ax.set_yticklabels([])
     if field.unknown.any():

@@ -103,7 +103,7 @@ def comparison_tables(comparison: Comparison) -> Sequence[RenderableType]:
 
 def _goal(comparison: Comparison, row: Row) -> str:
     if row.target is None:
-        return f"{counted(row.asked, 'step')} a period"
+        return f"{counted(row.asked, 'step')} per period"
     return f"{comparison.judged_by} accurate to {row.target:g}"
 
 

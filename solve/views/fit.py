@@ -140,7 +140,7 @@ def sensitivities_figure(result: Sensitivities) -> Figure:
     ranked = {quantity: result.ranked(quantity)[:MOST_ROWS] for quantity in result.found}
     heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
     name = title_of(result.system) if result.speed is None else titled(result.system, result.speed)
-    with page(0.6 + sum(heights), f"{name}: what matters most") as figure:
+    with page(0.6 + sum(heights), f"{name}: elasticities") as figure:
         panels = figure.subplots(len(ranked), 1, squeeze=False, height_ratios=heights)[:, 0]
         for axes, (quantity, names) in zip(panels, ranked.items(), strict=True):
             elasticities = result.elasticities(quantity)
@@ -190,9 +190,10 @@ def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
     """Figure of the largest elasticities versus speed, with one panel per quantity. For complex quantities,
     the moduli are drawn."""
     count, speeds = len(result.quantities), result.system.labels.speed_unit.from_si(result.speeds)
-    with panels_over(
-        result.system, result.speeds, "what matters most", 0.7 + 2.2 * count, count, align=False
-    ) as (page, panels):
+    with panels_over(result.system, result.speeds, "elasticities", 0.7 + 2.2 * count, count, align=False) as (
+        page,
+        panels,
+    ):
         for place, (axes, quantity) in enumerate(zip(panels, result.quantities, strict=True)):
             ranked = result.ranked(place)
             for k, shade in zip(ranked, shades(len(ranked)), strict=True):

@@ -94,7 +94,7 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
     from matplotlib.ticker import MultipleLocator
 
     degrees = np.degrees(np.append(positions, positions[0] + system.period))
-    with page(3.6, f"{title_of(system)}: natural frequencies over the turn") as drawing:
+    with page(3.6, f"{title_of(system)}: natural frequencies over a revolution") as drawing:
         axes = drawing.subplots()
         for k, values in enumerate(frequencies.T):
             color = _COLORS[k % len(_COLORS)]
@@ -127,7 +127,7 @@ def variation_figure(found: Variation) -> Figure:
         axes = drawing.subplots()
         if several:
             axes.fill_between(values, figures["min"], figures["max"], color=BLUE, alpha=0.15, linewidth=0)
-        label = "mechanism: mean and range over the revolution" if several else "mechanism"
+        label = "mechanism: mean and range over a revolution" if several else "mechanism"
         axes.plot(values, figures["mean"], color=BLUE, marker="o", label=label)
         top = 2.2 * np.nanmax(figures["max"], initial=0.0)
         for (link, pinned), color in zip(
@@ -199,7 +199,7 @@ def _label_frequencies(axes: Axes) -> None:
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
     """Table with one row per position, and statistics."""
     listed = _lowest(min(found.values.shape[1], MOST_SHOWN), most_frequencies(found.system))
-    table = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
+    table = table_of(f"Over a revolution, rad/s{listed}", found.columns, most=MOST_ROWS)
     table.add_section()
     for name, values in found.statistics(0).items():
         table.add_row(name, *map(found.text_of, values[:MOST_SHOWN]))

@@ -20,14 +20,17 @@ from solve.views.panels import (
 )
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
-from solve.views.tables import MOST_LISTED, MOST_ROWS, RenderableType, table, table_of, text
+from solve.views.tables import MOST_ROWS, RenderableType, table, table_of, text
+
+_MOST_PARAMETERS = 24
+"""Maximum number of parameters in the picture: as many as fit."""
 
 
 @figure.register(Optimum)
 def optimum_figure(optimum: Optimum) -> Figure:
     """Figure that compares the initial design and the optimum: curves at the worst speed, values versus
     speed, and parameters within their bounds."""
-    names = list(optimum.parameters)[:MOST_LISTED]
+    names = list(optimum.parameters)[:_MOST_PARAMETERS]
     heights = [0.5 + 0.18 * len(names)]
     heights += [2.0] if len(optimum.speeds) > 1 else []
     heights += [2.2] if optimum.curves else []

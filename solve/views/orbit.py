@@ -224,7 +224,9 @@ def _order_table(orbit: Orbit) -> Table:
             text = f"{k * rotation:g}: {fixed(size, size, 4)} ∠{round(math.degrees(angles[k])):4d}°"
             cells.append(text if error < amplitudes[k] < math.inf else "–")
         rows.append((_broken(name), *cells))
-    return table("Strongest orders: amplitude in that unit, phase angle", "quantity", *_RANKS, rows=rows)
+    return table(
+        "Strongest harmonics: order, amplitude in that unit, phase angle", "quantity", *_RANKS, rows=rows
+    )
 
 
 def _broken(name: str) -> str:

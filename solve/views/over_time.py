@@ -156,7 +156,7 @@ def curves_figure(
     """Figure of curves of a coordinate or output over one period. `curves` maps labels to values (k,) at
     phases (k,), and `styles` maps labels to line styles. `about` is the subject in the title, by default the
     quantity."""
-    shown = about or f"{name.replace('_', ' ')} over one turn"
+    shown = about or f"{name.replace('_', ' ')} over one period"
     with page(3.3, f"{title_of(system)}: {shown}") as figure:
         axes = figure.subplots()
         factor = label_quantity(axes, system, name, np.array([*curves.values()]))

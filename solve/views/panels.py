@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from solve.arrays import SPLIT, Array, Plane
+from solve.arrays import Array, Plane
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED, known_quantities, unit_of
 from solve.results.contents import MOST_SHOWN
@@ -22,6 +22,10 @@ Value = TypeVar("Value", bound=Hashable)
 _BETWEEN = 16
 """Number of line segments that are drawn between two computed points of a curve."""
 
+_ALIKE = 1e-6
+"""Differences of spectral radii from 1 up to this size count as round-off, and the axis does not resolve
+them."""
+
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _FEW = 60
 """Maximum number of points for which the points of a curve are marked."""
@@ -30,8 +34,7 @@ MOST_CURVES = 12
 """Maximum number of curves that can be distinguished in one figure."""
 
 MOST_DRAWN = 8
-"""Maximum number of panels of a figure, of curves with labels or of bars in a panel, and of multipliers in a
-table: as many as fit."""
+"""Maximum number of panels of a figure, and of curves with labels or of bars in a panel: as many as fit."""
 
 DRAWN_RTOL = 1e-6
 """Relative tolerance of results for curves and tables, which show fewer digits."""
@@ -205,7 +208,7 @@ def label_radius(axes: Axes, radius: Array) -> None:
     axes.axhline(1.0, color=BLACK, linewidth=0.9)
     if np.nanmin(radius, initial=1.0) <= 0.1 or np.nanmax(radius, initial=1.0) >= 10:
         axes.set_yscale("log")
-    elif np.nanmax(np.abs(radius - 1), initial=0.0) < SPLIT:
+    elif np.nanmax(np.abs(radius - 1), initial=0.0) < _ALIKE:
         # The axis must not resolve round-off.
         axes.set_ylim(0.99, 1.01)
     axes.set_ylabel("spectral\nradius |ρ|")

@@ -141,7 +141,7 @@ def _of_motion(
         orbit=other,
     )
     matters = Part(
-        "What matters most",
+        "Sensitivities",
         f"Derivatives at {at} with respect to the parameters and the speed, exact except for the "
         "stated errors; an elasticity is the relative change of the quantity per relative change of "
         "the parameter.",
@@ -208,7 +208,7 @@ def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: floa
 def _modes(system: PeriodicSystem) -> list[Request]:
     """Return the sections on natural frequencies: mode shapes of structures, and frequencies of mechanisms
     over the revolution."""
-    place = " with the drive at the beginning of the turn" if system.labels.moves else ""
+    place = " with the drive at the beginning of the revolution" if system.labels.moves else ""
 
     def at_start() -> Findings:
         here = frequencies(system)
@@ -218,10 +218,10 @@ def _modes(system: PeriodicSystem) -> list[Request]:
         return Findings(frequencies(system), frequencies(system, turn(system)))
 
     about = f"Undamped natural frequencies and mode shapes{place}."
-    over = "Undamped natural frequencies with the drive held still at positions of the turn."
+    over = "Undamped natural frequencies with the drive held still at positions of a revolution."
     requests = []
     if system.labels.links:
         requests.append(Request(Part("Natural frequencies and modes", about), at_start))
     if system.labels.moves:
-        requests.append(Request(Part("Natural frequencies over the turn", over), over_turn))
+        requests.append(Request(Part("Natural frequencies over a revolution", over), over_turn))
     return requests

@@ -13,16 +13,19 @@ from solve.period.multipliers import VERDICTS
 from solve.proof.result import Proof, ProvedOrbit
 from solve.results.stability import Stability
 from solve.units import raised
-from solve.views.panels import MOST_DRAWN, titled
+from solve.views.panels import titled
 from solve.views.show import brief, figure, heading_of, tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
-from solve.views.tables import WIDEST, RenderableType, assembled, stacked, table, text
+from solve.views.tables import RenderableType, assembled, stacked, table, text
 
 CIRCLE_ROW = 2.45
 """Height in inches of the panels that show multipliers."""
 
 _CLOSER = 0.4
 """If the spectral radius is below this value, multipliers are also drawn magnified. Chosen by judgement."""
+
+_MOST_MULTIPLIERS = 8
+"""Maximum number of multipliers in a table. Chosen by judgement."""
 
 VERDICT_STYLES = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 """Styles of the verdicts."""
@@ -65,9 +68,9 @@ def _multiplier_table(result: Stability) -> RenderableType:
             "–" if mode.unfolded is None else f"{mode.unfolded / (2 * math.pi):.5g}",
             "–" if mode.order is None else f"{mode.order}",
         )
-        for rho, exponent, mode in pairs[:MOST_DRAWN]
+        for rho, exponent, mode in pairs[:_MOST_MULTIPLIERS]
     ]
-    smaller = len(pairs) - MOST_DRAWN
+    smaller = len(pairs) - _MOST_MULTIPLIERS
     omitted = [f"{smaller} smaller"] * (smaller > 0)
     omitted += [f"{result.unresolved} not accurate to one digit"] * (result.unresolved > 0)
     return table(
@@ -141,6 +144,10 @@ def _write_summary(axes: Axes, result: Stability) -> None:
     axes.text(0.0, 0.88, "\n".join(lines), linespacing=1.6, **place)
 
 
+_LONGEST = 60
+"""Number of digits of a bound that fit next to its name in a line of 80 columns."""
+
+
 def proof_printout(proof: Proof) -> RenderableType:
     """Texts and tables of the verdict, the discs of the multipliers, the bounds on maxima, the true errors,
     and the assumption of the proof."""
@@ -162,7 +169,7 @@ def _proof_line(proof: Proof) -> RenderableType:
         "\nproved: " if proof.proved else "\nnot proved: ",
         (proof.verdict, VERDICT_STYLES[proof.verdict]),
         f"\nspectral radius ≥\n{low}\nspectral radius ≤\n{high}"
-        if len(high) > WIDEST
+        if len(high) > _LONGEST
         else f"\nspectral radius ≥ {low}\n                ≤ {high}",
     )
 
@@ -171,12 +178,12 @@ def _disc_table(proof: Proof) -> RenderableType:
     """Return a table of the discs that contain the multipliers, with one row per conjugate pair."""
     discs = [*zip(proof.multipliers.tolist(), proof.radii.tolist(), proof.isolated.tolist(), strict=True)]
     pairs, rows = [disc for disc in discs if disc[0].imag >= 0 or not disc[2]], []
-    for center, radius, isolated in pairs[:MOST_DRAWN]:
+    for center, radius, isolated in pairs[:_MOST_MULTIPLIERS]:
         pair = isolated and center.imag
         imaginary = f"±{center.imag:.17g}" if pair else f"{center.imag:.17g}"
         count = "one each" if pair else "one" if isolated else "several"
         rows.append((f"{center.real:.17g}", imaginary, rounded(radius, 2, ROUND_CEILING), count))
-    caption = f"and {len(pairs) - MOST_DRAWN} smaller" if len(pairs) > MOST_DRAWN else None
+    caption = f"and {len(pairs) - _MOST_MULTIPLIERS} smaller" if len(pairs) > _MOST_MULTIPLIERS else None
     title, headings = "Discs that contain the multipliers", ("Re ρ", "Im ρ", "radius", "multipliers")
     return table(title, *headings, left=0, rows=rows, caption=caption)
 

@@ -145,7 +145,7 @@ def _lines(
     if len(lines) > MOST_CURVES:
         raise ValueOutOfBoundsError(
             f"{len(lines)} curves to draw, one for each {' and '.join(others)}; allowed: up to "
-            f"{MOST_CURVES}; give fewer values of {others[-1]}"
+            f"{MOST_CURVES}; give fewer values of {' or '.join(others)}"
         )
     return dict(sorted(lines.items(), key=lambda line: min(line[1])))
 

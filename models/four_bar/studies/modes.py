@@ -242,7 +242,7 @@ def _figure(result: ElementKinds) -> Figure:
     columns = min(count, 2)
     rows = -(-count // columns)
     degrees = np.degrees(np.append(result.positions, result.positions[0] + result.system.period))
-    with page(0.7 + 2.0 * rows, "Natural frequencies of the four-bar over a turn") as figure:
+    with page(0.7 + 2.0 * rows, "Natural frequencies of the four-bar over a revolution") as figure:
         panels = figure.subplots(rows, columns, sharex=True, squeeze=False)
         for k, axes in enumerate(panels.flat):
             if k >= count:

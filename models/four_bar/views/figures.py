@@ -285,7 +285,7 @@ def _draw_simulated(axes: Axes, result: Outcome) -> None:
     axes.set_xlim(0, simulated.time[-1])
     axes.set_ylim(0, max(1.25, 1.05 * first.worst))
     axes.set_xlabel(f"time (s) at {unit.per_second.text(run_up.acceleration, '.3g')}")
-    axes.set_ylabel("simulated stress\n/ allowable, a turn")
+    axes.set_ylabel("simulated stress\n/ allowable, per revolution")
     right = axes.twinx()
     right.plot(simulated.time, unit.from_si(simulated.speed), color=GREY, linestyle="--", linewidth=1.0)
     right.set_ylabel(f"speed ({unit.name}), dashed")

@@ -59,7 +59,9 @@ def _linkage_heading(record: Mapping[str, Any]) -> Table:
 
 
 def _extremes(record: Mapping[str, Any]) -> Table:
-    extremes = table("Over one turn", "quantity", "unit", "max", "at t1", "min", "at t1", "mean", left=2)
+    extremes = table(
+        "Over one revolution", "quantity", "unit", "max", "at t1", "min", "at t1", "mean", left=2
+    )
 
     def add(label: str, unit: str, figures: Mapping[str, float], high: str, low: str, mean: str) -> None:
         positions = _degrees(figures["max_position"]), _degrees(figures["min_position"])

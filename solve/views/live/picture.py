@@ -111,7 +111,7 @@ def details(solution: Solution) -> dict[str, Any]:
     orbit = solution.orbit
     if isinstance(orbit, RigidOrbit):
         return {"summary": orbit.summary, "method": "", "notes": []}
-    method = f"{orbit.described}, {orbit.steps} steps a period"
+    method = f"{orbit.described}, {orbit.steps} steps per period"
     return {"summary": orbit.summary, "method": method, "notes": orbit.notes}
 
 

@@ -167,7 +167,7 @@ def test_limited_crank_is_reported_at_one_position(answer):
     ends = (math.acos((0.4**2 + 0.547**2 - d**2) / (2 * 0.4 * 0.547)) for d in (0.525 - 0.328, 0.525 + 0.328))
     reach = "cannot turn fully; reachable: {}° <= |t1| <= {}°"
     assert reach.format(*(degrees(end, 2) for end in ends)) in out
-    assert "Over one turn" not in out
+    assert "Over one revolution" not in out
     assert "At t1 = 70°" in out
     assert "cannot turn fully" in err
 

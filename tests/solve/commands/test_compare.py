@@ -64,7 +64,7 @@ def test_tables_fit_80_columns(command):
     assert "…" not in ran.out, "a cell is cut"
     rows = [line.split() for line in ran.out.splitlines()]
     assert sum(row[:3] == ["newmark", "β", "0.16666"] for row in rows) == 3
-    assert "At equal steps: 300 steps a period" in ran.out
+    assert "At equal steps: 300 steps per period" in ran.out
     assert "At equal accuracy: orbit accurate to 0.001" in ran.out
     assert "modal: out of reach" in " ".join(ran.out.split())
 

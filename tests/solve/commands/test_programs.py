@@ -145,6 +145,8 @@ def test_flag_of_one_value_given_twice_is_refused(program, arguments, flag, insi
     [
         (("floquet", "cam", "b=-5"), "(b=-5); to change b, use --set b=NUMBER. See: solve floquet --help"),
         (("critical", "cam", "x", "k=2 N/m"), "use --set k=NUMBER. See: solve critical --help"),
+        (("sweep", "cam", "rtol=1e-5"), "to change rtol, use --rtol VALUE. See: solve sweep --help"),
+        (("chart", "cam", "k1=1:2:3"), "(k1=1:2:3). See: solve chart --help"),
         (("floquet", "cam", "more"), "(more). See: solve floquet --help"),
         (("flouet", "cam"), "Did you mean 'floquet'? See: solve --help"),
     ],

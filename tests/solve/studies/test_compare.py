@@ -154,7 +154,7 @@ def test_steps_too_long_for_the_fastest_mode_are_marked():
 def test_spectral_methods_report_their_step_limit():
     comparison = compare(oscillator(), SPEED, ["fourier", "hill"], steps=[5000], targets=[0.5])
     for row in rows(comparison, "equal steps"):
-        assert row.reason == "takes at most 1000 steps a period for n = 1"
+        assert row.reason == "takes at most 1000 steps per period for n = 1"
 
 
 def test_without_load_the_multipliers_reach_the_targets():

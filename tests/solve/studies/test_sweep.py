@@ -172,7 +172,8 @@ def test_parameter_sweep_uses_the_speed_of_the_case():
         assert point["spectral_radius"] == pytest.approx(own.spectral_radius, rel=1e-7)
     np.testing.assert_array_equal(sweep.file_contents().columns["epsilon"].values, [0, 1, 2, 3, 4])
     assert sweep.unstable == []
-    assert sweep.plot().axes[-1].get_xlabel() == "ε (1/s²): amplitude of the stiffness, twice a turn"
+    label = sweep.plot().axes[-1].get_xlabel().replace("\n", " ")
+    assert label == "ε (1/s²): amplitude of the stiffness, which varies twice per revolution"
 
 
 def test_failed_parameter_point_does_not_affect_other_points():
@@ -225,6 +226,9 @@ def test_too_many_lines_for_one_figure_are_refused():
         match="13 curves to draw, one for each epsilon; allowed: up to 12; give fewer values of epsilon",
     ):
         sweep.plot()
+    many = {"epsilon": np.linspace(0, 1, 7), "delta": [1.0, 2.0]}
+    with pytest.raises(ValueOutOfBoundsError, match=r"14 curves .*; give fewer values of epsilon or delta"):
+        solve.sweep(solve.load("mathieu"), "1:2:2 rad/s", over=many).plot()
     with pytest.raises(
         ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn versus one quantity"
     ):

@@ -163,14 +163,14 @@ def test_each_orbit_is_solved_once(undrawn, monkeypatch):
     for module in ("solve.single", "solve.batch.batch"):
         monkeypatch.setattr(f"{module}.certified", counted)
     report = solve.report(solve.load("cam"), "595:605:3 rpm", "620 rpm", rtol=1e-3)
-    assert {"Critical speeds", "What matters most"} <= {part.heading for part in report.parts if part.result}
+    assert {"Critical speeds", "Sensitivities"} <= {part.heading for part in report.parts if part.result}
     assert len(set(solved)) == len(solved)
 
 
 def test_impossible_sections_are_omitted_with_a_reason(driven, mathieu, frame):
     for heading in ("Vibration by the nonlinear equations", "Validity of the linear model"):
         assert "nonlinear equations" in driven.missing[heading]
-    assert "differentiated" in driven.missing["What matters most"]
+    assert "differentiated" in driven.missing["Sensitivities"]
     assert "has no load" in mathieu.missing["Response versus speed"]
     assert list(frame.missing) == ["Motion"]
     for report in (driven, mathieu, frame):

@@ -1,4 +1,4 @@
-"""Figure of a quantity versus phase with one curve per speed, read back from the drawn figure."""
+"""Figure of a quantity over one period with one curve per speed, read back from the drawn figure."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_legend_and_axis_show_speeds_and_unit(coupler):
     assert legend.get_title().get_text() == "speed (rpm)"
     assert [text.get_text() for text in legend.get_texts()] == ["1500", "600"]
     assert figure.axes[0].get_ylabel().endswith("(mm)")
-    assert figure.get_suptitle() == "coupler, case table2: midpoint deflection over one turn"
+    assert figure.get_suptitle() == "coupler, case table2: midpoint deflection over one period"
 
 
 def test_axis_of_a_half_revolution_period_ends_at_180_degrees():
