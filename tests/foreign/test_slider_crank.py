@@ -10,7 +10,7 @@ from tests.foreign.initial_values import crank
 
 @pytest.mark.slow
 def test_equations_match_those_of_the_published_set():
-    """At random states, relative to the largest of the four: 1e-12."""
+    """At random states, the differences are below 1e-12 of the largest of the four values."""
     model = solve.load(slider_crank.mechanism, **slider_crank.NUMBERS)
     residual = model.setup.function("residual")
     rng = np.random.default_rng(19)
