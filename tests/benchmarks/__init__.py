@@ -1,1 +1,1 @@
-"""What a solve costs beside what one would write instead: ratios are printed, never asserted."""
+"""Costs of solutions relative to alternatives that a user might write. Ratios are printed, never asserted."""

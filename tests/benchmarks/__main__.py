@@ -1,4 +1,4 @@
-"""python -m tests.benchmarks [--slow]: the contenders and their ratios to this package's own calls.
+"""python -m tests.benchmarks [--slow]: times of contenders relative to calls of this package.
 
 Run it with OMP_NUM_THREADS=1 for one thread.
 """

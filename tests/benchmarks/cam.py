@@ -40,19 +40,19 @@ def reference():
 
 
 def certified(engine: str) -> Result:
-    """The call of a user: a requested tolerance, with error estimates and warnings."""
+    """Return the result of a user's call with a tolerance, error estimates and warnings."""
     orbit = solve.periodic(cam(), peers.SPEED, rtol=ACCURACY, engine=engine)
     return orbit.phase, orbit.q, orbit.multipliers
 
 
 def orbit_alone(engine: str) -> Result:
-    """The same with the multipliers that the monodromy matrix holds, not the small ones from its factors."""
+    """Return the same orbit with the multipliers of the monodromy matrix instead of those of its factors."""
     orbit = solve.periodic(cam(), peers.SPEED, rtol=ACCURACY, engine=engine)
     return orbit.phase, orbit.q, orbit.certified.solutions.multipliers.values[0]
 
 
 def one_grid(engine: str) -> Result:
-    """The same method on one grid, its error unjudged as the peers' are."""
+    """Return the result on one grid without error estimates, as the peers give it."""
     grid = Grid.uniform(304, cam().period)
     solutions = solve.Radau().solutions(SinglePoint(cam(), peers.SPEED), grid, True, engine)
     assert solutions.curve is not None
@@ -77,7 +77,7 @@ CONTENDERS = [
 
 
 def error(result: Result) -> float:
-    """max|error| of q3 over its max|q3|, at the contender's own phases."""
+    """Return max|error| of q3 over its max|q3| at the phases of the contender."""
     phase, q, _ = result
     truth = reference().at(phase)[2]
     return float(np.abs(q[2] - truth).max() / reference().statistics("q3").max_abs)

@@ -1,7 +1,6 @@
-"""What one would write with CasADi instead: its integrator on the matrix equation, and accumulated steps.
+"""CasADi programs that a user might write: its integrator for the matrix equation, and accumulated steps.
 
-Both are built once, before the clock runs, as their users would. Each gives phases (k,), q (3, k) and the
-multipliers.
+Both are built before timing, as users would do. Each returns phases (k,), q (3, k) and the multipliers.
 """
 
 import functools
@@ -75,7 +74,7 @@ def mapaccum(steps):
 
 
 def closed(states):
-    """The orbit of [Φ | x] at the nodes, (42, k)."""
+    """Return the orbit of [Φ | x] at the nodes, (42, k)."""
     maps = states.T.reshape(-1, 7, 6).transpose(0, 2, 1)
     Phi, c = maps[-1, :, :6], maps[-1, :, 6]
     x = maps[:, :, :6] @ np.linalg.solve(np.eye(6) - Phi, c) + maps[:, :, 6]

@@ -31,7 +31,7 @@ def cam():
 
 
 def contenders(speed: str) -> list[Contender]:
-    """Certified solution, to which ratios refer, then designs."""
+    """Return the certified solution, which is the reference of the ratios, and the designs."""
     return [
         Contender("periodic", lambda: solve.periodic(cam(), speed)),
         Contender("lqr", lambda: solve.lqr(cam(), speed, *WEIGHTS)),
@@ -41,7 +41,8 @@ def contenders(speed: str) -> list[Contender]:
 
 
 def error(speed: str) -> float:
-    """Difference of the regulator's X from a solution to 1e-11, relative to √(X_ii X_jj)."""
+    """Return the difference of the regulator's X from a solution with the tolerance 1e-11, relative to √(X_ii
+    X_jj)."""
     phase = np.linspace(0.0, 2 * np.pi, 400)
     X, exact = (solve.lqr(cam(), speed, *WEIGHTS, rtol=rtol).riccati(phase) for rtol in (ACCURACY, 1e-11))
     size = np.sqrt(np.einsum("kii->ki", exact).max(axis=0))

@@ -17,7 +17,7 @@ SPEED, SEEDS = 1.3, 5
 
 
 def pair(n: int, seed: int = 0) -> tuple[PeriodicSystem, FirstOrderSystem]:
-    """A random system of n coordinates with unit inertia, and the same with 2n states."""
+    """Return a random system of n coordinates with unit inertia, and the same system with 2n states."""
     rng = np.random.default_rng([n, seed])
     K0 = np.diag(1.0 + np.arange(n)) + 0.2 * rng.standard_normal((n, n))
     K1, load = 0.3 * rng.standard_normal((n, n)), rng.standard_normal(n)

@@ -1,4 +1,4 @@
-"""Fits of the cam: how often intervals hold the truth, and their time against Jacobians by differences.
+"""Fits of the cam: coverage of the intervals, and times with exact and with finite-difference Jacobians.
 
 python -m tests.benchmarks.fits [TRIALS]
 """
@@ -27,7 +27,7 @@ TRIALS = 5
 
 
 def written(file: Path, orbit, seed: int) -> Path:
-    """A record of three channels with normal noise, 1 % of the standard deviation of each."""
+    """Write a record of three channels with normal noise of 1 % of the standard deviation of each channel."""
     rng, columns = np.random.default_rng(seed), [ANGLES]
     for name in CHANNELS:
         values = orbit.signal(name)(np.radians(ANGLES))
@@ -39,7 +39,7 @@ def written(file: Path, orbit, seed: int) -> Path:
 
 
 def coverage(trials: int, first: int = 0) -> dict[str, int]:
-    """In how many trials each interval holds the truth."""
+    """Return the number of trials in which each interval contains the true value."""
     cam, held = solve.load("cam"), dict.fromkeys(FREE, 0)
     true = {name: cam.parameters[name] * part for name, part in FREE.items()}
     orbit = solve.periodic(cam.varied(true), SPEED)
@@ -53,7 +53,7 @@ def coverage(trials: int, first: int = 0) -> dict[str, int]:
 
 
 def times(names: list[str]) -> tuple[float, float]:
-    """Of the first trials of a fit with exact Jacobians, and with SciPy's two-point ones."""
+    """Return times of fits to the first trials with exact Jacobians and with SciPy's two-point Jacobians."""
     cam = solve.load("cam")
     true = {name: cam.parameters[name] * FREE.get(name, 1.01) for name in names}
     with tempfile.TemporaryDirectory() as folder:

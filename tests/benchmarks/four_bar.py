@@ -30,7 +30,7 @@ def model(elements: int) -> solve.PeriodicSystem:
 
 
 class Marching:
-    """SciPy's Radau over turns at one speed, in phase time."""
+    """Integration by SciPy's Radau over periods at one speed, with the phase as time."""
 
     def __init__(self, system: PeriodicSystem, speed: float, rtol: float):
         phase = np.linspace(0.0, system.period, _NODES + 1)
@@ -40,7 +40,7 @@ class Marching:
         self.rtol = rtol
 
     def turn(self, x: Array) -> Array:
-        """The state (2n,) one turn later."""
+        """Return the state (2n,) one period later."""
         scale = np.abs(x).reshape(2, -1).max(axis=1).repeat(len(x) // 2)
 
         def rate(phase: float, x: Array) -> Array:
@@ -59,7 +59,7 @@ class Marching:
 
 
 def start_of(orbit: solve.Orbit) -> Array:
-    """The state (2n,) in phase time at the beginning of the turn."""
+    """Return the state (2n,) at the beginning of the period, with derivatives with respect to the phase."""
     return np.concatenate((orbit.q[:, 0], orbit.qd[:, 0] / orbit.speed))
 
 

@@ -33,7 +33,7 @@ def model(element: str, elements: int):
 
 @functools.cache
 def reference() -> np.ndarray:
-    """Exact elements, two a link."""
+    """Return frequencies from exact elements, two per link."""
     return solve.frequencies(model("dynamic", 2), turn(model("dynamic", 2)), COUNT).values
 
 
@@ -43,7 +43,8 @@ def ours(element: str, elements: int) -> np.ndarray:
 
 
 def sparse(elements: int) -> np.ndarray:
-    """SciPy's shift-and-invert Lanczos on sparse matrices, position by position."""
+    """Return frequencies from SciPy's shift-and-invert Lanczos method with sparse matrices at each
+    position."""
     chosen = model("cubic", elements)
     M, K = chosen.at_positions(turn(chosen)).matrices()
     start = np.ones(M.shape[1])
@@ -66,7 +67,7 @@ CONTENDERS = [
 
 
 def error(values: np.ndarray) -> float:
-    """Largest relative error over positions and modes."""
+    """Return the largest relative error over positions and modes."""
     return float(np.abs(values / reference() - 1).max())
 
 

@@ -45,7 +45,7 @@ def nonlinear_cam(tolerance: float):
 
 
 def turned(integrator, x: Array, speed: float = SPEED) -> tuple[Array, Array]:
-    """The state after a turn from x (6,), and its derivative by x."""
+    """Return the state one period after x (6,) and its derivative with respect to x."""
     integrator.time, integrator.pars[0] = 0.0, speed
     integrator.state[:6], integrator.state[6:] = x, np.eye(6).ravel()
     integrator.propagate_until(2 * np.pi)
@@ -53,7 +53,7 @@ def turned(integrator, x: Array, speed: float = SPEED) -> tuple[Array, Array]:
 
 
 def start() -> Array:
-    """The state (6,) of the linear orbit."""
+    """Return the state (6,) of the linear orbit."""
     integrator = cam(1e-7)
     integrator.time, integrator.pars[0] = 0.0, SPEED
     integrator.state[:] = np.eye(6, 7).T.ravel()
@@ -63,7 +63,7 @@ def start() -> Array:
 
 
 def shooting(tolerance: float = TOLERANCE) -> tuple[Array, Array, int]:
-    """q (3,) and dq/dφ at phase 0, the multipliers, and the turns that were integrated."""
+    """Return q (3,) and dq/dφ at phase 0, the multipliers, and the number of integrated periods."""
     integrator, x = nonlinear_cam(tolerance), start()
     sizes = np.maximum(np.abs(x), 1e-3 * np.abs(x).max())
     end, Phi = turned(integrator, x)

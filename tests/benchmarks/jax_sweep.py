@@ -52,7 +52,7 @@ def step(speed, y, phase):
 
 
 def largest(speed):
-    """max|q| (3,) of the periodic solution and |Φ| of one speed."""
+    """Return max|q| (3,) of the periodic solution and |Φ| at one speed."""
     phases = jnp.arange(STEPS) * (2 * jnp.pi / STEPS)
     scan = lambda y, phase: (step(speed, y, phase), y)  # noqa: E731
     end, maps = jax.lax.scan(scan, jnp.eye(6, 7), phases)

@@ -38,7 +38,7 @@ void chain(const double *maps, double *product, long count) {
 
 
 def dgemm() -> float:
-    """Flops a second of a product of matrices of order 1000."""
+    """Return the flops per second of a product of matrices of order 1000."""
     A = np.random.default_rng(0).standard_normal((1000, 1000))
     return 2e9 / best(lambda: A @ A)
 
@@ -70,7 +70,7 @@ def chain(n: int) -> tuple[float, float]:
 
 
 def aligned(shape: tuple[int, ...]) -> np.ndarray:
-    """Numbers that begin where a vector register may be loaded from."""
+    """Return an array whose start is aligned for vector registers."""
     room = np.empty(int(np.prod(shape)) + shape[-1])
     start = -(room.ctypes.data // 8) % shape[-1]
     return room[start : start + room.size - shape[-1]].reshape(shape)
@@ -97,14 +97,14 @@ def stages(n: int) -> float:
 
 
 def exponent(sizes: list[int], run: Callable[[int], Callable[[], object]], repeats: int = 5) -> float:
-    """Fitted power p of the cost a + b size^p; sizes rise by one ratio, so that the differences of the
-    costs grow with the same power, whatever the fixed cost a."""
+    """Return the fitted power p of the cost a + b size^p. The sizes have a constant ratio, so that the
+    differences of the costs grow with the same power for any fixed cost a."""
     times = [best(run(size), repeats) for size in sizes]
     return float(np.polyfit(np.log(sizes[1:]), np.log(np.diff(times)), 1)[0])
 
 
 def one_grid(n: int, steps: int) -> Callable[[], object]:
-    """Radau's method on one grid of a constant system of n coordinates."""
+    """Return a function that solves a constant system of n coordinates by Radau's method on one grid."""
     rng = np.random.default_rng(n)
     W = np.linalg.qr(rng.standard_normal((n, n)))[0]
     parts = np.eye(n), 0.1 * np.eye(n), W @ np.diag(rng.uniform(1, 9, n)) @ W.T

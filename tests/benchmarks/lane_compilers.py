@@ -77,7 +77,7 @@ def advance(n: int) -> ca.Function:
 
 
 def eliminated(left: ca.SX, right: ca.SX) -> ca.SX:
-    """left⁻¹ right without exchanges of rows."""
+    """Return left⁻¹ right without row exchanges."""
     rows = ca.horzcat(left, right)
     order = left.shape[0]
     for k in range(order):
@@ -100,7 +100,8 @@ def vectorised(function: ca.Function) -> str:
 
 
 def by_casadi(n: int, table: Array, coefficients: Array) -> Run:
-    """CasADi's generated C with `casadi_real` a vector as wide as those of lanes.c."""
+    """Return a function that runs CasADi's generated C code with vectors as wide as those of lanes.c for
+    `casadi_real`."""
     width = lanes(_size(n))
     function, groups, columns = advance(n), POINTS // width, table.shape[1]
     sizes = {"S": STAGES, "R": columns, "NX": 2 * n, "GROUPS": groups, "STEPS": STEPS, "LANES": width}
@@ -124,14 +125,15 @@ def _size(n: int) -> Size:
 
 
 def by_lanes(n: int, table: Array, coefficients: Array) -> Run:
-    """The package's own kernel."""
+    """Return a function that runs the kernel of the package."""
     samples = collocation.Samples(table, coefficients, np.arange(table.shape[1]))
     lengths = np.full(STEPS, 2 * np.pi / STEPS)
     return lambda: collocation.solved(_size(n), METHOD.weights, lengths, False, samples, None).Phi
 
 
 def by_numba(n: int, table: Array, coefficients: Array, lanes: int) -> Run:
-    """Loops with the points innermost, in blocks of the given length."""
+    """Return a function that runs Numba loops with the points as the innermost loop, in blocks of `lanes`
+    points."""
     from tests.benchmarks.numba_lanes import level
 
     groups, columns = POINTS // lanes, table.shape[1]
@@ -151,7 +153,7 @@ def problem(n: int) -> tuple[Array, Array]:
 
 
 def spent() -> float:
-    """Processor time in seconds, that of the compilers called among it."""
+    """Return the processor time in seconds, including that of compilers that are called."""
     return sum(os.times()[:4])
 
 
@@ -163,7 +165,7 @@ def main() -> None:
 
 
 def measure() -> None:
-    """A line for each way and size."""
+    """Print one line per way and size."""
     ways = {"C by hand (lanes.c)": by_lanes, "CasADi's C, vectors": by_casadi}
     try:
         import numba

@@ -60,7 +60,7 @@ def branches(first: str, last: str = "460 rpm") -> None:
 
 
 def cpu(task: Callable[[], object]) -> float:
-    """Processor time of a task in seconds."""
+    """Return the processor time of a task in seconds."""
     began = time.process_time()
     task()
     return time.process_time() - began

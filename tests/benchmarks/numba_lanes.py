@@ -8,7 +8,7 @@ quick = numba.njit(error_model="numpy", fastmath={"contract"})
 
 @quick
 def subtract(rows, i, k, factor, start):
-    """rows[i, start:] -= factor rows[k, start:], lane by lane."""
+    """Compute rows[i, start:] -= factor rows[k, start:] for each lane."""
     for j in range(start, rows.shape[1]):
         for p in range(rows.shape[2]):
             rows[i, j, p] -= factor[p] * rows[k, j, p]
@@ -16,7 +16,7 @@ def subtract(rows, i, k, factor, start):
 
 @quick
 def build(n, h, e, A, A2, c, rows):
-    """The stage system beside its right sides, from the entries e (s, 3n² + n, lanes)."""
+    """Build the stage system and its right sides from the entries e (s, 3n² + n, lanes)."""
     s, lanes = e.shape[0], e.shape[2]
     for i in range(s):
         for a in range(n):
@@ -35,7 +35,7 @@ def build(n, h, e, A, A2, c, rows):
 
 @quick
 def solve(order, rows, factor):
-    """The right sides become the solutions, without exchanges of rows."""
+    """Replace the right sides by the solutions, without row exchanges."""
     lanes = rows.shape[2]
     for k in range(order):
         for i in range(k + 1, order):
@@ -56,7 +56,7 @@ def solve(order, rows, factor):
 
 @quick
 def follow(n, h, b, bA, rows, step, x, y):
-    """y = (map of the step) x."""
+    """Compute y = (map of the step) x for each lane."""
     s, lanes = len(b), x.shape[2]
     for a in range(n):
         for j in range(2 * n):
@@ -77,7 +77,7 @@ def follow(n, h, b, bA, rows, step, x, y):
 
 @quick
 def level(n, h, s, steps, table, coefficients, A, A2, b, bA, c):
-    """Φ (groups, 2n, 2n, lanes) after all steps."""
+    """Return Φ (groups, 2n, 2n, lanes) after all steps."""
     groups, columns, lanes = coefficients.shape
     Phi = np.zeros((groups, 2 * n, 2 * n, lanes))
     e, factor = np.empty((s, columns, lanes)), np.empty(lanes)

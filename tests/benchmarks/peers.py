@@ -1,7 +1,7 @@
-"""What one would write instead: the cam at 600 rpm by loops over steps, and by SciPy's shooting.
+"""Programs that a user might write for the cam at 600 rpm: loops over steps, and shooting with SciPy.
 
-Each peer evaluates the matrices of chapter Eq. (64) one phase at a time, as its author would, and gives
-phases (k,), q (3, k) and the multipliers.
+Each program evaluates the matrices of chapter Eq. (64) at one phase at a time and returns phases (k,), q (3,
+k) and the multipliers.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ LAW = np.array([0.22165, 0, 0.05560, 0, -0.01706, 0, 0, 0, 0, 0, 0, 0])
 
 
 def matrices(t):
-    """M, C, K, d at one time, chapter Eqs. (64), (65)."""
+    """Return M, C, K and d at one time, chapter Eqs. (64), (65)."""
     cosines, sines = np.cos(ORDERS * SPEED * t), np.sin(ORDERS * SPEED * t)
     U1, U2, U3 = LAW @ cosines, -(LAW * ORDERS) @ sines, -(LAW * ORDERS**2) @ cosines
     m = M2 + M3
@@ -36,7 +36,7 @@ def matrices(t):
 
 
 def state_matrices(t):
-    """P and f of chapter Eq. (5)."""
+    """Return P and f of chapter Eq. (5)."""
     M, C, K, d = matrices(t)
     inverse = np.linalg.inv(M)
     P = np.block([[np.zeros((3, 3)), np.eye(3)], [-inverse @ K, -inverse @ C]])
@@ -44,7 +44,7 @@ def state_matrices(t):
 
 
 def runge_kutta_loop(steps):
-    """Chapter Eqs. (17)-(21) with the coefficients of (18), (19) put right, a step at a time."""
+    """Solve chapter Eqs. (17)-(21) step by step, with corrected coefficients of (18) and (19)."""
     h = PERIOD / steps
     A, b = [], []
     for i in range(steps):
@@ -74,7 +74,7 @@ def runge_kutta_loop(steps):
 
 
 def newmark_loop(steps, gamma=0.5, beta=0.25):
-    """Chapter Eqs. (29)-(40), the 3n map, a step at a time."""
+    """Solve chapter Eqs. (29)-(40) with the map of size 3n step by step."""
     h, one, zero = PERIOD / steps, np.eye(3), np.zeros((3, 3))
     D = np.block([[one, h * one, h**2 * (0.5 - beta) * one], [zero, one, (1 - gamma) * h * one]])
     T = np.block([[one, zero, beta * h**2 * one], [zero, one, gamma * h * one], [zero, zero, one]])
@@ -88,7 +88,7 @@ def newmark_loop(steps, gamma=0.5, beta=0.25):
 
 
 def closed(A, b):
-    """The periodic states, chapter Eqs. (20), (21), and q of them."""
+    """Return the periodic states, chapter Eqs. (20), (21), and their q."""
     N = len(b[0])
     product, c = np.eye(N), np.zeros(N)
     for step, load in zip(A, b, strict=True):
@@ -100,7 +100,7 @@ def closed(A, b):
 
 
 def dop853_shooting(rtol):
-    """One solve_ivp on the matrix equation of [Φ | x], and single shooting."""
+    """Integrate the matrix equation of [Φ | x] by a single solve_ivp, and solve by single shooting."""
 
     def rate(t, y):
         P, f = state_matrices(t)
@@ -118,7 +118,7 @@ def dop853_shooting(rtol):
 
 
 def boundary_values(tol, nodes=1000):
-    """solve_bvp on the periodic orbit alone, which gives no multipliers."""
+    """Solve for the periodic orbit by solve_bvp, which gives no multipliers."""
 
     def rate(t, x):
         parts = [state_matrices(each) for each in t]

@@ -20,7 +20,7 @@ ROUNDS = 16
 
 
 def differences(cam, names, quantity):
-    """Central differences of a figure by the parameters."""
+    """Return central differences of a statistic with respect to the parameters."""
     computed = {}
     for name in names:
         at = cam.parameters[name]
@@ -32,7 +32,7 @@ def differences(cam, names, quantity):
 
 
 def on_its_grid(cam, names):
-    """A certified orbit, and what gives derivatives on its own grid, without errors."""
+    """Return derivatives of a certified orbit on its grid, without error estimates."""
     orbit = solve.periodic(cam, SPEED)
     rule = orbit.certified.method
     assert isinstance(rule, Collocated)
@@ -40,7 +40,7 @@ def on_its_grid(cam, names):
 
 
 def curves_at(cam, names, phases):
-    """Curves of all coordinates and their derivatives, as a fit takes them."""
+    """Return the curves of all coordinates and their derivatives, as a fit uses them."""
     on = on_its_grid(cam, names)
     return [(on.orbit.signal(name)(phases), on.forward.signal(name, phases)) for name in cam.coordinates]
 
@@ -72,7 +72,7 @@ def main():
 
 
 def taken_in_turns(calls):
-    """Median processor times in seconds of calls that take turns, so that other work slows all alike."""
+    """Return median processor times in seconds of alternating calls, which other programs slow equally."""
     times = {what: [] for what in calls}
     for _ in range(ROUNDS):
         for what, call in calls.items():

@@ -1,4 +1,4 @@
-"""Every contender reaches its accuracy; with --benchmark-only, how long each takes."""
+"""All contenders reach the required accuracy; with --benchmark-only, their times are measured."""
 
 import numpy as np
 import pytest
@@ -17,21 +17,21 @@ def holds(contender):
 
 
 @pytest.mark.parametrize("contender", QUICK, ids=lambda contender: contender.name)
-def test_accuracy(contender):
+def test_contenders_reach_the_accuracy(contender):
     holds(contender)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("contender", SLOW, ids=lambda contender: contender.name)
-def test_accuracy_of_slow_ones(contender):
+def test_slow_contenders_reach_the_accuracy(contender):
     holds(contender)
 
 
-def test_the_reference_is_converged():
+def test_reference_is_converged():
     assert max(reference().error_estimate) < 1e-10
     assert reference().spectral_radius == pytest.approx(SPECTRAL_RADIUS, rel=1e-9)
 
 
 @pytest.mark.parametrize("contender", QUICK, ids=lambda contender: contender.name)
-def test_time(benchmark, contender):
+def test_times_are_measured(benchmark, contender):
     benchmark.pedantic(contender.run, rounds=contender.repeats, warmup_rounds=1)

@@ -1,4 +1,4 @@
-"""What tests.benchmarks.fits measures, on fewer trials."""
+"""Results of tests.benchmarks.fits with fewer trials."""
 
 import pytest
 from scipy.stats import binom
@@ -18,6 +18,6 @@ def test_cam_confidence_intervals_have_nominal_coverage():
 
 
 @pytest.mark.slow
-def test_both_searches_make_the_same_trials():
+def test_both_searches_evaluate_the_same_trials():
     exact, differences = times(["k1", "c1"])
     assert min(exact, differences) > 0

@@ -1,4 +1,4 @@
-"""The peer of the four-bar's benchmark and the program agree on the steady state."""
+"""The steady states of the four-bar from this package and from SciPy agree."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import solve
 from tests.benchmarks.four_bar import RTOL, SPEEDS, STRESS, Marching, map_of_stress, model, start_of
 
 
-def test_a_turn_of_radau_leads_the_periodic_state_back_to_itself():
+def test_periodic_state_repeats_after_a_period_of_radau():
     orbit = solve.periodic(model(1), 30.0, rtol=RTOL)
     start = start_of(orbit)
     after = Marching(orbit.system, 30.0, RTOL).turn(start)
@@ -16,7 +16,7 @@ def test_a_turn_of_radau_leads_the_periodic_state_back_to_itself():
 
 
 @pytest.mark.slow
-def test_the_map_of_stresses_reaches_its_accuracy():
+def test_stress_map_reaches_its_accuracy():
     computed = map_of_stress(2)
     for speed, stress in zip(SPEEDS, computed.figures(STRESS), strict=False):
         reference = solve.periodic(model(3), float(speed), rtol=1e-8).statistics(STRESS).max_abs

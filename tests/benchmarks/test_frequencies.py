@@ -1,4 +1,4 @@
-"""Every contender reaches its accuracy; with --benchmark-only, how long each takes."""
+"""All contenders reach the required accuracy; with --benchmark-only, their times are measured."""
 
 import pytest
 
@@ -6,10 +6,10 @@ from tests.benchmarks.frequencies import ACCURACY, CONTENDERS, error
 
 
 @pytest.mark.parametrize("contender", CONTENDERS, ids=lambda contender: contender.name)
-def test_accuracy(contender):
+def test_contenders_reach_the_accuracy(contender):
     assert error(contender.run()) <= ACCURACY
 
 
 @pytest.mark.parametrize("contender", CONTENDERS, ids=lambda contender: contender.name)
-def test_time(benchmark, contender):
+def test_times_are_measured(benchmark, contender):
     benchmark.pedantic(contender.run, rounds=5, warmup_rounds=1)

@@ -1,4 +1,4 @@
-"""heyoka solves the same problems to the accuracy at which it is timed."""
+"""heyoka solves the same problems to the accuracy of the timed runs."""
 
 import numpy as np
 import pytest
@@ -10,14 +10,14 @@ pytest.importorskip("heyoka")
 from tests.benchmarks import heyoka_peers
 
 
-def test_the_cam():
+def test_heyoka_solves_the_cam():
     result = heyoka_peers.cam_single()
     assert error(result) <= ACCURACY
     assert np.abs(result[2]).max() == pytest.approx(SPECTRAL_RADIUS, rel=ACCURACY)
 
 
 @pytest.mark.slow
-def test_the_cam_at_many_speeds():
+def test_heyoka_solves_the_cam_at_many_speeds():
     q, multipliers = heyoka_peers.cam_batch()
     for at in (0, 77, 199):
         orbit = solve.periodic(solve.load("cam", case="1"), heyoka_peers.SPEEDS[at], rtol=1e-9)
@@ -26,7 +26,7 @@ def test_the_cam_at_many_speeds():
 
 
 @pytest.mark.slow
-def test_mathieu():
+def test_heyoka_solves_mathieus_equation():
     computed = heyoka_peers.mathieu_batch()
     for column, row in ((0, 299), (150, 20), (299, 299)):
         given = {"delta": heyoka_peers.DELTA[column], "epsilon": heyoka_peers.EPSILON[row], "zeta": 0.0}
@@ -35,7 +35,7 @@ def test_mathieu():
         assert abs(trace - truth.multipliers.sum()) <= ACCURACY * truth.spectral_radius
 
 
-def test_shooting_closes_on_the_nonlinear_orbit():
+def test_shooting_converges_to_the_nonlinear_orbit():
     from tests.benchmarks import heyoka_shooting
 
     x, multipliers, _ = heyoka_shooting.shooting()
@@ -52,8 +52,8 @@ def test_shooting_closes_on_the_nonlinear_orbit():
         ([-0.21841, -9.01e-5, -5.871e-4, 0.6631, -2.874e-3, -0.16176], 428.43),
     ],
 )
-def test_folds_of_the_cam_near_428_rpm(state, speed):
-    """The values with which the tests of branches compare."""
+def test_folds_of_the_cam_near_428_rpm_match(state, speed):
+    """The tests of branches use these values."""
     from tests.benchmarks import heyoka_shooting
     from tests.solve.newton.test_cam import FOLDS
 

@@ -1,4 +1,4 @@
-"""What the benchmarks of the kernels time gives the same results."""
+"""The kernels that the benchmarks time give equal results."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def test_compiled_products_match_numpy():
 
 
 @needs_compiler
-def test_casadi_in_lanes_gives_the_same_maps():
+def test_casadi_vector_code_gives_the_same_maps():
     computed, truth = (way(2, *problem(2))() for way in (by_casadi, by_lanes))
     np.testing.assert_allclose(computed, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
 
@@ -28,6 +28,6 @@ def test_numba_gives_the_same_maps():
     np.testing.assert_allclose(computed, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
 
 
-def test_the_fixed_cost_does_not_hide_the_power(monkeypatch):
+def test_fitted_power_is_independent_of_the_fixed_cost(monkeypatch):
     monkeypatch.setattr(kernel, "best", lambda run, repeats: run)
     assert kernel.exponent([16, 32, 64, 128], lambda size: 5e4 + size**1.5) == pytest.approx(1.5)

@@ -5,7 +5,7 @@ import sys
 from tests.benchmarks.large import RTOL, main
 
 
-def test_a_row_a_size_with_errors_below_the_tolerance(monkeypatch, capsys):
+def test_every_size_has_errors_below_the_tolerance(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["large", "1", "2"])
     main()
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]

@@ -1,4 +1,4 @@
-"""Processor times, so that other work on the machine counts little."""
+"""Processor times, which depend little on other programs."""
 
 import statistics
 import time
@@ -35,7 +35,7 @@ def _times(run: Callable[[], Result], repeats: int) -> tuple[list[float], Result
 
 
 def best(run: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Shortest time in seconds, over runs that take some milliseconds at least."""
+    """Return the shortest time in seconds of several runs of at least some milliseconds."""
     run()
     times = []
     for _ in range(repeats):

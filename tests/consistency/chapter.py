@@ -1,4 +1,4 @@
-"""The chapter's three mechanisms: generated code, equations by hand, random parameters."""
+"""The chapter's three mechanisms: generated code, hand-coded equations, random parameters."""
 
 import importlib
 from functools import cache
@@ -17,12 +17,12 @@ GRID = 2 * np.pi * np.arange(64) / 64
 
 @cache
 def built(name: str, function: str, **options: str) -> ca.Function:
-    """One function of a generated module."""
+    """Return one function of a generated module."""
     return getattr(GENERATED[name], function)(**options)
 
 
 def magnitudes() -> st.SearchStrategy[float]:
-    """Positive numbers over four decades, evenly in their logarithm."""
+    """Strategy for positive numbers whose logarithm is evenly distributed over four decades."""
     return st.floats(-2.0, 2.0).map(lambda exponent: 10.0**exponent)
 
 
@@ -37,17 +37,17 @@ def allowed(bound: str) -> st.SearchStrategy[float]:
 
 
 def parameter_sets(module: ModuleType) -> st.SearchStrategy[dict[str, float]]:
-    """Random values of all parameters, within their declared bounds."""
+    """Strategy for random values of all parameters within their declared bounds."""
     return st.fixed_dictionaries({name: allowed(bound) for name, _, _, bound in module.PARAMETERS})
 
 
 def vector(name: str, p: dict[str, float]) -> list[float]:
-    """The parameters in the order of the generated module."""
+    """Return the parameters in the order of the generated module."""
     return [p[each] for each, *_ in GENERATED[name].PARAMETERS]
 
 
 def sampled(function: ca.Function, phases: np.ndarray, speed: float, p: list[float]) -> list[np.ndarray]:
-    """M, C, K of shape (m, n, n) and d of shape (m, n) from a function of phase, speed, p."""
+    """Return M, C, K (m, n, n) and d (m, n) from a function of phase, speed and p."""
     *square, d = (part.full() for part in function(phases[None], speed, p))
     n, count = d.shape
     return [part.reshape(n, count, n).transpose(1, 0, 2) for part in square] + [d.T]

@@ -34,7 +34,7 @@ class Linearised:
     axial_force: np.ndarray
 
     def errors(self, *others: np.ndarray) -> dict[str, float]:
-        """How far other M, B, C, h are off, each by its scale."""
+        """Return the differences of other M, B, C and h, each relative to its scale."""
         here = {"M": self.M, "B": self.B, "C": self.C, "h": self.h}
         scales = {label: abs(part).max() for label, part in here.items()} | {"C": variation(self.C)}
         pairs = zip(here.items(), others, strict=True)
@@ -42,7 +42,8 @@ class Linearised:
 
 
 def variation(matrix: np.ndarray) -> float:
-    """Largest change of an entry over the turn: the scale of C without its constant elastic part."""
+    """Return the largest change of an entry over a period: the scale of C without its constant elastic
+    term."""
     return np.ptp(matrix, axis=0).max()
 
 
@@ -117,7 +118,7 @@ def _energies(z, rate, p, side):
 
 
 def _joint(A, C, a: ca.SX, c: ca.SX, side: ca.SX):
-    """Corner B of the triangle ABC with AB = a and CB = c, on the left of A→C for side = 1."""
+    """Return the corner B of the triangle ABC with AB = a and CB = c, on the left of A→C for side = 1."""
     across = C - A
     square = ca.sumsqr(across)
     foot = (square + a**2 - c**2) / (2 * square)
@@ -129,7 +130,7 @@ def _cross(a, b):
 
 
 def _sines(q, abscissa: np.ndarray, length: ca.SX):
-    """Deflection, slope and curvature at the nodes for q1 sin(πx/l) + q2 sin(2πx/l) + …"""
+    """Return deflection, slope and curvature at the nodes for q1 sin(πx/l) + q2 sin(2πx/l) + …"""
     number = np.pi * np.arange(1, q.numel() + 1)
     angle = np.outer(abscissa, number)
     sines, cosines = ca.DM(np.sin(angle)), ca.DM(np.cos(angle))

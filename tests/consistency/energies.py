@@ -25,7 +25,7 @@ class Energies:
 
 @dataclass(frozen=True)
 class State:
-    """Symbols of one evaluation: coordinates z with their first and second derivatives."""
+    """Symbols of one evaluation: coordinates z and their first and second derivatives."""
 
     z: ca.SX
     zd: ca.SX
@@ -36,11 +36,11 @@ class State:
         return State(*(ca.SX.sym(name, size) for name in ("z", "zd", "zdd")))
 
     def rate(self, expression: ca.SX) -> ca.SX:
-        """Total time derivative."""
+        """Return the total time derivative."""
         return ca.jtimes(expression, self.z, self.zd) + ca.jtimes(expression, self.zd, self.zdd)
 
     def rows(self, energies: Energies) -> ca.SX:
-        """d/dt ∂T/∂ż − ∂T/∂z + ∂V/∂z + ∂R/∂ż − Q for every z."""
+        """Return d/dt ∂T/∂ż − ∂T/∂z + ∂V/∂z + ∂R/∂ż − Q for every z."""
         momentum = ca.gradient(energies.kinetic, self.zd)
         rows = self.rate(momentum) - ca.gradient(energies.kinetic, self.z)
         rows += ca.gradient(energies.potential, self.z) + ca.gradient(energies.dissipation, self.zd)
@@ -55,7 +55,7 @@ def parameters(names: tuple[str, ...]) -> tuple[ca.SX, Symbols]:
 
 
 def transmission(angle: ca.SX, p: Symbols) -> ca.SX:
-    """U, the integral of U′ = Σ aₖ cos kφ + bₖ sin kφ with zero mean."""
+    """Return U, the integral with zero mean of U′ = Σ aₖ cos kφ + bₖ sin kφ."""
     return sum((p[f"a{k}"] * ca.sin(k * angle) - p[f"b{k}"] * ca.cos(k * angle)) / k for k in range(1, 13))
 
 
@@ -65,7 +65,7 @@ def cam_load(phase: ca.SX, p: Symbols) -> ca.SX:
 
 
 def cam(state: State, p: Symbols) -> Energies:
-    """Eqs. (41)–(45) with the drive's angle φ0 as the first coordinate, then q1, q2, q3."""
+    """Eqs. (41)–(45), where the coordinates are the angle φ0 of the drive and then q1, q2, q3."""
     phi0, q1, _, _ = ca.vertsplit(state.z)
     phi1 = phi0 + q1
     y1 = transmission(phi1, p)
@@ -83,7 +83,7 @@ def cam(state: State, p: Symbols) -> Energies:
 
 
 def manipulator(state: State, p: Symbols) -> Energies:
-    """Energies behind Eq. (77) with the drive's angle φ0 as the first coordinate, then q1, q2."""
+    """Energies of Eq. (77), where the coordinates are the angle φ0 of the drive and then q1, q2."""
     phi0, q1, q2 = ca.vertsplit(state.z)
     U = transmission(phi0 + q1, p)
     speeds = (state.rate(phi0), state.rate(phi0 + q1), state.rate(U + q2))

@@ -1,4 +1,4 @@
-"""Nonlinear residual and drive torque against Lagrange's equations by automatic differentiation."""
+"""Nonlinear residual and drive torque, compared with Lagrange's equations by automatic differentiation."""
 
 import energies
 import numpy as np
@@ -11,7 +11,8 @@ TOLERANCE = 1e-12
 
 
 def random_states(n: int, seed: int) -> list[np.ndarray]:
-    """Phase, and q, q̇, q̈ of n coordinates, far from small so that every nonlinear term counts."""
+    """Strategy for a phase and for q, q̇, q̈ of n coordinates that are so large that all nonlinear terms
+    matter."""
     generator = np.random.default_rng(seed)
     return [generator.uniform(0, 2 * np.pi, (1, 64)), *generator.uniform(-2, 2, (3, n, 64))]
 

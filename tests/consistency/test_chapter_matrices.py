@@ -1,4 +1,5 @@
-"""Derived = hand-coded = differentiated by machine, entry by entry, for the chapter's mechanisms."""
+"""Matrices of the chapter's mechanisms: derived, hand-coded and automatically differentiated entries
+agree."""
 
 from functools import cache
 
@@ -54,7 +55,7 @@ def test_differentiated_residual_gives_the_matrices(name, options, data):
 
 @cache
 def jacobians(residual: ca.Function) -> ca.Function:
-    """M, C, K, d of a residual by automatic differentiation at q = q̇ = q̈ = 0."""
+    """Return M, C, K and d of a residual by automatic differentiation at q = q̇ = q̈ = 0."""
     n = residual.size1_in("q")
     phase, speed, p = ca.SX.sym("phase"), ca.SX.sym("speed"), ca.SX.sym("p", residual.size1_in("p"))
     q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))

@@ -21,7 +21,7 @@ def cam():
     return solve.load("cam", case="1").parameters
 
 
-def test_61_as_printed_loses_or_inverts_the_coupling_of_the_shaft(cam):
+def test_printed_61_omits_or_inverts_the_shaft_coupling(cam):
     derived = sampled(built("cam", "linearised"), ORIGIN, 20 * np.pi, vector("cam", cam))[0][0]
     printed = published.mass_as_printed_61(ORIGIN, cam)[0]
     assert derived[0, 1:] == pytest.approx([FOLLOWERS * SLOPE, OUTPUT_LINK * SLOPE], rel=1e-12)
@@ -31,8 +31,8 @@ def test_61_as_printed_loses_or_inverts_the_coupling_of_the_shaft(cam):
     assert printed[0, 2] - printed[2, 0] == pytest.approx(-27.787, rel=1e-6)
 
 
-def test_52_as_printed_misses_the_torque_of_an_accelerated_follower(cam):
-    """At q̈2 = 1 m/s² and everything else at rest, (52) lacks (m2 + m3) U′(0) = 20.29 N m."""
+def test_printed_52_lacks_the_torque_of_an_accelerated_follower(cam):
+    """For q̈2 = 1 m/s² with all other motion zero, (52) lacks (m2 + m3) U′(0) = 20.29 N m."""
     rest, accelerated = np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]])
     state = (ORIGIN, 20 * np.pi, rest, rest, accelerated)
     derived = built("cam", "residual")(0, 20 * np.pi, rest[0], rest[0], accelerated[0], vector("cam", cam))

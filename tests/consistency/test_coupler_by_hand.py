@@ -1,4 +1,5 @@
-"""Matrices by hand of the flexible coupler against those of its Lagrangian, differentiated automatically."""
+"""Hand-derived matrices of the flexible coupler, compared with those from the automatically differentiated
+Lagrangian."""
 
 import coupler_lagrangian
 import numpy as np
@@ -39,7 +40,7 @@ def test_hand_equations_equal_the_linearised_lagrangian(name, branch, rpm):
 
 @pytest.mark.parametrize("name", LINKAGES)
 @pytest.mark.parametrize("branch", BRANCHES)
-def test_axial_force_at_the_crank_pin_is_the_reaction_to_opening_it(name, branch):
+def test_axial_force_equals_the_reaction_at_the_crank_pin(name, branch):
     linkage, speed = LINKAGES[name], 50 * np.pi
     by_load = linkage["E"] * linkage["I"] * published.load_functions(PHASES, speed, linkage, branch).f4
     reaction = by_energies(linkage, speed, branch).axial_force
@@ -62,7 +63,7 @@ STIFFNESS_MISPRINTS = [
 
 
 @pytest.mark.parametrize(("misprint", "entries", "size"), STIFFNESS_MISPRINTS)
-def test_each_misprint_of_the_stiffness_is_refuted(misprint, entries, size):
+def test_each_misprint_of_the_stiffness_is_detected(misprint, entries, size):
     speed = 50 * np.pi
     M, B, C, h = by_hand(TABLE_2, speed, "open", frozenset({misprint}))
     reference = by_energies(TABLE_2, speed, "open")
@@ -74,7 +75,7 @@ def test_each_misprint_of_the_stiffness_is_refuted(misprint, entries, size):
         np.testing.assert_allclose(hand, energies, rtol=0, atol=TOLERANCE * abs(energies).max())
 
 
-def test_the_misprinted_damping_is_refuted():
+def test_misprint_of_the_damping_is_detected():
     speed = 50 * np.pi
     _, B, C, _ = by_hand(TABLE_2, speed, "open", frozenset({Misprint.MATERIAL_DAMPING}))
     reference = by_energies(TABLE_2, speed, "open")
@@ -83,7 +84,7 @@ def test_the_misprinted_damping_is_refuted():
     assert abs(C - reference.C).max() < TOLERANCE * coupler_lagrangian.variation(reference.C)
 
 
-def test_every_misprint_of_the_stiffness_has_its_size():
+def test_every_misprint_of_the_stiffness_has_the_expected_size():
     sized = {misprint for misprint, _, _ in STIFFNESS_MISPRINTS} | {Misprint.MATERIAL_DAMPING}
     assert sized == set(Misprint)
     assert set(Misprint) - AS_PRINTED == {Misprint.CENTRIFUGAL_SIGN, Misprint.EVEN_SUM_ODD}
@@ -91,7 +92,7 @@ def test_every_misprint_of_the_stiffness_has_its_size():
 
 @pytest.mark.parametrize("name", LINKAGES)
 @pytest.mark.parametrize("branch", BRANCHES)
-def test_the_hand_written_loop_closes_on_its_branch(name, branch):
+def test_hand_written_loop_closes_on_its_branch(name, branch):
     linkage, speed = LINKAGES[name], 3.0
     motion = published.link_angles(PHASES, speed, linkage, branch)
     crank_pin = linkage["l2"] * np.exp(1j * PHASES)
@@ -107,8 +108,9 @@ def test_the_hand_written_loop_closes_on_its_branch(name, branch):
 
 @pytest.mark.parametrize("name", LINKAGES)
 @pytest.mark.parametrize("branch", BRANCHES)
-def test_drive_torque_is_the_power_of_the_rigid_linkage(name, branch):
-    """Energies and losses of the straight coupler from the hand-written angles, differentiated by FFT."""
+def test_drive_torque_matches_the_power_of_the_rigid_linkage(name, branch):
+    """Energies and losses of the straight coupler follow from the hand-derived angles, differentiated by
+    FFT."""
     p, speed, count = LINKAGES[name], 50 * np.pi, 256
     phase = 2 * np.pi * np.arange(count) / count
     motion = published.link_angles(phase, speed, p, branch)
@@ -131,7 +133,7 @@ def test_drive_torque_is_the_power_of_the_rigid_linkage(name, branch):
     np.testing.assert_allclose(reference, torque, rtol=0, atol=1e-10 * abs(torque).max())
 
 
-def test_more_modes_keep_the_equations_of_the_fewer():
+def test_additional_modes_do_not_change_the_equations_of_lower_modes():
     many = published.matrices(PHASES, 50 * np.pi, TABLE_2, 20)
     few = published.matrices(PHASES, 50 * np.pi, TABLE_2, MODES)
     for large, small in zip(many[:3], few[:3], strict=True):
@@ -139,7 +141,7 @@ def test_more_modes_keep_the_equations_of_the_fewer():
     np.testing.assert_array_equal(many[3][:, :MODES], few[3])
 
 
-def test_a_linkage_that_cannot_turn_is_refused():
+def test_linkage_that_cannot_turn_is_refused():
     message = r"l2 = 0\.9 m cannot turn fully .* choose lengths"
     with pytest.raises(published.LinkageCannotTurnError, match=message):
         published.link_angles(PHASES, 1.0, TABLE_2 | {"l2": 0.9})

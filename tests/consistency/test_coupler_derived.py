@@ -1,4 +1,4 @@
-"""The derived coupler against the equations by hand and the automatically differentiated Lagrangian."""
+"""Derived coupler, compared with hand-derived equations and the automatically differentiated Lagrangian."""
 
 import importlib
 from functools import cache
@@ -69,7 +69,8 @@ def test_derived_equals_the_corrected_equations_by_hand(linkage, branch, speed):
 
 @st.composite
 def random_linkages(draw):
-    """Any coupler whose crank turns, with room to spare: all 18 parameters drawn."""
+    """Strategy for couplers with random values of all 18 parameters and a crank that can rotate with some
+    margin."""
     short, longer = draw(st.floats(0.05, 1.0)), draw(st.floats(0.1, 1.0))
     l1, l2 = draw(st.permutations([short, short + longer]))
     together = l1 + l2 + 0.1 + draw(st.floats(0, 1.0))
@@ -105,7 +106,7 @@ SLIPS = {
 
 
 @pytest.mark.parametrize("slip", SLIPS)
-def test_each_printed_slip_of_the_stiffness_differs_from_the_derived(slip):
+def test_each_misprint_of_the_stiffness_differs_from_the_derivation(slip):
     _, _, C, _ = derived(TABLE_2, SPEEDS[1])
     printed = published.matrices(PHASES, SPEEDS[1], TABLE_2, MODES, "open", frozenset({slip}))[2]
     deviation = abs(C - printed).max(axis=0) / coupler_lagrangian.variation(C)
@@ -113,7 +114,7 @@ def test_each_printed_slip_of_the_stiffness_differs_from_the_derived(slip):
     assert deviation[~SLIPS[slip]].max() < 1e-12, "an entry that the slip should leave alone deviates"
 
 
-def test_the_printed_damping_differs_from_the_derived():
+def test_printed_damping_differs_from_the_derivation():
     _, B, _, _ = derived(TABLE_2, SPEEDS[1])
     slip = frozenset({Misprint.MATERIAL_DAMPING})
     printed = published.matrices(PHASES, SPEEDS[1], TABLE_2, MODES, "open", slip)[1]
@@ -126,7 +127,7 @@ def test_every_misprint_of_the_stiffness_is_listed():
 
 
 def differentiated(motion: ca.Function, rows: int) -> ca.Function:
-    """Value and derivatives by q, q̇, q̈, where these vanish, of the first outputs of a motion."""
+    """Return the first outputs of a motion and their derivatives with respect to q, q̇ and q̈ at zero."""
     inputs = [ca.SX.sym(motion.name_in(k), *motion.size_in(k)) for k in range(motion.n_in())]
     state = ca.vertcat(*inputs[2:5])
     outputs = ca.vertcat(*motion.call(inputs)[:rows])
@@ -138,8 +139,9 @@ def differentiated(motion: ca.Function, rows: int) -> ca.Function:
 @linkages
 @branches
 @speeds
-def test_drive_torque_and_axial_force_to_first_order(linkage, branch, speed):
-    """The torque takes the amplitudes along to first order; the axial force is the straight coupler's."""
+def test_drive_torque_and_axial_force_match_to_first_order(linkage, branch, speed):
+    """The torque includes first-order terms of the amplitudes. The axial force is that of the straight
+    coupler."""
     p, side = vector(linkage), BRANCHES[branch]
     exact = exact_by_state()(PHASES[None], speed, p, side).full()
     computed = reactions_by_state(branch)(PHASES[None], speed, p).full()
@@ -162,7 +164,8 @@ def reactions_by_state(branch: str) -> ca.Function:
 
 @cache
 def reactions(branch: str) -> ca.Function:
-    """Drive torque and axial force of the generated outputs, in the order of inputs of the reference."""
+    """Return drive torque and axial force of the generated outputs, in the order of inputs of the
+    reference."""
     outputs = built("outputs", MODES, branch)
     inputs = [ca.SX.sym(outputs.name_in(k), *outputs.size_in(k)) for k in range(outputs.n_in())]
     values = dict(zip(outputs.name_out(), outputs.call(inputs), strict=True))
@@ -170,7 +173,7 @@ def reactions(branch: str) -> ca.Function:
 
 
 @branches
-def test_axial_force_is_the_paper_s_f4(branch):
+def test_axial_force_equals_f4_of_the_paper(branch):
     zero = np.zeros(MODES)
     outputs = built("outputs", MODES, branch)
     force = outputs(PHASES[None], SPEEDS[1], zero, zero, zero, vector(DRAGGED))[2].full()[0]
@@ -179,8 +182,8 @@ def test_axial_force_is_the_paper_s_f4(branch):
 
 
 @pytest.mark.parametrize(("rpm", "torque_error", "force_error"), [(600, 2e-5, 3e-4), (1500, 1e-3, 1.5e-3)])
-def test_outputs_along_the_orbit_of_table_2(rpm, torque_error, force_error):
-    """Against the nonlinear equations at the same motion: what the first order, and w = 0, leave out."""
+def test_outputs_match_the_nonlinear_equations_on_the_orbit(rpm, torque_error, force_error):
+    """The differences due to first-order terms and w = 0 are small for the motion of Table 2."""
     orbit = solve.periodic(solve.load("coupler"), f"{rpm} rpm", "radau")
     state = (orbit.q, orbit.qd, orbit.qdd)
     exact = coupler_lagrangian.motion(3)(orbit.phase[None], orbit.speed, *state, vector(TABLE_2), 1.0)
@@ -192,8 +195,9 @@ def test_outputs_along_the_orbit_of_table_2(rpm, torque_error, force_error):
         assert error < bound, name
 
 
-def test_outputs_at_midspan():
-    """Deflection, moment and stress of a 20 × 30 mm section, and the two ratios, from sines and f0 … f4."""
+def test_outputs_at_midspan_match_hand_calculations():
+    """Deflection, moment and stress of a 20 × 30 mm section, and the two ratios, follow from sines and f0 …
+    f4."""
     q, qd, qdd = np.random.default_rng(5).normal(size=(3, MODES)) * 1e-3
     p, speed = TABLE_2, SPEEDS[1]
     values = built("outputs")(PHASES[None], speed, q, qd, qdd, vector(p))
@@ -217,7 +221,7 @@ def test_outputs_at_midspan():
         )
 
 
-def test_more_modes_keep_the_equations_of_the_fewer():
+def test_additional_modes_do_not_change_the_equations_of_lower_modes():
     many, few = derived(TABLE_2, SPEEDS[1], modes=20), derived(TABLE_2, SPEEDS[1])
     for large, small in zip(many[:3], few[:3], strict=True):
         np.testing.assert_array_equal(large[:, :MODES, :MODES], small)
@@ -228,7 +232,7 @@ def test_more_modes_keep_the_equations_of_the_fewer():
 
 @branches
 def test_residual_agrees_with_the_lagrangian_to_first_order(branch):
-    """Along one direction of motion the difference of the two falls with the square of its size, at least."""
+    """In one direction of motion, the difference decreases at least with the square of the amplitude."""
     q, qd, qdd = np.random.default_rng(6).normal(size=(3, MODES)) * np.array([[1e-3], [1e-1], [10.0]])
     p, speed, phase = vector(DRAGGED), SPEEDS[1], 0.7
     residual, exact = built("residual", MODES, branch), coupler_lagrangian.motion(MODES)

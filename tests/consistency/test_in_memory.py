@@ -1,4 +1,4 @@
-"""Models without files: derived from a mechanism itself, the same as from its file."""
+"""Mechanisms derived in memory give the same model as those derived from files."""
 
 import pickle
 import re
@@ -19,7 +19,7 @@ PHASE = np.linspace(0.0, 6.0, 7)
 
 
 def stated(name):
-    """The function that states a mechanism of the package."""
+    """Return the function that defines a mechanism of the package."""
     return runpy.run_path(str(ROOT / "models" / name / "mechanism.py"))["mechanism"]
 
 
@@ -37,7 +37,7 @@ def test_mechanism_in_memory_equals_the_model_of_the_file(cam):
             np.testing.assert_array_equal(ours, theirs)
 
 
-def test_the_same_statement_is_derived_once(cam, monkeypatch):
+def test_identical_statement_is_derived_only_once(cam, monkeypatch):
     first = cam().code()
 
     def derived_again(*_):
@@ -51,8 +51,8 @@ def test_the_same_statement_is_derived_once(cam, monkeypatch):
         other.code()
 
 
-def test_the_shapes_of_a_field_are_part_of_the_statement():
-    """A function that is gone may leave its place in memory, and so its text, to another."""
+def test_shapes_of_a_field_are_part_of_the_statement():
+    """A deleted function may have the same memory address, and therefore the same text, as a new one."""
 
     def stated(shape):
         beam = derive.Mechanism("beam", "Pinned beam")
@@ -72,7 +72,7 @@ def test_the_shapes_of_a_field_are_part_of_the_statement():
     assert " at 0x" not in whole
 
 
-def test_the_model_pickles(cam):
+def test_model_pickles(cam):
     model = solve.load(cam, **solve.load("cam").parameters)
     again = pickle.loads(pickle.dumps(model))
     assert again.parameters == model.parameters
@@ -81,7 +81,7 @@ def test_the_model_pickles(cam):
     assert again.varied({"k1": 1e5}).parameters["k1"] == 1e5
 
 
-def test_a_structure_in_memory():
+def test_structure_is_derived_in_memory():
     of_file = solve.load("portal_frame")
     model = solve.load(stated("portal_frame"), **of_file.parameters)
     position = np.zeros(1)
@@ -115,7 +115,7 @@ def test_options_may_be_given_as_keyword_arguments():
         solve.load("gear_pair", options={"load": "constant"}, load="constant")
 
 
-def test_derive_offers_its_names_for_completion():
+def test_derive_lists_its_public_names():
     assert {"Mechanism", "Piecewise", "rate", "wrapped"} <= set(dir(derive))
 
 

@@ -1,4 +1,4 @@
-"""The page's mechanism with a closed loop, with numbers for which the loop does not close."""
+"""Mechanism of the page with a closed loop, with values for which the loop does not close."""
 
 import re
 import sys
@@ -29,7 +29,7 @@ def press(tmp_path, monkeypatch):
 
 
 def test_loop_unknowns_may_reuse_names_of_generated_code(tmp_path, monkeypatch):
-    """The same press, whose unknowns are called x0 and x1."""
+    """The unknowns of the press are called x0 and x1."""
     match = re.search(r"```python\n# press.py\n(.*?)```", PAGE, re.DOTALL)
     assert match
     other = match.group(1)
@@ -55,7 +55,7 @@ def test_loop_unknowns_may_reuse_names_of_generated_code(tmp_path, monkeypatch):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12 * np.abs(theirs).max())
 
 
-def test_a_loop_that_does_not_close_is_refused_in_one_line(press):
+def test_loop_that_does_not_close_is_refused_in_one_line(press):
     message = (
         "the loop of s, beta does not close at every phase: gap of s, beta < 1e-9 does not hold "
         "for r = 0.1 m, L = 0.11 m, e = 0.02 m; choose values for which it holds"

@@ -1,5 +1,5 @@
-"""The page's mechanisms of vectors, linkages, loops and fields, run by the page's own lines, against closed
-forms."""
+"""The page's mechanisms with vectors, linkages, loops and fields, run with the commands of the page and
+compared with closed forms."""
 
 import json
 import re
@@ -17,7 +17,7 @@ PAGE = (Path(__file__).resolve().parents[2] / "docs" / "own_mechanism.md").read_
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys):
-    """The record of the page's line that solves the page's mechanism of that name."""
+    """Return a function that runs the command of the page for a mechanism and returns its JSON output."""
 
     def running(name):
         match = re.search(rf"```python\n# {name}.py\n(.*?)```", PAGE, re.DOTALL)
@@ -33,12 +33,12 @@ def run(tmp_path, monkeypatch, capsys):
 
 
 def harmonic(entry, order):
-    """Complex amplitude of A cos(order φ + phase)."""
+    """Return the complex amplitude of A cos(order φ + phase)."""
     return entry["harmonics"][order] * np.exp(1j * entry["phases"][order])
 
 
-def test_vectors_and_matrices(run):
-    """(K + iΩc − Ω²m) q = Ω² m a (−i), from sin φ, and at rest K q = −m g e3."""
+def test_mechanism_with_vectors_and_matrices_matches_closed_forms(run):
+    """From sin φ, (K + iΩc − Ω²m) q = Ω² m a (−i); for the mean, K q = −m g e3."""
     record = run("chain")
     m, k, c, g, a, speed = 2.0, 50.0, 0.4, 9.81, 1e-3, 3.0
     K = k * np.array([[2, -1, 0], [-1, 2, -1], [0, -1, 1.0]])
@@ -54,8 +54,8 @@ def test_vectors_and_matrices(run):
     assert harmonic(record["outputs"]["acceleration"], 1) == pytest.approx(acceleration, rel=1e-7)
 
 
-def test_damping_ratios(run):
-    """Each mode answers by itself; the frequencies of two equal masses are √(k/m) times golden ratios."""
+def test_mechanism_with_damping_ratios_matches_closed_forms(run):
+    """The modes are uncoupled. The frequencies of two equal masses are √(k/m) times golden ratios."""
     record = run("tower")
     m, k, u, speed, zeta = 800.0, 9e5, 0.5, 20.0, np.array([0.01, 0.03])
     golden = (1 + np.sqrt(5)) / 2
@@ -68,9 +68,9 @@ def test_damping_ratios(run):
     assert growth == pytest.approx(sorted([*-zeta * omega] * 2), rel=1e-7)
 
 
-def test_a_four_bar_a_requirement_and_the_speed(run):
-    """J q̈ + c q̇ + k (1 + gain Ω) q = −J φ̈4 harmonic by harmonic, with φ4 from the triangle of crank pin,
-    joint and pivot by the law of cosines."""
+def test_mechanism_with_a_four_bar_matches_the_closed_form(run):
+    """For each harmonic, J q̈ + c q̇ + k (1 + gain Ω) q = −J φ̈4, where φ4 follows from the law of cosines in
+    the triangle of crank pin, joint and pivot."""
     record = run("rocker")
     l1, l2, l3, l4, J, k, c, gain, speed = 0.4, 0.08, 0.35, 0.2, 0.02, 300.0, 0.05, 0.01, 20.0
     count = 512
@@ -89,7 +89,7 @@ def test_a_four_bar_a_requirement_and_the_speed(run):
 
 
 def test_slider_crank_loop_matches_the_closed_form(run):
-    """m q̈ + c q̇ + k q = −m s̈ harmonic by harmonic, with s from the right-angled triangle."""
+    """For each harmonic, m q̈ + c q̇ + k q = −m s̈, where s follows from the right-angled triangle."""
     record = run("press")
     r, L, e, m, k, c, speed, count = 0.1, 0.3, 0.02, 2.0, 8e4, 40.0, 20.0, 256
     phase = 2 * np.pi * np.arange(count) / count

@@ -1,5 +1,5 @@
-"""The gear pair of the page on mechanisms of one's own, whose mesh stiffness jumps twice a tooth: against
-products of matrix exponentials, which are exact."""
+"""Gear pair on the page on user mechanisms, whose mesh stiffness jumps twice per tooth, compared with exact
+products of matrix exponentials."""
 
 import re
 import shlex
@@ -22,7 +22,7 @@ NUMBERS = {"m": 1.0, "c": 0.02, "k1": 3.0, "k2": 5.0, "z": 1, "F": 1.0}
 
 @pytest.fixture(scope="module")
 def mesh(tmp_path_factory):
-    """Path of the mechanism, derived."""
+    """Return the path of the derived mechanism."""
     match = re.search(r"```python\n# mesh.py\n(.*?)```", PAGE, re.DOTALL)
     assert match
     path = tmp_path_factory.mktemp("mine") / "mesh.py"
@@ -50,7 +50,7 @@ def turn(speed, eps, z=1):
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
 @pytest.mark.parametrize(("z", "eps"), [(1, 1.3), (7, 1.65)])
-def test_orbit_and_multipliers(mesh, z, eps, engine):
+def test_orbit_and_multipliers_match_matrix_exponentials(mesh, z, eps, engine):
     model = solve.load(str(mesh), **{**NUMBERS, "z": z}, eps=eps)
     orbit = solve.periodic(model, 0.9, rtol=1e-11, engine=engine)
     exact = turn(0.9, eps, z)
@@ -62,8 +62,9 @@ def test_orbit_and_multipliers(mesh, z, eps, engine):
 
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
-def test_band_edges_to_eight_digits_by_bands_sweep_and_chart(mesh, engine):
-    """At an edge of the band of kind −1 a multiplier is −1: 1 + tr Φ + det Φ = 0."""
+def test_band_edges_agree_to_eight_digits(mesh, engine):
+    """The edges of bands, a sweep and a chart are compared. At an edge of the band of kind −1, a multiplier
+    is −1: 1 + tr Φ + det Φ = 0."""
 
     def edge(speed, eps):
         Phi = turn(speed, eps)[:2, :2]

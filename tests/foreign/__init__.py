@@ -1,1 +1,1 @@
-"""Systems whose numbers none of us made: what others printed, and the same by the public interface."""
+"""Published numbers of other authors, reproduced through the public interface."""

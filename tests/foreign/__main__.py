@@ -1,4 +1,4 @@
-"""`python -m tests.foreign` prints the tables of docs/wall.md anew."""
+"""`python -m tests.foreign` prints the tables of docs/wall.md."""
 
 from tests.foreign.cases import tables
 

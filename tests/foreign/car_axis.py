@@ -37,7 +37,7 @@ START = (np.zeros(2), np.zeros(2))
 
 
 def ends(phase, u, tilt):
-    """xl, yl, xr, yr."""
+    """Return xl, yl, xr, yr."""
     road = NUMBERS["r"] * np.sin(phase)
     across, height = np.sqrt(1 - road**2), NUMBERS["L0"] + u
     xl, yl = -height * road, height * across
@@ -45,7 +45,7 @@ def ends(phase, u, tilt):
 
 
 def rates(phase, u, tilt, ud, tiltd):
-    """Their velocities."""
+    """Return the velocities of `ends`."""
     road, road_rate = NUMBERS["r"] * np.sin(phase), NUMBERS["r"] * SPEED * np.cos(phase)
     across, height = np.sqrt(1 - road**2), NUMBERS["L0"] + u
     xld = -ud * road - height * road_rate

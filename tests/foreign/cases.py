@@ -1,4 +1,4 @@
-"""All cases of the wall, and their tables for docs/wall.md."""
+"""All cases of docs/wall.md and their tables."""
 
 import math
 from itertools import groupby
@@ -14,13 +14,13 @@ CASES: list[Case] = [
 
 
 def row(case: Case, computed: float) -> list[str]:
-    """Cells of a case: what is found, to the decimals that its tolerance allows."""
+    """Return the cells of a case, with the computed value to the decimals that its tolerance allows."""
     decimals = max(0, math.ceil(-math.log10(case.tolerance)))
     return [case.what, case.printed, f"{round(computed, decimals) + 0.0:.{decimals}f}", case.place]
 
 
 def tables() -> str:
-    """A table a source, as they stand in docs/wall.md."""
+    """Return one table per source, as in docs/wall.md."""
     text = []
     for source, cases in groupby(CASES, key=lambda case: case.source):
         text.append(f"**{source.author}, {source.title}, {source.year}** ({source.where})\n")

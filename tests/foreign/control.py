@@ -1,4 +1,4 @@
-"""Periodic systems of control's literature whose characteristic exponents are known."""
+"""Periodic systems from the control literature with known characteristic exponents."""
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def fast_and_slow():
 
 
 def turning(t):
-    """A (m, 2, 2) of Zhou and Hagiwara."""
+    """Return A (m, 2, 2) of Zhou and Hagiwara."""
     s, c = np.sin(2 * t), np.cos(2 * t)
     return np.moveaxis(np.array([[-1 - s**2, 2 - s * c], [-2 - s * c, -1 - c**2]]), -1, 0)
 
@@ -39,7 +39,7 @@ def turning_rate(t):
 
 
 def zhou_hagiwara(period):
-    """Exponents without those that are added, falling in the real part."""
+    """Return the exponents, without those that are added, in descending order of the real part."""
     computed = solve.floquet(first_order(turning, turning_rate, period), 1.0, rtol=1e-10).exponents
     return computed[np.argsort(-computed.real)][:2]
 

@@ -48,7 +48,7 @@ MATHIEU_ERROR = 1e-10
 
 
 def mathieu(q, multiplier, near):
-    """a of q'' + (a - 2q cos 2t) q = 0 with a periodic solution, the value next to `near`."""
+    """Return the a nearest to `near` for which q'' + (a - 2q cos 2t) q = 0 has a periodic solution."""
 
     def problem(a):
         return oscillator(lambda t: a - 2 * q * np.cos(2 * t), period=np.pi), 1.0
@@ -97,7 +97,7 @@ def quadrupoles(s):
 
 
 def phase_advance():
-    """Degrees by which the betatron oscillation turns in a cell of 3 m."""
+    """Return the phase advance (degrees) of the betatron oscillation in a cell of 3 m."""
     cell = oscillator(quadrupoles, period=3.0, breaks=(0.25, 1.25, 1.75, 2.75))
     return np.degrees(np.angle(solve.floquet(cell, 1.0).multipliers[0]))
 

@@ -1,4 +1,4 @@
-"""Motions in time of the Test Set for IVP solvers, followed from states that it gives."""
+"""Initial-value problems of the Test Set for IVP solvers, integrated from the given states."""
 
 from functools import cache
 
@@ -25,7 +25,7 @@ CAR = Source(
 
 @cache
 def motion(name):
-    """q and q̇ (2, n) of the nonlinear motion at the time of the reference."""
+    """Return q and q̇ (2, n) of the nonlinear motion at the time of the reference."""
     problem = {"crank": slider_crank, "car": car_axis}[name]
     model = solve.load(problem.mechanism, **problem.NUMBERS)
     end = problem.SPEED * problem.TIME

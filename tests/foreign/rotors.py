@@ -1,4 +1,5 @@
-"""A rotor of finite elements: Timoshenko shaft, two discs, two bearings that are softer in one direction."""
+"""Rotor of finite elements: Timoshenko shaft, two discs, and two bearings with different stiffness in two
+directions."""
 
 import numpy as np
 
@@ -71,12 +72,13 @@ def rotor():
 
 
 def at_rest(index):
-    """Natural frequencies in rad/s, from 0."""
+    """Return the natural frequency (rad/s) at speed zero with this index, from 0."""
     return solve.frequencies(rotor(), 0.0, index + 1).values[0, index]
 
 
 def whirling(near):
-    """Whirl frequency (rad/s) at 2000 rad/s next to `near`; the multipliers determine it modulo the speed."""
+    """Return the whirl frequency (rad/s) at 2000 rad/s nearest to `near`. Multipliers determine it modulo the
+    speed."""
     speed = 2000.0
     angles = np.abs(np.angle(solve.floquet(rotor(), speed, rtol=1e-10).multipliers)) * speed / (2 * np.pi)
     return min(angles, key=lambda value: abs(value - near))

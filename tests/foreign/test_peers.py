@@ -35,6 +35,7 @@ def meissner(a, b, damping):
 
 
 def closed(a, b, damping):
+    """Return the monodromy matrix in closed form."""
     turn = 2 * np.pi / SPEED
 
     def piece(stiffness, share):
@@ -46,8 +47,9 @@ def closed(a, b, damping):
 @pytest.mark.parametrize("damping", [0.0, 0.1])
 @pytest.mark.parametrize("a", [-2.0, 0.0, 2.0])
 @pytest.mark.parametrize("b", [-2.0, 0.0, 2.0])
-def test_multipliers_of_meissners_equation(a, b, damping):
-    """Theirs are compared to 5e-5; here the trace and the determinant to 1e-9 of the largest multiplier."""
+def test_multipliers_of_meissners_equation_match_skhippr(a, b, damping):
+    """SKHiPPR compares them to 5e-5. Here, the trace and the determinant agree to 1e-9 of the largest
+    multiplier."""
     Phi = closed(a, b, damping)
     computed = solve.floquet(meissner(a, b, damping), 1.0, rtol=1e-10).multipliers
     largest = max(1.0, np.abs(np.linalg.eigvals(Phi)).max())
@@ -75,7 +77,7 @@ def duffing():
         (5, 1.2, {"alpha": -1.0, "beta": 1.0, "F": 0.37, "delta": 0.3}),
     ],
 )
-def test_duffings_orbits(periods, speed, numbers):
+def test_orbits_of_duffings_equation_match_skhippr(periods, speed, numbers):
     """Stable; of as many periods and of no fewer; the one that 100 of its periods lead to from (1, 0), but
     for the turn at which it begins."""
     orbit = solve.nonlinear(solve.load(duffing, m=1.0, **numbers), speed, periods=periods)
@@ -112,7 +114,7 @@ def turbine():
 
 
 def in_fixed_coordinates(speed):
-    """Exponents (1/s) of the turbine by its matrices in multi-blade coordinates, as WELIB has them."""
+    """Return the exponents (1/s) of the turbine from its matrices in multi-blade coordinates, as in WELIB."""
     M, m, L, kx, ky, kb = (TURBINE[name] for name in ("M", "m", "L", "kx", "ky", "kb"))
     ml, mll = m * L, m * L**2
     mass = np.diag([mll, mll, mll, M + 3 * m, M + 3 * m])
@@ -128,8 +130,8 @@ def in_fixed_coordinates(speed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.8, 1.7, np.pi, 6.0])
-def test_a_wind_turbine_in_turning_and_in_fixed_coordinates(speed):
-    """Periodic coefficients here, constant ones there: the same multipliers."""
+def test_wind_turbine_has_the_multipliers_of_fixed_coordinates(speed):
+    """The coefficients are periodic here and constant in fixed coordinates. The multipliers are equal."""
     computed = solve.floquet(solve.load(turbine, **TURBINE), speed, rtol=1e-10).multipliers
     expected = np.exp(in_fixed_coordinates(speed) * 2 * np.pi / speed)
     scale = np.abs(expected).max()

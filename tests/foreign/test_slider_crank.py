@@ -1,4 +1,4 @@
-"""The Test Set's slider-crank: equations from energies against those that Simeon wrote."""
+"""Slider-crank of the Test Set: equations from energies, compared with those of Simeon."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from tests.foreign.initial_values import crank
 
 
 @pytest.mark.slow
-def test_the_equations_are_the_test_sets():
-    """At random states, relative to the largest of the four: 1e-12."""
+def test_equations_match_those_of_the_published_set():
+    """At random states, the differences are below 1e-12 of the largest of the four values."""
     model = solve.load(slider_crank.mechanism, **slider_crank.NUMBERS)
     residual = model.setup.function("residual")
     rng = np.random.default_rng(19)
@@ -32,6 +32,6 @@ def test_the_equations_are_the_test_sets():
         ("q3", -5.323907988763734e-6, 3e-6),
     ],
 )
-def test_the_other_reference_is_met_as_far_as_it_is_exact(name, value, off):
+def test_second_reference_is_matched_within_its_accuracy(name, value, off):
     """The two references differ by 2.1e-6 in q3."""
     assert crank(name) == pytest.approx(value, rel=off)

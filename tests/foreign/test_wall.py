@@ -1,4 +1,4 @@
-"""The wall: numbers that others printed, found again through the public interface; docs/wall.md shows it."""
+"""Published numbers, reproduced through the public interface; docs/wall.md lists them."""
 
 import re
 from pathlib import Path
@@ -19,20 +19,21 @@ MARKED = [
 
 
 @pytest.mark.parametrize("case", MARKED)
-def test_the_number_is_met(case):
-    """To half a unit of its last digit, or to what it is known to; the page shows what this run finds."""
+def test_published_number_is_reproduced(case):
+    """The tolerance is half a unit of the last digit, or the known accuracy of the number. The page shows the
+    results of this run."""
     computed = case.computed()
     assert computed == pytest.approx(float(case.printed), rel=0, abs=case.tolerance)
     (shown,) = (row[2] for row in ROWS if (row[0], row[1], row[-1]) == (case.what, case.printed, case.place))
     assert computed == pytest.approx(float(shown), rel=0, abs=2.02 * half_a_digit(shown))
 
 
-def test_every_source_has_its_name_on_the_page():
+def test_page_contains_every_source():
     for source in {case.source for case in CASES}:
         assert f"**{source.author}, {source.title}, {source.year}** ({source.where})" in PAGE
 
 
-def test_page_states_the_number_of_wall_cases():
+def test_page_states_the_number_of_cases():
     counted = re.search(r"(\d+) numbers of (\d+) sources", PAGE)
     assert counted
     sources = {case.source for case in CASES}

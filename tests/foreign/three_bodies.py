@@ -1,4 +1,4 @@
-"""The triangular points of the restricted problem of three bodies, from energies in the turning frame."""
+"""Triangular points of the restricted three-body problem, from energies in the rotating frame."""
 
 from functools import cache
 
@@ -33,7 +33,7 @@ def model():
 
 
 def routh():
-    """The share at which the point becomes unstable, by halving what lies between 0.03 and 0.05."""
+    """Return the mass fraction at which the point becomes unstable, by bisection between 0.03 and 0.05."""
     low, high = 0.03, 0.05
     while high - low > 1e-11:
         middle = (low + high) / 2

@@ -1,4 +1,4 @@
-"""What a case of the wall is: a number that others printed, and how it is found here."""
+"""Published numbers and how they are computed here."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from tests.digits import half_a_digit
 
 @dataclass(frozen=True)
 class Source:
-    """author, title, year: of the document; where: where its text can be read."""
+    """Document (author, title, year), and `where` its text can be read."""
 
     author: str
     title: str
@@ -39,7 +39,7 @@ class Case:
 
 
 def oscillator(stiffness, damping=None, period=2 * np.pi, breaks=()):
-    """q'' + damping(t) q' + stiffness(t) q = 0 with t as phase, at speed 1 rad/s."""
+    """Return q'' + damping(t) q' + stiffness(t) q = 0 with t as the phase, at speed 1 rad/s."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
@@ -64,7 +64,8 @@ def first_order(A, rate, period, added=5.0):
 
 
 def band_edge(potential, period, multiplier, near, width, breaks=()):
-    """The one λ within `width` of `near` at which q'' + (λ - potential) q = 0 has the multiplier ±1 twice."""
+    """Return the only λ within `width` of `near` at which q'' + (λ - potential) q = 0 has a double multiplier
+    ±1."""
 
     def gap(value):
         system = oscillator(lambda t: value - potential(t), period=period, breaks=breaks)

@@ -46,7 +46,7 @@ def test_higher_coupler_modes_are_small_compared_with_the_first():
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
-def test_motion_of_the_slow_cam_has_harmonics_1_3_and_5(case):
+def test_slow_cam_has_harmonics_1_3_and_5(case):
     """Chapter § 4.1, Fig. 4. Each exceeds 10 % of the largest; for profile 2, harmonic 9 does too."""
     computed = orders("cam", "100 rpm", case, "q3")
     large = {int(k) + 1 for k in np.flatnonzero(computed > 0.1 * computed.max())}

@@ -157,6 +157,6 @@ def test_impossible_parameters_are_refused_in_one_line(given, message):
     assert "\n" not in str(refused.value)
 
 
-def test_an_unknown_branch_is_refused():
+def test_unknown_branch_is_refused():
     with pytest.raises(UnknownNameError, match="value of option branch 'upper'; known: crossed, open"):
         solve.load("coupler", options={"branch": "upper"})

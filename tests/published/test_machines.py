@@ -46,7 +46,7 @@ SHAFT = {"m": 10.0, "g": 9.81, "k1": 9e4, "k2": 1.44e5}
 LOW, HIGH = np.sqrt(SHAFT["k1"] / SHAFT["m"]), np.sqrt(SHAFT["k2"] / SHAFT["m"])
 
 
-def test_a_shaft_of_two_stiffnesses_is_unstable_between_its_natural_frequencies():
+def test_shaft_of_two_stiffnesses_is_unstable_between_its_natural_frequencies():
     """The natural frequencies are 94.868… and 120 rad/s."""
     model = solve.load(stated("flat_shaft"), c=0, **SHAFT)
     sides = np.ravel([[edge * (1 - 1e-6), edge * (1 + 1e-6)] for edge in (LOW, HIGH)])
@@ -211,7 +211,7 @@ TRAIN = dict(zip([f"J{i}" for i in range(1, 6)], (3.5e-3, 3.5e-3, 3.5e-3, 0.15, 
 TRAIN |= dict(zip([f"k{i}" for i in range(1, 5)], (12e3, 12e3, 14e3, 10e3), strict=True))
 
 
-def test_the_free_drive_train_matches_the_page():
+def test_free_drive_train_matches_the_page():
     """Amplitudes (K − 4Ω²J)⁻¹T, and the drift T0/b due to the drag of disc 3."""
     orbit = solve.periodic(solve.load(stated("drive_train"), c=0, b=0, T=10, T0=0, **TRAIN), "1000 rpm")
     computed = [1e3 * orbit.harmonics(name)[0][2] for name in orbit.coordinates]
@@ -268,7 +268,7 @@ def test_variable_inertia_of_a_crank_train_matches_perturbation_theory():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("slider", [0.0, 0.02])
-def test_elastic_rod_of_a_slider_crank_is_unstable_at_twice_its_frequency(slider):
+def test_elastic_rod_is_unstable_at_twice_its_frequency(slider):
     """With λ = 0.004, second-order terms are several per cent of the width."""
     numbers = {"r": 1.6e-3, "L": 0.4, "EI": 0.8, "mu": 0.12}
     r, length, bending, mass = numbers.values()

@@ -71,7 +71,7 @@ def test_pinned_coupler_and_follower_frequencies_coincide_at_0_547_m():
     assert brentq(difference, 0.4, 0.7) == pytest.approx(0.547, abs=5e-4)
 
 
-def test_the_first_frequency_follows_the_most_flexible_link():
+def test_first_frequency_follows_the_most_flexible_link():
     model = solve.load("four_bar", options={"element": "dynamic"})
     variation = solve.frequencies_over(model, "L2", [0.3, 0.45, 0.65, 0.8], turn(model), 1)
     lowest = np.minimum(variation.pinned["coupler"], variation.pinned["follower"])

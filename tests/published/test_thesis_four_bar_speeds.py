@@ -74,7 +74,7 @@ def test_follower_stress_at_0_662_m_peaks_near_180_degrees():
     assert angle == pytest.approx(180, abs=15)
 
 
-def test_crank_stress_is_smallest_between_0_64_and_0_65_m():
+def test_crank_stress_is_smallest_near_l4_of_0_645_m():
     """The model has one element per link; the speed is 30 rad/s."""
     lengths = [0.63, 0.64, 0.645, 0.65, 0.66]
     stress, angle = np.transpose([peak("crank_root_stress", L4, 30.0, 1) for L4 in lengths])

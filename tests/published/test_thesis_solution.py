@@ -1,4 +1,4 @@
-"""Claims of thesis 2.2.2 and Chapter 6 about their methods."""
+"""Claims of Section 2.2.2 and Chapter 6 of the thesis about their methods."""
 
 from itertools import accumulate
 
@@ -14,20 +14,21 @@ INTERVALS, STATES = 12, 4
 
 
 def random_chain():
-    """R_k and f_k of y_{k+1} = R_k y_k + f_k, a stable period."""
+    """Return R_k and f_k of y_{k+1} = R_k y_k + f_k, a stable system over one period."""
     turns = [0.97 * np.linalg.qr(RANDOM.normal(size=(STATES, STATES)))[0] for _ in range(INTERVALS)]
     return turns, RANDOM.normal(size=(INTERVALS, STATES))
 
 
 def printed_sum(turns, forces):
-    """Σ (-1)^(k+1) G_1⁻¹ … G_k⁻¹ f_k of (6.29), G_k = -R_k."""
+    """Return Σ (-1)^(k+1) G_1⁻¹ … G_k⁻¹ f_k of (6.29), where G_k = -R_k."""
     inverses = accumulate((np.linalg.inv(-R) for R in turns), np.matmul)
     return sum((-1) ** k * product @ f for k, (product, f) in enumerate(zip(inverses, forces, strict=True)))
 
 
 @pytest.mark.parametrize("cycles", [1, 2, 3, 7])
 def test_state_after_m_cycles_contains_the_mth_power(cycles):
-    """6.8, below Table 6.1: [I - R⁻¹]⁻¹ [I - R^(m+1)] Σ is printed, which is the state after m + 1 cycles."""
+    """Thesis 6.8, below Table 6.1. The printed expression [I - R⁻¹]⁻¹ [I - R^(m+1)] Σ is the state after m +
+    1 cycles."""
     turns, forces = random_chain()
     y = np.zeros(STATES)
     for _ in range(cycles):
@@ -45,9 +46,9 @@ def test_state_after_m_cycles_contains_the_mth_power(cycles):
     assert np.abs(printed - y).max() > 1e-2 * np.abs(y).max()
 
 
-def test_sum_6_24_needs_matrix_vector_products_only():
-    """6.6: "much more efficient" in reverse order. As printed every term has a product of matrices of its
-    own; from behind it is one product with a vector for each interval."""
+def test_sum_6_24_requires_only_matrix_vector_products():
+    """Thesis 6.6, "much more efficient" in reverse order. As printed, every term contains a separate product
+    of matrices. In reverse order, each interval requires one matrix-vector product."""
     turns, forces = random_chain()
     inverses = [np.linalg.inv(-R) for R in turns]
     multiplications = {"printed": 0, "behind": 0}
@@ -67,8 +68,9 @@ def test_sum_6_24_needs_matrix_vector_products_only():
 
 
 @pytest.mark.parametrize("beta", [0.0, 1 / 6, 0.25])
-def test_the_first_step_of_newmarks_two_step_form(beta):
-    """(6.6.b) holds for γ = 1/2 and constant matrices: against a step of (6.5) and the equation of motion."""
+def test_first_step_of_the_two_step_newmark_form_is_consistent(beta):
+    """Equation (6.6.b) holds for γ = 1/2 and constant matrices. It is compared with a step of (6.5) and the
+    equation of motion."""
     n, h = 3, 0.1
     M, C, K = (A @ A.T + n * np.eye(n) for A in RANDOM.normal(size=(3, n, n)))
     q0, v0, f0, f1 = RANDOM.normal(size=(4, n))
@@ -84,7 +86,7 @@ def test_the_first_step_of_newmarks_two_step_form(beta):
 
 
 def radius(gamma, beta, angle, ratio):
-    """Largest modulus of Newmark's amplification for q̈ + 2ζ q̇ + q = 0, by (6.5)."""
+    """Return the spectral radius of Newmark's amplification matrix for q̈ + 2ζ q̇ + q = 0, from (6.5)."""
     columns = []
     for q, v in np.eye(2):
         a = -2 * ratio * v - q
@@ -97,7 +99,8 @@ def radius(gamma, beta, angle, ratio):
 @pytest.mark.parametrize(("gamma", "beta"), [(0.5, 0.0), (0.5, 1 / 6), (0.6, 0.2), (0.7, 0.0)])
 @pytest.mark.parametrize("ratio", [0.01, 0.2, 0.9])
 def test_structural_damping_extends_newmark_steps_unless_gamma_is_half(gamma, beta, ratio):
-    """6.2.3, of steps with a limit: Hughes's ω Δt = [ζ(γ - ½) + sqrt(γ/2 - β + ζ²(γ - ½)²)]/(γ/2 - β)."""
+    """Thesis 6.2.3. The stability limit is Hughes's ω Δt = [ζ(γ - ½) + sqrt(γ/2 - β + ζ²(γ - ½)²)]/(γ/2 -
+    β)."""
     room, lean = gamma / 2 - beta, ratio * (gamma - 0.5)
     limit = (lean + np.sqrt(room + lean**2)) / room
     assert radius(gamma, beta, 0.999 * limit, ratio) < 1
@@ -107,17 +110,18 @@ def test_structural_damping_extends_newmark_steps_unless_gamma_is_half(gamma, be
 
 
 @pytest.mark.slow
-def test_marching_never_settles_without_damping():
-    """2.2.2, with the terms that conserve: after ten to twenty cycles as much is left as after the first."""
+def test_marching_does_not_converge_without_damping():
+    """Thesis 2.2.2, with conservative terms. After ten to twenty cycles, the transient is as large as after
+    the first."""
     undamped = solve.load("four_bar", options={"terms": "full"}, zeta=0.0)
     transient = solve.transient(undamped, "62 rad/s", turns=20, rtol=1e-4)
     assert transient.reached is None
     assert transient.distances[10:].max() > 0.5 * transient.distances[0].max()
 
 
-def test_runge_kutta_needs_smaller_steps_for_stiff_equations():
-    """2.2.2: at 30 rad/s two thousand steps a turn are too few for it, by its limit of 2.83 for the highest
-    frequency; Newmark's average acceleration gives the deflection to 5 % with 180."""
+def test_runge_kutta_requires_smaller_steps_for_stiff_equations():
+    """Thesis 2.2.2. At 30 rad/s, two thousand steps per period violate its stability limit of 2.83 for the
+    highest frequency. With 180 steps, Newmark's average-acceleration method gives the deflection to 5 %."""
     model, name = solve.load("four_bar"), "follower_midpoint_deflection"
     with pytest.raises(StepsError, match="exceeds its stability limit"):
         solve.periodic(model, 30.0, "rk4", steps=2000, rtol=0.9)
@@ -127,9 +131,9 @@ def test_runge_kutta_needs_smaller_steps_for_stiff_equations():
 
 
 @pytest.mark.parametrize(("stiffer", "order"), [(1.0, 6), (100.0, 60)])
-def test_bahgat_and_willmerts_inverse_does_not_exist_somewhere_in_the_turn(stiffer, order):
-    """2.2.2: K - j²Ω²M is singular where a frequency passes jΩ, at 30 rad/s for j = 6 with links of steel;
-    with links a hundred times as stiff at ten times the order."""
+def test_bahgat_and_willmerts_inverse_is_singular_at_some_positions(stiffer, order):
+    """Thesis 2.2.2. K - j²Ω²M is singular if a frequency equals jΩ: at 30 rad/s for j = 6 with steel links,
+    and at ten times this harmonic with links a hundred times as stiff."""
     model = solve.load("four_bar", E=210e9 * stiffer)
     M, _, K, _ = model.at(np.arange(360) * (2 * np.pi / 360), 30.0)
     signs = np.linalg.slogdet(K - (order * 30.0) ** 2 * M)[0]
@@ -137,8 +141,8 @@ def test_bahgat_and_willmerts_inverse_does_not_exist_somewhere_in_the_turn(stiff
 
 
 def test_n_samples_do_not_determine_n_plus_1_coefficients():
-    """6.4, (6.13): the sine of order N/2 vanishes at all N instants, so that N of the coefficients are found;
-    (N + 1)n equations take harmonic balance."""
+    """Thesis 6.4, (6.13). The sine of order N/2 vanishes at all N instants, so that only N of the
+    coefficients are determined. Harmonic balance gives (N + 1)n equations."""
     N = 12
     t, j = np.arange(N) / N, np.arange(N // 2 + 1)
     angles = 2 * np.pi * np.outer(t, j)
@@ -149,8 +153,9 @@ def test_n_samples_do_not_determine_n_plus_1_coefficients():
 
 
 @pytest.mark.slow
-def test_slow_speeds_need_more_harmonics():
-    """6.4, 2.2.2, "the speed has no effect on the computation": none for a given number of orders."""
+def test_slow_speeds_require_more_harmonics():
+    """Thesis 6.4 and 2.2.2 state "the speed has no effect on the computation". This holds only for a given
+    number of harmonics."""
     model, turn = solve.load("four_bar"), np.linspace(0.0, 2 * np.pi, 1001)
     errors = []
     for speed in (20.0, 60.0):
@@ -161,8 +166,9 @@ def test_slow_speeds_need_more_harmonics():
     assert errors[1] < 0.01
 
 
-def test_conditioning_of_i_minus_r_at_marginal_stability():
-    """6.5: an undamped oscillator with a load, condition of the closed system where ρ = exp(±2πi ω/Ω)."""
+def test_condition_of_i_minus_r_grows_only_near_resonance():
+    """Thesis 6.5. For an undamped oscillator with a load, the condition number of the closed system depends
+    on ρ = exp(±2πi ω/Ω)."""
 
     def condition(omega):
         def matrices(phase, speed):
@@ -176,13 +182,14 @@ def test_conditioning_of_i_minus_r_at_marginal_stability():
 
 
 def critical_cycles(N, n, stored):
-    """Fewest cycles with which marching takes more operations than algorithm 1."""
+    """Return the smallest number of cycles with which marching requires more operations than algorithm 1."""
     return next(c for c in range(1, 1000) if time_marching(N, n, c, stored) > algorithm_1(N, n, stored))
 
 
 @pytest.mark.parametrize("n", [3, 9, 10, 27, 50])
-def test_cycles_up_to_which_marching_is_cheaper(n):
-    """6.8, from Table 6.1: with storage 4n(1 + 1/N) + 2/(2n + 1) cycles, without it three."""
+def test_cycle_limit_for_marching_matches_the_formula(n):
+    """Thesis 6.8, from Table 6.1. The limit is 4n(1 + 1/N) + 2/(2n + 1) cycles with stored matrices and three
+    cycles without."""
     N = 90
     assert critical_cycles(N, n, stored=True) == int(4 * n * (1 + 1 / N) + 2 / (2 * n + 1)) + 1
     assert critical_cycles(N, n, stored=False) == 4
@@ -193,22 +200,22 @@ def critical_harmonics(N, n):
 
 
 @pytest.mark.parametrize("n", [10, 50])
-def test_harmonics_up_to_which_fourier_series_are_cheaper(n):
-    """6.8, Table 6.3: between 6 and 10 for 90 intervals, between 10 and 15 for 720."""
+def test_harmonic_limit_for_fourier_series_matches_the_table(n):
+    """Thesis 6.8, Table 6.3. The limit is 6 to 10 harmonics for 90 intervals and 10 to 15 for 720."""
     few, many = (critical_harmonics(N, n) for N in (90, 720))
     assert 6 < few <= 10 < many <= 15
 
 
 @pytest.mark.parametrize("N", [90, 720])
-def test_operations_of_one_and_of_four_elements(N):
-    """9.1, "a drastic saving in CPU time" by the corrected element: 9 freedoms beside 36, by Table 6.1; the
-    correction itself is not counted."""
+def test_one_element_saves_most_of_the_operations(N):
+    """Thesis 9.1, "a drastic saving in CPU time" by the corrected element. By Table 6.1, 9 degrees of freedom
+    replace 36; the correction itself is not counted."""
     assert algorithm_1(N, 36) > 50 * algorithm_1(N, 9)
 
 
 @pytest.mark.parametrize("count", [algorithm_1, algorithm_2])
 @pytest.mark.parametrize("stored", [True, False])
-def test_operations_are_linear_in_the_intervals(count, stored):
-    """6.8, of the time that they take."""
+def test_operations_are_linear_in_the_number_of_intervals(count, stored):
+    """Thesis 6.8, about computing time."""
     first, second, third = (count(N, 9, stored) for N in (90, 180, 270))
     assert second - first == third - second

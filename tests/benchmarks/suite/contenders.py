@@ -34,7 +34,7 @@ def _ours(method: str, system: FourierSystem) -> Solver:
 
 
 def _closed(system: FourierSystem, end: Array) -> tuple[Array, Array]:
-    """Multipliers and periodic state from [Φ | x] (2n, 2n+1) after a period."""
+    """Return multipliers and periodic state from [Φ | x] (2n, 2n+1) after a period."""
     Phi, x = end[:, :-1], end[:, -1]
     return np.linalg.eigvals(Phi), np.linalg.solve(np.eye(len(x)) - Phi, x)
 
@@ -144,7 +144,7 @@ def _heyoka(system: FourierSystem) -> Solver:
 
 
 def _symbolic(system: FourierSystem, name: str, phase, cos, sin) -> list:
-    """Nested lists of expressions of M, C, K (n, n), or d (n,)."""
+    """Return nested lists of expressions of M, C, K (n, n) or d (n,)."""
 
     def total(*place: int):
         value = 0.0

@@ -38,7 +38,7 @@ class Definition:
 
 
 def hill(name: str, about: str, damping: float, stiffness: Callable[[Array], Array]) -> Definition:
-    """q̈ + damping q̇ + stiffness(φ) q = cos φ at 1 rad/s."""
+    """Return q̈ + damping q̇ + stiffness(φ) q = cos φ at 1 rad/s."""
     return Definition(name, about, 1.0, 1.0, damping, stiffness, np.cos)
 
 
@@ -142,7 +142,7 @@ def _single() -> Iterator[Definition]:
 
 
 def _matrices(phase: Array, entries) -> Array:
-    """Matrices (m, n, n) of nested rows of numbers and arrays (m,)."""
+    """Return matrices (m, n, n) from nested rows of numbers and arrays (m,)."""
     return np.stack([np.stack([e + 0 * phase for e in row], axis=-1) for row in entries], axis=-2)
 
 
@@ -248,7 +248,7 @@ def _rotating(phase: Array, k1: float, k2: float) -> Array:
 
 
 def _swaying(phase: Array, soft: float, stiff: float) -> Array:
-    """diag(soft, stiff) in axes at the angle 0.3 sin φ."""
+    """Return diag(soft, stiff) in axes at the angle 0.3 sin φ."""
     angle = 0.3 * np.sin(phase)
     mean, half = (soft + stiff) / 2, (soft - stiff) / 2
     c, s = half * np.cos(2 * angle), half * np.sin(2 * angle)

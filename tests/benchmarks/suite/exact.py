@@ -52,7 +52,7 @@ def _rounded(values: np.ndarray, size: float) -> list:
 
 
 def period(series: Series, speed: float, steps: int) -> flint.arb_mat:
-    """[Φ | x] (2n, 2n+1) over the period, for states (q, dq/dφ)."""
+    """Return [Φ | x] (2n, 2n+1) over the period for states (q, dq/dφ)."""
     n = len(series["M"][0][1])
     Omega = flint.arb(speed)
     factors = {"M": Omega * Omega, "C": Omega, "K": flint.arb(1), "d": flint.arb(1)}
@@ -134,7 +134,8 @@ def _size(matrix: flint.arb_mat) -> float:
 
 
 def results(maps: flint.arb_mat, speed: float) -> tuple[list[mpmath.mpc], list[mpmath.mpf]]:
-    """Multipliers by falling modulus, + imaginary part first, and the periodic state (q, q̇) at phase 0."""
+    """Return the multipliers in descending order of modulus, those with positive imaginary part first, and
+    the periodic state (q, q̇) at phase 0."""
     N = maps.nrows()
     rows = [[mpmath.mpf(entry.mid().str(140, radius=False)) for entry in row] for row in maps.tolist()]
     Phi = mpmath.matrix([row[:N] for row in rows])
@@ -145,7 +146,8 @@ def results(maps: flint.arb_mat, speed: float) -> tuple[list[mpmath.mpc], list[m
 
 
 def exact(series: Series, speed: float) -> tuple[list[list[str]], list[str]]:
-    """Multipliers and state as texts; ArithmeticError where two step sizes differ."""
+    """Return multipliers and state as text. Raises ArithmeticError if two step sizes give different
+    results."""
     most = max(k for name in NAMES for k, *_ in series[name])
     stiffest = np.sqrt(max(np.abs(np.array(A)).max() for _, A, _ in series["K"]))
     mass = min(np.abs(np.diag(np.atleast_2d(np.array(series["M"][0][1])))).max(), 1e300)
@@ -170,7 +172,7 @@ def exact(series: Series, speed: float) -> tuple[list[list[str]], list[str]]:
 
 
 def _text(number: mpmath.mpf, scale: mpmath.mpf) -> str:
-    """Decimals to DIGITS digits; "0" below the agreement of the two computations."""
+    """Return decimals to DIGITS digits, or "0" for values below the agreement of the two computations."""
     return "0" if abs(number) < AGREEMENT * scale else mpmath.nstr(number, DIGITS, strip_zeros=False)
 
 

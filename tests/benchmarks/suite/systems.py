@@ -19,7 +19,8 @@ NAMES = ("M", "C", "K", "d")
 
 @dataclass(frozen=True)
 class FourierSystem:
-    """One system. speed: Ω in rad/s. multipliers (2n,), by falling modulus; state (2n,): q and q̇ at φ = 0."""
+    """One system with its results: `speed` Ω in rad/s, `multipliers` (2n,) in descending order of modulus,
+    and `state` (2n,), q and q̇ at φ = 0."""
 
     name: str
     about: str
@@ -33,7 +34,7 @@ class FourierSystem:
         return len(self.series["M"][0][1])
 
     def matrices(self, phase: Array, speed: float) -> tuple[Array, ...]:
-        """M, C, K (m, n, n) and d (m, n) at phases (m,), as `solve.PeriodicSystem` takes them."""
+        """Return M, C, K (m, n, n) and d (m, n) at phases (m,) for `solve.PeriodicSystem`."""
         return tuple(_sum(self.series[name], np.asarray(phase)) for name in NAMES)
 
     def rate(self, phase: float, states: Array) -> Array:
@@ -53,7 +54,7 @@ def _sum(series: list[tuple[int, Array, Array]], phase: Array) -> Array:
 
 
 def load(path: Path = FILE) -> list[FourierSystem]:
-    """All systems of a file of this format."""
+    """Return all systems of a file in this format."""
     systems = []
     for record in json.loads(path.read_text(encoding="utf-8"))["systems"]:
         series = {

@@ -1,4 +1,5 @@
-"""The data of the open benchmark agree with closed forms, with SciPy, and with this software's estimates."""
+"""Data of the open benchmark agree with closed forms, with SciPy, and with this package within its
+estimates."""
 
 import json
 
@@ -39,7 +40,7 @@ def test_runner_refuses_unknown_names_and_settings(given, message, monkeypatch, 
     assert message in capsys.readouterr().err
 
 
-def test_runner_prints_no_ratio_of_systems_that_nobody_solved(monkeypatch, capsys):
+def test_runner_omits_ratios_of_unsolved_systems(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["suite", "auto", "fourier", "strong_decay"])
     main()
     *_, solved, ratio = capsys.readouterr().out.splitlines()
