@@ -71,6 +71,20 @@ def harmonics(points: Points, loads: bool) -> Array:
     return relative
 
 
+def aliased_harmonics(points: Points, loads: bool, resolved: int) -> Array:
+    """Return the sum (P,) of the relative amplitudes of the harmonics above `resolved`; see `harmonics`.
+
+    If `resolved` exceeds the highest harmonic of the fixed phases, and this harmonic is above round-off, as
+    for undeclared jumps, the amplitude is extrapolated by the power law of the last two octaves."""
+    amplitudes, highest = harmonics(points, loads), PHASES // 2
+    if resolved < highest or amplitudes.shape[1] <= highest:
+        return amplitudes[:, resolved + 1 :].sum(axis=1)
+    lower = amplitudes[:, highest // 4 : highest // 2].max(axis=1)
+    higher = amplitudes[:, highest // 2 :].max(axis=1)
+    ratio = np.divide(lower, higher, out=np.ones_like(lower), where=higher > 0)
+    return higher * (highest / resolved) ** np.log2(np.maximum(ratio, 1.0))
+
+
 def _entries(entry: Array) -> tuple[Array, Array]:
     """Return the distinct indices (E,) among the ascending indices `entry` (R,), one per term, and the
     position (E,) of the first term of each entry."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import EPS, Array
 from solve.certify.certified import SolveRequest
-from solve.certify.coefficients import ResampledPoints, harmonics
+from solve.certify.coefficients import ResampledPoints, aliased_harmonics
 from solve.certify.point_solver import PointSolver
 from solve.kernel import curves as kernel
 from solve.kernel.engines import COMPILED, NUMPY
@@ -170,12 +170,12 @@ class Comparison(PointSolver):
         return errors
 
     def _aliased(self, steps: int, positions: Array) -> Array:
-        """Return the errors (k, 2) due to aliasing: the sum of the aliased harmonics of the coefficients,
-        multiplied by the factor `_AMPLIFICATION`."""
+        """Return the errors (k, 2) due to aliasing: the aliased harmonics of the coefficients, multiplied by
+        the factor `_AMPLIFICATION`."""
         # The harmonics of the coefficients couple those of a Fourier series, so that only half as many are
         # resolved.
         resolved, points = steps // (2 if self.method.spectral else 1), self.points[positions]
-        aliased = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
+        aliased = (aliased_harmonics(points, loads, resolved) for loads in (True, False))
         return np.column_stack(tuple(aliased)) * _AMPLIFICATION
 
 
