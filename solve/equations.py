@@ -22,7 +22,6 @@ from solve.errors import (
     LinearModelError,
     MatricesError,
     NoDerivativeError,
-    NoLoadError,
     NoSketchError,
     SolveError,
     TransientError,
@@ -30,10 +29,6 @@ from solve.errors import (
     counted,
 )
 from solve.system import PeriodicSystem
-
-_LOAD_PHASES = 128
-"""Number of phases per period at which a load is sampled to determine whether it is zero. Chosen by
-judgement."""
 
 
 def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
@@ -254,10 +249,3 @@ def structure_of(system: PeriodicSystem) -> Structure:
             f"{system.labels.name} has no links to draw; mode shapes require a structure of beams"
         )
     return system.capabilities.structure
-
-
-def require_load(system: PeriodicSystem, speed: float) -> None:
-    """Raise NoLoadError if d, and hence the periodic vibration, is zero at all phases."""
-    phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
-    if not system.at(phase, speed)[3].any():
-        raise NoLoadError(f"{system.labels.name} has no load: its periodic vibration is zero at every speed")

@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arguments import described
 from solve.arrays import Array
-from solve.certify.coefficients import PHASES
+from solve.certify.coefficients import compared_phases
 from solve.contracts import Formulas
 from solve.equations import entries_of, entries_over, output_formulas, output_values, terms_of
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
@@ -18,7 +18,6 @@ from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.labels import SPEED
 from solve.model.many_points import ModelPoints
-from solve.period.grid import pieces
 from solve.period.points import SpeedPoints
 from solve.system import PeriodicSystem
 
@@ -70,12 +69,10 @@ class Family:
     def compared_entries(self, points: Array, engine: str = NUMPY) -> Iterator[tuple[Array, Array]]:
         """Yield phases (k,) and the entries (P, k, 3n² + n) at these phases, in chunks that fit into memory.
 
-        The phases are those that the error estimate of a single point compares, and one phase between each
-        pair of neighbouring breaks."""
-        period = self.example.period
+        The phases are those at which the error estimate of a single point compares the coefficients, and
+        phases between breaks."""
         breaks = {b for group, _ in self.by_breaks(points) for b in group or ()}
-        ends, _ = pieces(period, tuple(breaks))
-        phases = np.concatenate(((np.arange(PHASES) + 0.5) * (period / PHASES), (ends[1:] + ends[:-1]) / 2))
+        phases = compared_phases(self.example.period, tuple(breaks))
         size = 8 * len(phases) * len(points) * (3 * self.example.n**2 + self.example.n)
         for chunk in np.array_split(phases, max(1, math.ceil(size / _CHUNK_BYTES))):
             yield chunk, self.entries(chunk, points, engine)

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import EPS, Array
+from solve.errors import NoLoadError
 from solve.methods.collocation import Collocation, lagrange
-from solve.period.grid import Grid
+from solve.period.grid import Grid, pieces
 from solve.period.points import DerivedPoints, Points, Tables
+from solve.system import PeriodicSystem
 
 PHASES = 1001
 """Number of fixed phases at which coefficients are compared with their interpolant. It is odd, so that few of
@@ -67,6 +69,20 @@ def harmonics(points: Points, loads: bool) -> Array:
         amplitudes = np.abs(np.add.reduceat(parts[..., terms], starts, axis=-1))
         relative[rows] = _relative(amplitudes, amplitudes.max(axis=1), entries, points.n)
     return relative
+
+
+def aliased_harmonics(points: Points, loads: bool, resolved: int) -> Array:
+    """Return the sum (P,) of the relative amplitudes of the harmonics above `resolved`; see `harmonics`.
+
+    If `resolved` exceeds the highest harmonic of the fixed phases, and this harmonic is above round-off, as
+    for undeclared jumps, the amplitude is extrapolated by the power law of the last two octaves."""
+    amplitudes, highest = harmonics(points, loads), PHASES // 2
+    if resolved < highest or amplitudes.shape[1] <= highest:
+        return amplitudes[:, resolved + 1 :].sum(axis=1)
+    lower = amplitudes[:, highest // 4 : highest // 2].max(axis=1)
+    higher = amplitudes[:, highest // 2 :].max(axis=1)
+    ratio = np.divide(lower, higher, out=np.ones_like(lower), where=higher > 0)
+    return higher * (highest / resolved) ** np.log2(np.maximum(ratio, 1.0))
 
 
 def _entries(entry: Array) -> tuple[Array, Array]:
@@ -126,6 +142,19 @@ _cached_spectrum = _ArrayCache(_spectrum)
 @lru_cache(maxsize=8)
 def _fixed_phases(period: float, count: int) -> Array:
     return (np.arange(count) + 0.5) * (period / count)
+
+
+def compared_phases(period: float, breaks: tuple[float, ...]) -> Array:
+    """Return the fixed phases, followed by the middle of each piece between neighbouring breaks. Coefficients
+    that are equal, or zero, at all of them count as constant, or zero."""
+    ends, _ = pieces(period, breaks)
+    return np.concatenate((_fixed_phases(period, PHASES), (ends[1:] + ends[:-1]) / 2))
+
+
+def require_load(system: PeriodicSystem, speed: float) -> None:
+    """Raise NoLoadError if d, and hence the periodic vibration, is zero at all compared phases."""
+    if not system.at(compared_phases(system.period, system.breaks), speed)[3].any():
+        raise NoLoadError(f"{system.labels.name} has no load: its periodic vibration is zero at every speed")
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import EPS, Array
 from solve.certify.certified import SolveRequest
-from solve.certify.coefficients import ResampledPoints, harmonics
+from solve.certify.coefficients import ResampledPoints, aliased_harmonics
 from solve.certify.point_solver import PointSolver
 from solve.kernel import curves as kernel
 from solve.kernel.engines import COMPILED, NUMPY
@@ -172,12 +172,12 @@ class Comparison(PointSolver):
         return errors
 
     def _aliased(self, steps: int, positions: Array) -> Array:
-        """Return the errors (k, 2) due to aliasing: the sum of the aliased harmonics of the coefficients,
-        multiplied by the factor `_AMPLIFICATION`."""
+        """Return the errors (k, 2) due to aliasing: the aliased harmonics of the coefficients, multiplied by
+        the factor `_AMPLIFICATION`."""
         # The harmonics of the coefficients couple those of a Fourier series, so that only half as many are
         # resolved.
         resolved, points = steps // (2 if self.method.spectral else 1), self.points[positions]
-        aliased = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
+        aliased = (aliased_harmonics(points, loads, resolved) for loads in (True, False))
         return np.column_stack(tuple(aliased)) * _AMPLIFICATION
 
 
@@ -204,7 +204,7 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
     orbit = np.zeros_like(multipliers)
     if coarse.curve is not None and fine.curve is not None:
         change, largest = _curve_differences(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
-        scales = _coordinate_scales(change, largest, orbit_roundoff(fine), modes)
+        scales = _coordinate_scales(change, largest, fine, modes)
         orbit = (change / np.where(scales > 0, scales, 1.0)).max(axis=1)
     return np.array((orbit, multipliers)).T
 
@@ -236,23 +236,26 @@ def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
     return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
-def _coordinate_scales(change: Array, largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
+def _coordinate_scales(change: Array, largest: Array, fine: Solutions, modes: FrozenModes) -> Array:
     """Return the scales (P, n) to which the errors of coordinates are relative: the moduli `largest` (P, n),
     or the load scale of a coordinate whose modulus is round-off. Two solutions for such a coordinate have no
-    common digit: their difference `change` (P, n) is at least half as large as the coordinate.
+    common digit: their difference `change` (P, n) is at least half as large as the coordinate. Below the
+    round-off of the load scale, a smaller difference is accidental.
 
-    If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error
-    `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if `roundoff` is below
+    If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error of
+    the orbit is then relative to the coordinate, which is accurate to one digit if this error is below
     `NO_DIGIT`."""
+    roundoff = orbit_roundoff(fine)
     limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
-    is_small = (largest <= limit * largest.max(axis=1, keepdims=True)) & (2 * change >= largest)
+    is_small = largest <= limit * largest.max(axis=1, keepdims=True)
     if not is_small.any():
         return largest
     rows = is_small.any(axis=1).nonzero()[0]
     scales, loads = largest.copy(), modes[rows].load_scale(largest[rows])
     size, roundoff = largest[rows], roundoff[rows, None]
     cancels = (size * roundoff >= EPS * loads) & (roundoff < NO_DIGIT)
-    scales[rows] = np.where(cancels | (size > limit[rows] * loads), size, loads)
+    has_digits = (2 * change[rows] < size) & (size > ROUND_OFF * roundoff_growth(fine.grid.steps) * loads)
+    scales[rows] = np.where(cancels | has_digits | (size > limit[rows] * loads), size, loads)
     return scales
 
 

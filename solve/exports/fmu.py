@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.equations import require_load
+from solve.certify.coefficients import require_load
 from solve.errors import MissingLibraryError, NoLoadError, ValueOutOfBoundsError
 from solve.exports.c_code import identifier, require_formulas
 from solve.exports.state_space import signals

@@ -4,7 +4,6 @@ is compared with the periodic orbit."""
 import json
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,21 +11,17 @@ import numpy as np
 
 from solve.arguments import checked_rtol, require_integer, require_size
 from solve.arrays import Array
-from solve.contracts import Integrator, Matrices, driven
-from solve.equations import nonlinear_of, require_desired_motion, varying_of
+from solve.contracts import Integrator
+from solve.equations import nonlinear_of, require_desired_motion
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
-from solve.first_order import MixedSystem
 from solve.kernel.engines import NUMPY
 from solve.labels import require_motion
-from solve.methods.method import Discretisation
-from solve.methods.radau import Radau
 from solve.newton.iteration import joined, rigid_at_rest, without_zeros, zero_motion
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.starts import state_of
+from solve.newton.step_marcher import StepMarcher
 from solve.period.curve import interpolation_error, interpolation_tolerance
-from solve.period.frozen import frozen
 from solve.period.grid import Grid
-from solve.period.points import SinglePoint
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
@@ -51,18 +46,6 @@ judgement."""
 _OFF_RESONANCE = 0.9
 """Factor by which a resonant speed is multiplied if the linear orbit is required only for the sizes of the
 coordinates. Chosen by judgement."""
-
-_FIRST_STEPS, _MAX_STEPS = 64, 2**14
-"""Initial and maximum number of steps per period. Chosen by judgement."""
-
-_PHASES = 32
-"""Number of phases per period at which the frequency of the fastest mode is computed. Chosen by judgement."""
-
-_MAX_CACHED = 2**21
-"""Largest value of (number of steps) × (number of coordinates)² for which the one-step maps of a period are
-stored for the next period. The maps then occupy at most 64 MB."""
-
-_METHOD = Radau()
 
 Start = str | Path | tuple[Array, Array]
 
@@ -251,7 +234,7 @@ class _Integration:
 
 def _damping_note(march: Integrator) -> list[str]:
     """Return a warning, in a list, if the steps do not resolve the fastest modes."""
-    if not isinstance(march, StepMarcher) or march.angle <= _METHOD.follows:
+    if not isinstance(march, StepMarcher) or not march.damps:
         return []
     return [
         f"ω_max h = {march.angle:.2g}: the steps damp out the fastest modes, so that the vibration of these "
@@ -318,106 +301,3 @@ def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -
         return nonlinear_orbit(system, speed, last, rtol=1e-6, engine=engine)
     except SolveError:
         return None
-
-
-class StepMarcher:
-    """Integrator of linear motion by steps of Radau's method, one period at a time, with `count` states per
-    period.
-
-    The number of steps is doubled until two results agree to `rtol`, or until it reaches 16384. The
-    difference of the results is relative to the largest value of each coordinate so far, which is initially
-    `sizes` (n,). The steps damp out modes that they do not resolve.
-
-    error: largest relative difference so far. angle: largest ω_max h of the fastest mode so far.
-    """
-
-    def __init__(self, system: PeriodicSystem, sizes: Array, count: int, rtol: float):
-        self.nodes = np.linspace(0.0, system.period, count + 1)
-        self._system, self._rtol, self._steps = system, rtol, _FIRST_STEPS
-        self._largest, self._period = sizes, _PeriodSteps(system, 0.0, 0.0)
-        self.angle, self.error = 0.0, 0.0
-
-    def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """Return the states of a period; see `Integrator`."""
-        ends = speed, speed if last is None else last
-        if self._period.ends != ends:
-            self._period = _PeriodSteps(self._system, *ends)
-        period = self._period
-        fine, _ = period.motion(state, self._steps, self.nodes)
-        while True:
-            coarse, (fine, reached) = fine, period.motion(state, 2 * self._steps, self.nodes)
-            sizes = np.maximum(self._largest, reached)
-            change = np.abs(fine[0] - coarse[0]).max(axis=1)
-            error = float((change / without_zeros(sizes)).max())
-            agree, steps = error <= self._rtol, 2 * self._steps
-            if agree or steps == _MAX_STEPS:
-                self.error, self.angle = max(self.error, error), max(self.angle, period.phase_advance / steps)
-                self._largest, self._steps = (
-                    sizes,
-                    max(_FIRST_STEPS, self._steps // 2) if agree else self._steps,
-                )
-                return fine
-            self._steps = steps
-
-
-class _PeriodSteps:
-    """Steps over a period in which the speed changes linearly in time from `first` to `last` (rad/s). The
-    independent variable s is the time multiplied by the mean speed."""
-
-    def __init__(self, system: PeriodicSystem, first: float, last: float):
-        self._system, self.ends = system, (first, last)
-        self._mean_speed, self._cache = (first + last) / 2, dict[int, Discretisation]()
-
-    def motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array]:
-        """Return the motion q, v, a (3, n, k) at `nodes` (k,) from the state (2n,), and max|q| (n,) at the
-        steps."""
-        discretisation = self._cache.get(steps) or self._discretised(steps)
-        if steps * self._system.n**2 <= _MAX_CACHED:
-            self._cache[steps] = discretisation
-        n, N = len(state) // 2, discretisation.steps.A.shape[-1]
-        x = np.empty((len(discretisation.steps.A[0]) + 1, N))
-        # The last coordinates may be first-order states without rates.
-        x[0] = state[:N]
-        for k, (A, b) in enumerate(zip(discretisation.steps.A[0], discretisation.steps.b[0], strict=True)):
-            x[k + 1] = A @ x[k] + b
-        curve = discretisation.curve(x[None])[0]
-        # The curve is periodic: at the end of the period, it would return the values at the start.
-        inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
-        largest = np.abs(x[:, :n]).max(axis=0)
-        return np.stack([curve(inside, order) for order in range(3)]), largest
-
-    def _discretised(self, steps: int) -> Discretisation:
-        grid = Grid.uniform(steps, self._system.period, self._breaks)
-        return _METHOD.discretise(self._point, grid)
-
-    @cached_property
-    def _point(self) -> SinglePoint:
-        if self.ends[0] == self.ends[1]:
-            return SinglePoint(self._system, self._mean_speed)
-        system = self._system
-        inertial, states = system.coordinates[: system.n - len(system.states)], system.states
-        varying = MixedSystem(self._matrices, inertial, states, system.period, self._breaks)
-        return SinglePoint(varying, self._mean_speed)
-
-    @cached_property
-    def phase_advance(self) -> float:
-        """Phase advance ω_max T of the fastest mode per period."""
-        return float(frozen(self._point, _PHASES).phase_advance[0]) if self._mean_speed else 0.0
-
-    def _matrices(self, s: Array, _: float) -> Matrices:
-        phase, speed, acceleration = driven(s, *self.ends, self._system.period)
-        return varying_of(self._system)(phase, speed, acceleration)
-
-    @cached_property
-    def _breaks(self) -> tuple[float, ...]:
-        """Values of s at which the matrices jump, from φ · mean = first · s + slope · s²/2. They include s =
-        0, because the state at the end of a period differs from that at the start."""
-        first, last = self.ends
-        if first == last:
-            return 0.0, *self._system.breaks
-        slope = (last - first) / self._system.period
-        phases = {0.0, *(float(phase) % self._system.period for phase in self._system.breaks)}
-        doubled = (2 * self._mean_speed * phase for phase in phases)
-        return tuple(
-            value / (first + math.sqrt(first**2 + slope * value)) if value else 0.0 for value in doubled
-        )

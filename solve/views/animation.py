@@ -12,7 +12,8 @@ import numpy as np
 
 from solve.arguments import first_is, matches_annotations, number_or_nan
 from solve.arrays import Array, Plane
-from solve.equations import require_load, sketched
+from solve.certify.coefficients import require_load
+from solve.equations import sketched
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
 from solve.labels import known_quantities, require_motion, speed_or_usual
 from solve.methods.choice import Rule

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 from solve.arguments import checked_rtol
 from solve.arrays import Array
+from solve.certify.coefficients import require_load
 from solve.derivatives.point import of_solution, quantities_by
-from solve.equations import is_nonlinear, require_load
+from solve.equations import is_nonlinear
 from solve.errors import MissingValueError, NoMotionError, NoResultError, SolveError
 from solve.labels import require_motion, speed_or_usual
 from solve.methods.choice import Rule, chosen

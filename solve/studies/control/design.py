@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from solve.arguments import checked_rtol, described, unique_names
-from solve.equations import require_load
+from solve.certify.coefficients import require_load
 from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
 from solve.labels import require_motion
 from solve.period.curve import Curve

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.equations import require_load
+from solve.certify.coefficients import require_load
 from solve.errors import NoLoadError
 from solve.model.model import Model
 from solve.newton.orbits import nonlinear

@@ -252,3 +252,25 @@ def test_load_that_starts_within_a_revolution_moves_the_system(drive):
     for name in ("q", "qd"):
         ends = [getattr(each, name)[0, -1] for each in (followed, linear)]
         assert ends[0] == pytest.approx(ends[1], abs=1e-4)
+
+
+@pytest.mark.parametrize(("start", "length"), [(2.7182, 0.008), (0.4321, 0.03)])
+def test_transients_include_short_load_pulses_that_are_not_declared_as_breaks(start, length):
+    """From rest, the first period ends at the convolution of the pulse with the impulse response."""
+    stiffness, damping, period = 3.3, 0.2, 2 * np.pi
+
+    def pulse(phase):
+        inside = np.mod(phase - start, period) < length
+        return inside * np.sin(np.pi * (phase - start) / length) ** 4 / length
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, damping * one, stiffness * one, pulse(phase)[:, None]
+
+    transient = solve.transient(solve.PeriodicSystem(matrices, ["q"]), 1.0, 1)
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    times = start + length * (nodes + 1) / 2
+    frequency = np.sqrt(stiffness - damping**2 / 4)
+    response = np.exp(-damping / 2 * (period - times)) * np.sin(frequency * (period - times)) / frequency
+    expected = length / 2 * (weights @ (pulse(times) * response))
+    assert transient.q[0, -1] == pytest.approx(expected, rel=1e-7)
