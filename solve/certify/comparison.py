@@ -236,21 +236,26 @@ def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
 
 def _coordinate_scales(change: Array, largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
     """Return the scales (P, n) to which the errors of coordinates are relative: the moduli `largest` (P, n),
-    or the load scale of a coordinate whose modulus is round-off. Two solutions for such a coordinate have no
-    common digit: their difference `change` (P, n) is at least half as large as the coordinate.
+    or the load scale of a coordinate whose modulus is round-off.
+
+    Such a modulus is round-off of the load scale. If the system is ill-conditioned, a larger modulus may also
+    be round-off. Two solutions for the coordinate then have no common digit: their difference `change` (P, n)
+    is at least half as large as the coordinate.
 
     If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error
     `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if `roundoff` is below
     `NO_DIGIT`."""
-    limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
-    is_small = (largest <= limit * largest.max(axis=1, keepdims=True)) & (2 * change >= largest)
+    rest = rest_threshold(roundoff)[:, None]
+    is_small = largest <= np.maximum(roundoff[:, None], rest) * largest.max(axis=1, keepdims=True)
     if not is_small.any():
         return largest
     rows = is_small.any(axis=1).nonzero()[0]
     scales, loads = largest.copy(), modes[rows].load_scale(largest[rows])
     size, roundoff = largest[rows], roundoff[rows, None]
+    has_no_digit = is_small[rows] & (2 * change[rows] >= size)
+    is_roundoff = (size <= rest[rows] * loads) | (has_no_digit & (size <= roundoff * loads))
     cancels = (size * roundoff >= EPS * loads) & (roundoff < NO_DIGIT)
-    scales[rows] = np.where(cancels | (size > limit[rows] * loads), size, loads)
+    scales[rows] = np.where(is_roundoff & ~cancels, loads, size)
     return scales
 
 
