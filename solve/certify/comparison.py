@@ -204,7 +204,7 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
     orbit = np.zeros_like(multipliers)
     if coarse.curve is not None and fine.curve is not None:
         change, largest = _curve_differences(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
-        scales = _coordinate_scales(change, largest, fine, modes)
+        scales = _coordinate_scales(change, largest, orbit_roundoff(fine), modes)
         orbit = (change / np.where(scales > 0, scales, 1.0)).max(axis=1)
     return np.array((orbit, multipliers)).T
 
@@ -236,26 +236,28 @@ def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
     return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
-def _coordinate_scales(change: Array, largest: Array, fine: Solutions, modes: FrozenModes) -> Array:
+def _coordinate_scales(change: Array, largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
     """Return the scales (P, n) to which the errors of coordinates are relative: the moduli `largest` (P, n),
-    or the load scale of a coordinate whose modulus is round-off. Two solutions for such a coordinate have no
-    common digit: their difference `change` (P, n) is at least half as large as the coordinate. Below the
-    round-off of the load scale, a smaller difference is accidental.
+    or the load scale of a coordinate whose modulus is round-off.
 
-    If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error of
-    the orbit is then relative to the coordinate, which is accurate to one digit if this error is below
+    Such a modulus is round-off of the load scale. If the system is ill-conditioned, a larger modulus may also
+    be round-off. Two solutions for the coordinate then have no common digit: their difference `change` (P, n)
+    is at least half as large as the coordinate.
+
+    If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error
+    `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if `roundoff` is below
     `NO_DIGIT`."""
-    roundoff = orbit_roundoff(fine)
-    limit = np.maximum(roundoff, rest_threshold(roundoff))[:, None]
-    is_small = largest <= limit * largest.max(axis=1, keepdims=True)
+    rest = rest_threshold(roundoff)[:, None]
+    is_small = largest <= np.maximum(roundoff[:, None], rest) * largest.max(axis=1, keepdims=True)
     if not is_small.any():
         return largest
     rows = is_small.any(axis=1).nonzero()[0]
     scales, loads = largest.copy(), modes[rows].load_scale(largest[rows])
     size, roundoff = largest[rows], roundoff[rows, None]
+    has_no_digit = is_small[rows] & (2 * change[rows] >= size)
+    is_roundoff = (size <= rest[rows] * loads) | (has_no_digit & (size <= roundoff * loads))
     cancels = (size * roundoff >= EPS * loads) & (roundoff < NO_DIGIT)
-    has_digits = (2 * change[rows] < size) & (size > ROUND_OFF * roundoff_growth(fine.grid.steps) * loads)
-    scales[rows] = np.where(cancels | has_digits | (size > limit[rows] * loads), size, loads)
+    scales[rows] = np.where(is_roundoff & ~cancels, loads, size)
     return scales
 
 

@@ -63,3 +63,26 @@ def test_tolerance_below_round_off_does_not_refine_the_grid():
     assert max(orbit.error_estimate) > 1e-13
     assert orbit.steps <= 4096
     assert any("attainable accuracy" in warning for warning in orbit.warnings)
+
+
+@pytest.mark.parametrize("method", ["auto", "fourier"])
+@pytest.mark.parametrize("detuning", [4e-16, -7e-15, 5e-15])
+def test_tuning_within_round_off_does_not_refine_the_grid(method, detuning):
+    """The rotation of a wheel of 40 kg m² with an absorber is round-off of the moments that cancel on it.
+    Two solutions may have common digits of this rotation by chance, and finer grids do not add any."""
+    speed, wheel, absorber = 50.0, 40.0, 2.5
+    stiffness = absorber * (3 * speed) ** 2 * (1 + detuning)
+
+    def matrices(phase, speed):
+        every = np.ones((len(phase), 1, 1))
+        K = every * np.array([[6e6 + stiffness, -stiffness], [-stiffness, stiffness]])
+        K[:, 0, 0] += 1e6 * np.sin(phase)
+        load = np.cos(3 * phase)[:, None] * np.array([800.0, 0.0])
+        return every * np.diag([wheel, absorber]), every * np.diag([900.0, 0.0]), K, load
+
+    system = solve.PeriodicSystem(matrices, ["wheel", "absorber"])
+    orbit = solve.periodic(system, speed, method=method, rtol=1e-12)
+    assert np.abs(orbit.q[0]).max() < 1e-13 * np.abs(orbit.q[1]).max()
+    np.testing.assert_allclose(np.abs(orbit.q[1]).max(), 800.0 / stiffness, rtol=1e-10)
+    assert orbit.steps < 300
+    assert orbit.error_estimate.orbit < 1e-10
