@@ -257,7 +257,8 @@ def _sobol(
 
 def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
     """Search for the worst case of each quantity, in the direction of each limit, from the worst of the
-    points (P, r), whose values are `values` (q, P, k). The last point is the nominal one."""
+    points (P, r), whose values are `values` (q, P, k). The last point is the nominal one. Where the
+    quantity has no derivatives, the worst of the points is returned."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
     nominal = machines.worst(values[:, -1:])[0][0]
@@ -267,9 +268,11 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
         for sign in quantity.limits:
             known = np.where(np.isnan(values[at]), -np.inf, sign * values[at])
             for start in known.max(axis=1).argsort()[-_STARTS:].tolist():
-                speed = machines.speeds[int(known[start].argmax())]
-                direction = quantity.named, sign
+                column = int(known[start].argmax())
+                speed, direction = machines.speeds[column], (quantity.named, sign)
                 value, parameters = _local_worst_point(machines, direction, speed, points[start], (low, high))
+                if math.isnan(value):
+                    value = float(values[at, start, column])
                 climbed.append((float(quantity.excess(np.array(value))), value, speed, parameters))
         _, value, speed, parameters = max(climbed, key=lambda each: np.nan_to_num(each[0], nan=-np.inf))
         found[quantity.named.text] = WorstPoint(

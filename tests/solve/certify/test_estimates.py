@@ -150,7 +150,7 @@ def test_unresolved_stiff_modes_give_a_warning(method):
 
 @pytest.mark.parametrize("steps", [0, -3, 1.5, np.nan])
 def test_invalid_step_counts_are_refused(steps):
-    with pytest.raises(StepsError, match=rf"steps is {steps!r}; allowed: whole numbers of at least 1; leave"):
+    with pytest.raises(StepsError, match=rf"steps is {steps!r}; allowed: whole numbers of at least 1; omit"):
         periodic(random_system(1, 2), 1.0, steps=steps)
 
 

@@ -192,6 +192,19 @@ def test_worst_point_is_sought_among_points_with_a_result(model, text, sign, mon
     assert np.isnan(value)
 
 
+def test_worst_point_without_derivatives_is_the_worst_sample(model, monkeypatch):
+    def without_derivatives(*_):
+        raise NoResultError("no derivatives")
+
+    monkeypatch.setattr(tolerances, "leading", without_derivatives)
+    found = solve.tolerances(
+        model, SPEED, {"k": "uniform(8, 9.5)"}, ["q.max_abs < 1"], samples=64, index_samples=0
+    )
+    worst = found.worst["q.max_abs"]
+    assert worst.value == pytest.approx(amplitude(worst.parameters["k"]), rel=1e-7)
+    assert amplitude(8.1) < worst.value <= amplitude(8.0)
+
+
 def test_worst_speed_is_found_among_several(model):
     found = solve.tolerances(
         model, [1.0, SPEED], {"k": "±10 %"}, of=["q.max_abs"], samples=64, index_samples=0
