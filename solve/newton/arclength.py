@@ -254,7 +254,7 @@ class _BranchFollower:
                     before, length, partial(self._check, before), curvature
                 )
                 turns = before.orientation != after.orientation and not unforced
-                if turns and (length > _CROSSING or grazes_between(self.manifold, before, after)):
+                if turns and (length > _CROSSING or self._is_near_grazing(before, after)):
                     raise NoOrbitError("the step may have left the branch")
                 special, is_located = special_points(self.manifold, before, after)
                 if not is_located and (length > _CROSSING or self._is_near_grazing(before, after)):

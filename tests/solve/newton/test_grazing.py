@@ -131,6 +131,21 @@ def test_a_branch_turns_back_from_an_orbit_just_beyond_grazing():
     assert found.radius[-1] > 1
 
 
+def test_a_branch_that_turns_back_does_not_retrace_itself():
+    """Within the tolerance, an orbit beyond the fold looks like one before it. All orbits after the fold
+    touch the stops."""
+    zeta, speed = 0.0261, 1.5261
+    reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
+    model = model_of(two_stops(), zeta=zeta, k=1.0, kappa=109.4, gap=reach, f=0.85)
+    found = solve.branch(model, speed, over="f=0.85:1.3", rtol=1e-4)
+    assert found.ended == ""
+    (only,) = found.folds
+    assert only["f"] == pytest.approx(1, abs=1e-4)
+    turn = int(found.values.argmax())
+    assert (found.peaks[turn + 1 :, 0] > reach).all()
+    assert found.values[-1] == 0.85
+
+
 @pytest.mark.parametrize(
     ("zeta", "kappa"), [(0.05, 300.0), pytest.param(0.1, 2000.0, marks=pytest.mark.slow)]
 )
