@@ -146,6 +146,14 @@ def test_a_branch_that_turns_back_does_not_retrace_itself():
     assert found.values[-1] == 0.85
 
 
+def test_a_branch_over_the_load_passes_two_stops_at_once():
+    zeta, speed = 0.029, 0.78
+    reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
+    model = model_of(two_stops(), zeta=zeta, k=1.0, kappa=37.0, gap=reach, f=0.85)
+    found = solve.branch(model, speed, over="f=0.85:1.3", rtol=1e-4)
+    assert (found.ended, found.folds, found.values[-1]) == ("", [], 1.3)
+
+
 @pytest.mark.parametrize(
     ("zeta", "kappa"), [(0.05, 300.0), pytest.param(0.1, 2000.0, marks=pytest.mark.slow)]
 )
