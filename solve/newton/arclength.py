@@ -152,6 +152,8 @@ class _BranchFollower:
             try:
                 step, following = self._beyond_grazing(points)
             except SolveError:
+                with suppress(NoOrbitError):
+                    return self._within_range(points, *self._step(points, length, True))
                 words = ", which grazes a switch" if grazes(self.manifold, points[-1]) else ""
                 return self._stored((), length, f"{reason}{words}")
         return self._within_range(points, step, following)
@@ -242,9 +244,12 @@ class _BranchFollower:
             with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))
         return with_errors
 
-    def _step(self, points: Sequence[Point], length: float) -> tuple[list[Point], float]:
+    def _step(
+        self, points: Sequence[Point], length: float, may_cross: bool = False
+    ) -> tuple[list[Point], float]:
         """Return the special points of the next step followed by its end point, and the length of the
-        following step."""
+        following step. may_cross: whether the orientation may change next to a grazing orbit, as where the
+        branch of symmetric orbits grazes two switches."""
         unforced, first, before = DAMPING in self.parameters.names, length, points[-1]
         regular = [point for point in points[-_RECENT:-1] if not point.kind]
         curvature = self.manifold.curvature(regular[-1], before) if regular else None
@@ -254,7 +259,8 @@ class _BranchFollower:
                     before, length, partial(self._check, before), curvature
                 )
                 turns = before.orientation != after.orientation and not unforced
-                if turns and (length > _CROSSING or grazes_between(self.manifold, before, after)):
+                near = self._is_near_grazing if not may_cross else partial(grazes_between, self.manifold)
+                if turns and (length > _CROSSING or near(before, after)):
                     raise NoOrbitError("the step may have left the branch")
                 special, is_located = special_points(self.manifold, before, after)
                 if not is_located and (length > _CROSSING or self._is_near_grazing(before, after)):

@@ -6,6 +6,8 @@ the value of the switching function at the phase of grazing changes steadily alo
 prescribed change of this value therefore passes the grazing orbit, whether the orbits beyond are stable or
 not."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from solve.arrays import Array
@@ -46,10 +48,13 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
     directions = [_towards_switch(manifold, before), *before.tangents[1:]]
 
     def at(length: float) -> Point:
-        return manifold.held(before.unknowns.plus(length, before.direction), directions, before.grid)
+        point = manifold.held(before.unknowns.plus(length, before.direction), directions, before.grid)
+        return _forwards(manifold, before, point)
 
+    # Within its errors, an orbit that grazes a switch may already pass it.
+    least_back = _LENGTHS[0] if grazes(manifold, before) else 0.0
     for length in _LENGTHS:
-        back = _events(manifold, before.unknowns.plus(-length, before.direction))
+        back = _events(manifold, before.unknowns.plus(-max(length, least_back), before.direction))
         try:
             after = at(length)
         except SolveError:
@@ -79,6 +84,17 @@ def _differ(here: Events, there: Events) -> bool:
 def _events(manifold: Manifold, unknowns: Unknowns) -> Events:
     """Return the events of an orbit."""
     return events_of(manifold.parameters.task_at(unknowns.values).along(unknowns.curve))
+
+
+def _forwards(manifold: Manifold, before: Point, after: Point) -> Point:
+    """Return a point beyond a grazing orbit with its tangent directed away from that orbit. Far beyond, a
+    step along the branch may change the switching functions at the phases of grazing in the other direction.
+
+    The orientation also changes where the orbit grazes two switches at once, as at a branch point."""
+    is_same = before.orientation == after.orientation
+    if is_same or manifold.component(before, after, after.direction) >= 0:
+        return after
+    return replace(after, tangents=(after.direction.times(-1), *after.tangents[1:]))
 
 
 def _towards_switch(manifold: Manifold, before: Point) -> Unknowns:

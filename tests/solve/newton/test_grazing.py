@@ -66,6 +66,7 @@ def test_branch_continues_on_the_unstable_orbit_after_grazing(speed, kappa, way)
     before = first_point(parameters, solve.nonlinear(model, speed), gap)
     *_, after = points_beyond(Manifold(parameters), before)
     assert way * (after.value - gap) > 0
+    assert way * after.direction.value > 0
     curve = after.unknowns.curve
     state = np.array([curve(np.zeros(1))[0, 0], speed * curve(np.zeros(1), 1)[0, 0]])
     end, Phi, events = integrated(state, numbers | {"gap": after.value}, speed)
@@ -115,6 +116,42 @@ def test_a_branch_that_starts_near_a_grazing_orbit_has_its_jump(hard_fold, begin
     assert jump["gap"] == only["gap"]
     assert only["gap"] == pytest.approx(hard_fold, rel=1e-8)
     assert 1e-6 < 1 - hard_fold / HARD_REACH < 1e-5
+
+
+def test_a_branch_turns_back_from_an_orbit_just_beyond_grazing():
+    """The last orbit before the step along the switching function already has two events."""
+    zeta, speed = 0.035, 1.25
+    reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
+    gap = (1 + 6e-5) * reach
+    model = model_of(stop(), zeta=zeta, k=1.0, kappa=350.0, gap=gap, f=1.0)
+    found = solve.branch(model, speed, over=f"gap={gap!r}:{0.97 * reach!r}", rtol=1e-5)
+    assert found.ended == ""
+    assert found.values[-1] == gap
+    assert found.peaks[-1, 0] > gap
+    assert found.radius[-1] > 1
+
+
+def test_a_branch_that_turns_back_does_not_retrace_itself():
+    """Within the tolerance, an orbit beyond the fold looks like one before it. All orbits after the fold
+    touch the stops."""
+    zeta, speed = 0.0261, 1.5261
+    reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
+    model = model_of(two_stops(), zeta=zeta, k=1.0, kappa=109.4, gap=reach, f=0.85)
+    found = solve.branch(model, speed, over="f=0.85:1.3", rtol=1e-4)
+    assert found.ended == ""
+    (only,) = found.folds
+    assert only["f"] == pytest.approx(1, abs=1e-4)
+    turn = int(found.values.argmax())
+    assert (found.peaks[turn + 1 :, 0] > reach).all()
+    assert found.values[-1] == 0.85
+
+
+def test_a_branch_over_the_load_passes_two_stops_at_once():
+    zeta, speed = 0.029, 0.78
+    reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
+    model = model_of(two_stops(), zeta=zeta, k=1.0, kappa=37.0, gap=reach, f=0.85)
+    found = solve.branch(model, speed, over="f=0.85:1.3", rtol=1e-4)
+    assert (found.ended, found.folds, found.values[-1]) == ("", [], 1.3)
 
 
 @pytest.mark.parametrize(
