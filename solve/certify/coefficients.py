@@ -20,7 +20,7 @@ PHASES = 1001
 these phases coincide with the stages of a grid. A feature narrower than the spacing of all sampled phases may
 be missed. docs/certificate.md states the measured range."""
 
-ROUND_OFF = 512 * EPS
+COEFFICIENT_ROUND_OFF = 512 * EPS
 """Relative size below which harmonics, and differences between coefficients and their interpolant, count as
 round-off. Measured round-off: at most 4e-14 for the models of this project, and 2e-13 for 3000 steps and
 coefficients with noise in the last digit."""
@@ -96,7 +96,7 @@ def _relative(values: Array, largest: Array, entries: Array, n: int) -> Array:
     """Divide `values` (P, k, E) by the largest value of each entry, `largest` (P, E), and return the maximum
     (P, k) over the entries. Values within round-off count as 0."""
     scale = np.where(largest > 0, largest, 1.0)[:, None]
-    is_visible = values > ROUND_OFF * _entry_sizes(largest, entries, n)[:, None]
+    is_visible = values > COEFFICIENT_ROUND_OFF * _entry_sizes(largest, entries, n)[:, None]
     return np.where(is_visible, values / scale, 0.0).max(axis=-1)
 
 
@@ -131,7 +131,7 @@ def _spectrum(table: Array) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):
         spectrum = np.fft.rfft(table, axis=-2, norm="forward")
         sizes = np.abs(spectrum)
-        is_resolved = sizes > ROUND_OFF * sizes.max(axis=-2, keepdims=True)
+        is_resolved = sizes > COEFFICIENT_ROUND_OFF * sizes.max(axis=-2, keepdims=True)
     is_resolved = is_resolved.reshape(-1, *spectrum.shape[-2:]).any(axis=(0, 2))
     return spectrum[..., : int(np.flatnonzero(is_resolved).max(initial=0)) + 1, :]
 

@@ -36,7 +36,7 @@ NO_DIGIT = 0.1
 """Relative error above which a value is not accurate to even one digit. docs/certificate.md states the
 measured range."""
 
-ROUND_OFF = 64 * EPS
+RESULT_ROUND_OFF = 64 * EPS
 """Relative size below which a value counts as the round-off of its computation. Chosen by judgement: it
 allows for about ten operations.
 
@@ -121,10 +121,10 @@ class Comparison(PointSolver):
             return roundoff
         equations = self.method.linearised(self.equations[positions[rows]], solutions[rows])
         rigid = self._linear_modes(positions[rows], equations)
-        changed = ScaledEntries(equations, 1 + ROUND_OFF * _signs(equations.n))
+        changed = ScaledEntries(equations, 1 + RESULT_ROUND_OFF * _signs(equations.n))
         if rigid is None:
             change = self._change(changed, rigid, steps, positions[rows], solutions[rows])
-            change = np.where(change < NO_DIGIT, EPS / ROUND_OFF * change, np.inf)
+            change = np.where(change < NO_DIGIT, EPS / RESULT_ROUND_OFF * change, np.inf)
             roundoff[rows] = np.maximum(roundoff[rows], change)
         return roundoff
 
@@ -263,9 +263,11 @@ def _coordinate_scales(change: Array, largest: Array, roundoff: Array, modes: Fr
 
 def orbit_roundoff(solutions: Solutions) -> Array:
     """Return the round-off errors (P,) of the orbits, from the condition numbers of the periodic systems."""
-    return np.fmax(EPS * roundoff_growth(solutions.grid.steps) * solutions.condition, ROUND_OFF)
+    return np.fmax(EPS * roundoff_growth(solutions.grid.steps) * solutions.condition, RESULT_ROUND_OFF)
 
 
 def roundoff_errors(solutions: Solutions) -> Array:
     """Return the round-off errors (P, 2) of orbits and multipliers."""
-    return np.array((orbit_roundoff(solutions), np.maximum(solutions.multiplier_rounding, ROUND_OFF))).T
+    return np.array(
+        (orbit_roundoff(solutions), np.maximum(solutions.multiplier_rounding, RESULT_ROUND_OFF))
+    ).T

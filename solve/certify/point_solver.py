@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import EPS, Array, others
 from solve.certify.certified import Certified, Failed, SolveRequest
-from solve.certify.coefficients import ROUND_OFF
+from solve.certify.coefficients import COEFFICIENT_ROUND_OFF
 from solve.errors import MatricesError, StepsError
 from solve.matrices import leading
 from solve.methods.free import driven_freely, free, solutions_on
@@ -269,10 +269,10 @@ def _zero_between(function: Callable[[float], float], low: float, high: float) -
     # The search resolves the square root of EPS of its interval. At a kink, the minimum found exceeds the
     # true one by up to the slope times this distance.
     resolved = 4 * EPS**0.5 * max(function(low + width / 8), function(high - width / 8))
-    if lowest.fun <= max(ROUND_OFF, resolved):
+    if lowest.fun <= max(COEFFICIENT_ROUND_OFF, resolved):
         return float(low + width * lowest.x)
     for end, inward in ((low, 1e-6 * width), (high, -1e-6 * width)):
-        if 2 * function(end + inward) - function(end + 2 * inward) <= ROUND_OFF:
+        if 2 * function(end + inward) - function(end + 2 * inward) <= COEFFICIENT_ROUND_OFF:
             return float(end)
     return None
 

@@ -6,9 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import EPS, Array
+from solve.arrays import EPS, ROUND_OFF, Array
 from solve.certify.all_multipliers import multiplier_errors, step_maps
-from solve.certify.coefficients import ROUND_OFF
 from solve.certify.comparison import NO_DIGIT
 from solve.kernel import slicot
 from solve.methods.free import free

@@ -24,10 +24,10 @@ CONSTANTS = {
         "PHASES_PER_STEP",
         "SAFETY",
         "NO_DIGIT",
-        "ROUND_OFF",
+        "RESULT_ROUND_OFF",
     ),
     point_solver: ("_AMPLIFIED",),
-    coefficients: ("PHASES", "ROUND_OFF"),
+    coefficients: ("PHASES", "COEFFICIENT_ROUND_OFF"),
     multipliers: ("UNDERFLOW",),
 }
 CACHED = coefficients._sampled_phases, resolution._collocation_angle, coefficients._fixed_phases
