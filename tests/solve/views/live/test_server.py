@@ -300,8 +300,8 @@ def test_used_port_is_refused_in_one_line(capsys):
         busy.listen()
         port = busy.getsockname()[1]
         assert run(["explore", "mathieu", "--port", str(port), "--no-browser"]) == 2
-    refusal = f"solve: port {port} cannot be used (address already in use); give another port, or leave"
-    assert capsys.readouterr().err == f"{refusal} out the port to use a free one\n"
+    refusal = f"solve: port {port} cannot be used (address already in use); give another port, or omit"
+    assert capsys.readouterr().err == f"{refusal} the port to use a free one\n"
 
 
 @pytest.mark.parametrize(
