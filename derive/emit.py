@@ -306,7 +306,7 @@ def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
     """List with the generated function of the domain conditions; empty if there are none."""
     if not demanded:
         return []
-    doc = "One number per entry of DOMAIN, which must satisfy the relation of the entry at every phase."
+    doc = "One number per entry of DOMAIN. It must satisfy the relation of its entry at every phase."
     margins = sympy.Matrix([demand.margin for demand in demanded])
     return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 

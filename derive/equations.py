@@ -242,7 +242,7 @@ def _require_inertia(mechanism: MechanismStatement, M: sympy.Matrix) -> None:
         names = [coordinate.symbol.name for coordinate in mechanism.declared_coordinates]
         without = [name for name, share in zip(names, massless[0], strict=True) if abs(share) > 1e-20]
         raise SingularMassError(
-            f"the kinetic energy gives no inertia to {' with '.join(without)}: M is singular; "
-            "add a mass there, or remove the coordinate",
+            f"M is singular: a motion of {' and '.join(without)} has no kinetic energy; "
+            "add a mass that moves with it, or remove a coordinate",
             mechanism.kinetic,
         )

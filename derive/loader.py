@@ -58,7 +58,8 @@ class Source:
 
     @property
     def command(self) -> str:
-        """Argument of the command that the banner states; it does not contain the folder."""
+        """Path of the mechanism, without its folder, in the command that the banner of generated code
+        shows."""
         return self.path.name if self.argument.endswith(".py") else self.name
 
     @property

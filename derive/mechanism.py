@@ -49,8 +49,8 @@ class MechanismStatement(Quantities):
     no_drive_torque: str = field(default="", init=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set an attribute. An energy may be a matrix product with one entry; the line at which it is stated
-        is recorded."""
+        """Set an attribute. An energy may also be a matrix with a single entry. The source line of the
+        assignment of an energy or of the damping ratio is recorded."""
         object.__setattr__(self, name, scalar(name, value) if name in _ENERGIES else value)
         if name in (*_ENERGIES, "damping_ratio") and hasattr(self, "lines"):
             for each in value if isinstance(value, tuple | list) else [getattr(self, name)]:
@@ -363,7 +363,7 @@ class MechanismStatement(Quantities):
         self.limits.append((output, bound, beyond))
 
     def trust(self, **bounds: float) -> None:
-        """State up to which |coordinate| the linear model is valid, such as `q1=0.05`. Raises
+        """Declare the largest |coordinate| up to which the linear model is valid, such as `q1=0.05`. Raises
         DeclarationError."""
         for name, bound in bounds.items():
             self._require_coordinate(name, "trust")

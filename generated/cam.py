@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "60778e6fa0e0fef3c52bd858d071d87b4bcb71ebc2fa174a810a61214d57dd48"
-DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
+DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5e1b1ca4e2fd87a4e61791b4ae58d7a4336d2dbc76b48e45f91d107499627a92"
+FILE_SHA256 = "2eab6f730a3c04e637813fd4af7707f4e2c0f64b813e55419a03b4060ddfbc9e"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "aa2f973e67a241bbabf0d094294fc20422114482b56c34373a30615143e258e8"
-DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
+DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "504f8aeeeecad851ec0aab24afdd9433883bc2e82dec8f25c851cf746e56416e"
+FILE_SHA256 = "d475c8bcfd8b7e537bdb42ac59a1c3a7bf2081114dd16d910c897619423479fd"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c69ee2e7d873001c932745111cca5bd5bbb1c95608375a03c8fc6968590d7cd2"
-DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
+DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "0a38b3648445b8b143c933b688bb6dfaf20e5305b9fe44c0746497cc78551a1e"
+FILE_SHA256 = "678ac9dbad3cbe560fbfd684d8c6746dbde5abca5b567b2b21b69c2c42b2f3bf"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

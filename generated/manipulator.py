@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c48d21b1c43b00642919b95fca0aad7fe3c0cc91a16b9cf5b9accea478f79095"
-DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
+DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "bba941aa735704a78fea57c1c3ec3933aca3bffb1fc766a5c81ebbdfc269d11c"
+FILE_SHA256 = "14eb340833caa3ada4b3ac3190cfc1162bcf127faa4fd2b52986a06fdbe1951c"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

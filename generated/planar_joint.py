@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2ac2eddd29f7bf45af84a7ac9b8a100ea9b9a3945b60c8aa8edf763b93f5bb17"
-DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
+DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1c31440c160ee48c7235564496b3e7ff93041aaff3b2d881da2816152712a1d4"
+FILE_SHA256 = "4a8ed53e1734c7a43c00e71ed46d113bf4e67ef3de977ad8e394e0656933f40a"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
@@ -483,7 +483,7 @@ def sketch():
 
 
 def domain():
-    """One number per entry of DOMAIN, which must satisfy the relation of the entry at every phase."""
+    """One number per entry of DOMAIN. It must satisfy the relation of its entry at every phase."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     parameters = casadi.SX.sym("p", 11)

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2efb10b85d3db90713a4fe52ef957ca352fa654af0465c7c77772de774619cc9"
-DERIVE_SHA256 = "725854709de7c0dd149cd88cedb867de59d7a3bda1ad7b683b3cad39f1c8ba04"
+DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b75222374250f2d66bec2a485e83374a938ff571ef9b4b13da81803316f96ee7"
+FILE_SHA256 = "dbb473d2a8337778ca80a9eb11f45b73fd31fee3ddd8b23ab7c8736cedfccb06"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
@@ -318,7 +318,7 @@ def sketch():
 
 
 def domain():
-    """One number per entry of DOMAIN, which must satisfy the relation of the entry at every phase."""
+    """One number per entry of DOMAIN. It must satisfy the relation of its entry at every phase."""
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     parameters = casadi.SX.sym("p", 9)

@@ -157,7 +157,8 @@ def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
 
 
 def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
-    """Changes of M, C, K (m, n, n) and d (m, n) that `changes` neglects, as arrays (n, n) and (n,)."""
+    """Return the largest changes of the entries of M, C, K (n, n) and d (n,) that the function `changes`
+    neglects. `matrices` contains samples of M, C, K (m, n, n) and d (m, n)."""
     rates = speed**2, speed, 1.0, 1.0
     allowed = _negligible([rate * array for rate, array in zip(rates, matrices, strict=True)])
     M, C, K, d = (array / rate for rate, array in zip(rates, allowed, strict=True))

@@ -177,8 +177,8 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """Yield the indices of points whose entries the shared terms represent, and these points. Return the
-    indices of all other points."""
+    """Yield pairs of indices and points, for those of the points with the indices `positions` that the
+    shared terms represent. Return the indices of the other points."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])

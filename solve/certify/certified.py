@@ -136,7 +136,7 @@ class InterpolationError(NamedTuple):
         errors = f"orbit {self.orbit:.1e}, multipliers {self.multipliers:.1e}"
         text = f"interpolated from {self.azimuths} azimuths: estimated relative errors {errors}"
         if self.sufficient is None:
-            return f"{text}; their harmonics do not decay: sample more azimuths, or state jumps as breaks"
+            return f"{text}; their harmonics do not decay; sample more azimuths, or declare jumps as breaks"
         if self.sufficient <= self.azimuths:
             return f"{text}; the azimuths suffice"
         return f"{text}; about {self.sufficient} azimuths suffice"

@@ -203,7 +203,7 @@ def _free_names(text: str) -> list[str]:
         if equals:
             bounds = text if ":" in text and len(names) == 1 else f"{name}=A:B"
             raise ValueOutOfBoundsError(
-                f"--free is '{text}'; give only names, and bounds separately: "
+                f"--free is '{text}'; give only names; the bounds have their own flag: "
                 f'--free {name} --bounds "{bounds}"'
             )
     return names

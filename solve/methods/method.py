@@ -139,9 +139,9 @@ class Method:
     (`spectral`). curve_order: order of the continuous curve. converges: False for an approximation that does
     not converge with finer steps. l_stable: whether unresolved stiff modes are damped rather than preserved.
     follows: largest ω_max h for which the steps resolve the fastest mode. samples_evenly: whether all samples
-    of a grid are equidistant, so that harmonics of the matrices can alias. phase_constant: c, if a step
-    preserves the amplitude of a mode with a phase error c (ω h)^(order + 1); 0 if the method damps modes
-    before the phase error becomes important.
+    of a grid are equidistant, so that harmonics of the matrices can alias. phase_constant: the constant c
+    of the phase error c (ω h)^(order + 1) per step, for methods that preserve the amplitude of a mode; 0 for
+    methods that damp modes before the phase error becomes important.
 
     stages: number of stages of a collocation method; None for other methods. with_another_stage: collocation
     method of the same family with one more stage; None for other methods. warnings: warnings about the

@@ -185,7 +185,9 @@ def _read(path: Path) -> dict[str, Any]:
     """Content of a TOML file. Raises CaseFileError."""
     try:
         if path.exists() and not path.is_file():
-            raise CaseFileError(f"case file '{path}' is not a file; give the path of a .toml file")
+            raise CaseFileError(
+                f"case file '{path}' does not exist or is not a file; give the path of a .toml file"
+            )
         require_size(f"bytes in case file '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:

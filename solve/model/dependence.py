@@ -121,8 +121,8 @@ class GeneratedSlopes:
     @cached_property
     @symbolic
     def matrices(self) -> _Slopes:
-        """Derivatives of a weighted sum of the matrix entries with respect to θ and to the states. The
-        weights are an input of the function."""
+        """Function for the derivatives of a weighted sum of the matrix entries with respect to θ and to the
+        states. The weights are arguments of this function."""
         import casadi
 
         n, states = self._n, self._symbols[2:5]

@@ -135,8 +135,8 @@ def beyond_critical(ratio: float) -> str:
 class DampedSampler(MatrixSampler):
     """Sampler of M, C, K, d of a generated `linearised` function, with modal damping.
 
-    ratios (k,): damping ratios of the modes of M and K, which are those at speed 0 and at the phase of the
-    sample. Raises MatricesError if there are no modes."""
+    ratios (k,): damping ratios of the modes. The modes are those of M and K at speed 0 and at the phase of
+    the sample. Raises MatricesError if there are no modes."""
 
     def __init__(self, linearised: "casadi.Function", parameters: Array, ratios: Array):
         super().__init__(linearised, parameters)

@@ -182,7 +182,7 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
     semicolons or tabs."""
     try:
         if path.exists() and not path.is_file():
-            raise CaseFileError(f"{name}: table '{path}' is not a file; give a CSV file")
+            raise CaseFileError(f"{name}: table '{path}' does not exist or is not a file; give a CSV file")
         require_size(f"bytes in table '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError, ValueError) as error:

@@ -176,9 +176,10 @@ class _BranchFollower:
         return self._stored(found, length)
 
     def _beyond_grazing(self, points: Sequence[Point]) -> tuple[list[Point], float]:
-        """Return the first points beyond a grazing orbit near the last point of the branch, and the length of
-        the following step. Unless there is a special point at the grazing orbit, the last point is repeated
-        as a grazing point. Raises SolveError if there are no such points."""
+        """Step past a grazing orbit near the last point of the branch. Return the first points beyond it, and
+        the length of the next step. The returned points begin with a copy of the last point, labelled as a
+        grazing point, unless there is a special point near the grazing orbit. Raises SolveError if no point
+        beyond it is found."""
         before = points[-1]
         beyond = points_beyond(self.manifold, before)
         length = self.manifold.distance(beyond[-1].unknowns, before.unknowns, before.sizes)

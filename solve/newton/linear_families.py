@@ -233,8 +233,8 @@ class _Equations:
 
 @dataclass(frozen=True)
 class _UnderLoad(SinglePoint):
-    """Linearised system with the load -∂r/∂θ of the parameter with index `load`, or with its own load d if
-    `load` is None."""
+    """Linearised system whose load is -∂r/∂θ for the parameter θ with index `load`. If `load` is None, the
+    load is d."""
 
     equations: _Equations
     load: int | None

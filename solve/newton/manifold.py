@@ -281,7 +281,8 @@ class Manifold:
         """Return the orbit of the more accurate unknowns `better`, with zeros as the errors of orbit and
         radius.
 
-        there: less accurate unknowns. off (n,): relative differences between the coordinates of both."""
+        there: less accurate unknowns. off (n,): relative differences between the coordinates of `there` and
+        of `better`."""
         task, curve = self.parameters.task_at(better.values), better.curve
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
         errors = np.concatenate(

@@ -122,8 +122,10 @@ def _at_nodes(
 def solutions_with_jumps(
     method: Collocated, points: Points, grid: Grid, engine: str, held: Free | None, jumps: Sequence[EventJump]
 ) -> Solutions:
-    """Return the solutions of a single point with jumps of perturbations at events. held: rigid-body modes of
-    the point; with such modes, only the monodromy matrix includes the jumps."""
+    """Return the solutions of a single point. They include the jumps of perturbations at events.
+
+    held: rigid-body modes of the point. If there are any, the jumps are included in the monodromy matrix, but
+    not in the curve."""
     with np.errstate(all="ignore"):
         chain = method.discretise(points, grid)
         maps = np.concatenate((chain.steps.A[0], chain.steps.b[0, ..., None]), axis=-1)

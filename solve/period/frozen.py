@@ -214,8 +214,8 @@ class FrozenModes:
         """Return factors (P, n) of the equations, powers of 2, that make the inertia terms of the equations
         comparable in balanced units of the coordinates.
 
-        The factors of a point are 1 if its rows have similar sizes. Return None if this is true of all
-        points."""
+        The factors of a point are 1 if the rows of its matrices have similar sizes. Return None if this is
+        the case for all points."""
         if self.n == 1:
             return None
         entries = self._rates_at(slice(None))

@@ -120,7 +120,7 @@ def period(steps: Steps) -> tuple[Array, Array, Array]:
 
 
 def _most_blocks(steps: Steps) -> int:
-    """Number of blocks at which the multiplication of steps into blocks ends. It depends on the number of
+    """Return the largest number of blocks into which the steps are combined. It depends on the number of
     states."""
     return BLOCKS if steps.A.shape[-1] <= _LARGE else _BLOCKS_OF_LARGE
 

@@ -102,7 +102,8 @@ def existence(
         raise StepsError(
             "the existence of an orbit is not proved: η ΓΛ must be below 1/2, where η = "
             f"{float(linear.eta):.1e} "
-            f"bounds the first Newton correction and ΓΛ = {float(product):.1e} the curvature of the equations"
+            f"bounds the first Newton correction, and ΓΛ = {float(product):.1e} bounds the curvature of the "
+            "equations"
         )
     # η + ΓΛρ²/2 ≤ ρ holds for ρ = η (1 + 2ΓΛη), because 2ΓΛη < 1 implies (1 + 2ΓΛη)² ≤ 4.
     radius = (linear.eta * (1 + 2 * product * linear.eta)).upper()

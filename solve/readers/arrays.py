@@ -166,7 +166,7 @@ def _texts(arrays: Mapping[str, Any], name: str, file: str) -> list[str]:
         return []
     texts = [np.asarray(text).ravel() for text in np.asarray(arrays[name]).ravel()]
     if any(len(text) != 1 or text.dtype.kind not in "US" for text in texts):
-        raise FileError(f"'{file}': {name} must be text; give one text per name")
+        raise FileError(f"'{file}': {name} must be an array of strings, one for each name")
     return [text[0].decode() if isinstance(text[0], bytes) else str(text[0]).strip() for text in texts]
 
 

@@ -152,8 +152,8 @@ class MultiplierMatcher:
         return float(self._costs[matched(self._costs)].sum())
 
     def misfit(self, modes: dict[int, int]) -> float:
-        """Cost of the best matching in which the pairs in `modes` have the modes stated there, minus the cost
-        of the best matching without this condition."""
+        """Return the cost of the best matching in which each pair in `modes` is assigned the mode that
+        `modes` states for it, minus the cost of the best matching without this condition."""
         pairs, others = (
             [at for at in range(len(self.pairs)) if at not in fixed] for fixed in (modes, modes.values())
         )

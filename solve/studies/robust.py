@@ -90,7 +90,8 @@ class Statistic(NamedTuple):
 
 @dataclass(frozen=True)
 class Robust:
-    """Statistic of a quantity at one speed over deviating machines."""
+    """Statistic of a quantity at one speed, over machines whose parameters deviate from their nominal
+    values."""
 
     machines: Sequence[Design]
     at: int

@@ -98,8 +98,9 @@ class StabilitySamples:
         """Smooth functions (k, 4) that become negative where a point becomes unstable.
 
         The columns are det(I - Φ), which is negative if a multiplier is beyond +1; det(I + Φ), which is
-        negative if a multiplier is beyond -1; the distance of the largest multiplier from the unit circle;
-        and the squared distance between two pairs that coincide on the circle.
+        negative if a multiplier is beyond -1; 1 - |ρ| of the largest multiplier; and the squared distance
+        between two pairs of multipliers on the unit circle, which is negative after they have met and left
+        the circle.
         """
         size = np.maximum(np.abs(self.multipliers[:, 0]), SPLIT)
         leaving = np.where(size > 1 + SPLIT, -np.square(size - 1 / size), self.distances[:, 2])

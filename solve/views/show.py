@@ -78,8 +78,8 @@ def waterfall(result: Result, name: str) -> Figure:
 
 @ByClass
 def tables(result: Result) -> Sequence[RenderableType]:
-    """Tables and texts of a result below its heading; by default one table of the columns that have
-    headings."""
+    """Return the tables and texts below the title of a result: by default, one table of the columns that have
+    a header."""
     return [table_of(result._title, result.columns)]
 
 

@@ -145,7 +145,10 @@ def mechanism():
         ("one.force(F, along=rate(q))", "virtual work of F along qd must be in"),
         ("one.parameter('unused', 'N', 'load')", "is not used; use it or remove it"),
         ("one.output('speed_', q, 'm/s', 'its speed')", "output speed_ must be in"),
-        ("one.kinetic = m * one.speed**2 * q**2", "the kinetic energy gives no inertia to q"),
+        (
+            "one.kinetic = m * one.speed**2 * q**2",
+            "M is singular: a motion of q has no kinetic energy; add a mass",
+        ),
         ("one.damping_ratio = c", "damping ratio must be in"),
         ("rate(one.coordinates(y=('m', 'other')))", "write coordinate(...), or (q,) = coordinates(...)"),
     ],

@@ -43,7 +43,7 @@ def study(
     ] = None,
     figure: Annotated[str, Flag("Statistic of the modulus over a revolution.", "max|rms")] = "max",
     corrected: Annotated[
-        bool, Flag("Add the model with one corrected element per link; see the command corrected.")
+        bool, Flag("Add the model with one corrected element per link; see the command `corrected`.")
     ] = False,
     rtol: EachTolerance = 1e-6,
 ) -> None:

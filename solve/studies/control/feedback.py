@@ -241,8 +241,8 @@ class _NoDerivatives:
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
         """Raise NoDerivativeError for any parameter."""
         raise NoDerivativeError(
-            f"{self._loop.labels.name} has no equations that can be differentiated; the gains of "
-            "solve.OutputFeedback have derivatives"
+            f"{self._loop.labels.name} has no equations that can be differentiated; use "
+            "solve.OutputFeedback, whose gains have derivatives"
         )
 
 
