@@ -80,14 +80,14 @@ def two_masses() -> tuple[Mechanism, tuple]:
 def test_coordinate_without_kinetic_energy_is_refused():
     pair, (q1, _, m) = two_masses()
     pair.kinetic = m * rate(q1) ** 2 / 2
-    with pytest.raises(SingularMassError, match="no inertia to q2: M is singular"):
+    with pytest.raises(SingularMassError, match="M is singular: a motion of q2 has no kinetic energy"):
         module_of(pair)
 
 
 def test_combination_without_kinetic_energy_is_refused():
     pair, (q1, q2, m) = two_masses()
     pair.kinetic = m * rate(q1 + q2) ** 2 / 2
-    with pytest.raises(SingularMassError, match="no inertia to q1 with q2"):
+    with pytest.raises(SingularMassError, match="a motion of q1 and q2 has no kinetic energy"):
         module_of(pair)
 
 
