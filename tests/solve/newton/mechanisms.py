@@ -256,36 +256,33 @@ def dashpot():
 @cache
 def stop():
     """Mass that hits an elastic stop beyond a clearance: q̈ + 2ζ q̇ + k q + κ (q - gap)⁺ = f cos φ."""
-    made = Mechanism("stop", "Mass with a stop", energy="1/s^2")
-    (q,) = made.coordinates(q=("1", "displacement"))
-    zeta, k, kappa, gap, f = made.parameters(
-        zeta=("1/s", "damping"),
-        k=("1/s^2", "stiffness"),
-        kappa=("1/s^2", "stiffness of the stop"),
-        gap=("1", "clearance"),
-        f=("1/s^2", "amplitude of the load"),
-    )
-    made.kinetic, made.dissipation = rate(q) ** 2 / 2, zeta * rate(q) ** 2
-    made.potential = k * q**2 / 2 + kappa * Max(0, q - gap) ** 2 / 2
-    made.force(f * cos(made.phase), along=q)
-    made.decline_drive_torque("an equation without units")
-    return module_of(made)
+    return _with_stops("stop", "Mass with a stop", lambda q, gap: Max(0, q - gap) ** 2)
 
 
 @cache
 def two_stops():
     """Mass between two elastic stops: q̈ + 2ζ q̇ + k q + κ (q - gap)⁺ - κ (-q - gap)⁺ = f cos φ."""
-    made = Mechanism("two_stops", "Mass between two stops", energy="1/s^2")
+    return _with_stops(
+        "two_stops", "Mass between two stops", lambda q, gap: Max(0, q - gap) ** 2 + Max(0, -q - gap) ** 2
+    )
+
+
+def _with_stops(name, title, squared_depth):
+    """Mass with elastic stops.
+
+    squared_depth: function of the displacement and the gap. It returns the sum of the squared deformations of
+    the stops."""
+    made = Mechanism(name, title, energy="1/s^2")
     (q,) = made.coordinates(q=("1", "displacement"))
     zeta, k, kappa, gap, f = made.parameters(
         zeta=("1/s", "damping"),
         k=("1/s^2", "stiffness"),
-        kappa=("1/s^2", "stiffness of the stops"),
-        gap=("1", "clearance on either side"),
+        kappa=("1/s^2", "stiffness of a stop"),
+        gap=("1", "clearance"),
         f=("1/s^2", "amplitude of the load"),
     )
     made.kinetic, made.dissipation = rate(q) ** 2 / 2, zeta * rate(q) ** 2
-    made.potential = k * q**2 / 2 + kappa * (Max(0, q - gap) ** 2 + Max(0, -q - gap) ** 2) / 2
+    made.potential = k * q**2 / 2 + kappa * squared_depth(q, gap) / 2
     made.force(f * cos(made.phase), along=q)
     made.decline_drive_torque("an equation without units")
     return module_of(made)
