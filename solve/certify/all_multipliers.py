@@ -5,7 +5,7 @@ factors of the period, that is, from products of one-step maps."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -60,7 +60,7 @@ class Factors:
     @cached_property
     def blocks(self) -> Blocks:
         """Products of neighbouring one-step maps."""
-        return balanced_blocks(self._maps(self.certified.method, self.steps)[1], self.loss)
+        return balanced_blocks(self._maps[1], self.loss)
 
     @cached_property
     def eigenvalues(self) -> ProductEigenvalues:
@@ -91,7 +91,7 @@ class Factors:
     def errors(self) -> Array:
         """Estimated relative error (N,) of each ρ, from a comparison with factors of a better method."""
         method, ratio = better_method(self.certified.method)
-        better = balanced_blocks(self._maps(method, ratio * self.steps)[1], self.loss)
+        better = balanced_blocks(self._maps_by(method, ratio * self.steps)[1], self.loss)
         errors = multiplier_errors(eigenvalue_logarithms(better.factors[0]), self.eigenvalues)
         return np.where(self.rigid, 0.0, errors[self._order[0]])
 
@@ -99,7 +99,7 @@ class Factors:
         """Return the mode (N) of each multiplier. It contains no harmonic if the steps do not resolve it."""
         mass = None if self.point.first_order else self.certified.modes.mean_mass[0]
         rotation = 2 * math.pi * self.point.speed / self.point.period
-        grid, maps = self._maps(self.certified.method, self.steps)
+        grid, maps = self._maps
         modes = floquet_modes(maps[0], grid, mass, self.blocks, self.eigenvalues, rotation)
         of_rigid = FloquetMode(0.0, 0.0, 0, 1.0)
         return [of_rigid if rigid else modes[at] for at, rigid in zip(*self._order, strict=True)]
@@ -109,7 +109,12 @@ class Factors:
         """Number of steps times the square of the number of states."""
         return self.steps * state_size(self.point) ** 2
 
-    def _maps(self, method: Method, steps: int) -> tuple[Grid, Array]:
+    @cached_property
+    def _maps(self) -> tuple[Grid, Array]:
+        """Grid, and one-step maps of the method of the solution."""
+        return self._maps_by(self.certified.method, self.steps)
+
+    def _maps_by(self, method: Method, steps: int) -> tuple[Grid, Array]:
         equations = balanced(self.point, self.certified.modes)
         return step_maps(equations, method, steps, self.certified.request.engine, self.anchored)
 
@@ -122,12 +127,14 @@ class Spectrum:
     the factors of the period with twice as many steps. Multipliers of rigid-body modes are exactly +1.
 
     each: whether `rtol` applies to each multiplier. All multipliers are then those of the factors `refined`;
-    see `refined_multipliers`."""
+    see `refined_multipliers`. iteration: method that computes the maps of the factors, if these include jumps
+    of perturbations at events; by default, it is the method of the solution."""
 
     point: SinglePoint
     certified: Certified
     refined: Factors | None = None
     each: bool = False
+    iteration: Method | None = None
 
     @property
     def values(self) -> Array:
@@ -298,7 +305,8 @@ class Spectrum:
         steps = certified.steps if short is None else short.steps
         if is_small and certified.request.steps is None and certified.method.with_another_stage is not None:
             steps *= 2
-        factors = Factors(self.point, certified, steps, _DEFAULT_LOSS)
+        mapped = replace(certified, method=self.iteration or certified.method)
+        factors = Factors(self.point, mapped, steps, _DEFAULT_LOSS)
         try:
             return factors if len(factors.errors if is_small else factors.logarithms) else None
         except np.linalg.LinAlgError:

@@ -23,6 +23,7 @@ from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocated import Collocated
 from solve.newton.iteration import QUADRATIC, Converged, Task, at_rest, curve_of, iterate
 from solve.newton.method import Newton
+from solve.newton.saltation import event_jumps
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
 from solve.period.grid import Grid
@@ -242,13 +243,21 @@ class _Search:
         if isinstance(result, Failed):
             raise result.reason
         refined = refined_multipliers(newton.point(), result) if self.all_multipliers else None
-        linearised = task.along(curve_of(result.solutions))
+        curve, grid = curve_of(result.solutions), result.solutions.grid
+        linearised = task.along(curve)
         result = replace(result, method=task.method)
+        jumps = event_jumps(linearised, curve, task.speed, grid)
         return NonlinearOrbit(
             linearised,
             task.speed,
             result,
-            Spectrum(SinglePoint(linearised, task.speed), result, refined, self.all_multipliers),
+            Spectrum(
+                SinglePoint(linearised, task.speed),
+                result,
+                refined,
+                self.all_multipliers,
+                newton if jumps else None,
+            ),
             self.notes,
             iterations=found.iterations,
             found_by=strategy,

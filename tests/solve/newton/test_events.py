@@ -155,6 +155,19 @@ def differences(start, numbers=DAMPED):
     return np.array([(one - other) / 2e-4 for one, other in pairs]).T
 
 
+@pytest.mark.parametrize("z", [10.0, 13.0])
+def test_small_multipliers_include_the_jumps_at_events(z):
+    """The jumps have the determinant 1: the product of both multipliers follows from the damping."""
+    orbit = solve.nonlinear(model_of(dashpot(), **DAMPED | {"z": z, "gap": 0.02}), SPEED)
+    start, end = orbit.events
+    touches = orbit.at(np.array([(start + end) / 2]))[0, 0] > 0.02
+    contact = end - start if touches else 2 * np.pi - end + start
+    expected = -(2 * np.pi * z + contact * DAMPED["c"]) / SPEED
+    small, error = orbit.multipliers[1], orbit.multiplier_errors[1]
+    assert abs(small) < 1e-16
+    assert np.log(np.abs(orbit.multipliers)).sum() == pytest.approx(expected, abs=10 * error)
+
+
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
 def test_multipliers_with_discontinuous_forces_equal_differences(engine):
     """Without saltation matrices, they would be 0.576 ± 0.200i."""
