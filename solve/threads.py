@@ -84,19 +84,39 @@ def interruptible(work: Callable[[], Value]) -> Value:
 
 
 _building = threading.RLock()
+_results: list[Any] = []
+"""Results of the functions decorated by `symbolic`, and objects passed to `release`."""
+
+_UNUSED = 2
+"""Reference count of an object to which only `_results` refers: by the list and by the argument of
+`sys.getrefcount`."""
 
 
 def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]:
     """Decorator for functions that build CasADi expressions. It permits only one thread at a time to run
-    them.
+    them, and to release the memory of their results.
 
-    CasADi releases Python's global lock, but its symbolic operations are not thread-safe. In a test with two
-    threads, they crashed the process within 20 s (versions 3.7.0 and 3.8.2). The evaluation of CasADi
+    CasADi releases Python's global lock, but its symbolic operations are not thread-safe (measured with
+    versions 3.7.0 and 3.8.2). With two threads, they crashed the process within 20 s. Nor is the release of a
+    function: equal constants share their memory, and a constant may be released while another thread
+    requests the same value. Without `_results`, four of six runs of 8 s crashed. The evaluation of CasADi
     functions is thread-safe."""
 
     @wraps(function)
     def alone(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Value:
         with _building:
-            return function(*args, **kwargs)
+            for index in reversed(range(len(_results))):
+                if sys.getrefcount(_results[index]) == _UNUSED:
+                    del _results[index]
+            result = function(*args, **kwargs)
+            if result is not None:
+                _results.append(result)
+            return result
 
     return alone
+
+
+def release(functions: Any) -> None:
+    """Release the memory of an object with CasADi functions when `symbolic` permits it: at the next call of a
+    decorated function. Finalisers call this function: it does not wait for a lock."""
+    _results.append(functions)

@@ -10,7 +10,7 @@ from solve.arrays import Array
 from solve.contracts import driven
 from solve.errors import TransientError
 from solve.model.sampling import folded, inputs_of, symbol
-from solve.threads import symbolic
+from solve.threads import release, symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -67,6 +67,9 @@ class ModelIntegrator:
         problem = {"x": x, "t": s, "p": casadi.vertcat(first, last, offset), "ode": rate}
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
         self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
+
+    def __del__(self) -> None:
+        release(vars(self))
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         """Integrate over a period, see `Integrator`. Raises TransientError if the integration fails."""

@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array, Recent
 from solve.contracts import Matrices
 from solve.matrices import split_entries
-from solve.threads import symbolic
+from solve.threads import release, symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -46,6 +46,9 @@ class Sampler:
         for index, memory in enumerate(self._inputs):
             self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
+
+    def __del__(self) -> None:
+        release(vars(self))
 
     def __call__(self, *inputs: Array) -> Array:
         """Evaluate the function k times and return the values (k, rows). Inputs are (k, columns), or (k,) for
