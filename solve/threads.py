@@ -116,7 +116,7 @@ def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]
     return alone
 
 
-def release(functions: Any) -> None:
-    """Release the memory of an object with CasADi functions when `symbolic` permits it: at the next call of a
-    decorated function. Finalisers call this function: it does not wait for a lock."""
-    _results.append(functions)
+release: Callable[[Any], None] = _results.append
+"""Release the memory of an object with CasADi functions at the next call of a function decorated by
+`symbolic`. It is called by finalisers: it waits for no lock and uses no variable of a module, because these
+may be None when the interpreter exits."""

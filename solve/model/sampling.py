@@ -47,8 +47,10 @@ class Sampler:
             self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
+    _release = staticmethod(release)
+
     def __del__(self) -> None:
-        release(vars(self))
+        self._release(vars(self))
 
     def __call__(self, *inputs: Array) -> Array:
         """Evaluate the function k times and return the values (k, rows). Inputs are (k, columns), or (k,) for

@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import solve
 from solve import threads
 from solve.arguments import SMALL
+from solve.model import sampling
 from solve.model.sampling import Sampler
 from solve.threads import one_thread
 from tests.solve import systems
@@ -102,8 +103,8 @@ print("built")
 
 @pytest.mark.slow
 def test_functions_may_be_built_and_released_in_several_threads():
-    """Without the lock, or if the lock does not cover the release of functions, about half of the runs end with a
-    segmentation fault or an abort."""
+    """Without the lock, or if the lock does not cover the release of functions, about half of the runs end
+    with a segmentation fault or an abort."""
     ended = subprocess.run([sys.executable, "-c", BUILDING], capture_output=True, text=True)
     assert ended.stdout == "built\n", (ended.returncode, ended.stderr[-2000:])
 
@@ -118,6 +119,13 @@ class Owner:
 
     def __del__(self):
         threads.release(vars(self))
+
+
+def test_finalisers_run_after_their_modules_are_cleared(monkeypatch):
+    """At the end of the process, variables of modules may be None."""
+    sampler = Sampler(casadi.Function("f", [casadi.SX.sym("x")], [casadi.SX(1.0)]))
+    monkeypatch.setattr(sampling, "release", None)
+    sampler.__del__()
 
 
 def test_memory_of_unused_functions_is_released_by_the_next_symbolic_call():
