@@ -78,7 +78,7 @@ class Family:
             yield chunk, self.entries(chunk, points, engine)
 
     def exist(self, points: Array) -> Array:
-        """Whether (P,) the fundamental motion exists at each of the points (P, v)."""
+        """Return a mask (P,) of the points (P, v) at which the fundamental motion exists."""
         return np.ones(len(points), dtype=bool)
 
     @property

@@ -90,8 +90,9 @@ class PointSolver:
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
     def may_exceed(self, positions: Array, roundoff: Array, errors: Array) -> Array:
-        """Whether (k,) the error due to round-off of the coefficients may exceed one of the `errors` (k, j),
-        for points at `positions` (k,). roundoff (k, j): errors due to round-off of the step maps.
+        """Return a mask (k,) of the points at `positions` (k,) at which the error due to round-off of the
+        coefficients may exceed one of the `errors` (k, j). roundoff (k, j): errors due to round-off of the
+        step maps.
 
         Round-off ε of the largest rate ω₁ changes the smallest rate ω₂ by at most ε ω₁²/(2ω₂), and a
         multiplier by the period T times this change. A second bound is ω₁ T ε, multiplied by the factor of

@@ -87,7 +87,7 @@ def _change(motion: Array, other: Array, sizes: Array) -> float:
 
 
 class _WithBreaks(DerivedPoints):
-    """Points with further breaks."""
+    """Points whose period has additional breaks."""
 
     def __init__(self, points: Points, breaks: tuple[float, ...]):
         super().__init__(points)

@@ -141,8 +141,8 @@ def transient(
 
 
 def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
-    """Return the linear orbit. for_sizes: whether only the sizes of the coordinates are required; a lower
-    speed is then used at a resonance."""
+    """Return the linear orbit. for_sizes: whether only the sizes of the coordinates are required. At a
+    resonance, the orbit at a lower speed is then returned."""
     try:
         return periodic(system, speed, rtol=rtol, engine=engine)
     except ResonanceError:

@@ -163,7 +163,7 @@ def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unkno
 
 def _without_trivial(point: Point) -> Point:
     """Return a copy of a point in which the two multipliers nearest to +1, which are due to phase shift and
-    energy, are exactly +1. The spectral radius is that of the other multipliers, but at least 1."""
+    energy, are set to exactly +1. The spectral radius is that of the other multipliers, but at least 1."""
     rho = point.orbit.multipliers.copy()
     order = np.argsort(np.abs(rho - 1))
     rho[order[:2]] = 1.0
