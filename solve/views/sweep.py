@@ -83,7 +83,7 @@ def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[Renderable
     if sweep.system.labels.vibrates:
         columns["radius"] = Column(sweep.spectral_radius, heading="|ρ|", text=digits(".6g"))
         columns["verdict"] = Column([point.stability for point in sweep.points], heading="stability")
-    title = f"Over {', '.join([*sweep.parameters, SPEED])}"
+    title = f"Response versus {', '.join([*sweep.parameters, SPEED])}"
     caption = "others by --show NAME, all by --json" if fitting < len(names) else None
     return [table_of(title, columns, most=MOST_ROWS, caption=caption)]
 

@@ -249,7 +249,7 @@ def test_written_files_are_listed_if_later_output_fails(tmp_path, monkeypatch, c
 
 def test_long_units_are_on_a_separate_line(command):
     ran = command("sweep", "cam", "--over", "k1=40:80:3 kN m/rad", "--speed", "100 rpm")
-    head = ran.out[ran.out.index("Over k1") :].splitlines()[1:3]
+    head = ran.out[ran.out.index("Response versus k1") :].splitlines()[1:3]
     assert head[0].split() == ["k1", "max|q1|", "max|q2|", "max|q3|"]
     assert head[1].startswith("(N m/rad)  rpm")
     assert max(map(len, ran.out.splitlines())) <= 80

@@ -36,7 +36,7 @@ def test_rigid_body_mode_of_a_free_train_is_labelled():
 )
 def test_frequency_table_reports_the_number_of_omitted_modes(discs, count, title):
     frequencies = solve.frequencies(train([0.1] * discs, [50.0] * (discs - 1)), count=count)
-    assert f"Over a revolution, rad/s{title}\n" in repr(frequencies).replace(" \n", "\n")
+    assert f"Frequencies over a revolution, rad/s{title}\n" in repr(frequencies).replace(" \n", "\n")
 
 
 def test_first_frequency_of_three_discs_is_always_zero():
