@@ -44,7 +44,7 @@ def nonlinear_cam(tolerance: float):
     return hy.taylor_adaptive(hy.var_ode_sys(system, hy.var_args.vars), np.zeros(6), tol=tolerance)
 
 
-def turned(integrator, x: Array, speed: float = SPEED) -> tuple[Array, Array]:
+def period_map(integrator, x: Array, speed: float = SPEED) -> tuple[Array, Array]:
     """Return the state one period after x (6,) and its derivative with respect to x."""
     integrator.time, integrator.pars[0] = 0.0, speed
     integrator.state[:6], integrator.state[6:] = x, np.eye(6).ravel()
@@ -66,13 +66,13 @@ def shooting(tolerance: float = TOLERANCE) -> tuple[Array, Array, int]:
     """Return q (3,) and dq/dφ at phase 0, the multipliers, and the number of integrated periods."""
     integrator, x = nonlinear_cam(tolerance), start()
     sizes = np.maximum(np.abs(x), 1e-3 * np.abs(x).max())
-    end, Phi = turned(integrator, x)
+    end, Phi = period_map(integrator, x)
     size, part = np.abs((end - x) / sizes).max(), 1.0
     for turns in range(1, _MOST):
         if size < _CLOSED:
             return x, np.linalg.eigvals(Phi), turns
         trial = x + part * np.linalg.solve(np.eye(6) - Phi, end - x)
-        after, changed = turned(integrator, trial)
+        after, changed = period_map(integrator, trial)
         then = np.abs((after - trial) / sizes).max()
         if then < size:
             x, end, Phi, size, part = trial, after, changed, then, min(1.0, 2 * part)
@@ -88,7 +88,7 @@ def fold(x: Array, speed: float) -> float:
     unit = np.abs(z)
 
     def equations(z: Array) -> Array:
-        after, Phi = turned(integrator, z[:6] * unit[:6], z[6] * unit[6])
+        after, Phi = period_map(integrator, z[:6] * unit[:6], z[6] * unit[6])
         return np.append(after / unit[:6] - z[:6], np.linalg.det(Phi - np.eye(6)))
 
     z = z / unit

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from tests.solve.certificates import fresh, population
-from tests.solve.certificates.trials import TRIALS, Outcome, asked, grouped, outcomes, rates
+from tests.solve.certificates.trials import TRIALS, Outcome, grouped, outcomes, rates, request_name
 
 WORST = 10
 FRESH_TRIALS = [trial for trial in TRIALS if trial.name == "auto" and trial.rtol in {1e-4, 1e-8}]
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if index % 50 == given.start % 50:
             print(f"system {index} of {source.SIZE}", file=sys.stderr, flush=True)
     print(f"{len(chosen)} systems, {len(found)} results, each with orbit and multipliers\n")
-    methods = grouped(found, asked)
+    methods = grouped(found, request_name)
     for name, part in methods.items():
         print(rates(name, part))
     with_steps = [each for each in found if each.trial.steps]
