@@ -272,7 +272,8 @@ class BuiltFamily(Family):
 
 
 def representative(points: Array) -> Array:
-    """About `_REPRESENTATIVES` of the points (P, v), equidistant in their order."""
+    """Return about `_REPRESENTATIVES` of the points (P, v), which are equally spaced in the order of the
+    points."""
     return points[:: max(1, len(points) // _REPRESENTATIVES)]
 
 
