@@ -96,7 +96,7 @@ class ReductionError(NamedTuple):
         if self.coordinates == self.full:
             return []
         if math.isnan(self.multipliers):
-            return [f"{count}: the error cannot be estimated at this speed; increase reduce"]
+            return [f"{count}: the error cannot be estimated at this speed; increase 'reduce'"]
         return [f"{count}; estimated relative errors: {', '.join(self.parts)}"]
 
 
