@@ -1,7 +1,8 @@
 """python -m tests.benchmarks.population [--fresh] [--start I] [--first K] [--every K]: error estimates and
-verdicts against the truth, on the whole population (half an hour) or on its systems I, I + K, I + 2K, … among
-the first: rates by method, by kind and method, and the worst results. With --fresh it is the population on
-which no estimate was tuned, and the method `auto` alone."""
+verdicts compared with reference solutions. The program solves the whole population in half an hour, or the
+systems I, I + K, I + 2K, … of the first ones. It prints rates for each method and for each kind and method, and the worst
+results. With --fresh, the population is the one on which no estimate was tuned, and `auto` is the only
+method."""
 
 import argparse
 import sys
