@@ -1,8 +1,8 @@
 """python -m tests.benchmarks.population [--fresh] [--start I] [--first K] [--every K]: error estimates and
 verdicts compared with reference solutions. The program solves the whole population in half an hour, or the
-systems I, I + K, I + 2K, … of the first ones. It prints rates for each method and for each kind and method, and the worst
-results. With --fresh, the population is the one on which no estimate was tuned, and `auto` is the only
-method."""
+systems I, I + K, I + 2K, … of the first ones. It prints rates for each method, and for each kind and method,
+and the worst results. With --fresh, the population is the one on which no estimate was tuned, and `auto` is
+the only method."""
 
 import argparse
 import sys
