@@ -156,8 +156,8 @@ class PointSolver:
             yield Failed(position, reason)
 
     def chunks(self, steps: int, positions: Array, method: Method | None = None) -> list[Array]:
-        """Split the positions into chunks. Each chunk fits into memory, and is solved within the longest
-        delay after an interruption (`_WORK`)."""
+        """Split the positions into chunks. Each chunk fits into memory. Its solution, which cannot be
+        interrupted, takes at most the permitted delay (see `_WORK`)."""
         if len(positions) < 2:
             return [positions] if len(positions) else []
         method = method or self.method

@@ -118,7 +118,7 @@ class _PeriodSteps:
         return self._motion(discretisation, state, nodes)
 
     def averaged_motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array] | None:
-        """Return the motion as from `motion`, with coefficients that are averaged over the phases between the
+        """Return the result of `motion` for coefficients that are averaged over the phases between the
         stages; None if the stages resolve the coefficients."""
         if steps not in self._averaged:
             self._averaged[steps] = self._averages(steps)

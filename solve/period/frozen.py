@@ -128,7 +128,8 @@ class FrozenModes:
         return fields[: 3 * self.n**2].reshape(3, self.n, self.n, *fields.shape[1:])
 
     def _rates_at(self, phases: Array | slice) -> Array:
-        """M, C and K as from `_matrices_at`, with the rates of first-order coordinates as unknowns."""
+        """M, C and K at the selected phases, in the form that `_matrices_at` returns, with the rates of
+        first-order coordinates as unknowns."""
         return fields_by_rates(self._matrices_at(phases), self._first_order)
 
     @property

@@ -203,7 +203,8 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
 
 
 def verdicts_by_moduli(multipliers: Multipliers, errors: Array) -> Array:
-    """Verdicts (P,) as from `verdicts`, but without the tests for multiple multipliers and for drift."""
+    """Verdicts (P,) by the rules of `verdicts`, but without the tests for multiple multipliers and for
+    drift."""
     e = _absolute_errors(multipliers, errors)
     return _by_moduli(multipliers.moduli, e, e, e)
 

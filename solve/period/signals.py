@@ -229,7 +229,8 @@ def enough_samples(samples: int, count: int) -> int:
 
 
 def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SAMPLES) -> tuple[Array, Array]:
-    """Return the amplitudes and phase angles of `count` harmonics of one quantity, as from `spectrum`.
-    Harmonic k has k cycles per period. Raises ValueOutOfBoundsError for an invalid count."""
+    """Return the amplitudes and phase angles of `count` harmonics of one quantity, in the form that
+    `spectrum` returns. Harmonic k has k cycles per period. Raises ValueOutOfBoundsError for an invalid
+    count."""
     enough = enough_samples(samples, count)
     return spectrum(signal(np.arange(enough) * (period / enough)), count)
