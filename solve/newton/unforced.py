@@ -153,8 +153,8 @@ def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -
 
 
 def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unknowns:
-    """Return a harmonic vibration with the mode shape `shape` (n,) as unknowns, to be used as the direction
-    of a branch. function: np.cos or np.sin of the phase."""
+    """Return, in the form of unknowns, a harmonic vibration with the mode shape `shape` (n,). It serves as
+    the direction of a branch. function: np.cos or np.sin of the phase."""
     rates = {np.cos: (np.cos, lambda x: -np.sin(x)), np.sin: (np.sin, np.cos)}[function]
     values = [shape[:, None] * rate(grid.nodes) for rate in rates]
     q, v, a = values[0].T, values[1].T, -values[0].T

@@ -120,7 +120,7 @@ class Owner:
         threads.release(vars(self))
 
 
-def test_memory_of_unused_functions_is_released_by_the_next_symbolic_call():
+def test_next_symbolic_call_releases_memory_of_unused_functions():
     build = threads.symbolic(Result)
     used, unused = build(), build()
     reference, owned = weakref.ref(unused), Owner(Result())

@@ -255,7 +255,7 @@ def test_load_that_starts_within_a_revolution_moves_the_system(drive):
 
 
 @pytest.mark.parametrize(("start", "length"), [(2.7182, 0.008), (0.4321, 0.03)])
-def test_transients_include_short_load_pulses_that_are_not_declared_as_breaks(start, length):
+def test_transients_include_short_load_pulses_without_breaks(start, length):
     """From rest, the first period ends at the convolution of the pulse with the impulse response."""
     stiffness, damping, period = 3.3, 0.2, 2 * np.pi
 
