@@ -109,7 +109,7 @@ def _draw_curve(
     axes.margins(y=0.08)
     axes.set_ylabel(labelled(name, unit))
     # A line above a panel has space for 46 characters.
-    meaning = textwrap.fill(system.labels.meanings.get(name, ""), 46, max_lines=2, placeholder=" …")
+    meaning = textwrap.fill(system.labels.meanings.get(name, ""), 46, max_lines=3, placeholder=" …")
     axes.set_title(meaning, loc="left", color=GREY)
     return factor, unit
 
