@@ -83,9 +83,8 @@ def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
 
 
 def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
-    """Yield the expressions that are evaluated in the fundamental motion.
-
-    Each is preceded by its description and followed by whether it is itself a motion.
+    """Yield, for each expression that is evaluated in the fundamental motion, its description, the
+    expression, and whether it is itself a motion.
     """
     for symbol, motion in mechanism.fundamental_motion.items():
         yield f"the fundamental motion of {symbol}", motion, True

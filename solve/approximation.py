@@ -123,8 +123,7 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
 def slopes(
     function: Callable[[float], Array], x: float, largest_step: float | None = None
 ) -> tuple[Array, Array]:
-    """Return the derivative as from `slope`, and a second value that is extrapolated without the smallest
-    step.
+    """Return the result of `slope`, and a second value that is extrapolated without the smallest step.
 
     The second value has a larger truncation error and less round-off. The difference between the two values
     is an error estimate."""

@@ -117,8 +117,8 @@ class Nonlinear(Protocol):
         ...
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> Any:
-        """System as from `along`, with additional breaks: the phases at which the motion passes switches, at
-        a speed in rad/s."""
+        """Result of `along` with additional breaks: the phases at which the motion passes switches, at a
+        speed in rad/s."""
         return self.along(motion, compiled)
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:

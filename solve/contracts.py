@@ -92,7 +92,8 @@ Columns = Callable[..., Array | None]
 """Type of functions that evaluate formulas by compiled code.
 
 Inputs are (width, k) each, with one column per evaluation. The functions return values (outputs, k), or
-weighted sums (outputs, c) of the values; None without compiled code. See `solve.kernel.formulas.columns`."""
+weighted sums (outputs, c) of the values; None if compiled code is not available. See
+`solve.kernel.formulas.columns`."""
 
 
 class Integrator(Protocol):

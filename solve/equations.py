@@ -59,15 +59,15 @@ def terms_of(system: PeriodicSystem, phase: Array, speeds: Array) -> tuple[Array
 
 
 def entries_over(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
-    """Entries (P, k, 3n² + n), as from `entries_of`, at phases (k,) and speeds (P,); NaN at speeds for which
-    there are no matrices."""
+    """Entries (P, k, 3n² + n), in the order of `entries_of`, at phases (k,) and speeds (P,); NaN at speeds
+    for which there are no matrices."""
     evaluation = system.capabilities.evaluation
     entries = None if evaluation is None else evaluation.entries_over(phase, speeds)
     return entries_one_by_one(system, phase, speeds) if entries is None else entries
 
 
 def entries_one_by_one(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
-    """Entries as from `entries_over`, evaluated at one speed after another."""
+    """Result of `entries_over`, evaluated at one speed after another."""
     entries = np.full((len(speeds), len(phase), 3 * system.n**2 + system.n), np.nan)
     for rows, speed in zip(entries, speeds, strict=True):
         try:

@@ -17,7 +17,7 @@ class SolveError(Exception):
 
 
 class UnknownNameError(SolveError):
-    """Unknown name of a model, case, parameter, option, method, coordinate or output."""
+    """Raised for an unknown name of a model, case, parameter, option, method, coordinate or output."""
 
     def __init__(self, kind: str, given: str, allowed: Iterable[str]):
         names = sorted(allowed, key=_natural)
@@ -33,104 +33,111 @@ def require_name(kind: str, given: str, allowed: Collection[str]) -> None:
 
 
 class ValueOutOfBoundsError(SolveError):
-    """Value (possibly NaN or infinite) outside the bounds of its parameter, option or setting."""
+    """Raised for a value outside the bounds of its parameter, option or setting, such as NaN."""
 
 
 class UnitError(SolveError):
-    """Missing unit, or unit of the wrong dimension."""
+    """Raised if a unit is missing or has the wrong dimension."""
 
 
 class MissingValueError(SolveError):
-    """Missing value of a parameter or of the speed, given neither directly nor in the case."""
+    """Raised if neither the user nor the case states the value of a parameter or the speed."""
 
 
 class CaseFileError(SolveError):
-    """Case file that is not valid TOML, or has an invalid key or entry."""
+    """Raised if a case file is not valid TOML, or has an invalid key or entry."""
 
 
 class ModelFileError(SolveError):
-    """Model or generated code that is missing, out of date or edited."""
+    """Raised if a model or its generated code is missing, or if the code is out of date or has been
+    edited."""
 
 
 class MatricesError(SolveError):
-    """Matrices of wrong shape, with NaN or infinity, not periodic, or with a singular M."""
+    """Raised if matrices have a wrong shape, contain NaN or infinity, or are not periodic, or if M is
+    singular."""
 
 
 class DesiredMotionError(SolveError):
-    """Fundamental motion, or expression evaluated along it, that is not real and finite at some phases."""
+    """Raised if the fundamental motion, or an expression evaluated along it, is not real and finite at some
+    phases."""
 
 
 class StructureError(SolveError):
-    """Links that do not meet at their joints, or a structure without degrees of freedom."""
+    """Raised if links do not meet at their joints, or if a structure has no degrees of freedom."""
 
 
 class NoMotionError(SolveError):
-    """Equations of motion requested of a model that has none."""
+    """Raised if a calculation requires equations of motion, and the model has none."""
 
 
 class NoVibrationError(SolveError):
-    """Vibration requested of a mechanism without coordinates."""
+    """Raised if a calculation requires vibration, and the mechanism has no coordinates."""
 
 
 class NoLoadError(SolveError):
-    """Vibration requested of a system without load; the vibration is zero."""
+    """Raised if a calculation requires forced vibration, which is zero because the system has no load."""
 
 
 class NoSketchError(SolveError):
-    """Drawing requested of a system without a sketch."""
+    """Raised if a drawing is requested of a system without a sketch."""
 
 
 class StepsError(SolveError):
-    """Invalid number of steps: too few, or beyond the stability limit of the method."""
+    """Raised for an invalid number of steps, and if the steps of a method do not permit a calculation or a
+    proof."""
 
 
 class ResonanceError(SolveError):
-    """Singular I - Φ because of a multiplier +1: a periodic solution does not exist or is not unique."""
+    """Raised if a multiplier is +1, so that I - Φ is singular: a periodic solution does not exist or is not
+    unique."""
 
 
 class UnbalancedLoadError(SolveError):
-    """Load with a nonzero mean along an undamped rigid-body mode; a periodic vibration does not exist."""
+    """Raised if the load has a nonzero mean along an undamped rigid-body mode, so that there is no periodic
+    vibration."""
 
 
 class LinearModelError(SolveError):
-    """Nonlinear equations requested of a linear system."""
+    """Raised if a system does not have the equations that a calculation requires, such as nonlinear
+    equations."""
 
 
 class NoDerivativeError(SolveError):
-    """Quantity or system for which the requested derivative does not exist."""
+    """Raised if the requested derivative does not exist or is not available."""
 
 
 class NoOrbitError(SolveError):
-    """Newton's method, continuation or transients did not converge to a periodic solution."""
+    """Raised if Newton's method, continuation and transients do not converge to a periodic solution."""
 
 
 class ChatterError(SolveError):
-    """Motion that passes switches of the equations so often that the events cannot be located."""
+    """Raised if a motion passes switches of the equations so often that the events cannot be located."""
 
 
 class ControlError(SolveError):
-    """Feedback that does not exist, because of missing inputs or because the Riccati equation has no
+    """Raised if a feedback does not exist, because inputs are missing or the Riccati equation has no
     stabilising solution."""
 
 
 class TransientError(SolveError):
-    """Failure of the time integration."""
+    """Raised if the time integration fails."""
 
 
 class NoResultError(SolveError):
-    """Study in which every point failed."""
+    """Raised if every point of a study has failed."""
 
 
 class WorkersError(SolveError):
-    """Workers that cannot be reached, or that ended before their work was done."""
+    """Raised if workers cannot be reached, or end before their work is done."""
 
 
 class WindowError(SolveError):
-    """The server of the live window does not start."""
+    """Raised if the server of the live window does not start."""
 
 
 class MissingLibraryError(SolveError):
-    """Optional library that is not installed."""
+    """Raised if an optional library is required but not installed."""
 
     @classmethod
     def of_extra(cls, what: str, library: str, extra: str) -> Self:
@@ -142,11 +149,11 @@ class MissingLibraryError(SolveError):
 
 
 class FileError(SolveError):
-    """File that cannot be read or written, or of unknown type."""
+    """Raised if a file cannot be read or written, or if its type is unknown."""
 
 
 class ResultKindError(FileError):
-    """File whose result class belongs to a module that is not imported."""
+    """Raised if a file contains a result of a class whose module is not imported."""
 
     def __init__(self, kind: str, what: str = "it"):
         super().__init__(
@@ -157,7 +164,8 @@ class ResultKindError(FileError):
 
 
 class ReopenedError(SolveError):
-    """Calculation requested of a result that was read from a file and has no equations."""
+    """Raised if a calculation requires the equations of a result that was read from a file. The file does not
+    contain them."""
 
 
 def cause(error: Exception) -> str:

@@ -134,8 +134,8 @@ def jumps_at_zero(period: float, breaks: Sequence[float]) -> bool:
 
 
 def with_neighbours(phase: Array, later: Array, period: float) -> Array:
-    """Return phases (3k,): `phase` (k,), the phases `later` (k,), about one period later, and neighbours of
-    `phase`. The distance of a neighbour is the round-off of the period."""
+    """Return phases (3k,) for a check of periodicity: `phase` (k,); `later` (k,), which are about one period
+    later; and neighbours of `phase`, at a distance equal to the round-off of the period."""
     distance = np.maximum(np.abs(later - phase - period), 8 * EPS * period)
     return np.concatenate((phase, later, phase + distance))
 

@@ -183,11 +183,11 @@ def browser(*flags: str) -> Iterator[Browser]:
         raise LookupError("no Chromium is installed")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as own:
         command = [CHROMIUM, *_FLAGS, *flags, f"--user-data-dir={own}", "about:blank"]
-        said = Path(own) / "said.txt"
-        with said.open("w") as stream:
+        log = Path(own) / "log.txt"
+        with log.open("w") as stream:
             process = subprocess.Popen(command, stderr=stream, stdout=subprocess.DEVNULL)
         try:
-            yield (running := Browser(_address(said)))
+            yield (running := Browser(_address(log)))
             running.close()
         finally:
             process.terminate()

@@ -5,7 +5,7 @@ import numpy as np
 import solve
 from solve.views.style import BLACK, GREY, VERMILION, page
 
-gamma, nu = 12.0, 1.0  # Lock number; frequency of flapping over the speed
+gamma, nu = 12.0, 1.0  # Lock number; flapping frequency divided by the speed
 
 
 def blade(mu):
@@ -22,7 +22,7 @@ def blade(mu):
 
 ratios = np.linspace(0, 0.5, 101)
 exponents = np.array([solve.floquet(blade(mu), 1.0).exponents for mu in ratios])
-frequency = np.sqrt(nu**2 - (gamma / 16) ** 2)  # in hover, over the speed; a turn shows it modulo 1
+frequency = np.sqrt(nu**2 - (gamma / 16) ** 2)  # in hover, divided by the speed; determined only modulo 1
 hover = -gamma / 16 + 1j * (frequency - round(frequency))
 
 with page(3.3, "Flapping blade, γ = 12, ν = 1: exponents versus advance ratio") as figure:

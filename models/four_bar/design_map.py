@@ -77,12 +77,12 @@ class DesignMap(Serializable):
 
     @cached_property
     def ratio(self) -> Array:
-        """Largest ratio (P, g) over all links."""
+        """Largest stress ratio (P, g) of all links."""
         return self.ratios.max(axis=2)
 
     @property
     def own_ratio(self) -> Array:
-        """Largest ratio (P,) for the mechanism's own L4."""
+        """Largest stress ratio (P,) of all links for the mechanism's own L4."""
         return self.ratio[:, self.own_index]
 
     def worst_link(self, speed: float) -> str:

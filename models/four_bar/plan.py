@@ -31,8 +31,8 @@ class Plan:
     """L4 (m) as a piecewise linear function of the speed, with corners at ascending speeds (rad/s). It is
     constant below the first and above the last speed.
 
-    Corners are rounded by averaging L4 over the speeds from each speed to `lead` (rad/s) above it. The
-    velocity of the pivot is then continuous, and zero at the last speed.
+    Corners are rounded: at each speed, L4 is averaged over the speeds from this speed to `lead` (rad/s) above
+    it. The velocity of the pivot is then continuous, and zero at the last speed.
     """
 
     speed: Array

@@ -27,7 +27,7 @@ modes."""
 _STEPS, _SAMPLES = 96, 4
 """Number of steps per revolution, and number of crank angles per step at which the stress is evaluated.
 
-Choices; `Peaks.error` measures their effect.
+Chosen by judgement; `Peaks.error` measures their effect.
 """
 
 _TOGETHER = 8

@@ -78,7 +78,7 @@ class Family:
             yield chunk, self.entries(chunk, points, engine)
 
     def exist(self, points: Array) -> Array:
-        """Whether (P,) the fundamental motion exists at each of the points (P, v)."""
+        """Return a mask (P,) of the points (P, v) at which the fundamental motion exists."""
         return np.ones(len(points), dtype=bool)
 
     @property
@@ -272,7 +272,8 @@ class BuiltFamily(Family):
 
 
 def representative(points: Array) -> Array:
-    """About `_REPRESENTATIVES` of the points (P, v), equidistant in their order."""
+    """Return about `_REPRESENTATIVES` of the points (P, v), which are equally spaced in the order of the
+    points."""
     return points[:: max(1, len(points) // _REPRESENTATIVES)]
 
 

@@ -132,7 +132,8 @@ class Separation:
         return Tables(self.table(phase), coefficients, self.entry, self.n, self.first_order)
 
     def coefficients(self, points: Array) -> tuple[Array, Array]:
-        """Return the coefficients (P, R) of points, and whether (P,) the terms represent each point."""
+        """Return the coefficients (P, R) of points, and a mask (P,) of the points that the terms
+        represent."""
         checks = self._checks
         samples = self.family.entries(np.concatenate((self._phases, checks)), points, self.engine)
         every, nested = np.arange(samples.shape[2]), []
@@ -206,7 +207,8 @@ def training(points: Array) -> Array:
 
 
 def _are_represented(error: Array, largest: Array, n: int) -> Array:
-    """Whether (P,) the largest errors (P, E) of the entries are round-off of their largest values (P, E)."""
+    """Return a mask (P,) of the points at which all errors are round-off. `error` (P, E) contains the largest
+    errors of the entries, `largest` (P, E) their largest values."""
     allowed = ROUND_OFF * largest
     if (error > allowed).any():
         allowed += EPS * _scales(largest, n)

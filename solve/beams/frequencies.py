@@ -70,8 +70,8 @@ def _refine_near_poles(positions: Positions, index: Array, order: Array, omega: 
 
 
 def near_clamped(positions: Positions, omega: Array) -> Array:
-    """Whether (b,) each frequency is close to a pole of D, that is, a frequency of an element with clamped
-    ends.
+    """Return a mask (b,) of the frequencies that are close to a pole of D, that is, to a frequency of an
+    element with clamped ends.
 
     Such frequencies and modes require divided elements (section 5.4.1 of the thesis)."""
     above, below = (positions.interior_count(omega * (1 + sign * _NEAR)) for sign in (1, -1))

@@ -3,9 +3,10 @@
 Coordinates are displacements from the rigid positions, in ground axes. The matrix R, with R′ = J R,
 transforms from ground axes to link axes. The angular velocity and acceleration of the link are ω and ω̇. In
 link axes, the terms of an element are M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ with the skew-symmetric P (thesis,
-Eq. (4.22)). Substitution of δ = R q yields
+Eq. (4.22)). Substitution of δ = R q adds these terms to the damping and the stiffness in ground axes:
 
-    C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
+    damping:    2ω Rᵀ(M J + P) R
+    stiffness:  Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
 The load is the inertia force of the rigid motion, −M q̈_r. Damping consists of modal or Rayleigh damping with
 a single ratio ζ (section 6.2 of the thesis), and of dashpots to the ground."""

@@ -69,8 +69,9 @@ class Factors:
 
     @cached_property
     def _order(self) -> tuple[Array, Array]:
-        """Indices (N,) of the eigenvalues, of which those of rigid-body modes follow the multipliers outside
-        the unit circle. Also whether (N,) each belongs to a rigid-body mode: these are nearest to +1."""
+        """Return the indices (N,) that sort the eigenvalues, and a mask (N,) of the sorted eigenvalues that
+        belong to rigid-body modes. These are the eigenvalues nearest to +1. They are placed after the
+        eigenvalues outside the unit circle."""
         logarithms = self.eigenvalues.logarithms[0]
         rigid, others = np.split(np.abs(logarithms).argsort(kind="stable"), [_rigid_count(self.certified)])
         others.sort()
@@ -79,7 +80,7 @@ class Factors:
 
     @property
     def rigid(self) -> Array:
-        """Whether (N,) each multiplier belongs to a rigid-body mode."""
+        """Mask (N,) of the multipliers that belong to rigid-body modes."""
         return self._order[1]
 
     @property
@@ -106,12 +107,12 @@ class Factors:
 
     @property
     def work(self) -> float:
-        """Number of steps times the square of the number of states."""
+        """Measure of the computing time: the number of steps times the square of the number of states."""
         return self.steps * state_size(self.point) ** 2
 
     @cached_property
     def _maps(self) -> tuple[Grid, Array]:
-        """Grid, and one-step maps of the method of the solution."""
+        """Return the uniform grid, and the one-step maps on it by the method of the solution."""
         return self._maps_by(self.certified.method, self.steps)
 
     def _maps_by(self, method: Method, steps: int) -> tuple[Grid, Array]:
@@ -175,7 +176,7 @@ class Spectrum:
 
     @property
     def rigid(self) -> Array:
-        """Whether (N,) each multiplier belongs to a rigid-body mode."""
+        """Mask (N,) of the multipliers that belong to rigid-body modes."""
         return self._of_monodromy[1] if self.refined is None else self.refined.rigid
 
     @cached_property
@@ -233,8 +234,8 @@ class Spectrum:
 
     @cached_property
     def _of_monodromy(self) -> tuple[Array, Array, Array]:
-        """Eigenvalues of the monodromy matrix (N,), with +1 for each rigid-body mode. Also whether (N,) each
-        belongs to a rigid-body mode, and its absolute error (N,)."""
+        """Return the eigenvalues (N,) of the monodromy matrix, with +1 for each rigid-body mode; a mask (N,)
+        of those that belong to rigid-body modes; and their absolute errors (N,)."""
         values, count = self.certified.solutions.multipliers.values[0], _rigid_count(self.certified)
         values = values[: len(values) - count]
         at = np.full(count, before_rigid(values))
@@ -243,7 +244,7 @@ class Spectrum:
 
     @property
     def _has_digit(self) -> Array:
-        """Whether (N,) the monodromy matrix resolves each multiplier to at least one digit."""
+        """Mask (N,) of the multipliers that the monodromy matrix resolves to at least one digit."""
         rho, _, errors = self._of_monodromy
         return errors < NO_DIGIT * np.abs(rho)
 

@@ -96,7 +96,7 @@ class ReductionError(NamedTuple):
         if self.coordinates == self.full:
             return []
         if math.isnan(self.multipliers):
-            return [f"{count}: the error cannot be estimated at this speed; increase reduce"]
+            return [f"{count}: the error cannot be estimated at this speed; increase 'reduce'"]
         return [f"{count}; estimated relative errors: {', '.join(self.parts)}"]
 
 
@@ -195,12 +195,12 @@ class Certified:
 
     @cached_property
     def _is_on_circle(self) -> Array:
-        """Whether (k,) the verdict on a point is undetermined although its multipliers are accurate."""
+        """Mask (k,) of the points whose verdict is undetermined although their multipliers are accurate."""
         return (self.absolute <= KNOWN_ON_CIRCLE) & (self.verdicts == UNDETERMINED)
 
     @property
     def doubtful(self) -> Array:
-        """Whether (k,) there are warnings about each point."""
+        """Mask (k,) of the points about which there are warnings."""
         multipliers = self.solutions.multipliers
         doubtful = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
         doubtful |= (multipliers.resolved == 0) & ~_rigid_body_only(self.solutions)
@@ -269,7 +269,7 @@ def verdicts_of(solutions: Solutions, errors: Array, modes: FrozenModes) -> Arra
 
 
 def _rigid_body_only(solutions: Solutions) -> Array:
-    """Whether (P,) a point has only multipliers of rigid-body modes."""
+    """Return a mask (P,) of the points all of whose multipliers belong to rigid-body modes."""
     if solutions.free is None:
         return np.zeros(len(solutions), dtype=bool)
     return np.asarray(solutions.free.modes.multiplicity == solutions.Phi.shape[-1])

@@ -90,8 +90,9 @@ class PointSolver:
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
     def may_exceed(self, positions: Array, roundoff: Array, errors: Array) -> Array:
-        """Whether (k,) the error due to round-off of the coefficients may exceed one of the `errors` (k, j),
-        for points at `positions` (k,). roundoff (k, j): errors due to round-off of the step maps.
+        """Return a mask (k,) of the points at `positions` (k,) at which the error due to round-off of the
+        coefficients may exceed one of the `errors` (k, j). roundoff (k, j): errors due to round-off of the
+        step maps.
 
         Round-off ε of the largest rate ω₁ changes the smallest rate ω₂ by at most ε ω₁²/(2ω₂), and a
         multiplier by the period T times this change. A second bound is ω₁ T ε, multiplied by the factor of
@@ -155,8 +156,8 @@ class PointSolver:
             yield Failed(position, reason)
 
     def chunks(self, steps: int, positions: Array, method: Method | None = None) -> list[Array]:
-        """Split the positions into chunks. Each chunk fits into memory, and is solved within the longest
-        delay after an interruption (`_WORK`)."""
+        """Split the positions into chunks. Each chunk fits into memory. Its solution, which cannot be
+        interrupted, takes at most the permitted delay (see `_WORK`)."""
         if len(positions) < 2:
             return [positions] if len(positions) else []
         method = method or self.method

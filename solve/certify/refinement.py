@@ -124,7 +124,7 @@ class _GridComparison:
 
     @property
     def underflows(self) -> Array:
-        """Whether (k,) all multipliers of a point are below the round-off of the entries of Φ."""
+        """Mask (k,) of the points all of whose multipliers are below the round-off of the entries of Φ."""
         return self.solutions.multipliers.spectral_radius < UNDERFLOW
 
 
@@ -214,7 +214,7 @@ class _Refinement(Comparison):
         return _GridComparison(positions, modes, solutions, better, errors, roundoff, tolerances, remainder)
 
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
-        """Whether (k,) each point is accepted without a finer grid.
+        """Return a mask (k,) of the points that are accepted without a finer grid.
 
         An accepted point meets three conditions:
 
@@ -240,9 +240,9 @@ class _Refinement(Comparison):
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
-        """Whether (k,) a grid with twice as many steps would decide the undetermined verdict of a point. The
-        errors are assumed to decrease with the order of the method; errors that are round-off do not
-        decrease."""
+        """Return a mask (k,) of the points whose undetermined verdict would be decided on a grid with twice
+        as many steps. The errors are assumed to decrease with the order of the method; errors that are
+        round-off do not decrease."""
         order = min(self.method.order, 20)
         errors = pair.errors[:, 1] * pair.solutions.multipliers.spectral_radius
         decides = np.isfinite(errors) & (errors > KNOWN_ON_CIRCLE / 2)
@@ -292,8 +292,8 @@ class _Refinement(Comparison):
             yield from self.certify(pair.positions[rows], solutions[rows], errors[rows], absolute[rows])
 
     def _is_resonant(self, pair: _GridComparison) -> Array:
-        """Whether (k,) a multiplier of a point equals +1 within a tenth of its change between the two
-        solutions, or within round-off."""
+        """Return a mask (k,) of the points at which a multiplier equals +1 within a tenth of its change
+        between the two solutions, or within round-off."""
         nearest = pair.better.multipliers.nearest_one
         change = nearest - pair.solutions.multipliers.nearest_one
         distance = np.abs(nearest + self.remaining * change - 1)

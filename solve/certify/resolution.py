@@ -46,8 +46,8 @@ inevitable error."""
 def first_steps(
     method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float, most: int
 ) -> tuple[Array, Array]:
-    """Return the numbers of steps (P,) of the first grids. Also return the remainders (P,): the factors by
-    which modes decay in a period that are left unresolved, because they require too many steps.
+    """Return the numbers of steps (P,) of the first grids. Also return the remainders (P,) of unresolved
+    modes: the factors by which modes that require too many steps decay in a period.
 
     The number of steps m is that for which the error m c (ωT/m)^(p + 1) of a motion of angular frequency ω
     equals the target. Here, c and p are the error constant and the order of the method. The motions are the

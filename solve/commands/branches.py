@@ -116,8 +116,8 @@ def branch(
 def _at_begin(
     model: Model, speed: float | str | None, speeds: str | None, over: str | None, begin: str | None
 ) -> tuple[Model, float | str | None]:
-    """Return the model and the speed of the first orbit of a branch, one of which has the value of
-    --begin."""
+    """Return the model and the speed of the first orbit of a branch. The varied quantity, which is the speed
+    or a parameter, has the value of --begin or, by default, the first value of its range."""
     if over is not None:
         name, first, _ = range_of(model, over)
         return model.varied({name: first if begin is None else in_own_unit(model, name, begin)}), speed

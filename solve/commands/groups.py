@@ -322,7 +322,7 @@ class Proving:
 
 @contextmanager
 def stored_in(store: str | None) -> Iterator[None]:
-    """Context manager that prints the folder of finished points if the command is interrupted."""
+    """Context manager that prints the folder with the finished points if the command is interrupted."""
     try:
         yield
     except KeyboardInterrupt:

@@ -162,7 +162,7 @@ class GridDerivatives:
         return slopes
 
     def jumps(self, name: str) -> Array:
-        """Whether (r,) each quantity θ moves a jump of the output `name`."""
+        """Return a mask (r,) of the quantities θ that move a jump of the output `name`."""
         system, speed = self.solved.system, self.solved.speed
         nodes = np.flatnonzero(self.nodes.any(axis=1))
         if name not in system.outputs or not len(nodes):

@@ -262,7 +262,8 @@ class PeriodicProblem:
         return self._stage_states(x, (self._systems.by_state @ x).reshape(m, -1, N // 2, r))
 
     def _stage_states(self, x: Array, a: Array) -> Array:
-        """States as from `stage_states`, for accelerations `a` (m, s, n, r)."""
+        """States q″, q′, q at the stages, as an array (m, s, 3, n, r), from states `x` (m, 2n, r) at the
+        starts of the steps and accelerations `a` (m, s, n, r) at the stages."""
         m, s, n, r = a.shape
         A, a = self.rule.A, a.reshape(m, s, -1)
         h, c = self.grid.h[:, None, None], np.array(self.rule.c)[:, None]
@@ -313,8 +314,8 @@ class PeriodicProblem:
         return self._sum_in_steps(phase, self._basis(phase, 0)[1][:, :, None] * weights[:, None])
 
     def even_value_data_weights(self, fractions: Array, weights: Array) -> Array:
-        """Weights as from `value_data_weights`, for values at the fractions (a,) of every step. `weights` is
-        (m a, c)."""
+        """Result of `value_data_weights` for values at the same fractions (a,) of every step. `weights` is (m
+        a, c)."""
         powers = fractions[:, None] ** np.arange(len(self.rule.curve_powers)) @ self.rule.curve_powers
         return powers.T @ weights.reshape(self.grid.steps, len(fractions), -1)
 

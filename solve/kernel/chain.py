@@ -23,7 +23,8 @@ def closed(A: Array, b: Array) -> tuple[Array, float] | None:
     """Solve the cyclic chain x_{k+1} = A_k x_k + b_k, x_m = x_0, with maps A (m, N, N) and loads b (m, N, r).
 
     Return the states x (m+1, N, r) and the condition number of the cyclic system, as
-    `solve.period.period_map.periodic_states` does. Return None without compiled code, or if numbers overflow.
+    `solve.period.period_map.periodic_states` does. Return None if compiled code is not available, or if
+    numbers overflow.
     """
     m, N, r = b.shape
     x, condition = np.empty((m + 1, N, r)), np.empty(1)
@@ -36,7 +37,7 @@ def closed(A: Array, b: Array) -> tuple[Array, float] | None:
 
 def followed(A: Array, start: Array) -> Array | None:
     """States (m+1, N, r) of x_{k+1} = A_k x_k, from the first states `start` (N, r), which may be complex;
-    None without compiled code."""
+    None if compiled code is not available."""
     m, N, _ = A.shape
     kind = np.result_type(start, float)
     x = np.empty((m + 1, *start.shape), dtype=kind)

@@ -60,8 +60,8 @@ class Periods(NamedTuple):
 
 
 def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
-    """Memory in bytes per step and point: a curve with this number of powers, and a share of the workspace of
-    a group of points."""
+    """Memory in bytes per step and point, for a curve with `powers` coefficients and for the point's share of
+    the workspace of its group."""
     return 8 * n * (2 * powers + 12) if orbit else 8
 
 

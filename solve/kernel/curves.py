@@ -36,8 +36,8 @@ def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[A
     their differences, and of the fine curves.
 
     Curves are polynomials in θ on equal steps. samples: numbers of samples per step of the coarse and of the
-    fine curve, each at most MOST; both curves are sampled at the same phases. None without compiled code, or
-    if memory is insufficient."""
+    fine curve, each at most MOST; both curves are sampled at the same phases. Return None if compiled code is
+    not available, or if memory is insufficient."""
     library = loaded("curves.c", (("COARSE", coarse.shape[-1]), ("FINE", fine.shape[-1])))
     if library is None:
         return None

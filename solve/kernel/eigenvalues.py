@@ -18,8 +18,8 @@ class _Problem(ctypes.Structure):
 def eigenvalues(pencils: Array, first_order: int = 0) -> Array | None:
     """Finite eigenvalues (…, 2n - first_order) of λ²M + λC + K. `pencils` (3, n, n, …) contains M, C and K.
 
-    The last `first_order` columns of M are zero. Eigenvalues are NaN if the iteration does not converge. None
-    without compiled code, or if n is large."""
+    The last `first_order` columns of M are zero. Eigenvalues are NaN if the iteration does not converge.
+    Return None if compiled code is not available, or if n is large."""
     n = pencils.shape[1]
     sizes = ("N", n), ("P", n - first_order)
     library = loaded("eigenvalues.c", sizes) if n <= SMALL else None

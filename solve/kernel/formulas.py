@@ -51,8 +51,8 @@ class _Columns(ctypes.Structure):
 
 
 def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
-    """Values (P, k, outputs) of formulas at phases (k,) and speeds (P,), with parameters (P, p); None without
-    compiled code."""
+    """Values (P, k, outputs) of formulas at phases (k,) and speeds (P,), with parameters (P, p); None if
+    compiled code is not available."""
     parameters = np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("OUTPUTS", formulas.outputs), ("PARAMETERS", parameters.shape[1])
     library = loaded("pointwise.c", sizes, formulas.text)
@@ -69,11 +69,11 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
 def columns(
     formulas: Formulas, inputs: Sequence[Array], along: tuple[Array, Array] | None = None
 ) -> Array | None:
-    """Values (outputs, k) of formulas for k columns of inputs, (width, k) each, with parameters (p,); None
-    without compiled code.
+    """Values (outputs, k) of formulas for k columns of inputs, with parameters (p,); None if compiled code is
+    not available.
 
-    along: pair of an index (outputs,) and weights (rows, c, k). The index selects the row of weights for each
-    output. With `along`, weighted sums (outputs, c) of the values are returned.
+    along: pair of indices (outputs,) and weights (rows, c, k). For each output, the index selects a row of
+    weights. With `along`, weighted sums (outputs, c) of the values are returned.
     """
     widths, count = [len(each) for each in inputs], inputs[0].shape[-1]
     rows, shared = sum(widths), np.ascontiguousarray(formulas.values, dtype=float)
@@ -98,8 +98,7 @@ def columns(
 
 
 def columns_by(engine: str) -> Columns | None:
-    """Function that evaluates formulas for columns of inputs with the given engine; None for the engine
-    NUMPY."""
+    """Return the function `columns` for the engine COMPILED, and None for the engine NUMPY."""
     return columns if engine == COMPILED else None
 
 
@@ -114,15 +113,15 @@ def figures(
     wanted: Array,
     formulas: Formulas | None = None,
 ) -> Array | None:
-    """Statistics (P, k, 7) of selected quantities, in the order of `solve.contracts.Statistics`. None without
-    compiled code, or if memory is insufficient.
+    """Statistics (P, k, 7) of selected quantities, in the order of `solve.contracts.Statistics`. Return None
+    if compiled code is not available, or if memory is insufficient.
 
     curves (P, n, m, D): coefficients on equal steps, lowest power of θ first. speeds (P,): speeds in rad/s.
     samples: number of samples per step. parts: ascending fractions, at least 8, of the interval around an
-    extremum, at which each refinement computes values. zooms: numbers of refinements of an extremum and of
-    lower candidates; each reduces the interval to a sixteenth. tie: relative difference above which extrema
-    are distinct. wanted (k,): indices of the quantities; coordinates are counted first, then formulas.
-    formulas: formulas with the values (P, p) of their parameters."""
+    extremum, at which each refinement computes values. zooms: number of refinements of an extremum, and of a
+    candidate for a larger one; each refinement reduces the interval to a sixteenth. tie: relative difference
+    above which extrema are distinct. wanted (k,): indices of the quantities; coordinates are counted first,
+    then formulas. formulas: formulas with the values (P, p) of their parameters."""
     points, n, m, D = curves.shape
     parameters = np.zeros((points, 0)) if formulas is None else formulas.values
     text, outputs = ("", 0) if formulas is None else formulas[:2]

@@ -39,8 +39,8 @@ class Conditioned(NamedTuple):
 def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
     """Compute the eigenvalues of finite matrices (P, N, N), and their condition numbers.
 
-    units (P, N): powers of 2 that balance the matrices; required if N > 2. None without compiled code,
-    without required units, and for large N."""
+    units (P, N): powers of 2 that balance the matrices; required if N > 2. Return None if compiled code is
+    not available, if required units are missing, or if N is large."""
     P, N, _ = matrices.shape
     if N > 2 * SMALL or (N > 2 and units is None):
         return None

@@ -85,7 +85,7 @@ def factorised(
     """Factorise the stage systems of one point for steps of lengths h (m,).
 
     weights: coefficients of the method. samples: samples at k phases per step. stages: indices of the stages
-    among these k phases. None without compiled code. Raises MemoryError."""
+    among these k phases. Return None if compiled code is not available. Raises MemoryError."""
     s = len(weights["c"])
     library = loaded("stages.c", (("N", n), ("S", s))) if s * n <= _MOST_ROWS else None
     return None if library is None else FactorisedStages(library, weights, h, samples, stages, n)

@@ -254,5 +254,6 @@ def lagrange(nodes: Array, theta: Array) -> Array:
 
 @cache
 def _of_rows(method: Collocation, stage: int, n: int) -> Array:
-    """Weights (3n, (s + 2) n) of a stage for whole rows of M, hC and h²K."""
+    """Weights (3n, (s + 2) n) that convert rows of M, hC and h²K, placed side by side, to the equations of a
+    stage."""
     return np.kron(method.stage_weights[stage].T, np.eye(n))

@@ -168,8 +168,9 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
 
 
 def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
-    """Largest acceleration (P, r), with respect to the phase, of a coordinate moved by a mode, divided by its
-    component in the mode."""
+    """Return the scale (P, r) of the acceleration along each mode: the largest acceleration, with respect to
+    the phase, of a coordinate that the mode moves, divided by the component of this coordinate in the
+    mode."""
     rate = 1.0 / float(curve.nodes[-1])
     sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
     along = np.abs(modes.vectors)

@@ -295,7 +295,7 @@ class AssembledDependence(Dependence):
 
     @property
     def less_accurate(self) -> "AssembledDependence":
-        """The same derivatives, but without the smallest step of the finite differences."""
+        """Derivatives computed without the smallest step of the finite differences."""
         coarser = AssembledDependence(self._system, self._names)
         coarser._less, coarser._interpolants = 1, self._interpolants
         return coarser

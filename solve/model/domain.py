@@ -74,7 +74,8 @@ class Domain:
         return bool(self._by_speed.any())
 
     def holds(self, speeds: Array, values: Array) -> Array:
-        """Whether (P,) all conditions hold at each point, for speeds (P,) and free parameters (P, v)."""
+        """Return a mask (P,) of the points at which all conditions hold, for speeds (P,) and free parameters
+        (P, v)."""
         key = len(values), speeds.tobytes() if self.by_speed else b"", values.tobytes()
         if key not in self._cache:
             while len(self._cache) >= CACHE_SIZE:

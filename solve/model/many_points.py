@@ -53,7 +53,7 @@ class ModelPoints:
         return entries
 
     def exist(self, speeds: Array, values: Array) -> Array:
-        """Whether (P,) the fundamental motion exists."""
+        """Mask (P,) of the points at which the fundamental motion exists."""
         return (
             np.ones(len(speeds), dtype=bool) if self._domain is None else self._domain.holds(speeds, values)
         )
@@ -99,7 +99,7 @@ class ModelPoints:
         return self._setup.sampler("conditions", self._names)
 
     def _admitted(self, values: Array) -> Array:
-        """Whether (P,) the parameter values (P, v) of each point satisfy bounds and conditions."""
+        """Return a mask (P,) of the points whose parameter values (P, v) satisfy bounds and conditions."""
         admitted = np.asarray(np.isfinite(values).all(axis=1))
         bounds = {name: bound for name, _, _, bound in self._setup.module.PARAMETERS}
         for name, column in zip(self._names, values.T, strict=True):
@@ -110,7 +110,7 @@ class ModelPoints:
         return admitted
 
     def _conditions_hold(self, values: Array) -> Array:
-        """Whether (P,) the conditions hold over the whole period, for each point."""
+        """Return a mask (P,) of the points at which the conditions hold over the whole period."""
         phase = self._setup.condition_phases
         unique, group = np.unique(values, axis=0, return_inverse=True)
         hold = np.zeros(len(unique), dtype=bool)

@@ -116,8 +116,8 @@ def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
 
 
 def has_modes(M: Array, K: Array) -> Array:
-    """Whether (m,) M and K (m, n, n) have real modes: both are finite, and K is symmetric and positive
-    semidefinite within round-off."""
+    """Return a mask (m,) of the positions at which M and K (m, n, n) have real modes: both are finite, and K
+    is symmetric and positive semidefinite within round-off."""
     unit = 1 / np.sqrt(np.einsum("mii->mi", M))
     with np.errstate(invalid="ignore"):
         scaled = K * unit[:, :, None] * unit[:, None, :]

@@ -27,7 +27,8 @@ _CACHE_BYTES = 2**24
 
 
 class Sampler:
-    """Evaluation of a CasADi function with NumPy arrays, for many columns of inputs, in chunks. Thread-safe.
+    """Evaluation of a CasADi function with NumPy arrays, for many columns of inputs, in chunks. Calls are
+    thread-safe.
 
     shared: number of inputs, at the end of the list of inputs, that are the same for all columns."""
 

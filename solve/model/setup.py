@@ -147,7 +147,7 @@ class Setup:
         return self.domain_with(())
 
     def exist(self, speeds: Array) -> Array:
-        """Whether (P,) the fundamental motion exists at speeds (P,) in rad/s."""
+        """Return a mask of those `speeds` (P,), in rad/s, at which the fundamental motion exists."""
         domain = self.domain
         if domain is None or not domain.by_speed:
             return np.ones(len(speeds), dtype=bool)

@@ -114,8 +114,8 @@ class LinearFamily:
 
     @property
     def is_regular(self) -> bool:
-        """Whether all multipliers are so far from +1 that the tangents at neighbouring unknowns may be used
-        instead."""
+        """Whether all multipliers are so far from +1 that tangents computed at neighbouring unknowns may
+        replace the tangents at these unknowns."""
         return not self._is_coupled and self._distance > _REGULAR_NEARBY
 
     @cached_property

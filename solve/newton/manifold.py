@@ -270,8 +270,8 @@ class Manifold:
         return tuple(found)
 
     def unit(self, direction: Unknowns, others: Sequence[Unknowns], sizes: Array) -> Unknowns:
-        """Return the unit vector along what remains of `direction` after its components along the orthonormal
-        vectors `others` have been subtracted."""
+        """Return the component of `direction` that is orthogonal to the orthonormal vectors `others`, scaled
+        to unit length."""
         for _ in range(2):
             for other in others:
                 direction = direction.plus(-self.inner(direction, other, sizes), other)

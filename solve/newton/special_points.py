@@ -40,8 +40,8 @@ Path = tuple[Callable[[float], Point], float]
 def special_points(
     manifold: Manifold, before: Point, after: Point, path: Path | None = None
 ) -> tuple[list[Point], bool]:
-    """Return the special points between two neighbouring points of a branch, in the order along the branch,
-    and whether all of them are located. Special points that cannot be located are omitted. path: path from
+    """Return the special points between two neighbouring points of a branch, in their order along the branch.
+    Also return whether all of them are located; those that cannot be located are omitted. path: path from
     `before` to `after`; by default along the tangent at `before`."""
     found, tests = [], _tests(before, after)
     for kind, test in tests.items():

@@ -87,7 +87,7 @@ def _change(motion: Array, other: Array, sizes: Array) -> float:
 
 
 class _WithBreaks(DerivedPoints):
-    """Points with further breaks."""
+    """Points whose period has additional breaks."""
 
     def __init__(self, points: Points, breaks: tuple[float, ...]):
         super().__init__(points)
@@ -118,7 +118,7 @@ class _PeriodSteps:
         return self._motion(discretisation, state, nodes)
 
     def averaged_motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array] | None:
-        """Return the motion as from `motion`, with coefficients that are averaged over the phases between the
+        """Return the result of `motion` for coefficients that are averaged over the phases between the
         stages; None if the stages resolve the coefficients."""
         if steps not in self._averaged:
             self._averaged[steps] = self._averages(steps)

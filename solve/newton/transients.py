@@ -141,8 +141,8 @@ def transient(
 
 
 def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
-    """Return the linear orbit. for_sizes: whether only the sizes of the coordinates are required; a lower
-    speed is then used at a resonance."""
+    """Return the linear orbit. for_sizes: whether only the sizes of the coordinates are required. At a
+    resonance, the orbit at a lower speed is then returned."""
     try:
         return periodic(system, speed, rtol=rtol, engine=engine)
     except ResonanceError:
@@ -189,9 +189,9 @@ class _Integration:
 
     def run(self, state: Array, ends: Array) -> tuple[Array, Array, float, list[str]]:
         """Integrate from the initial state `state` with speeds `ends` at the ends of the periods. Return
-        nodes (k,), motions as from `_march`, their error including the interpolation error, and warnings. The
-        number of states per period is increased until the interpolation is accurate or the memory limit is
-        reached.
+        nodes (k,), motions in the form that `_march` returns, their error including the interpolation error,
+        and warnings. The number of states per period is increased until the interpolation is accurate or the
+        memory limit is reached.
 
         Linear motion with vibrations that are too fast for the steps or states is not rejected, but its error
         is reported. Raises TransientError for nonlinear motion that CVODES cannot integrate even with few

@@ -153,8 +153,8 @@ def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -
 
 
 def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unknowns:
-    """Return a harmonic vibration with the mode shape `shape` (n,) as unknowns, to be used as the direction
-    of a branch. function: np.cos or np.sin of the phase."""
+    """Return, in the form of unknowns, a harmonic vibration with the mode shape `shape` (n,). It serves as
+    the direction of a branch. function: np.cos or np.sin of the phase."""
     rates = {np.cos: (np.cos, lambda x: -np.sin(x)), np.sin: (np.sin, np.cos)}[function]
     values = [shape[:, None] * rate(grid.nodes) for rate in rates]
     q, v, a = values[0].T, values[1].T, -values[0].T
@@ -163,7 +163,7 @@ def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unkno
 
 def _without_trivial(point: Point) -> Point:
     """Return a copy of a point in which the two multipliers nearest to +1, which are due to phase shift and
-    energy, are exactly +1. The spectral radius is that of the other multipliers, but at least 1."""
+    energy, are set to exactly +1. The spectral radius is that of the other multipliers, but at least 1."""
     rho = point.orbit.multipliers.copy()
     order = np.argsort(np.abs(rho - 1))
     rho[order[:2]] = 1.0

@@ -128,7 +128,8 @@ class FrozenModes:
         return fields[: 3 * self.n**2].reshape(3, self.n, self.n, *fields.shape[1:])
 
     def _rates_at(self, phases: Array | slice) -> Array:
-        """M, C and K as from `_matrices_at`, with the rates of first-order coordinates as unknowns."""
+        """M, C and K at the selected phases, in the form that `_matrices_at` returns, with the rates of
+        first-order coordinates as unknowns."""
         return fields_by_rates(self._matrices_at(phases), self._first_order)
 
     @property
@@ -136,8 +137,8 @@ class FrozenModes:
         return self.n == 1 and not self._first_order
 
     def has_steady_inertia(self) -> Array:
-        """Whether (P,) det M has the same sign at every phase, and its modulus always exceeds the fraction
-        `_STEADY` of its median."""
+        """Mask (P,) of the points at which det M has the same sign at every phase, and its modulus always
+        exceeds the fraction `_STEADY` of its median."""
         if self._is_oscillator and not self._tables.per_point:
             low, high = self._ranges
             steady = (low[0] > _STEADY * high[0]) | (high[0] < _STEADY * low[0])
@@ -261,7 +262,8 @@ class FrozenModes:
         return (np.einsum("pij,pj->pi", coupling, sizes) + largest) / stiffness
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array:
-        """Whether (k,) the points with indices `points` (k,) can drift freely in some direction v.
+        """Return a mask (k,) of the points with indices `points` (k,) that can drift freely in some direction
+        v.
 
         The conditions are C v = K v = 0 at every phase, within round-off, and Φ (v, 0) = (v, 0); the
         monodromy matrix Φ (k, 2n, 2n) depends on all phases. Then q = v t is a solution, and the multiplier
@@ -299,8 +301,8 @@ class FrozenModes:
         return units
 
     def exceeds_rate(self, rate: float) -> Array:
-        """Whether (P,) sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds `rate` at any phase, where ρ is the spectral
-        radius."""
+        """Return a mask (P,) of the points at which sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds `rate` at any phase,
+        where ρ is the spectral radius."""
         if self._is_oscillator:
             exceeds = ~self._bounded_by_ranges(rate)
             rows = exceeds.nonzero()[0]
@@ -326,7 +328,8 @@ class FrozenModes:
         return exceeds
 
     def is_within(self, rate: Array | float) -> Array:
-        """Whether (P,) bounds prove that, at all phases, no eigenvalue has a modulus above `rate` (P,).
+        """Return a mask (P,) of the points for which bounds prove that, at all phases, no eigenvalue has a
+        modulus above `rate` (P,).
 
         λ²M + λC + K is regular for all |λ| > r if (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v."""
         rate = np.broadcast_to(rate, len(self))
@@ -359,8 +362,8 @@ class FrozenModes:
         return is_within
 
     def _bounded_by_ranges(self, rate: Array | float) -> Array:
-        """Whether (P,) the ranges of the entries prove |C/M| + |K/M|/rate ≤ rate; False for several
-        coordinates and for terms that differ between points."""
+        """Return a mask (P,) of the points for which the ranges of the entries prove |C/M| + |K/M|/rate ≤
+        rate. It is False for several coordinates, and for terms that differ between points."""
         if not self._is_oscillator or self._tables.per_point:
             return np.zeros(len(self), dtype=bool)
         low, high = self._ranges

@@ -173,8 +173,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
 
     - Asymptotically stable: all |ρ| + e < 1 - 1e-9.
     - Unstable: some |ρ| - 2 e > 1 + 1e-9, or a coordinate drifts freely. The factor 2 is used because e is
-      only
-      an estimate.
+      only an estimate.
     - Stable: all multipliers that are not inside the circle have |ρ| - e ≤ 1 + 1e-9 and ||ρ| - 1| + e ≤ 1e-6,
       and none of them can be defective (chapter Section 2).
     - Undetermined otherwise.
@@ -204,7 +203,8 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
 
 
 def verdicts_by_moduli(multipliers: Multipliers, errors: Array) -> Array:
-    """Verdicts (P,) as from `verdicts`, but without the tests for multiple multipliers and for drift."""
+    """Verdicts (P,) by the rules of `verdicts`, but without the tests for multiple multipliers and for
+    drift."""
     e = _absolute_errors(multipliers, errors)
     return _by_moduli(multipliers.moduli, e, e, e)
 

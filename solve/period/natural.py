@@ -124,7 +124,7 @@ def _elastic(M: Array, K: Array, vectors: Array, references: list[int], rest: li
 
 
 def _symmetric(A: Array, M: Array) -> Array:
-    """Whether (m,) matrices (m, n, n) are symmetric, in coordinates of unit inertia."""
+    """Return a mask (m,) of the matrices (m, n, n) that are symmetric in coordinates of unit inertia."""
     unit = inertia_units(M)
     scaled = A * unit[:, :, None] * unit[:, None, :]
     asymmetry = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))

@@ -114,7 +114,7 @@ class CoupledPairs:
 
     @property
     def coupled(self) -> Array:
-        """Whether (r, S) the coupling exceeds the noise."""
+        """Mask (r, S) of the pairs and shifts whose coupling exceeds the noise."""
         return self.coupling > self.noise[:, None]
 
     @property

@@ -57,7 +57,8 @@ def quadratic_moduli(M: Array, C: Array, K: Array) -> tuple[Array, Array]:
 
 
 def spectral_radius_within_one(B: Array) -> Array:
-    """Whether (P,) bounds prove that nonnegative matrices B (n, n, P, k) have spectral radii of at most 1.
+    """Return a mask (P,) of the points for which bounds prove that the spectral radii of nonnegative matrices
+    B (n, n, P, k) are at most 1.
 
     The spectral radius is at most 1 if B v ≤ v for some positive v (Perron, Collatz).
     """
@@ -135,8 +136,8 @@ def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) 
 
 
 def has_steady_determinant(M: Array, fraction: float) -> Array:
-    """Whether (P,) the determinants of matrices (n, n, P, k) have the same sign at all k phases, and moduli
-    above `fraction` times the modulus of their median."""
+    """Return a mask (P,) of the points at which the determinants of the matrices M (n, n, P, k) have the same
+    sign at all k phases, and their moduli exceed `fraction` times the median modulus."""
     n = len(M)
     if n > LOOPED:
         sign, logarithm = np.linalg.slogdet(np.moveaxis(M, (0, 1), (2, 3)))

@@ -126,14 +126,14 @@ _A_STEP = 4
 
 
 def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
-    """Statistics (n, 7) of the coordinates of one curve, as from `figures`."""
+    """Statistics (n, 7) of the coordinates of one curve, in the order of `Statistics`."""
     return Quantities(curve[None], np.ones(1), engine=engine).figures()[0]
 
 
 def compiled_output_figures(
     system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str
 ) -> Array | None:
-    """Statistics (o, 7) of the outputs as from `figures`, but from compiled code; None if it is not
+    """Statistics (o, 7) of the outputs, in the order of `Statistics`, from compiled code; None if it is not
     available. `speed` is in rad/s."""
     formulas = output_formulas(system) if engine == COMPILED else None
     if formulas is None:
@@ -146,7 +146,8 @@ def compiled_output_figures(
 
 
 def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Statistics (o, 7) of the outputs as from `figures`, from compiled code if it is available."""
+    """Statistics (o, 7) of the outputs, in the order of `Statistics`, from compiled code if it is
+    available."""
     compiled = compiled_output_figures(system, curve, speed, engine)
     if compiled is not None:
         return compiled
@@ -161,7 +162,8 @@ def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, e
 
 
 def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Statistics (n + o, 7) of the coordinates and outputs, in this order, as from `figures`."""
+    """Statistics (n + o, 7) of the coordinates, followed by those of the outputs, in the order of
+    `Statistics`."""
     of_coordinates = coordinate_figures(curve, engine)
     if not system.outputs:
         return of_coordinates

@@ -86,19 +86,19 @@ class RigidBodyModes:
 
     @property
     def conserving(self) -> Array:
-        """Whether (P,) each point has a conserved momentum."""
+        """Mask (P,) of the points with a conserved momentum."""
         if self.momentum is None:
             return np.zeros(len(self), dtype=bool)
         return np.asarray(self.momentum.any(axis=1))
 
     @property
     def dragged(self) -> Array:
-        """Whether (P, r) each mode is damped by drag."""
+        """Mask (P, r) of the modes that are damped by drag."""
         return self.present & self.damped & ~self.conserving[:, None]
 
     @property
     def present(self) -> Array:
-        """Whether (P, r) each column contains a mode."""
+        """Mask (P, r) of the columns that contain a mode."""
         return np.asarray(self.vectors.any(axis=1))
 
     @property
@@ -134,7 +134,7 @@ class RigidBodyModes:
 
     @property
     def any(self) -> Array:
-        """Whether (P,) each point has rigid-body modes."""
+        """Mask (P,) of the points with rigid-body modes."""
         return np.asarray(self.present.any(axis=1))
 
     @property
@@ -241,15 +241,16 @@ def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, peri
 
 
 def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
-    """Whether (P,) K e = 0 for all modes of each point at k further phases. K, C and M (P, k, n, n) are the
-    matrices at these phases."""
+    """Return a mask (P,) of the points at which K e = 0 for all modes e at k further phases. K, C and M (P,
+    k, n, n) are the matrices at these phases."""
     allowed = BOUND * np.abs(K).max(axis=1) + ROUNDING * (np.abs(M) + np.abs(C)).max(axis=1)
     residual = np.abs(K @ modes.vectors[:, None]).max(axis=1)
     return np.asarray((residual <= allowed @ np.abs(modes.vectors)).all(axis=(1, 2)))
 
 
 def may_be_singular(K: Array, noise: Array) -> Array:
-    """Whether (P,) a relative change of the entries by `BOUND` may make the matrices (P, n, n) singular.
+    """Return a mask (P,) of the points at which a relative change of the entries by `BOUND` may make the
+    matrix K (n, n) singular.
 
     Such a change alters the determinant by at most n BOUND times the product of the row sums."""
     with np.errstate(invalid="ignore", over="ignore"):

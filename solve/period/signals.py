@@ -45,9 +45,9 @@ def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array
     """Statistics (…, 7) of quantities, from their values (…, k) at k uniform phases from 0. The last axis
     contains the fields of `Statistics`.
 
-    at: function that returns the values (…, j) of each quantity at phases (…, j) of its own. It is used to
-    find the extrema of the continuous curve between the samples. All statistics are NaN if a value is not
-    finite.
+    at: function that returns values (…, j) of the quantities at phases (…, j), which may differ between
+    quantities. It is used to find the extrema of the continuous curve between the samples. All statistics are
+    NaN if a value is not finite.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         return _figures(_known(values), at, period)
@@ -71,7 +71,7 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
 
 
 def _known(values: Array) -> Array:
-    """Values (…, k); all k values are NaN if one of them is not finite."""
+    """Return values (…, k), of which all k are replaced by NaN if one of them is not finite."""
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
@@ -229,7 +229,8 @@ def enough_samples(samples: int, count: int) -> int:
 
 
 def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SAMPLES) -> tuple[Array, Array]:
-    """Return the amplitudes and phase angles of `count` harmonics of one quantity, as from `spectrum`.
-    Harmonic k has k cycles per period. Raises ValueOutOfBoundsError for an invalid count."""
+    """Return the amplitudes and phase angles of `count` harmonics of one quantity, in the form that
+    `spectrum` returns. Harmonic k has k cycles per period. Raises ValueOutOfBoundsError for an invalid
+    count."""
     enough = enough_samples(samples, count)
     return spectrum(signal(np.arange(enough) * (period / enough)), count)

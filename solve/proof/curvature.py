@@ -27,7 +27,8 @@ _SHORTEST = 2.0**-12
 
 @dataclass(frozen=True)
 class Cell:
-    """Interval of phases with the inputs of the equations and the moduli (n, n) of (M T W)⁻¹."""
+    """Data of an interval of phases: inputs of the equations, and moduli (n, n) of the entries of (M T
+    W)⁻¹."""
 
     inputs: list[Sequence[Ball]]
     inverse: list[list[Ball]]
@@ -37,7 +38,7 @@ class Cell:
 class Curvature:
     """Bounds Λ in tubes around the motion of an equation. The cells cover the period.
 
-    second: second derivatives of the residual, and the residual. sizes: s (3n,)."""
+    second: function that returns the second derivatives of the residual, and the residual. sizes: s (3n,)."""
 
     equation: Equation
     second: Instructions

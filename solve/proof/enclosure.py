@@ -115,8 +115,8 @@ def enclosed(
 
 
 def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool) -> str:
-    """Text of the assumptions: on the numbers and functions of a system and, unless the instructions prove
-    it, on its periodicity."""
+    """Return a text that states the assumptions of a proof. They concern the numbers and functions of a
+    system and, unless the instructions prove it, the period."""
     texts, multiple = [_ALL_WITHIN if rounded else EXACT], multiple_of_pi(system.period)
     if not isinstance(system, Model):
         texts.append(_OF_FUNCTIONS if system.capabilities.samples is None else _OF_SAMPLES)

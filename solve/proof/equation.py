@@ -225,7 +225,7 @@ class Equation:
 
 
 def _exact(*factors: Array) -> bool:
-    """Whether the products of these factors with the scales, which are powers of two, are neither subnormal
-    nor infinite."""
+    """Whether all entries of `factors` remain finite and normal numbers if they are multiplied by the scales,
+    which are powers of two."""
     sizes = np.abs(np.concatenate([factor.ravel() for factor in factors]))
     return bool((np.isfinite(sizes) & ((sizes == 0) | (sizes > _TINY))).all())

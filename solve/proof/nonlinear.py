@@ -89,7 +89,7 @@ def enclosed_orbit(
 
 @dataclass(frozen=True)
 class _LinearisedProof:
-    """Equations linearised about a motion, and what is proved of the nonlinear orbit near the motion: an
+    """Equations linearised about a motion, and proved properties of the nonlinear orbit near the motion: an
     enclosure Φ of its monodromy matrix, and the radii of existence."""
 
     equation: Equation

@@ -36,13 +36,14 @@ def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:
 
 
 def position_and_rate(state: Matrix) -> Matrix:
-    """Scaled state y (2n, 1): the argument without its last entry, 1, which belongs to the load."""
+    """Return the scaled state y (2n, 1): `state` without its last entry, which is the unit load."""
     return arb_mat(state.table()[:-1])
 
 
 def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[list[Ball], Ball]]:
-    """Linear combination `row` (1, 2n) of the state on each step: coefficients of the powers of τ, and a
-    bound on the error of the polynomial."""
+    """Return, for each step, a polynomial that approximates a linear combination of the state: its
+    coefficients of the powers of τ, and a bound on its error. `row` (1, 2n) contains the factors of the
+    combination."""
     weight = sum((entry.abs_upper() for entry in row.entries()), arb(0))
     found = []
     for step, state in zip(turn.steps, states, strict=True):

@@ -103,7 +103,7 @@ class Plane:
         return equation_of(*self.at(*(sum(side) / 2 for side in box)), rounded=False)
 
     def moved(self, equation: Equation, x: Ball, y: Ball) -> Equation:
-        """The same equation for other values of the two quantities, in the same scales."""
+        """Return `equation` for the values x and y of the two quantities, with its scales unchanged."""
         order, parameters, speed = (
             list(self.system.setup.case.parameters),
             list(equation.parameters),
@@ -172,7 +172,8 @@ def polynomials(plane: Plane, box: Box, executor: Executor | None = None) -> Pol
 def _values(
     plane: Plane, box: Box, degrees: tuple[int, int], nodes: Sequence[tuple[int, int]]
 ) -> list[Array]:
-    """Midpoints and radii (2, k) of the k functions, for each of the given Chebyshev nodes of the box."""
+    """Return the midpoints and radii (2, k) of the k functions at each of the Chebyshev nodes `nodes` of the
+    box."""
     with precision(2 * _BITS):
         equation = plane.equation(box)
         period, breaks = period_of(plane.system), plane.system.breaks

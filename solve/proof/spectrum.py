@@ -50,7 +50,7 @@ def multipliers(Phi: Matrix) -> list[Multiplier]:
 
 
 def _similar(Phi: Matrix) -> list[Matrix]:
-    """The matrix and, if its eigenvectors are linearly independent, a similar matrix that is nearly
+    """Return `Phi` and, if its eigenvectors are linearly independent, a similar matrix that is nearly
     diagonal."""
     X = Phi.mid().eig(right=True, algorithm="approx")[1].mid()
     try:

@@ -66,7 +66,7 @@ class Ambiguity:
         Speeds in rad/s, or values of the parameter.
     kind : {"close", "locked"}
         "close": the difference between the exponents is below the resolution. "locked": in a parametric
-        resonance, the two exponents cannot be assigned to one of the modes each.
+        resonance, it is undetermined which of the two exponents belongs to which mode.
     """
 
     modes: tuple[str, str]
@@ -154,7 +154,7 @@ class ModesOver(ResultOver):
 
 @dataclass(frozen=True)
 class FollowedModes(ModesOver):
-    """Floquet modes followed over the speed or a parameter, from `solve.follow_modes`.
+    """Floquet modes followed as the speed or a parameter varies, from `solve.follow_modes`.
 
     It has the attributes of `ModesOver`.
     """

@@ -209,8 +209,9 @@ class Sweep(Result):
     def unstable(self) -> list[tuple[float, float, str]]:
         """Ranges of neighbouring unstable speeds: edges in rad/s, and the kind of the largest multiplier.
 
-        Edges lie halfway to stable neighbours, and next to failed speeds at the last solved speed;
-        `solve.bands` refines them. The list is empty if parameters vary too.
+        An edge lies halfway between an unstable speed and its stable neighbour. If the neighbour has failed,
+        the edge is the unstable speed itself. `solve.bands` refines the edges. The list is empty if
+        parameters vary too.
         """
         if self.parameters:
             return []

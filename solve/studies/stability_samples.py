@@ -90,7 +90,7 @@ class StabilitySamples:
 
     @property
     def kinds(self) -> Array:
-        """Index in KINDS (k,) that describes the largest multiplier."""
+        """Indices (k,) in KINDS of the kind of the largest multiplier."""
         return kinds_of(self.multipliers)
 
     @cached_property

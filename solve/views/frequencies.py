@@ -199,7 +199,7 @@ def _label_frequencies(axes: Axes) -> None:
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
     """Table with one row per position, and statistics."""
     listed = _lowest(min(found.values.shape[1], MOST_SHOWN), most_frequencies(found.system))
-    table = table_of(f"Over a revolution, rad/s{listed}", found.columns, most=MOST_ROWS)
+    table = table_of(f"Frequencies over a revolution, rad/s{listed}", found.columns, most=MOST_ROWS)
     table.add_section()
     for name, values in found.statistics(0).items():
         table.add_row(name, *map(found.text_of, values[:MOST_SHOWN]))
@@ -212,7 +212,7 @@ def variation_tables(found: Variation) -> Sequence[Table]:
     frequency if the lowest mode is a rigid-body mode; and the frequencies of up to three separate links."""
     mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
     caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
-    title = f"Over {found.parameter}, rad/s{mean_of}"
+    title = f"Frequencies versus {found.parameter}, rad/s{mean_of}"
     return [table_of(title, found.columns, most=MOST_ROWS, caption=caption)]
 
 

@@ -108,8 +108,8 @@ def _draw_curve(
     axes.set_xlim(0.0, math.degrees(system.period))
     axes.margins(y=0.08)
     axes.set_ylabel(labelled(name, unit))
-    # 46 characters fit above a panel.
-    meaning = textwrap.shorten(system.labels.meanings.get(name, ""), 46, placeholder=" …")
+    # A line above a panel has space for 46 characters.
+    meaning = textwrap.fill(system.labels.meanings.get(name, ""), 46, max_lines=3, placeholder=" …")
     axes.set_title(meaning, loc="left", color=GREY)
     return factor, unit
 

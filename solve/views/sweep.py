@@ -65,8 +65,8 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 
 @tables.register(Sweep)
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
-    """Table with one row per point, which contains the largest absolute values of the named quantities, by
-    default of as many coordinates as fit."""
+    """Table with one row per point. It contains the largest absolute values of the named quantities; by
+    default, of as many coordinates as fit."""
     names = names or _quantities_to_draw(sweep)
     units = sweep.system.labels.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
@@ -83,7 +83,7 @@ def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[Renderable
     if sweep.system.labels.vibrates:
         columns["radius"] = Column(sweep.spectral_radius, heading="|ρ|", text=digits(".6g"))
         columns["verdict"] = Column([point.stability for point in sweep.points], heading="stability")
-    title = f"Over {', '.join([*sweep.parameters, SPEED])}"
+    title = f"Response versus {', '.join([*sweep.parameters, SPEED])}"
     caption = "others by --show NAME, all by --json" if fitting < len(names) else None
     return [table_of(title, columns, most=MOST_ROWS, caption=caption)]
 

@@ -2,10 +2,10 @@
 narrow stiffness bump.
 
 The system q″ + 0.02 q′ + (3.9 + b(φ)) q = 0 is asymptotically stable without the bump b, |ρ| = 0.939, and
-unstable with it. Bumps of an area of 1/2 stand at N random places, undeclared. Their shapes are a Gaussian
-exp(-(φ - a)²/w²), one period of cos² and a rectangle of the whole width w. A shift of the place does not
-change the multipliers, so that each shape and width has one reference value, by fourth-order Magnus steps of
-the bump between two matrix exponentials, exact for the rectangle."""
+unstable with it. Bumps with an area of 1/2 are placed at N random phases a, and are not declared as breaks.
+Their shapes are a Gaussian exp(-(φ - a)²/w²), one period of cos², and a rectangle of total width w. The
+multipliers do not depend on a, so that there is one reference value for each shape and width. It is computed
+by fourth-order Magnus steps over the bump, between two matrix exponentials; it is exact for the rectangle."""
 
 import argparse
 from collections.abc import Callable, Sequence

@@ -1,4 +1,5 @@
-"""The contenders on one problem: cam, case 1, 600 rpm, q3 to 1e-6 of the converged reference."""
+"""Programs compared on one problem: cam, case 1, at 600 rpm, with an error of q3 of at most 1e-6 relative to
+the converged reference."""
 
 import functools
 from collections.abc import Callable
@@ -52,7 +53,7 @@ def orbit_alone(engine: str) -> Result:
 
 
 def one_grid(engine: str) -> Result:
-    """Return the result on one grid without error estimates, as the peers give it."""
+    """Return the result on one grid without error estimates, as the other programs do."""
     grid = Grid.uniform(304, cam().period)
     solutions = solve.Radau().solutions(SinglePoint(cam(), peers.SPEED), grid, True, engine)
     assert solutions.curve is not None

@@ -1,9 +1,9 @@
-"""python -m tests.benchmarks.constants [--every K] [--seed S]: half and twice of every chosen constant of the
-certificate.
+"""python -m tests.benchmarks.constants [--every K] [--seed S]: effect of halving and doubling each constant
+of the error estimates.
 
-For each value: honesty, sharpness and verdicts of `auto`, Gauss and Radau on each K-th system of the
-population and by `auto` on each K-th of the fresh one, which has the seed S, and processor time with the
-references."""
+For each value, the program prints rates of honest and sharp estimates and of decided verdicts, and the
+processor time including the references. Every K-th system of the population is solved by `auto`, Gauss and
+Radau; every K-th system of the fresh population with seed S is solved by `auto`."""
 
 import argparse
 import time

@@ -1,6 +1,5 @@
-"""python -m tests.benchmarks.first_order: systems of second order beside the same with states.
-
-Each system has as many states as the other: n coordinates and their velocities. Run it with
+"""python -m tests.benchmarks.first_order: systems of second order compared with the same systems in
+first-order form. Both have the same states: n coordinates and their velocities. Run it with
 OMP_NUM_THREADS=1.
 """
 

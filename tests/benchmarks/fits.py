@@ -26,7 +26,7 @@ TRIALS = 5
 """Of the parameters in a search whose time is taken."""
 
 
-def written(file: Path, orbit, seed: int) -> Path:
+def record_file(file: Path, orbit, seed: int) -> Path:
     """Write a record of three channels with normal noise of 1 % of the standard deviation of each channel."""
     rng, columns = np.random.default_rng(seed), [ANGLES]
     for name in CHANNELS:
@@ -45,7 +45,7 @@ def coverage(trials: int, first: int = 0) -> dict[str, int]:
     orbit = solve.periodic(cam.varied(true), SPEED)
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(first, first + trials):
-            file = written(Path(folder) / "record.csv", orbit, seed)
+            file = record_file(Path(folder) / "record.csv", orbit, seed)
             fitted = solve.fit(cam, file, list(FREE), speed=SPEED, rtol=1e-5)
             for name, value in true.items():
                 held[name] += fitted.parameters[name].low <= value <= fitted.parameters[name].high
@@ -57,7 +57,7 @@ def times(names: list[str]) -> tuple[float, float]:
     cam = solve.load("cam")
     true = {name: cam.parameters[name] * FREE.get(name, 1.01) for name in names}
     with tempfile.TemporaryDirectory() as folder:
-        file = written(Path(folder) / "record.csv", solve.periodic(cam.varied(true), SPEED), 0)
+        file = record_file(Path(folder) / "record.csv", solve.periodic(cam.varied(true), SPEED), 0)
         sets = measured(file, cam, solve.periodic(cam, SPEED).speed)
 
     def search(exact: bool):

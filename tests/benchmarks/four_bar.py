@@ -1,9 +1,10 @@
-"""python -m tests.benchmarks.four_bar: the elastic four-bar at scale, one thread, processor's time.
+"""python -m tests.benchmarks.four_bar: the elastic four-bar with many coordinates; processor times of one
+thread.
 
-One period of 90 freedoms with its multipliers; a map of stresses over 200 speeds with 3 elements a link,
-beside SciPy's Radau at one speed. Its user is given x′ = P x + f by splines and the Jacobian P, and goes
-over the turn 2n + 1 times for the periodic solution and its multipliers, or marches until the transient
-has died away, which gives no multipliers.
+The first problem is an orbit with 90 degrees of freedom and its multipliers. The second is a map of stresses
+at 200 speeds with 3 elements per link, compared with SciPy's Radau at one speed. SciPy receives x′ = P x + f
+as splines, and the Jacobian P. It integrates 2n + 1 revolutions for the periodic solution with its
+multipliers; or it integrates until the transient has decayed, which does not yield multipliers.
 """
 
 import math

@@ -1,10 +1,11 @@
-"""python -m tests.benchmarks.heyoka_peers [--avx2]: heyoka's Taylor integrators beside certified calls.
+"""python -m tests.benchmarks.heyoka_peers [--avx2]: heyoka's Taylor integrators compared with certified
+solutions.
 
-F. Biscani, D. Izzo, MNRAS 504 (2021) 2614-2628. As its users would write it: the equations once in symbols,
-compiled once, points in batches as wide as it recommends, the loosest tolerance that reaches the accuracy.
-It gives monodromy matrices and the periodic state at the start of the turn; it estimates no error and looks
-for no extrema. Run it with OMP_NUM_THREADS=1. --avx2: ours compiled as for a processor without AVX-512;
-heyoka takes what there is.
+F. Biscani, D. Izzo, MNRAS 504 (2021) 2614-2628. The programs follow heyoka's documentation: equations as
+symbols, compiled once; points in batches of the recommended width; the largest tolerance that reaches the
+accuracy. They compute monodromy matrices and the periodic state at the start of the period, but neither error
+estimates nor extrema. Run it with OMP_NUM_THREADS=1. --avx2: this package is compiled for AVX2; heyoka uses
+all instructions of the processor.
 """
 
 import functools
@@ -90,7 +91,8 @@ def cam_single(
 
 
 def cam_batch(tolerance: float = TOLERANCES["cam"], spent: list[float] | None = None) -> tuple[Array, Array]:
-    """q (200, 3) at phase 0 and the multipliers; `spent` takes the seconds within heyoka."""
+    """Return q (200, 3) at phase 0 and the multipliers. The seconds spent in heyoka are appended to
+    `spent`."""
     width = hy.recommended_simd_size()
     maps = _in_batches(cam(tolerance, width), SPEEDS[:, None], np.eye(6, 7).T.ravel(), 2 * np.pi, spent)
     maps = np.swapaxes(maps.reshape(-1, 7, 6), 1, 2)
@@ -126,7 +128,7 @@ def _in_batches(integrator, points: Array, start: Array, period: float, spent: l
 
 
 def processor() -> str:
-    """Its name, and how many numbers the lanes hold."""
+    """Return the name of the processor, and the number of values per vector register."""
     information = Path("/proc/cpuinfo")
     lines = information.read_text(encoding="utf-8").splitlines() if information.exists() else []
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]

@@ -1,9 +1,10 @@
-"""python -m tests.benchmarks.heyoka_shooting: a nonlinear orbit beside shooting by heyoka's variations.
+"""python -m tests.benchmarks.heyoka_shooting: a nonlinear orbit compared with shooting by heyoka's
+variational equations.
 
-As its users would write it: the equations of motion once in symbols, their variational equations by
-`var_ode_sys`, compiled once; shooting from the state of the linear orbit, with steps halved until the
-residual falls. It gives the state at the start of the turn and the monodromy matrix and estimates no error.
-Run it with OMP_NUM_THREADS=1.
+The program follows heyoka's documentation: equations of motion as symbols, variational equations by
+`var_ode_sys`, compiled once. Shooting begins at the state of the linear orbit; corrections are halved until
+the residual decreases. The program computes the state at the start of the period and the monodromy matrix,
+without error estimates. Run it with OMP_NUM_THREADS=1.
 """
 
 import functools
@@ -27,8 +28,9 @@ _CLOSED, _MOST = 1e-8, 40
 
 @functools.cache
 def nonlinear_cam(tolerance: float):
-    """The cam's nonlinear equations of motion in the phase, θ = φ + q1, and their variations:
-    I1 q̈1 + c1 q̇1 + k1 q1 = U′(θ) (c2 q̇2 + k2 q2), accelerations of the others by their forces."""
+    """The cam's nonlinear equations of motion with the phase as independent variable and θ = φ + q1, and
+    their variational equations: I1 q̈1 + c1 q̇1 + k1 q1 = U′(θ) (c2 q̇2 + k2 q2), accelerations of the others
+    by their forces."""
     speed, phase = hy.par[0], hy.time
     q1, q2, q3, v1, v2, v3 = hy.make_vars("q1", "q2", "q3", "v1", "v2", "v3")
     angle, law = phase + q1, [(order, peers.LAW[order - 1]) for order in (1, 3, 5)]
@@ -44,7 +46,7 @@ def nonlinear_cam(tolerance: float):
     return hy.taylor_adaptive(hy.var_ode_sys(system, hy.var_args.vars), np.zeros(6), tol=tolerance)
 
 
-def turned(integrator, x: Array, speed: float = SPEED) -> tuple[Array, Array]:
+def period_map(integrator, x: Array, speed: float = SPEED) -> tuple[Array, Array]:
     """Return the state one period after x (6,) and its derivative with respect to x."""
     integrator.time, integrator.pars[0] = 0.0, speed
     integrator.state[:6], integrator.state[6:] = x, np.eye(6).ravel()
@@ -66,13 +68,13 @@ def shooting(tolerance: float = TOLERANCE) -> tuple[Array, Array, int]:
     """Return q (3,) and dq/dφ at phase 0, the multipliers, and the number of integrated periods."""
     integrator, x = nonlinear_cam(tolerance), start()
     sizes = np.maximum(np.abs(x), 1e-3 * np.abs(x).max())
-    end, Phi = turned(integrator, x)
+    end, Phi = period_map(integrator, x)
     size, part = np.abs((end - x) / sizes).max(), 1.0
     for turns in range(1, _MOST):
         if size < _CLOSED:
             return x, np.linalg.eigvals(Phi), turns
         trial = x + part * np.linalg.solve(np.eye(6) - Phi, end - x)
-        after, changed = turned(integrator, trial)
+        after, changed = period_map(integrator, trial)
         then = np.abs((after - trial) / sizes).max()
         if then < size:
             x, end, Phi, size, part = trial, after, changed, then, min(1.0, 2 * part)
@@ -82,13 +84,13 @@ def shooting(tolerance: float = TOLERANCE) -> tuple[Array, Array, int]:
 
 
 def fold(x: Array, speed: float) -> float:
-    """The speed, rad/s, at which det(Φ - I) = 0 on the orbit, by Newton's method with central differences
-    from a state (6,), q and dq/dφ, and a speed near it."""
+    """Return the speed (rad/s) at which det(Φ - I) = 0 on the orbit. Newton's method with central differences
+    starts from a state `x` (6,), q and dq/dφ, and a speed near the fold."""
     integrator, z = nonlinear_cam(1e-14), np.append(x, speed)
     unit = np.abs(z)
 
     def equations(z: Array) -> Array:
-        after, Phi = turned(integrator, z[:6] * unit[:6], z[6] * unit[6])
+        after, Phi = period_map(integrator, z[:6] * unit[:6], z[6] * unit[6])
         return np.append(after / unit[:6] - z[:6], np.linalg.det(Phi - np.eye(6)))
 
     z = z / unit

@@ -1,7 +1,7 @@
-"""python -m tests.benchmarks.jax_sweep (where JAX is installed): the cam over 200 speeds by RK4.
+"""python -m tests.benchmarks.jax_sweep (where JAX is installed): the cam at 200 speeds by RK4.
 
-Written as a user of JAX would: the matrices of chapter Eq. (64) as functions of the phase and the speed,
-one scan over 9300 steps of [Φ | x], `vmap` over the speeds, compiled; float64, one thread. Orbits follow
+The matrices of chapter Eq. (64) are functions of the phase and the speed. One scan over 9300 steps computes
+[Φ | x]; `vmap` applies it to all speeds. The program is compiled, with float64 and one thread. Orbits follow
 from the closed affine map and a second scan.
 """
 

@@ -1,7 +1,8 @@
-"""python -m tests.benchmarks.kernel [--avx2]: the inner kernels beside dgemm, and how the cost grows.
+"""python -m tests.benchmarks.kernel [--avx2]: speed of the inner kernels relative to dgemm, and growth of the
+cost with the size.
 
-Run it with OMP_NUM_THREADS=1. --avx2: compiled as for a processor without AVX-512; let OpenBLAS be as poor,
-by OPENBLAS_CORETYPE=Haswell.
+Run it with OMP_NUM_THREADS=1. --avx2: compile for AVX2; OPENBLAS_CORETYPE=Haswell restricts OpenBLAS
+likewise.
 """
 
 import ctypes
@@ -44,15 +45,16 @@ def dgemm() -> float:
 
 
 def products(n: int) -> float:
-    """Flops a second of the products of a period's maps, n × n, in NumPy: 2n³ each."""
+    """Return the flops per second of products of the maps (n × n) of a period in NumPy. A product has 2n³
+    flops."""
     A = np.random.default_rng(0).standard_normal((STEPS, n, n)) / np.sqrt(n)
     steps = Steps(A, np.zeros((STEPS, n)))
     return 2.0 * n**3 * (STEPS - 1) / best(lambda: monodromy(steps))
 
 
 def chain(n: int) -> tuple[float, float]:
-    """Flops a second of products of maps in lanes, n × n, n even, 2n³ each and lane, by the function that
-    lanes.c itself uses; and the error of a product of them all."""
+    """Return the flops per second of products of maps (n × n, n even) by the function of lanes.c, and the
+    error of the product of all maps. A product has 2n³ flops per lane."""
     text = Path(compiler.__file__).with_name("lanes.c").read_text(encoding="utf-8") + CHAIN
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "chain.c")
@@ -77,7 +79,8 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def stages(n: int) -> float:
-    """Flops a second of a step of Radau's method of order 9 in full lanes, its map's product among them."""
+    """Return the flops per second of a step of Radau's method of order 9 in full lanes, including the product
+    of its map."""
     method = solve.Radau().collocation
     rng, s = np.random.default_rng(0), len(method.c)
     entry = np.arange(3 * n**2 + n)

@@ -1,8 +1,8 @@
-"""python -m tests.benchmarks.large [ELEMENTS …]: certified orbits of the four-bar over its coordinates.
-
-Processor time of one orbit with the dominant multipliers at 30 rad/s to 1e-6, beside LAPACK's dgesv for the
-stage systems of the grid that is returned: what a program would take that knew the steps beforehand and did
-nothing else. The power of n is fitted from 27 coordinates on.
+"""python -m tests.benchmarks.large [ELEMENTS …]: certified orbits of the four-bar versus the number of
+coordinates. The processor time of one orbit with its dominant multipliers, at 30 rad/s with an error of at
+most 1e-6, is compared with that of LAPACK's dgesv for the stage systems of the final grid. A program that is
+given the number of steps and does no other work would take the latter time. The power of n is fitted from 27
+coordinates on.
 """
 
 import resource
@@ -22,13 +22,14 @@ _LARGE = 27
 
 
 def orbit(elements: int) -> tuple[float, solve.Orbit]:
-    """Processor time in seconds, and the orbit. Short ones are run before, too: the first one compiles."""
+    """Return the processor time in seconds, and the orbit. Short solutions are first run once without timing,
+    because the first run compiles."""
     system = model(elements)
     return median(lambda: solve.periodic(system, SPEED, rtol=RTOL), 3 if system.n < _LARGE else 1)
 
 
 def by_lapack(n: int, stages: int, steps: int) -> float:
-    """Processor time in seconds of a number of systems of the stages' order with 2n + 1 right sides."""
+    """Return the processor time in seconds of `steps` stage systems with 2n + 1 right-hand sides."""
     rng, order = np.random.default_rng(1), stages * n
     A = np.asfortranarray(rng.standard_normal((order, order)) + 2 * order**0.5 * np.eye(order))
     right = np.asfortranarray(rng.standard_normal((order, 2 * n + 1)))

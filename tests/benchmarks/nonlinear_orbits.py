@@ -1,8 +1,7 @@
-"""python -m tests.benchmarks.nonlinear_orbits: nonlinear orbits beside marching by CVODES, and branches.
-
-Marching goes on turn after turn from the state of the linear orbit until that at the start of a turn is
-within 1e-6 of the nonlinear one's, with the tolerance, a power of ten, with which that takes least time. Run
-it with OMP_NUM_THREADS=1.
+"""python -m tests.benchmarks.nonlinear_orbits: nonlinear orbits compared with time integration by CVODES, and
+branches. CVODES integrates one period after another from the state of the linear orbit, until the state at
+the start of a period is within 1e-6 of that of the nonlinear orbit. Its tolerance is the power of ten with
+which this takes the least time. Run it with OMP_NUM_THREADS=1.
 """
 
 import time
@@ -20,8 +19,8 @@ TOLERANCES = 1e-5, 1e-6, 1e-7, 1e-8, 1e-9
 
 
 def marched(system: PeriodicSystem, orbit: solve.Orbit, rtol: float, most: int) -> int | None:
-    """Turns from the linear orbit until the state is within the accuracy of the nonlinear one's; None where
-    the most do not do."""
+    """Return the number of periods after which the state is within the accuracy of that of the nonlinear
+    orbit; None if `most` periods do not suffice."""
     sizes = np.concatenate([np.abs(part).max(axis=1) for part in (orbit.q, orbit.qd / orbit.speed)])
     march, linear = system.marcher(sizes[: system.n], 1, rtol), solve.periodic(system, orbit.speed, rtol=1e-3)
     state = np.concatenate((linear.q[:, 0], linear.qd[:, 0] / orbit.speed))

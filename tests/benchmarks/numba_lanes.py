@@ -1,4 +1,4 @@
-"""Radau's step for points side by side in Numba: the loops of lanes.c with the points as innermost loop."""
+"""Radau's step for several points in Numba: the loops of lanes.c with the points as innermost loop."""
 
 import numba
 import numpy as np
@@ -16,7 +16,7 @@ def subtract(rows, i, k, factor, start):
 
 @quick
 def build(n, h, e, A, A2, c, rows):
-    """Build the stage system and its right sides from the entries e (s, 3n² + n, lanes)."""
+    """Build the stage system and its right-hand sides from the entries e (s, 3n² + n, lanes)."""
     s, lanes = e.shape[0], e.shape[2]
     for i in range(s):
         for a in range(n):
@@ -35,7 +35,7 @@ def build(n, h, e, A, A2, c, rows):
 
 @quick
 def solve(order, rows, factor):
-    """Replace the right sides by the solutions, without row exchanges."""
+    """Replace the right-hand sides by the solutions, without row exchanges."""
     lanes = rows.shape[2]
     for k in range(order):
         for i in range(k + 1, order):

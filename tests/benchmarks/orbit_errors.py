@@ -1,7 +1,7 @@
 """python -m tests.benchmarks.orbit_errors [--seed N] [--seconds S]: errors of nonlinear orbits.
 
 Errors are divided by their estimates. Seven models have random parameters, speeds and tolerances; a mass with
-backlash is solved beside the folds of its branches. The true error is the difference from the orbit with a
+backlash is solved near the folds of its branches. The true error is the difference from the orbit with a
 tolerance of 1e-11 that starts on the orbit.
 """
 
@@ -45,7 +45,7 @@ def scaled(rng: np.random.Generator, numbers: dict[str, float]) -> dict[str, flo
 
 
 def trials(rng: np.random.Generator) -> Iterator[Trial]:
-    """Orbits of each model in turn, without end."""
+    """Yield orbits of all models in rotation, without end."""
     cam, gear, crank = solve.load("cam"), solve.load("gear_backlash"), solve.load("slider_crank")
     rotor, rpm = solve.load(jeffcott, **ROTOR), np.pi / 30
     for kind in cycle(range(8)):
@@ -76,7 +76,7 @@ def trials(rng: np.random.Generator) -> Iterator[Trial]:
 
 
 def beside_folds(rng: np.random.Generator) -> Iterator[Trial]:
-    """Orbits beside the folds of a branch of a mass with random backlash."""
+    """Yield orbits near the folds of a branch of a mass with random backlash."""
     model = solve.load(mesh, **scaled(rng, NUMBERS), **scaled(rng, LOADS))
     try:
         branch = solve.branch(model, (0.5, 0.9), points=30, rtol=1e-5)
@@ -90,7 +90,8 @@ def beside_folds(rng: np.random.Generator) -> Iterator[Trial]:
 
 
 def ratios(trial: Trial) -> tuple[float, float] | None:
-    """Error over the sum of both estimates, of orbit and multipliers; None without two equal orbits."""
+    """Return the errors of orbit and multipliers, each divided by the sum of the estimates of both solutions;
+    None if the solutions are different orbits."""
     try:
         start = {} if trial.start is None else {"start": trial.start}
         orbit = solve.nonlinear(trial.model, trial.speed, rtol=trial.rtol, **start)

@@ -1,14 +1,15 @@
 """python -m tests.benchmarks.population [--fresh] [--start I] [--first K] [--every K]: error estimates and
-verdicts against the truth, on the whole population (half an hour) or on its systems I, I + K, I + 2K, … among
-the first: rates by method, by kind and method, and the worst results. With --fresh it is the population on
-which no estimate was tuned, and the method `auto` alone."""
+verdicts compared with reference solutions. The program solves the whole population in half an hour, or the
+systems I, I + K, I + 2K, … of the first ones. It prints rates for each method, and for each kind and method,
+and the worst results. With --fresh, the population is the one on which no estimate was tuned, and `auto` is
+the only method."""
 
 import argparse
 import sys
 from collections.abc import Sequence
 
 from tests.solve.certificates import fresh, population
-from tests.solve.certificates.trials import TRIALS, Outcome, asked, grouped, outcomes, rates
+from tests.solve.certificates.trials import TRIALS, Outcome, grouped, outcomes, rates, request_name
 
 WORST = 10
 FRESH_TRIALS = [trial for trial in TRIALS if trial.name == "auto" and trial.rtol in {1e-4, 1e-8}]
@@ -35,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if index % 50 == given.start % 50:
             print(f"system {index} of {source.SIZE}", file=sys.stderr, flush=True)
     print(f"{len(chosen)} systems, {len(found)} results, each with orbit and multipliers\n")
-    methods = grouped(found, asked)
+    methods = grouped(found, request_name)
     for name, part in methods.items():
         print(rates(name, part))
     with_steps = [each for each in found if each.trial.steps]

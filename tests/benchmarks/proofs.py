@@ -1,7 +1,8 @@
-"""python -m tests.benchmarks.proofs [smooth|bump] [FIRST LAST]: proofs beside an independent integration.
+"""python -m tests.benchmarks.proofs [smooth|bump] [FIRST LAST]: proofs compared with an independent
+integration.
 
-By default all 200 random smooth systems and 40 places of a bump, which take some ten minutes. Run it with
-OMP_NUM_THREADS=1.
+By default, the 200 random smooth systems and 40 phases of a bump are proved, which takes about ten minutes.
+Run it with OMP_NUM_THREADS=1.
 """
 
 import sys

@@ -2,8 +2,8 @@
 
 Those with up to three coordinates are stored in tests/solve/certificates/proved.jsonl.
 
-The ordinary results beside them show how large their true errors are, relative to their estimates. All take
-some ten minutes. Run it with OMP_NUM_THREADS=1.
+The true errors of the numerical results are printed relative to their estimates. The whole population takes
+about ten minutes. Run it with OMP_NUM_THREADS=1.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Derivatives of the cam's orbit against one certified solve and against central differences.
+"""Times of derivatives of the cam's orbit relative to one certified solution and to central differences.
 
 python -m tests.benchmarks.sensitivities
 """

@@ -1,4 +1,4 @@
-"""python -m tests.benchmarks.sweeps: many points at once against one at a time, one thread.
+"""python -m tests.benchmarks.sweeps: many points solved together or one at a time; one thread.
 
 Cam over 200 speeds and over speed × k3, Mathieu's chart of 300 × 300 points; SciPy's DOP853 on a sample
 of the points, as a user would call it: one solve_ivp on the matrix equation of Φ.
@@ -40,7 +40,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
 def dop853(system, speed: float, rtol: float) -> np.ndarray:
-    """Φ by time-stepping the matrix equation in phase."""
+    """Return Φ by integration of the matrix equation, with the phase as independent variable."""
     n, point = system.n, SinglePoint(system, speed)
 
     def rate(phase, y):

@@ -12,9 +12,9 @@ Result = TypeVar("Result")
 
 
 def median(run: Callable[[], Result], repeats: int = REPEATS) -> tuple[float, Result]:
-    """Median time in seconds of so many runs, and the last result. Unless a single run is asked for, others
-    warm up before, and short ones go on until WARM seconds have passed: ten of a few milliseconds pass before
-    the interpreter and the caches are warm."""
+    """Return the median time in seconds of `repeats` runs, and the last result. Unless `repeats` is 1, the
+    runs are preceded by runs that are not timed: short ones are repeated until WARM seconds have passed,
+    because interpreter and caches need about ten runs of a few milliseconds."""
     if repeats == 1:
         start = time.process_time()
         result = run()

@@ -1,7 +1,7 @@
-"""python -m tests.benchmarks.zig: code of the kernel compiled by Zig, beside that of GCC or Clang.
-
-Ratios of processor times of steps of Radau's method for points side by side, see `lane_compilers`, and of
-elapsed times of the compilation. Each compiler has an empty cache. Run it with OMP_NUM_THREADS=1.
+"""python -m tests.benchmarks.zig: kernel compiled by Zig compared with the kernel compiled by GCC or Clang.
+The program prints ratios of processor times of steps of Radau's method for several points, see
+`lane_compilers`, and ratios of elapsed times of the compilation. Each compiler has an empty cache. Run it
+with OMP_NUM_THREADS=1.
 """
 
 import os
@@ -49,7 +49,8 @@ def compiled(n: int, cache: str, **values: str) -> tuple[float, float]:
 
 
 def ratios(n: int) -> tuple[float, float]:
-    """Compilation and run by Zig over those by the usual compiler: the shortest of runs in turn."""
+    """Return the ratios of the times of compilation and run, Zig's divided by those of the usual compiler.
+    Runs alternate, and the shortest times are used."""
     with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
         usual, other = zip(
             *((compiled(n, one), compiled(n, two, PATH="", CC="")) for _ in range(ROUNDS)), strict=True

@@ -126,7 +126,7 @@ def test_comments_and_docstrings_do_not_change_the_hash():
     assert freshness.code(source.replace("kept", "changed")) != freshness.code(source)
 
 
-def test_a_changed_derive_makes_every_module_stale(derive, rotor, monkeypatch):
+def test_changed_derive_makes_every_module_out_of_date(derive, rotor, monkeypatch):
     derive(rotor)
     monkeypatch.setattr(freshness, "derive_sha256", lambda: "0" * 64)
     status, out, _ = derive("--check", rotor)

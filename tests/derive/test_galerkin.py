@@ -176,7 +176,7 @@ def test_frequencies_of_a_cantilever_converge_from_above():
     assert (errors[-1] < [2e-5, 5e-4]).all()
 
 
-def test_a_column_under_its_own_weight_buckles_at_greenhills_length():
+def test_column_under_own_weight_buckles_at_greenhills_length():
     """The column is clamped at the bottom: μ g l³/EI = (9/4) j², where j is the first zero of Bessel's
     function of order −1/3."""
     zero = scipy.optimize.brentq(lambda z: scipy.special.jv(-1 / 3, z), 1.5, 2.2)
@@ -188,7 +188,7 @@ def test_a_column_under_its_own_weight_buckles_at_greenhills_length():
     assert critical > 9 / 4 * zero**2
 
 
-def test_a_pinned_column_buckles_at_eulers_load():
+def test_pinned_column_buckles_at_eulers_load():
     module = module_of(column(sine, "thrust"))
     P = 0.4 * np.pi**2 * EI / L**2
     K = matrices(module, P, modes=5)[2]

@@ -272,7 +272,7 @@ def test_linkage_with_impossible_numbers_is_refused_at_once():
         linkage.four_bar("phi3", "phi4", ground=1, crank=2, coupler=1, follower=1)
 
 
-def test_a_condition_must_be_an_inequality():
+def test_condition_must_be_inequality():
     one = Mechanism("one", "One mass")
     m, k = one.parameters(m=("kg", "mass", "> 0"), k=("N/m", "spring"))
     with pytest.raises(DeclarationError, match="give an inequality with < or >"):

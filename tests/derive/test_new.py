@@ -90,7 +90,7 @@ def test_broken_symbolic_link_is_not_followed(derive, tmp_path):
 )
 def test_impossible_name_is_refused_in_one_line(derive, capsys, tmp_path, arguments, message):
     assert derive("--new", *arguments) == 2
-    said = capsys.readouterr().err
-    assert message in said
-    assert said.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert printed.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

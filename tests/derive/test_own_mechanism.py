@@ -54,9 +54,9 @@ def in_pump_folder(pump, tmp_path, monkeypatch):
 
 def test_terms_ignored_by_the_linearisation_are_named(tmp_path, capsys):
     module = derived(tmp_path, "duffing")
-    said = capsys.readouterr().err.splitlines()
-    assert said[:-1] == [f"duffing: {sentence}" for sentence in (*module.NONLINEAR, *module.SWITCHED)]
-    assert "\n".join(said[:-1]) in PAGE
+    messages = capsys.readouterr().err.splitlines()
+    assert messages[:-1] == [f"duffing: {sentence}" for sentence in (*module.NONLINEAR, *module.SWITCHED)]
+    assert "\n".join(messages[:-1]) in PAGE
     assert (len(module.NONLINEAR), len(module.SWITCHED)) == (1, 1)
 
 

@@ -142,12 +142,12 @@ def test_inactive_piece_may_be_infinite_at_rest(state):
         lambda r, gap: gap**2 * Piecewise((log(r / gap), 1 / r > 1 / gap), (0, True)),
     ],
 )
-def test_an_active_piece_that_is_infinite_at_rest_is_refused(energy):
+def test_active_piece_that_is_infinite_at_rest_is_rejected(energy):
     with pytest.raises(ExpansionError, match="K is not finite"):
         module_of(by_energy(energy)())
 
 
-def test_a_comparison_with_a_limit_of_unknown_sign_is_refused():
+def test_comparison_with_limit_of_unknown_sign_is_rejected():
     """1/x is +∞ on one side of the rest position and -∞ on the other."""
     made, x, _, kr, gap = rotor()
     made.potential += kr * gap**2 * Max(0, gap / x - 2) ** 2
@@ -155,7 +155,7 @@ def test_a_comparison_with_a_limit_of_unknown_sign_is_refused():
         module_of(made)
 
 
-def test_a_singular_piece_active_at_rest_has_no_linearisation():
+def test_singular_piece_active_at_rest_has_no_linearisation():
     made, x, y, kr, gap = rotor()
     made.potential += kr * Max(0, sqrt(x**2 + y**2) + gap) ** 2 / 2
     with pytest.raises(ExpansionError, match="K is not finite"):

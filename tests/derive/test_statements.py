@@ -25,7 +25,7 @@ def oscillator() -> tuple[Mechanism, sympy.Symbol, sympy.Symbol, sympy.Symbol]:
     return one, q, m, k
 
 
-def test_a_complete_statement_passes():
+def test_complete_statement_is_accepted():
     one, *_ = oscillator()
     check(one)
 

@@ -263,7 +263,7 @@ def cubic(s):
 
 
 @pytest.mark.parametrize(("rise", "allowed"), [(cycloid, True), (cubic, True), (lambda s: s, False)])
-def test_a_prescribed_motion_may_jump_in_its_second_derivative(rise, allowed):
+def test_prescribed_motion_may_jump_in_second_derivative(rise, allowed):
     """Cycloidal and cubic rises of a dwell cam are permitted. A linear rise would require an impulse."""
     one, q, p = oscillator(h=("m", "lift"), b=("rad", "rise", "> 0"))
     angle = one.phase

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from tests.random_commands.run import complaint, drawn, inside
+from tests.random_commands.run import complaint, inside, random_commands
 from tests.random_commands.values import prepare
 
 
@@ -17,7 +17,7 @@ def main(count: int = 5000, seed: int = 1) -> int:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         prepare(folder)
-        for number, (program, arguments) in enumerate(drawn(seed, count)):
+        for number, (program, arguments) in enumerate(random_commands(seed, count)):
             begun = time.process_time()
             ended = inside(program, arguments, folder)
             statuses[ended.status] += 1

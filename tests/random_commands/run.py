@@ -45,7 +45,7 @@ class TooLongError(BaseException):
     """Error that the command line does not catch."""
 
 
-def drawn(seed: int, count: int) -> Iterator[tuple[str, list[str]]]:
+def random_commands(seed: int, count: int) -> Iterator[tuple[str, list[str]]]:
     """Return `count` command lines, which are the same for a seed in every run."""
     chance = random.Random(seed)
     return (line(chance) for _ in range(count))

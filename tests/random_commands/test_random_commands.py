@@ -4,7 +4,7 @@ more."""
 import pytest
 
 from tests.random_commands.lines import MODELS, flags
-from tests.random_commands.run import SECONDS, Ended, complaint, drawn, inside, outside
+from tests.random_commands.run import SECONDS, Ended, complaint, inside, outside, random_commands
 from tests.random_commands.values import VALUES, prepare
 
 INSIDE, OUTSIDE, SEED = 240, 60, 20
@@ -18,8 +18,8 @@ def folder(tmp_path_factory):
 
 
 def test_same_seed_gives_the_same_command_lines():
-    assert list(drawn(3, 50)) == list(drawn(3, 50))
-    assert len({str(each) for each in drawn(3, 50)}) > 45
+    assert list(random_commands(3, 50)) == list(random_commands(3, 50))
+    assert len({str(each) for each in random_commands(3, 50)}) > 45
 
 
 def test_every_flag_of_every_command_has_values():
@@ -53,7 +53,7 @@ def test_faults_are_classified(ended, expected):
 @pytest.mark.parametrize(("run", "seed", "count"), [(inside, SEED, INSIDE), (outside, SEED + 1, OUTSIDE)])
 def test_random_command_lines_end_with_a_result_or_one_line(folder, run, seed, count):
     wrong = {}
-    for program, arguments in drawn(seed, count):
+    for program, arguments in random_commands(seed, count):
         text = complaint(run(program, arguments, folder))
         if text:
             wrong[program, *arguments] = text

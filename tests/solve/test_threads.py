@@ -128,7 +128,7 @@ def test_finalisers_run_after_their_modules_are_cleared(monkeypatch):
     sampler.__del__()
 
 
-def test_memory_of_unused_functions_is_released_by_the_next_symbolic_call():
+def test_next_symbolic_call_releases_memory_of_unused_functions():
     build = threads.symbolic(Result)
     used, unused = build(), build()
     reference, owned = weakref.ref(unused), Owner(Result())

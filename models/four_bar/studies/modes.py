@@ -38,8 +38,8 @@ serializable(Contributions)
 
 @dataclass(frozen=True)
 class Modes(AtOneSpeed):
-    """Contributions of the modes to an output, and the output (k,) computed without coupling of the modes at
-    the same phases."""
+    """Contributions of the modes to an output at k phases, and values (k,) of this output computed without
+    coupling of the modes."""
 
     contributions: Contributions
     uncoupled: Array | None = None

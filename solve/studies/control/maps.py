@@ -156,7 +156,8 @@ def _condensed(states: Array, Q: Array, b: Array, sign: float) -> tuple[Array, A
     """Return A, G and H of the maps of m steps, and `Stages.optimal`. If the sign is negative, the cost is
     maximised; the matrices are NaN if the maximum is not bounded.
 
-    `states` are matrices as from `_response`. `Q` (m, s, N, N) is multiplied by the lengths of the steps."""
+    `states` are matrices that `_response` returns. `Q` (m, s, N, N) is multiplied by the lengths of the
+    steps."""
     m, s, N, _ = Q.shape
     of_cost = (b[:, None, None] * Q) @ states[:, :-1]
     cost = transposed(states[:, :-1].reshape(m, s * N, -1)) @ of_cost.reshape(m, s * N, -1)

@@ -150,7 +150,7 @@ class OutputFeedback(FeedbackLoop):
     def varied(
         self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
-        """Closed loop with some gains, or parameters and options of the system, changed."""
+        """Closed loop in which some gains, parameters or options of the system are changed."""
         changes = dict(parameters or {})
         gains = {name: float(changes.pop(name)) for name in self.gains if name in changes}
         changed = super().varied(changes, options)

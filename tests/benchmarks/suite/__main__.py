@@ -1,11 +1,11 @@
 """python -m tests.benchmarks.suite [--target 1e-6] [--limit 20] [NAME …]: processor times at equal measured
 accuracy.
 
-Each program gets the loosest power of ten as its tolerance for which multipliers, relative to the spectral
-radius, and q and q̇ at φ = 0, each relative to its largest entry, are accurate to the target. What a program
-prepares before its first solution, such as compiled code, is not timed. A program is given up on a system
-when it has taken more processor seconds than the limit. NAME: of a program or a system. Run it with
-OMP_NUM_THREADS=1.
+The tolerance of each program is the largest power of ten for which the errors are at most the target. These
+are the errors of the multipliers, relative to the spectral radius, and of q and q̇ at φ = 0, each relative to
+its largest entry. Preparation before the first solution, such as compilation, is not timed. A program is
+stopped if it takes more processor time (s) for a system than the limit. NAME: of a program or a system. Run
+it with OMP_NUM_THREADS=1.
 """
 
 import argparse
@@ -33,7 +33,7 @@ LIBRARIES = "numpy", "scipy", "casadi", "jax", "heyoka"
 
 
 class NoTimeError(Exception):
-    """A program does not solve a system; the text is the reason."""
+    """Raised if a program does not solve a system; the text is the reason."""
 
 
 @contextmanager
@@ -66,7 +66,8 @@ def errors(system: FourierSystem, multipliers: Array, state: Array) -> tuple[flo
 
 
 def measured(system: FourierSystem, solver: Solver, target: float, limit: float) -> float:
-    """Seconds of a solution at the loosest tolerance that reaches the target. Raises NoTimeError."""
+    """Return the time in seconds of a solution at the largest tolerance that reaches the target. Raises
+    NoTimeError."""
     try:
         with limited(limit):
             run, seconds = _loosest(system, solver, target)

@@ -1,4 +1,4 @@
-"""The programs compared: a function of a system each, which returns a function of the tolerance.
+"""The compared programs. Each is a function of a system that returns a function of the tolerance.
 
 To add one, write such a function and name it in `CONTENDERS`. Libraries that are not installed are left out.
 """
@@ -19,7 +19,7 @@ Solver = Callable[[float], tuple[Array, Array]]
 
 
 class UnsuitableError(Exception):
-    """A program cannot take this system; the text says why."""
+    """Raised if a program cannot solve a system; the text is the reason."""
 
 
 def _ours(method: str, system: FourierSystem) -> Solver:

@@ -70,7 +70,7 @@ def test_panels_state_the_true_deflection():
 
 
 @pytest.mark.parametrize(("given", "stated"), [(None, "500"), (100, "100"), (2.5, "2.5")])
-def test_the_title_states_the_magnification(given, stated):
+def test_title_states_magnification(given, stated):
     figure = coupler_figure(*solved(), 4, given)
     assert figure.get_suptitle() == f"coupler, case table2, 600 rpm: deflection magnified {stated} times"
 

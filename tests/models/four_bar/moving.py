@@ -45,7 +45,7 @@ class Moving:
         M, K = np.zeros((14, 14)), np.zeros((14, 14))
         for i, (L, angle, index) in enumerate(zip(self.lengths, angles, MAP, strict=True), start=1):
             m, k = element(L, p["rho"] * p[f"A{i}"], p["E"] * p[f"A{i}"], p["E"] * p[f"I{i}"])
-            R = turned(angle)
+            R = rotation_matrix(angle)
             M[np.ix_(index, index)] += R.T @ m @ R
             K[np.ix_(index, index)] += R.T @ k @ R
         M[[0, 1], [0, 1]] += p["mA"]
@@ -90,7 +90,7 @@ class Moving:
         B = np.array([-6 + 12 * fraction, (6 * fraction - 4) * L, 6 - 12 * fraction, (6 * fraction - 2) * L])
         for t, values in zip(times, q.T, strict=True):
             whole = np.concatenate((values, np.zeros(5)))
-            local = turned(self.places(t)[3][link]) @ whole[list(MAP[link])]
+            local = rotation_matrix(self.places(t)[3][link]) @ whole[list(MAP[link])]
             axial = (local[3] - local[0]) / L
             bending = p[f"h{link + 1}"] / 2 * (B @ local[[1, 2, 4, 5]]) / L**2
             computed.append(p["E"] * (abs(axial) + abs(bending)))
@@ -128,7 +128,7 @@ def element(L, mu, EA, EI):
     return m, k
 
 
-def turned(angle):
+def rotation_matrix(angle):
     """Matrix that transforms displacements from the ground axes to those of the link."""
     c, s = np.cos(angle), np.sin(angle)
     R = np.eye(6)

@@ -119,7 +119,7 @@ def test_sums_that_differ_by_rounding_count_as_equal():
     assert not linkage.turns_fully
 
 
-def test_the_thesis_linkage_is_a_crank_rocker():
+def test_thesis_linkage_is_crank_rocker():
     linkage = Linkage(0.170, 0.328, 0.525, 0.547)
     assert classify(linkage).symbol == "GCRR"
     assert base_plane(linkage) == pytest.approx((0.328 + 0.525 + 0.547) / 0.170 / math.sqrt(3))

@@ -64,7 +64,7 @@ def test_unknown_names_are_refused():
         case_numbers("four_bar", parameters={"roh": 1.0})
 
 
-def test_a_missing_value_is_refused(tmp_path):
+def test_missing_value_is_rejected(tmp_path):
     text = CASES.read_text(encoding="utf-8")
     file = tmp_path / "mine.toml"
     file.write_text("\n".join(line for line in text.splitlines() if not line.startswith("rho")))

@@ -140,7 +140,7 @@ def test_report_without_speed_states_how_to_compute_forces(answer):
     assert "Joint forces" not in out
 
 
-def test_a_case_file_may_name_the_speed(answer, tmp_path):
+def test_case_file_may_state_speed(answer, tmp_path):
     file = tmp_path / "mine.toml"
     text = CASES.read_text(encoding="utf-8")
     text = text.replace("[case.table41]", '[case.table41]\nspeed = "30 rad/s"')

@@ -42,7 +42,7 @@ def test_off_axis_point_rotates_with_its_section(orbit):
         np.testing.assert_allclose(beside.deviation - on.deviation, carried, atol=1e-15)
 
 
-def test_the_command_curve(answer, orbit, tmp_path):
+def test_command_curve(answer, orbit, tmp_path):
     picture, data = tmp_path / "curve.png", tmp_path / "curve.csv"
     out, _ = answer("curve", "--along", "1", "--plot", str(picture), "--save", str(data), "--json")
     record = json.loads(out)
@@ -55,7 +55,7 @@ def test_the_command_curve(answer, orbit, tmp_path):
     assert max(map(len, out.splitlines())) <= 80
 
 
-def test_the_command_modes(answer, tmp_path):
+def test_command_modes(answer, tmp_path):
     picture = tmp_path / "modes.png"
     out, _ = answer("modes", "--count", "3", "--json", "--plot", str(picture))
     record = json.loads(out)

@@ -91,7 +91,7 @@ def test_moving_the_pivot_never_increases_the_required_stress(design):
     assert (needed.moving[-10:] < 0.8 * needed.fixed[-10:]).all()
 
 
-def test_a_plan_is_simulated_below_the_allowable_stress(design):
+def test_simulated_plan_remains_below_allowable_stress(design):
     outcome = carry_out(design, 29.0, duration=8.0)
     assert outcome.plan is not None
     assert not outcome.returns

@@ -87,7 +87,7 @@ def test_page_states_the_effect_of_more_elements():
             assert stress == pytest.approx(computed.max() / 1e6, rel=2e-3)
 
 
-def test_the_page_has_its_commands_and_pictures():
+def test_page_contains_commands_and_figures():
     assert len(COMMANDS) == len(ROWS) == 2
     for picture in re.findall(r"\]\((\S+\.png)\)", PAGE):
         assert (Path(__file__).resolve().parents[3] / "docs" / picture).stat().st_size > 20_000

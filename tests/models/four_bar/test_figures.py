@@ -19,22 +19,22 @@ LINKS = bodies(case_numbers("four_bar").parameters)
 POINT = 0.1 + 0.15j
 
 
-def drawn(axes, count: int) -> list[np.ndarray]:
+def lines_with(axes, count: int) -> list[np.ndarray]:
     """Lines with the given number of points, as complex numbers."""
     lines = (np.asarray(line.get_xydata()) for line in axes.lines)
     return [line[:, 0] + 1j * line[:, 1] for line in lines if len(line) == count]
 
 
-def test_the_coupler_curve_and_twelve_positions_are_drawn():
+def test_coupler_curve_and_twelve_positions_are_drawn():
     linkage = Linkage(*THESIS)
     figure = linkage_figure(linkage, LINKS, None, [POINT], math.radians(70))
     picture = figure.axes[0]
     turn = linkage.motion(np.linspace(0, 2 * math.pi, 721))
-    circle, arc, path = drawn(picture, 721)
+    circle, arc, path = lines_with(picture, 721)
     np.testing.assert_allclose(np.abs(circle), 0.170)
     np.testing.assert_allclose(np.abs(arc - 0.547), 0.525)
     np.testing.assert_allclose(path, turn.position(2, POINT))
-    positions = drawn(picture, 4)
+    positions = lines_with(picture, 4)
     assert len(positions) == 12
     for k, (first, A, B, last) in enumerate(positions):
         assert (first, last) == (0, 0.547)
@@ -49,19 +49,19 @@ def test_plotted_curves_match_the_linkage():
     panels = {axes.get_title(loc="left"): axes for axes in figure.axes}
     motion = linkage.motion(np.linspace(0, 2 * math.pi, 721), 30.0)
     forces = joint_forces(motion, LINKS)
-    (torque,) = drawn(panels["drive torque"], 721)
+    (torque,) = lines_with(panels["drive torque"], 721)
     np.testing.assert_allclose(torque.imag, forces.torque)
-    sizes = [line.imag for line in drawn(panels["joint forces"], 721)]
+    sizes = [line.imag for line in lines_with(panels["joint forces"], 721)]
     expected = [np.abs(force) for force in (forces.F01, forces.F12, forces.F23, forces.F03)]
     np.testing.assert_allclose(sizes, expected)
-    omega2, alpha2, omega3, alpha3 = drawn(panels["coupler (2) and follower (3)"], 721)
+    omega2, alpha2, omega3, alpha3 = lines_with(panels["coupler (2) and follower (3)"], 721)
     np.testing.assert_allclose(omega2.imag, motion.omega[1] / 30.0)
     np.testing.assert_allclose(alpha2.imag, motion.alpha[1] / 30.0**2, atol=1e-12)
     np.testing.assert_allclose(omega3.imag, motion.omega[2] / 30.0, atol=1e-12)
     np.testing.assert_allclose(alpha3.imag, motion.alpha[2] / 30.0**2, atol=1e-12)
 
 
-def test_a_crank_that_cannot_turn_fully_is_not_drawn():
+def test_crank_with_limited_range_is_not_drawn():
     with pytest.raises(LinkageError, match="cannot turn fully"):
         linkage_figure(Linkage(0.4, 0.328, 0.525, 0.547), LINKS, None, [POINT])
 

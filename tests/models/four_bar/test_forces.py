@@ -148,7 +148,7 @@ def test_joint_masses_are_attached_to_crank_and_follower():
 
 
 @given(solids(), st.floats(0.01, 3), st.builds(complex, st.floats(-1, 1), st.floats(-1, 1)))
-def test_a_point_mass_adds_to_mass_and_moments(body, mass, point):
+def test_point_mass_adds_to_mass_and_moments(body, mass, point):
     both = body.with_mass(mass, point)
     assert both.mass == pytest.approx(body.mass + mass)
     assert both.mass * both.centre == pytest.approx(body.mass * body.centre + mass * point, abs=1e-12)

@@ -22,7 +22,7 @@ def test_link_positions_match_the_rigid_linkage(branch):
     np.testing.assert_allclose(places["C"], model.parameters["L4"], atol=1e-13)
 
 
-def test_a_mirrored_linkage_has_the_same_frequencies_in_mirrored_positions():
+def test_mirrored_linkage_has_equal_frequencies_in_mirrored_positions():
     computed = [
         solve.frequencies(solve.load("four_bar", options={"branch": branch}), sign * PHASES, 4).values
         for branch, sign in (("open", 1), ("crossed", -1))
@@ -43,7 +43,7 @@ def test_joint_masses_lower_and_stiffness_raises_every_frequency():
     assert (values(rho=2 * 7850) < base).all()
 
 
-def test_the_crank_is_clamped_to_its_flywheel():
+def test_crank_is_clamped_to_flywheel():
     names = solve.load("four_bar").coordinates
     assert not [name for name in names if name.startswith(("O_", "crank_O", "C_"))]
     assert {"crank_A_turn", "coupler_A_turn", "follower_C_turn"} <= set(names)

@@ -190,7 +190,7 @@ def rigid_rates(model):
     return np.array([computed[name] for name in model.coordinates])
 
 
-def test_a_joint_that_is_not_on_the_link_is_refused():
+def test_joint_of_other_link_is_rejected():
     model = solve.load("four_bar")
     with pytest.raises(UnknownNameError, match="joint of link coupler"):
         model.joint_force("coupler", "O", solve.periodic(model, SPEED, steps=64), PHASE)

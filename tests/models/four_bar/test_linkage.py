@@ -31,12 +31,12 @@ def closure(linkage: Linkage, t1: float) -> float:
 
 
 @given(cranks(), ANGLES)
-def test_the_loop_closes(linkage, t1):
+def test_loop_closes(linkage, t1):
     assert closure(linkage, t1) < 1e-14
 
 
 @pytest.mark.parametrize("branch", BRANCHES)
-def test_the_loop_closes_for_a_crank_that_cannot_turn_fully(branch):
+def test_loop_closes_for_crank_with_limited_range(branch):
     linkage = Linkage(0.4, 0.328, 0.525, 0.547, branch)
     least, greatest = linkage.crank_range
     for t1 in np.linspace(least, greatest, 50)[1:-1]:
@@ -169,7 +169,7 @@ def test_extremes_of_the_transmission_angle(linkage):
     )
 
 
-def test_the_thesis_linkage_stays_within_the_advised_transmission_angles():
+def test_thesis_linkage_has_advised_transmission_angles():
     """Section 3.5 of the thesis: smallest at t1 = 0, largest at 180°, within 40° … 140°."""
     linkage = Linkage(*THESIS)
     extremes = linkage.transmission_extremes()
@@ -235,7 +235,7 @@ def test_coupler_and_follower_in_line_leave_the_motion_undetermined():
         ((1.0, 0.4, 0.5, 0.3), (0.9,)),
     ],
 )
-def test_a_full_turn_that_is_impossible_is_refused(lengths, spans):
+def test_impossible_full_revolution_is_rejected(lengths, spans):
     """spans: distances AC at which coupler and follower are in line, folded and stretched."""
     linkage = Linkage(*lengths)
     L1, _, _, L4 = lengths
@@ -247,7 +247,7 @@ def test_a_full_turn_that_is_impossible_is_refused(lengths, spans):
         assert message in str(caught.value)
 
 
-def test_a_change_point_is_not_a_full_turn():
+def test_change_point_is_not_full_revolution():
     with pytest.raises(LinkageError, match="collinear at t1 = 0° and ±180°"):
         Linkage(1, 2, 1, 2).require_full_turn()
 
@@ -261,7 +261,7 @@ def test_lengths_that_are_not_positive_are_refused(name, wrong):
 
 
 @pytest.mark.parametrize("lengths", [(1.0, 0.3, 0.3, 0.3), (0.1, 0.6, 0.2, 0.3), (0.3, 0.6, 0.1, 0.2)])
-def test_a_link_as_long_as_the_others_together_is_refused(lengths):
+def test_link_as_long_as_sum_of_others_is_rejected(lengths):
     with pytest.raises(LinkageError, match="no movable linkage can be assembled"):
         Linkage(*lengths)
 

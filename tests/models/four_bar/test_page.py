@@ -22,7 +22,7 @@ def fewer(command):
     return re.sub(r'"(\d+):\d+:\d+ rad/s"', r'"\1:\1.5:2 rad/s"', command)
 
 
-def test_the_page_has_its_commands_and_pictures():
+def test_page_contains_commands_and_figures():
     assert len(COMMANDS) >= 8
     for picture in re.findall(r"\]\((\w+\.png)\)", PAGE):
         assert (DOCS / picture).is_file()

@@ -44,7 +44,7 @@ def test_arrival_is_the_minimax_ratio_of_all_paths():
 
 
 @pytest.mark.parametrize("returns", [False, True])
-def test_a_plan_goes_through_the_valley(returns):
+def test_plan_passes_through_valley_of_ratios(returns):
     ratio = valley()
     plan = plan_below(SPEEDS, LENGTHS, ratio, 0.9, OWN, 0.02, returns)
     assert plan is not None

@@ -11,7 +11,7 @@ from solve.commands.app import run as solve_command
 SPEEDS = ("--speeds", "24:34:6 rad/s")
 
 
-def test_a_study_over_a_length_agrees_with_single_solves(answer, tmp_path):
+def test_study_over_length_equals_single_solves(answer, tmp_path):
     picture, data = tmp_path / "study.png", tmp_path / "study.csv"
     of = "follower_midpoint_deflection"
     out, err = answer(
@@ -28,7 +28,7 @@ def test_a_study_over_a_length_agrees_with_single_solves(answer, tmp_path):
     assert len(data.read_text().strip().splitlines()) >= 7
 
 
-def test_a_study_over_an_option_and_the_corrected_model(answer):
+def test_study_over_option_and_corrected_model(answer):
     out, _ = answer("study", *SPEEDS, "--over", "elements=1", "--corrected")
     assert "elements" in out
     assert "corrected" in out

@@ -10,7 +10,7 @@ from solve.period.grid import Grid
 from tests.solve.references import multiplier_error
 
 
-def turned(angle, scale):
+def rotated_system(angle, scale):
     """Return a stiff mode in axes rotated by an angle. The units of the coordinates differ by the factor
     `scale`."""
     mixed = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
@@ -31,7 +31,7 @@ def turned(angle, scale):
 def test_monodromy_matrices_are_independent_of_the_batch():
     """The matrices are equal bit for bit, although only some points require row exchanges."""
     points = np.column_stack((np.linspace(0.0, 1.5, 9), np.logspace(-3, 3, 9)))
-    every = Sampled(BuiltFamily(turned, ("angle", "scale"), points, 1.0), points, "compiled")
+    every = Sampled(BuiltFamily(rotated_system, ("angle", "scale"), points, 1.0), points, "compiled")
     grid = Grid.uniform(48, 2 * np.pi)
     Phi = solve.Radau().solutions(every, grid, False, "compiled").Phi
     for first in range(8):
@@ -45,8 +45,8 @@ def test_monodromy_matrices_are_independent_of_the_batch():
 def test_points_in_a_batch_are_as_accurate_as_single_points(scales):
     """Units do not affect multipliers. Each point eliminates the coordinates in its own order."""
     angles = [0.0, 0.4, np.pi / 4, 1.2, np.pi / 2]
-    chart = solve.chart(turned, {"angle": angles}, {"scale": scales}, speed=1.0, boundaries=False)
-    truth = [solve.floquet(turned(angle, 1.0), 1.0, engine="numpy", rtol=1e-11) for angle in angles]
+    chart = solve.chart(rotated_system, {"angle": angles}, {"scale": scales}, speed=1.0, boundaries=False)
+    truth = [solve.floquet(rotated_system(angle, 1.0), 1.0, engine="numpy", rtol=1e-11) for angle in angles]
     for row, scale in enumerate(scales):
         for column, angle in enumerate(angles):
             error = multiplier_error(chart.multipliers[row, column], truth[column].multipliers)

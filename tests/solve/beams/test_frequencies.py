@@ -133,7 +133,7 @@ def frames(draw):
     return frame(draw)
 
 
-def of(stated, kind, count=1):
+def beams_of(stated, kind, count=1):
     angles, lengths, EI, welded = stated
     joint = ("w", "w") if welded else ("p", "q")
     links = [("one", "A", "B", "", joint[0]), ("two", "B", "C", joint[1], "c"), ("three", "C", "D", "c", "d")]
@@ -158,7 +158,7 @@ def of(stated, kind, count=1):
 @settings(max_examples=25, deadline=None)
 @given(frames())
 def test_frequency_count_matches_a_fine_mesh(stated):
-    exact, fine = of(stated, "dynamic"), of(stated, "internal", 6)
+    exact, fine = beams_of(stated, "dynamic"), beams_of(stated, "internal", 6)
     many = lowest_frequencies(*fine.matrices(), 12)[0]
     computed = exact_frequencies(exact, 8)[0]
     np.testing.assert_allclose(computed, many[:8], rtol=1e-4, atol=1e-2)
@@ -172,7 +172,7 @@ def test_frequency_count_matches_a_fine_mesh(stated):
 @settings(max_examples=15, deadline=None)
 @given(frames(), st.integers(2, 4))
 def test_subdivision_of_exact_elements_does_not_change_frequencies(stated, parts):
-    whole, divided = of(stated, "dynamic"), of(stated, "dynamic", parts)
+    whole, divided = beams_of(stated, "dynamic"), beams_of(stated, "dynamic", parts)
     np.testing.assert_allclose(
         exact_frequencies(divided, 8), exact_frequencies(whole, 8), rtol=1e-9, atol=1e-3
     )

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from solve import PeriodicSystem, periodic
 from tests.solve.certificates.population import FURTHER, HALF, KINDS, SERIES, SIZE, kind_of, member
 from tests.solve.certificates.transformed import Modes, View, transformed
-from tests.solve.certificates.trials import asked, grouped, judged, matched_error, rates
+from tests.solve.certificates.trials import all_outcomes, grouped, matched_error, rates, request_name
 from tests.solve.certificates.truth import PHASES, Truth
 from tests.solve.references import Shooting, rate_matrices, relative_error
 from tests.solve.systems import frozen_modes
@@ -28,9 +28,9 @@ PART = range(5, SIZE, 23)
 
 @pytest.mark.parametrize("indices", [FEW, pytest.param(PART, marks=pytest.mark.slow)], ids=["few", "part"])
 def test_estimates_and_verdicts_meet_the_stated_rates(indices, report):
-    computed = judged(indices)
+    computed = all_outcomes(indices)
     report(f"{len(indices)} systems; {len(computed)} results, each with orbit and multipliers")
-    table = [rates(name, part) for name, part in grouped(computed, asked).items()]
+    table = [rates(name, part) for name, part in grouped(computed, request_name).items()]
     for row in (*table, rates("all methods", computed)):
         report(str(row))
     assert {each.kind for each in computed} == set(KINDS)

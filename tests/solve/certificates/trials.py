@@ -262,7 +262,7 @@ def rates(name: str, found: list[Outcome]) -> Rates:
     )
 
 
-def asked(outcome: Outcome) -> str:
+def request_name(outcome: Outcome) -> str:
     """Return the name of the requested method and whether its steps were given."""
     return outcome.trial.name + (", given steps" if outcome.trial.steps else "")
 
@@ -274,6 +274,6 @@ def grouped(found: Iterable[Outcome], key: Callable[[Outcome], str]) -> dict[str
     return groups
 
 
-def judged(indices: Iterable[int]) -> list[Outcome]:
+def all_outcomes(indices: Iterable[int]) -> list[Outcome]:
     """Return the outcomes of every trial on every member."""
     return [outcome for index in indices for outcome in outcomes(member(index))]

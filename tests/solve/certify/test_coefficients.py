@@ -27,7 +27,7 @@ def test_loads_between_breaks_are_found_however_short(start, length):
         require_load(loaded(start, length, 0.0, breaks), 1.0)
 
 
-def test_loads_that_are_not_between_breaks_are_found_if_longer_than_a_compared_interval():
+def test_load_pulses_longer_than_a_compared_interval_are_found():
     for start in np.linspace(0.1, 6.1, 41):
         require_load(loaded(start, 2 * np.pi / 1000, 1.0, []), 1.0)
 

@@ -37,7 +37,7 @@ def test_first_grid_of_soft_systems_has_few_steps(n):
 @pytest.mark.parametrize("method", [Gauss(), Radau(13)])
 @pytest.mark.parametrize("omega", [40.0, 160.0])
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
-def test_the_first_grid_reaches_the_tolerance(method, omega, rtol):
+def test_first_grid_reaches_tolerance(method, omega, rtol):
     """An undamped mode of frequency ω. The phase error of Padé's approximant with m steps is between a tenth
     of `rtol` and `rtol`, so that neither a grid nor steps are wasted."""
     m = steps(method, oscillators(1.0, omega), rtol)

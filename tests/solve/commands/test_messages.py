@@ -17,7 +17,7 @@ import solve
 from solve.errors import ValueOutOfBoundsError
 from solve.terminal.command_line import run_cli
 from solve.units import evenly
-from tests.random_commands.run import complaint, drawn, inside
+from tests.random_commands.run import complaint, inside, random_commands
 from tests.random_commands.values import prepare
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -249,7 +249,7 @@ def test_written_files_are_listed_if_later_output_fails(tmp_path, monkeypatch, c
 
 def test_long_units_are_on_a_separate_line(command):
     ran = command("sweep", "cam", "--over", "k1=40:80:3 kN m/rad", "--speed", "100 rpm")
-    head = ran.out[ran.out.index("Over k1") :].splitlines()[1:3]
+    head = ran.out[ran.out.index("Response versus k1") :].splitlines()[1:3]
     assert head[0].split() == ["k1", "max|q1|", "max|q2|", "max|q3|"]
     assert head[1].startswith("(N m/rad)  rpm")
     assert max(map(len, ran.out.splitlines())) <= 80
@@ -336,7 +336,7 @@ def test_unreadable_files_are_reported_without_exception_names(command, tmp_path
 @pytest.mark.parametrize("seed", [37])
 def test_random_control_characters_do_not_reach_the_terminal(tmp_path, seed):
     prepare(tmp_path)
-    for number, (program, arguments) in enumerate(drawn(seed, 60)):
+    for number, (program, arguments) in enumerate(random_commands(seed, 60)):
         at = number % len(arguments)
         arguments[at] = arguments[at][:2] + ESCAPES[number % len(ESCAPES)] + arguments[at][2:]
         ended = inside(program, arguments, tmp_path)

@@ -190,7 +190,7 @@ def test_every_combination_of_parameter_and_speed_is_solved(command, tmp_path):
     points = json.loads(ran.out)["points"]
     assert [point["parameters"]["k1"] for point in points] == [6e4, 6e4, 9e4, 9e4]
     ran = command("sweep", "mathieu", "--over", "epsilon=0:2:3", "--plot", str(tmp_path / "over.png"))
-    assert "Over ε, speed" in ran.out
+    assert "Response versus ε, speed" in ran.out
     for what in ("--turn", "--waterfall"):
         picture = tmp_path / f"{what}.svg"
         command(

@@ -19,14 +19,14 @@ needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C comp
 def library(tmp_path):
     """Return a function that compiles a model to a C library with -Wall -Werror."""
 
-    def made(model):
+    def compiled(model):
         file = tmp_path / f"{model.labels.name}.c"
         solve.export(model, file)
         flags = ["-shared", "-fPIC", "-std=c99", "-Wall", "-Werror", "-o", str(file.with_suffix(".so"))]
         subprocess.run([COMPILER, *flags, str(file), "-lm"], check=True)
         return ctypes.CDLL(str(file.with_suffix(".so")))
 
-    return made
+    return compiled
 
 
 def called(function, results, *inputs):

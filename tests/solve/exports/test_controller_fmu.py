@@ -29,7 +29,7 @@ def oscillator():
     return solve.PeriodicSystem(matrices, ["q"], inputs=["u"])
 
 
-def evaluated(file, given, wanted):
+def evaluated(file, given, names):
     """Return values of variables of the FMU for given values of others, as mappings from their names."""
     from fmpy import extract, read_model_description
     from fmpy.fmi3 import FMU3Model
@@ -49,7 +49,7 @@ def evaluated(file, given, wanted):
     unit.exitInitializationMode()
     unit.enterContinuousTimeMode()
     unit.setFloat64([number[name] for name in given], [*given.values()])
-    values = unit.getFloat64([number[name] for name in wanted])
+    values = unit.getFloat64([number[name] for name in names])
     unit.terminate()
     unit.freeInstance()
     return np.array(values)

@@ -114,7 +114,7 @@ def test_boundaries_of_coupled_coordinates_in_a_parameter():
         assert np.abs(floquet(*coupled(each.value), rtol=1e-12).multipliers + 1).min() < 1e-7
 
 
-def test_a_stable_constant_system_has_no_boundary():
+def test_stable_constant_system_has_no_boundary():
     plain = constant(np.eye(1), np.array([[0.1]]), np.array([[2.0]]), lambda phase: np.ones((len(phase), 1)))
     assert boundaries(lambda speed: (plain, speed), np.linspace(0.5, 3.0, 11), multiplier=1) == []
 

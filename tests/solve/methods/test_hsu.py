@@ -75,7 +75,7 @@ def JN(v, lengths):
     )
 
 
-def drawn(seed, count):
+def random_intervals(seed, count):
     rng = np.random.default_rng(seed)
     shares = rng.uniform(0.5, 1.5, count)
     return list(rng.uniform(0.2, 3.0, count)), list(TURN * shares / shares.sum())
@@ -83,8 +83,8 @@ def drawn(seed, count):
 
 def test_general_form_includes_the_printed_ones():
     for seed in range(5):
-        assert JN(*drawn(seed, 2)) == pytest.approx(J2(*drawn(seed, 2)), abs=1e-14)
-        assert JN(*drawn(seed, 3)) == pytest.approx(J3(*drawn(seed, 3)), abs=1e-14)
+        assert JN(*random_intervals(seed, 2)) == pytest.approx(J2(*random_intervals(seed, 2)), abs=1e-14)
+        assert JN(*random_intervals(seed, 3)) == pytest.approx(J3(*random_intervals(seed, 3)), abs=1e-14)
     v, lengths = [1.3], [TURN]
     assert JN(v, lengths) == pytest.approx(np.cos(1.3 * TURN), abs=1e-14)
 
@@ -93,7 +93,7 @@ def test_general_form_includes_the_printed_ones():
 @pytest.mark.parametrize("count", [2, 3, 4, 6])
 @pytest.mark.parametrize("seed", range(3))
 def test_meissners_functions_are_half_the_sum_of_the_multipliers(method, count, seed):
-    v, lengths = drawn(seed, count)
+    v, lengths = random_intervals(seed, count)
     stability = floquet(meissner(v, lengths), 1.0, method, rtol=1e-13)
     J = JN(v, lengths)
     scale = max(1.0, abs(J))

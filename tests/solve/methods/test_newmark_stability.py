@@ -95,7 +95,7 @@ def test_oscillatory_parameters_between_both_conditions_are_unconditionally_stab
     assert spectral_radius(gamma, beta, np.geomspace(1e-2, 1e6, 200)).max() < 1
 
 
-def test_the_picture_shows_the_regions():
+def test_figure_shows_stability_regions():
     (axes,) = newmark_region_figure().axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("γ", "β")
     texts = " ".join(text.get_text() for text in axes.texts)

@@ -159,7 +159,7 @@ def test_accuracy_does_not_depend_on_units_of_the_states(seed, m, decades):
 
 
 @pytest.mark.parametrize("m", COUNTS)
-def test_a_period_has_its_product_and_its_states_in_one(m):
+def test_period_returns_product_and_periodic_states(m):
     steps = chain(m, m, 4, 3)
     Phi, states, condition = period(steps)
     np.testing.assert_array_equal(Phi, monodromy(steps))
@@ -167,7 +167,7 @@ def test_a_period_has_its_product_and_its_states_in_one(m):
     np.testing.assert_array_equal(condition, periodic_states(steps)[1])
 
 
-def test_a_point_that_overflows_leaves_the_others_as_they_are():
+def test_overflow_at_one_point_does_not_change_others():
     steps = chain(1, 70, 2, 3)
     huge = Steps(steps.A.copy(), steps.b)
     huge.A[1] *= 1e10

@@ -52,7 +52,7 @@ def rig(folder, modes=3, damping=False):
     return str(file)
 
 
-def given(file, more="", unit="m kg s"):
+def body_entry(file, more="", unit="m kg s"):
     return f'file = "{file}", interface = {ROWS}, unit = "{unit}", source = "scikit-fem"{more}'
 
 
@@ -74,7 +74,7 @@ def loaded(tmp_path_factory):
         else:
             for name, matrix in (("M", M), ("K", K)):
                 scipy.io.mmwrite(folder / f"beam.{name}.mtx", matrix, precision=17)
-        write_case(folder, given(f"beam.{ending}", unit="mm t s" if ending == "npz" else "m kg s"))
+        write_case(folder, body_entry(f"beam.{ending}", unit="mm t s" if ending == "npz" else "m kg s"))
         models[modes] = solve.load(rig(folder, modes))
     return models
 
@@ -113,7 +113,7 @@ def test_periodic_solution_converges_to_that_of_all_coordinates(tmp_path):
 
     truth = lowest(solve.PeriodicSystem(matrices, [f"w{k}" for k in range(8)]))
     np.savez(tmp_path / "beam.npz", M=mass, K=stiffness)
-    write_case(tmp_path, given("beam.npz").replace(str(ROWS), str(rows)))
+    write_case(tmp_path, body_entry("beam.npz").replace(str(ROWS), str(rows)))
     errors = [np.abs(lowest(solve.load(rig(tmp_path, modes))) / truth - 1).max() for modes in (1, 4)]
     assert 1e-6 < errors[0] < 1e-2
     assert errors[1] < 1e-5
@@ -135,7 +135,7 @@ def test_damping_matrix_is_reduced_with_mass_and_stiffness(tmp_path):
     """C = a M + b K damps a mode of frequency ω with the ratio (a/ω + bω)/2."""
     a, b = 0.3, 2e-4
     np.savez(tmp_path / "beam.npz", M=M, K=K, C=a * M + b * K)
-    write_case(tmp_path, given("beam.npz"), (0.0, 0.0, 0.0))
+    write_case(tmp_path, body_entry("beam.npz"), (0.0, 0.0, 0.0))
     model = solve.load(rig(tmp_path, 3, damping=True))
     followed = solve.follow_modes(model, [SPEED, 1.01 * SPEED])
     exponents = followed.exponents[0]
@@ -162,9 +162,9 @@ def test_incorrect_hash_is_refused(tmp_path):
     np.savez(tmp_path / "beam.npz", M=M, K=K)
     digest = hashlib.sha256((tmp_path / "beam.npz").read_bytes()).hexdigest()
     file = rig(tmp_path)
-    write_case(tmp_path, given("beam.npz", f', sha256 = "{digest[:16]}"'))
+    write_case(tmp_path, body_entry("beam.npz", f', sha256 = "{digest[:16]}"'))
     assert solve.load(file).n == 5
-    write_case(tmp_path, given("beam.npz", f', sha256 = "{"0" * 16}"'))
+    write_case(tmp_path, body_entry("beam.npz", f', sha256 = "{"0" * 16}"'))
     with pytest.raises(CaseFileError, match=f"is {digest}, but the case states '0000"):
         solve.load(file)
 
@@ -173,11 +173,11 @@ def test_incorrect_hash_is_refused(tmp_path):
 def test_nastran_matrices_give_the_same_body(shared_rig, content):
     folder, file = shared_rig
     np.savez(folder / "beam.npz", M=M, K=K)
-    write_case(folder, given("beam.npz"))
+    write_case(folder, body_entry("beam.npz"))
     expected = solve.load(file).parameters
     made = content({"KAA": K, "MAA": M}, "sparse")
     (folder / "beam.op4").write_bytes(made if isinstance(made, bytes) else made.encode())
-    write_case(folder, given("beam.op4"))
+    write_case(folder, body_entry("beam.op4"))
     found = solve.load(file)
     assert found.parameters == pytest.approx(expected, rel=1e-9)
     assert "beam.op4, SHA-256" in found.setup.case.sources["beam_M1_1"]
@@ -202,7 +202,7 @@ def test_invalid_files_are_refused_in_one_line(shared_rig, arrays, expected):
     (folder / "beam.npz").unlink(missing_ok=True)
     if arrays:
         np.savez(folder / "beam.npz", **arrays)
-    write_case(folder, given("beam.npz").replace(str(ROWS), "[1, 2]"))
+    write_case(folder, body_entry("beam.npz").replace(str(ROWS), "[1, 2]"))
     with pytest.raises(CaseFileError, match=r"beam in rig\.toml") as refused:
         solve.load(file)
     assert expected in str(refused.value)
@@ -216,14 +216,14 @@ def shared_rig(tmp_path_factory):
 
 
 BAD_ENTRIES = {
-    "unit": (given("beam.npz", unit="mm"), CaseFileError, '"mm t s"'),
-    "dimension": (given("beam.npz", unit="kg m s"), CaseFileError, "kg"),
-    "rows": (given("beam.npz").replace(str(ROWS), "[1]"), CaseFileError, "give 2 row numbers"),
-    "range": (given("beam.npz").replace(str(ROWS), "[0, 1]"), CaseFileError, "from 1 to 24"),
-    "twice": (given("beam.npz").replace(str(ROWS), "[1, 1]"), CaseFileError, "different"),
-    "ending": (given("beam.op2"), CaseFileError, "allowed: .mat"),
+    "unit": (body_entry("beam.npz", unit="mm"), CaseFileError, '"mm t s"'),
+    "dimension": (body_entry("beam.npz", unit="kg m s"), CaseFileError, "kg"),
+    "rows": (body_entry("beam.npz").replace(str(ROWS), "[1]"), CaseFileError, "give 2 row numbers"),
+    "range": (body_entry("beam.npz").replace(str(ROWS), "[0, 1]"), CaseFileError, "from 1 to 24"),
+    "twice": (body_entry("beam.npz").replace(str(ROWS), "[1, 1]"), CaseFileError, "different"),
+    "ending": (body_entry("beam.op2"), CaseFileError, "allowed: .mat"),
     "source": ('file = "beam.npz", unit = "m kg s"', CaseFileError, "requires a file"),
-    "key": (given("beam.npz", ", modes = 3"), UnknownNameError, "modes"),
+    "key": (body_entry("beam.npz", ", modes = 3"), UnknownNameError, "modes"),
 }
 
 
@@ -240,7 +240,7 @@ def test_invalid_entries_are_refused_in_one_line(shared_rig, entry, kind, expect
 
 def test_file_for_an_undeclared_body_is_refused(shared_rig):
     folder, file = shared_rig
-    write_case(folder, given("beam.npz"))
+    write_case(folder, body_entry("beam.npz"))
     case = (folder / "rig.toml").read_text("utf-8").replace("beam =", "plate =")
     (folder / "rig.toml").write_text(case, encoding="utf-8")
     with pytest.raises(UnknownNameError, match="plate"):

@@ -45,7 +45,7 @@ def assert_same(one, other):
     assert one.ended == other.ended
 
 
-def test_an_interrupted_branch_resumes_bit_for_bit(tmp_path, corrections, uninterrupted):
+def test_interrupted_branch_resumes_bit_for_bit(tmp_path, corrections, uninterrupted):
     corrections["limit"] = 6
     with suppress(KeyboardInterrupt):
         solve.branch(model(), **SETTINGS, store=tmp_path)

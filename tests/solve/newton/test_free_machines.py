@@ -67,7 +67,7 @@ def test_branch_of_a_free_machine_matches_single_orbits(T0, b):
 
 
 @pytest.mark.parametrize(("T0", "drag"), [(0.0, 0.0), (1.0, 0.4)])
-def test_a_transient_reaches_the_orbit_of_a_free_machine(T0, drag):
+def test_transient_reaches_orbit_of_free_machine(T0, drag):
     """The rigid-body motion is subtracted: the drift, or the offset due to the initial state."""
     shaft = np.array([[1.0, -1.0], [-1.0, 1.0]])
     C = 0.8 * shaft + np.diag([0.0, drag])

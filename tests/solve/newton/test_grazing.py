@@ -105,7 +105,7 @@ def hard_fold():
 @pytest.mark.parametrize(
     "begin", [1.00001, 1.001, *(pytest.param(far, marks=pytest.mark.slow) for far in (1.05, 1.2))]
 )
-def test_a_branch_that_starts_near_a_grazing_orbit_has_its_jump(hard_fold, begin):
+def test_branch_that_starts_near_grazing_orbit_has_jump(hard_fold, begin):
     """The branch turns back at a fold that is 5e-6 from the grazing orbit. The nearest starts are within a
     step of it."""
     found = hard_branch(begin)
@@ -118,7 +118,7 @@ def test_a_branch_that_starts_near_a_grazing_orbit_has_its_jump(hard_fold, begin
     assert 1e-6 < 1 - hard_fold / HARD_REACH < 1e-5
 
 
-def test_a_branch_turns_back_from_an_orbit_just_beyond_grazing():
+def test_branch_turns_back_from_orbit_just_beyond_grazing():
     """The last orbit before the step along the switching function already has two events."""
     zeta, speed = 0.035, 1.25
     reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
@@ -131,7 +131,7 @@ def test_a_branch_turns_back_from_an_orbit_just_beyond_grazing():
     assert found.radius[-1] > 1
 
 
-def test_a_branch_that_turns_back_does_not_retrace_itself():
+def test_branch_that_turns_back_does_not_retrace_itself():
     """Within the tolerance, an orbit beyond the fold looks like one before it. All orbits after the fold
     touch the stops."""
     zeta, speed = 0.0261, 1.5261
@@ -146,7 +146,7 @@ def test_a_branch_that_turns_back_does_not_retrace_itself():
     assert found.values[-1] == 0.85
 
 
-def test_a_branch_over_the_load_passes_two_stops_at_once():
+def test_branch_over_load_passes_two_stops_simultaneously():
     zeta, speed = 0.029, 0.78
     reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
     model = model_of(two_stops(), zeta=zeta, k=1.0, kappa=37.0, gap=reach, f=0.85)
@@ -157,7 +157,7 @@ def test_a_branch_over_the_load_passes_two_stops_at_once():
 @pytest.mark.parametrize(
     ("zeta", "kappa"), [(0.05, 300.0), pytest.param(0.1, 2000.0, marks=pytest.mark.slow)]
 )
-def test_a_branch_passes_the_orbit_that_grazes_two_stops_at_once(zeta, kappa):
+def test_branch_passes_orbit_that_grazes_two_stops(zeta, kappa):
     """Beyond this orbit the symmetric orbits are unstable, although the branch does not turn back."""
     numbers = {"zeta": zeta, "k": 1.0, "kappa": kappa, "gap": 2.0, "f": 1.0}
     grazing_speed = np.sqrt(1 - 2 * zeta**2 - np.sqrt((1 - 2 * zeta**2) ** 2 - 3 / 4))
@@ -191,7 +191,7 @@ def test_grazing_orbits_on_a_branch_have_the_single_verdict():
 
 
 @pytest.mark.slow
-def test_the_branch_of_the_slider_crank_passes_a_grazing_orbit():
+def test_slider_crank_branch_passes_grazing_orbit():
     """Without a step beyond the orbit at 1018.54 rpm, the branch would end there."""
     found = solve.branch(solve.load("slider_crank"), "1018:1088 rpm", points=10)
     assert found.ended.startswith("the branch continues")
@@ -222,9 +222,9 @@ def test_more_than_32_events_per_period_give_a_warning(order, chatters):
     model = solve.load(lambda: rattling(order), c=2.0, k=400.0, gap=0.1)
     orbit = solve.nonlinear(model, 1.0, rtol=1e-6, engine="numpy")
     assert len(orbit.events) == 2 * order
-    said = [text for text in orbit.warnings if "chatter" in text]
-    assert len(said) == chatters
-    assert all(f"{2 * order} times" in text and "\n" not in text for text in said)
+    warnings = [text for text in orbit.warnings if "chatter" in text]
+    assert len(warnings) == chatters
+    assert all(f"{2 * order} times" in text and "\n" not in text for text in warnings)
 
 
 def test_more_than_128_events_per_period_are_refused():

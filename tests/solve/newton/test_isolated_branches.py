@@ -36,7 +36,7 @@ def subharmonic():
     return solve.branch(model, (3.5, 10.5), start=scattered, rtol=1e-7)
 
 
-def test_a_subharmonic_branch_is_closed_and_its_folds_equal_shooting(subharmonic):
+def test_subharmonic_branch_is_closed_with_folds_from_shooting(subharmonic):
     (number,) = subharmonic.closed
     which = np.flatnonzero(subharmonic.numbers == number)
     assert subharmonic.ended == ""
@@ -87,7 +87,7 @@ def test_initial_states_of_other_equations_are_refused():
 
 
 @pytest.mark.slow
-def test_the_isolated_resonance_of_a_tuned_absorber_equals_shooting():
+def test_isolated_resonance_of_tuned_absorber_equals_shooting():
     """A published resonance of this absorber, tuned by the equal-peak method, which no sweep reaches."""
     e = 0.05
     root = sqrt(4 + 3 * e)

@@ -68,7 +68,7 @@ def test_error_on_given_steps_is_estimated_with_doubled_steps():
     assert any("gauss with 40 steps" in text for text in computed.warnings)
 
 
-def test_a_linear_model_has_the_same_orbit():
+def test_nonlinear_orbit_of_linear_model_is_linear_orbit():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.0, f=1.0)
     linear, computed = solve.periodic(model, 0.7), solve.nonlinear(model, 0.7)
     assert computed.found_by == "linear orbit"

@@ -50,7 +50,7 @@ def amplitude(speed, m, k, c, u, kr, gap):
     return free if free <= gap else brentq(residual, gap, free, xtol=1e-16)
 
 
-def test_the_ring_has_no_effect_at_rest(rotor):
+def test_ring_has_no_effect_at_rest(rotor):
     orbit = solve.periodic(rotor, 90.0)
     assert orbit.statistics("x").max == pytest.approx(amplitude(90.0, **{**NUMBERS, "kr": 0.0}), rel=1e-9)
 

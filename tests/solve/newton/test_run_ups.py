@@ -68,7 +68,7 @@ def crank_rate(first, last, end, linear):
 
 @pytest.mark.parametrize("linear", [True, False])
 @pytest.mark.parametrize("ramp", [(0.0, 25.0), (25.0, 0.0), (8.0, 14.0)])
-def test_a_run_up_and_a_run_down_of_a_crank(ramp, linear):
+def test_run_up_and_run_down_of_crank(ramp, linear):
     model = solve.load(crank(), **CRANK)
     transient = solve.transient(model, turns=6, nonlinear=not linear, speeds=ramp)
     end = 2 * 6 * 2 * np.pi / sum(ramp)

@@ -83,7 +83,7 @@ def test_slow_sweep_jumps_where_the_branch_turns_back_near_grazing(hard_stop):
 
 
 @pytest.mark.slow
-def test_the_slow_sweep_back_jumps_at_the_smooth_fold(hard_stop):
+def test_slow_sweep_back_jumps_at_smooth_fold(hard_stop):
     branch, force = hard_stop
     _, up = branch.jumps
     fold = max(branch.folds, key=lambda point: point["gap"])

@@ -29,7 +29,7 @@ def one_harmonic(zeta):
 
 
 @pytest.mark.slow
-def test_the_cusp_of_duffing_approaches_that_of_one_harmonic():
+def test_duffing_cusp_approaches_single_harmonic_cusp():
     """The squared amplitude is of the order of ζ. The third harmonic changes the speed at a given amplitude
     by the fourth power of the amplitude, ζ², and the load by a relative amount of the order of ζ."""
     differences = []

@@ -42,14 +42,14 @@ def test_folds_of_duffing_equal_shooting(duffing_branch):
         assert found["spectral_radius"] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_branch_between_the_folds_of_duffing_is_unstable(duffing_branch):
+def test_duffing_branch_is_unstable_between_folds(duffing_branch):
     first, last = np.flatnonzero(duffing_branch.turns)
     verdicts = np.array(duffing_branch.verdicts)
     assert set(verdicts[first + 1 : last]) == {"unstable"}
     assert set(verdicts[:first]) == set(verdicts[last + 1 :]) == {"asymptotically stable"}
 
 
-def test_a_slow_sweep_jumps_at_the_folds(duffing_branch):
+def test_slow_sweep_jumps_at_folds(duffing_branch):
     up, down = duffing_branch.jumps
     assert (up["direction"], down["direction"]) == ("up", "down")
     assert [up["speed"], down["speed"]] == [each["speed"] for each in duffing_branch.folds]
@@ -119,7 +119,7 @@ DRIVEN = 1.95
 
 
 @pytest.mark.slow
-def test_a_torus_of_two_coordinates_equals_shooting():
+def test_torus_of_two_coordinates_equals_shooting():
     """It is on the branch of orbits of two periods that begins at a period doubling, at which ẍ + 0.02 ẋ + 4
     x = F cos φ excites ÿ + 0.02 ẏ + (0.85 + 0.6 x) y = 0 parametrically."""
     model = model_of(autoparametric(), **COUPLED, F=0.04)

@@ -35,7 +35,7 @@ def test_transient_from_a_state_matches_time_integration(alpha, atol):
     assert transient.time[-1] == pytest.approx(5 * 2 * np.pi / SPEED)
 
 
-def test_the_distance_to_the_orbit_falls_with_the_largest_multiplier():
+def test_distance_to_orbit_decays_with_largest_multiplier():
     model = model_of(duffing(), alpha=0.0, **NUMBERS)
     transient = solve.transient(model, SPEED, 40)
     rate = np.exp(-NUMBERS["zeta"] * 2 * np.pi / SPEED)
@@ -87,7 +87,7 @@ def test_motion_outside_the_model_range_gives_a_warning():
     assert any("lifts off" in text for text in run_up.warnings)
 
 
-def test_the_cam_from_rest_reaches_its_nonlinear_orbit():
+def test_cam_from_rest_reaches_nonlinear_orbit():
     cam = solve.load("cam")
     computed, orbit = (
         solve.transient(cam, "300 rpm", 8, nonlinear=True),
@@ -255,7 +255,7 @@ def test_load_that_starts_within_a_revolution_moves_the_system(drive):
 
 
 @pytest.mark.parametrize(("start", "length"), [(2.7182, 0.008), (0.4321, 0.03)])
-def test_transients_include_short_load_pulses_that_are_not_declared_as_breaks(start, length):
+def test_transients_include_short_load_pulses_without_breaks(start, length):
     """From rest, the first period ends at the convolution of the pulse with the impulse response."""
     stiffness, damping, period = 3.3, 0.2, 2 * np.pi
 

@@ -169,7 +169,7 @@ def test_coordinate_scale_is_load_divided_by_impedance():
 
 
 @pytest.mark.parametrize(("numbers", "speed"), [({"c": 0.1, "g": 49.05, "F": 0.0}, 9.3)])
-def test_the_round_off_of_a_residual_is_below_its_bound(numbers, speed):
+def test_round_off_of_residual_is_below_bound(numbers, speed):
     """The reference has 50 digits, at angles and speeds near the equilibrium."""
     model, rng = model_of(bead(), **numbers), np.random.default_rng(5)
     with mpmath.workdps(50):

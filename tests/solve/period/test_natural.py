@@ -17,7 +17,7 @@ def exact(M, K):
         return np.array([float(x) for x in sorted(mpmath.eigsy(unit * mpmath.matrix(K) * unit)[0])])
 
 
-def test_the_first_frequency_of_a_free_chain_is_exactly_zero():
+def test_first_frequency_of_free_chain_is_exactly_zero():
     frequencies = natural_frequencies(np.diag(INERTIA)[None], chain(CHAIN)[None], 5)
     hertz = frequencies.frequencies[0] / (2 * np.pi)
     assert hertz[0] == 0.0
@@ -45,7 +45,7 @@ def test_frequencies_are_accurate_with_rigid_body_and_stiff_modes(seed):
 
 
 @pytest.mark.parametrize("k1", [-3.0, -2.0, -0.5, 0.5, 3.0])
-def test_a_negative_spring_keeps_the_mode_numbers(k1):
+def test_negative_spring_does_not_change_mode_numbers(k1):
     """Closed form for two unit masses on springs k1 and 100 N/m, with 1 N/m between the masses."""
     a, b = k1 + 1.0, 101.0
     root = np.hypot((a - b) / 2, 1.0)

@@ -38,7 +38,7 @@ def test_end_of_a_period_is_the_start_of_the_next(quintic):
 
 
 @pytest.mark.parametrize("derivative", range(4))
-def test_the_trigonometric_interpolant_and_its_derivatives(derivative):
+def test_trigonometric_interpolant_and_its_derivatives(derivative):
     period = 3.0
     nodes = np.linspace(0.0, period, 8)
     omega = 2 * np.pi / period

@@ -35,13 +35,13 @@ OPEN = {
 }
 
 
-def shown(expression, period=Fraction(2)):
+def is_proved_periodic(expression, period=Fraction(2)):
     return repeats(Instructions.from_function(casadi.Function("f", [x], [expression])), period)
 
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_proved_periods_are_true_periods(name):
-    assert shown(SHOWN[name])
+    assert is_proved_periodic(SHOWN[name])
     function = casadi.Function("f", [x], [SHOWN[name]])
     for at in (0.3, 1.1, 2.9, 4.0):
         assert float(function(at + 2 * math.pi)) == pytest.approx(float(function(at)), abs=1e-12)
@@ -49,12 +49,12 @@ def test_proved_periods_are_true_periods(name):
 
 @pytest.mark.parametrize("name", OPEN)
 def test_function_without_an_exact_period_has_no_proved_period(name):
-    assert not shown(OPEN[name])
+    assert not is_proved_periodic(OPEN[name])
 
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_incommensurate_functions_have_no_proved_period(name):
-    assert not shown(SHOWN[name], Fraction(201, 100))
+    assert not is_proved_periodic(SHOWN[name], Fraction(201, 100))
 
 
 def test_assumption_states_the_unproved_periods():

@@ -20,7 +20,7 @@ INPUTS = ("ED Generator torque, Nm",)
 OUTPUTS = ("ED YawBrMzp, (kN-m)", "ED Azimuth, (deg)")
 
 
-def turned(azimuth):
+def rotating_matrices(azimuth):
     """Return A, B, C and D in coordinates that rotate with the rotor, where y = S x."""
     c, s, zero = np.cos(azimuth), np.sin(azimuth), np.zeros((2, 2))
     R, dR = np.array([[c, s], [-s, c]]), SPEED * np.array([[-s, c], [-c, -s]])
@@ -53,7 +53,7 @@ def _matrix(name, values):
 
 def lin_text(azimuth, speed=SPEED):
     """Return the text of a file."""
-    every, B, C, D = turned(azimuth)
+    every, B, C, D = rotating_matrices(azimuth)
     generator = (azimuth - np.pi / 2) % (2 * np.pi)
     states = _rows(STATES, (0.1, 0.2, generator, 0.0, 0.0, speed), (1, 1, 0, 1, 1, 0), 2)
     heads = [

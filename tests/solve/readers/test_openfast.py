@@ -6,7 +6,16 @@ import pytest
 import solve
 from solve.errors import FileError, MatricesError, UnknownNameError
 from solve.labels import speed_or_usual
-from tests.solve.readers.lin_files import INPUTS, OUTPUTS, SPEED, STATES, A, lin_text, turned, write_set
+from tests.solve.readers.lin_files import (
+    INPUTS,
+    OUTPUTS,
+    SPEED,
+    STATES,
+    A,
+    lin_text,
+    rotating_matrices,
+    write_set,
+)
 
 AZIMUTH_STATES = ("GeAz", "GeAz_rate")
 
@@ -43,7 +52,7 @@ def test_matrices_are_sorted_by_azimuth(tmp_path):
     azimuth = (5 + 0.37) * 2 * np.pi / 24
     found = system.equations_at(np.array([azimuth]), SPEED)
     A, _, *others = found
-    for name, values, expected in zip("ABCD", (A, *others), turned(azimuth), strict=True):
+    for name, values, expected in zip("ABCD", (A, *others), rotating_matrices(azimuth), strict=True):
         # Azimuths have twelve digits, by the state of the generator.
         np.testing.assert_allclose(values[0], expected, atol=1e-10, err_msg=name)
 
@@ -54,7 +63,7 @@ def test_printed_azimuth_is_used_without_a_generator_state(tmp_path):
         file.write_text(file.read_text("utf-8").replace("Variable speed generator", "Azimuth"), "utf-8")
     system = solve.read_openfast(pattern)
     found = system.equations_at(np.array([2 * np.pi / 24]), SPEED)[0][0]
-    error = np.abs(found - turned(2 * np.pi / 24)[0]).max()
+    error = np.abs(found - rotating_matrices(2 * np.pi / 24)[0]).max()
     assert 1e-8 < error < 1e-3
 
 
@@ -78,7 +87,7 @@ def edited(old, new, count=1):
     return text.replace(old, new, count)
 
 
-def cut(line):
+def truncated(line):
     """Return a file without the lines from a given line on."""
     text = lin_text(0.5)
     return text[: text.index(line) + len(line)]
@@ -93,7 +102,7 @@ MALFORMED = {
     "no states": (edited("Order of continuous states:", "Order of nothing:"), "it has no continuous states"),
     "a row is missing": (edited("\n          2  ", "\n          3  "), "expected row 2 of 6 states"),
     "no rotating flag": (edited("T               2", "X               2"), "expected row 1 of 6 states"),
-    "A is cut off": (cut("A: 6 x 6"), "expected 6 finite numbers"),
+    "A is cut off": (truncated("A: 6 x 6"), "expected 6 finite numbers"),
     "A has another size": (edited("A: 6 x 6", "A: 6 x 5"), "expected A of 6 x 6"),
     "a word in A": (edited("1.000000000000E+00", "*******************"), "expected 6 finite numbers"),
     "not a number in A": (edited("1.000000000000E+00", "NaN"), "expected 6 finite numbers"),

@@ -39,7 +39,7 @@ def run_up():
     return carry_out(designed(design_map(four_bar(), stress, start, (0.53, 0.63), 7)), 29.0, 2.0)
 
 
-MADE = {
+EXAMPLES = {
     "solve.periodic": (lambda: solve.periodic(cam(), "300 rpm"), '--speed "5 Hz"'),
     "solve.nonlinear": (lambda: solve.nonlinear(cam(), "100 rpm", rtol=1e-6), '--speed "1.5 Hz" --rtol 1e-6'),
     "solve.floquet": (lambda: solve.floquet(cam(), "300 rpm"), '--speed "5 Hz"'),
@@ -162,12 +162,13 @@ MADE = {
         '--time "2 s"',
     ),
 }
-"""By the name in the first column: how it is made, and the flags that make the same."""
+"""Mapping from names in the first column of the table to a function that returns an example of the result,
+and the flags with which a command returns the same result."""
 
 
 @cache
-def made(name):
-    return MADE[name][0]()
+def example(name):
+    return EXAMPLES[name][0]()
 
 
 def picture(result):

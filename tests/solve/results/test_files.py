@@ -25,7 +25,7 @@ def write_together(folder, writers):
             files.write(folder / name, write)
 
 
-def held(folder):
+def contents(folder):
     return {path.name: path.read_text() for path in folder.iterdir() if path.is_file()}
 
 
@@ -33,8 +33,8 @@ def test_two_files_appear_together(tmp_path):
     with AtomicFiles() as files:
         files.write(tmp_path / "a.csv", text("one"))
         files.write(tmp_path / "b.csv", text("two"))
-        assert held(tmp_path) == {}
-    assert held(tmp_path) == {"a.csv": "one", "b.csv": "two"}
+        assert contents(tmp_path) == {}
+    assert contents(tmp_path) == {"a.csv": "one", "b.csv": "two"}
 
 
 def test_exception_between_two_files_leaves_neither(tmp_path):
@@ -44,7 +44,7 @@ def test_exception_between_two_files_leaves_neither(tmp_path):
 
     with pytest.raises(ZeroDivisionError):
         write_together(tmp_path, {"a.csv": text("one"), "b.csv": fail})
-    assert held(tmp_path) == {}
+    assert contents(tmp_path) == {}
 
 
 def test_failed_joint_write_restores_earlier_files(tmp_path):
@@ -54,7 +54,7 @@ def test_failed_joint_write_restores_earlier_files(tmp_path):
     writers = {"new.csv": text("one"), "old.csv": text("two"), "c.csv": text("three")}
     with pytest.raises(FileError, match=r"c\.csv' cannot be written \(Is a directory\)"):
         write_together(tmp_path, writers)
-    assert held(tmp_path) == {"old.csv": "before"}
+    assert contents(tmp_path) == {"old.csv": "before"}
 
 
 def test_replaced_file_keeps_its_mode_and_new_files_follow_umask(tmp_path):
@@ -77,7 +77,7 @@ def test_target_of_a_link_is_written(tmp_path):
     link.symlink_to(tmp_path / "there" / "real.csv")
     write_atomic(checked(link, CSV, "data"), text("after"))
     assert link.is_symlink()
-    assert held(tmp_path / "there") == {"real.csv": "after"}
+    assert contents(tmp_path / "there") == {"real.csv": "after"}
 
 
 @pytest.mark.parametrize("device", ["/dev/null", "/dev/full"])
@@ -116,7 +116,7 @@ def test_only_temporary_files_of_ended_processes_are_removed(tmp_path):
     (tmp_path / f"{module._prefix(os.getppid())}abc").write_text("theirs")
     (tmp_path / ".mine-1-parametric").write_text("mine")
     write_atomic(tmp_path / "a.csv", text("one"))
-    assert sorted(held(tmp_path).values()) == ["mine", "one", "theirs"]
+    assert sorted(contents(tmp_path).values()) == ["mine", "one", "theirs"]
 
 
 KILLED = """
@@ -138,9 +138,9 @@ def test_killed_process_leaves_the_file_unchanged(tmp_path, moment):
     died = subprocess.run([sys.executable, "-c", KILLED, moment], cwd=tmp_path)
     assert died.returncode == -9
     assert (tmp_path / "a.csv").read_text() == "before"
-    assert len(held(tmp_path)) == 2
+    assert len(contents(tmp_path)) == 2
     write_atomic(tmp_path / "a.csv", text("after"))
-    assert held(tmp_path) == {"a.csv": "after"}
+    assert contents(tmp_path) == {"a.csv": "after"}
 
 
 @pytest.fixture

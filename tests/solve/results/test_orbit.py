@@ -146,9 +146,9 @@ def test_outputs_follow_from_phase_and_state(with_force):
 
 @pytest.mark.parametrize(("given", "near"), [("q4", "q1"), ("forse", "force"), ("Q1", "q1")])
 def test_unknown_names_are_refused_with_a_suggestion(with_force, given, near):
-    for asked in (with_force.statistics, with_force.harmonics, with_force.quasi_static.signal):
+    for method in (with_force.statistics, with_force.harmonics, with_force.quasi_static.signal):
         with pytest.raises(UnknownNameError, match=rf"unknown coordinate or output '{given}'; did you mean"):
-            asked(given)
+            method(given)
 
 
 def test_orbit_contains_its_method_steps_and_speed():

@@ -16,7 +16,7 @@ import solve
 from models.four_bar.__main__ import run as four_bar_command
 from solve.commands.app import run as solve_command
 from solve.results.result import Result
-from tests.solve.results.every_result import MADE, cam, made, picture, saved
+from tests.solve.results.every_result import EXAMPLES, cam, example, picture, saved
 
 PAGE = (Path(__file__).parents[3] / "docs" / "results.md").read_text(encoding="utf-8")
 SLOW = "corrections", "carry_out"
@@ -151,7 +151,7 @@ def command_of(name, cell):
     word, *flags = words.split()
     of_mathieu = name in {"solve.chart", "solve.bands", "solve.speed_sensitivities", "solve.special_curves"}
     model = [] if run is four_bar_command else ["mathieu" if of_mathieu else "cam"]
-    return run, [word, *model, *flags, *shlex.split(MADE[name][1])]
+    return run, [word, *model, *flags, *shlex.split(EXAMPLES[name][1])]
 
 
 def without_times(record):
@@ -185,8 +185,8 @@ def test_page_lists_all_results_with_all_functions():
     results = {
         f"solve.{name}" for name, kind in returned.items() if isclass(kind) and issubclass(kind, Result)
     }
-    assert {name for name in MADE if name.startswith("solve.")} == results
-    assert set(names()) == set(MADE)
+    assert {name for name in EXAMPLES if name.startswith("solve.")} == results
+    assert set(names()) == set(EXAMPLES)
     for row in ROWS[2:]:
         assert row[1:-1] == ["yes"] * (len(HEAD) - 2)
 
@@ -194,11 +194,11 @@ def test_page_lists_all_results_with_all_functions():
 @pytest.mark.parametrize("ability", HEAD[1:-1])
 @pytest.mark.parametrize("name", [slowly(name) for name in names()])
 def test_every_function_in_the_table_works(name, ability, tmp_path):
-    TRIED[ability](made(name), tmp_path)
+    TRIED[ability](example(name), tmp_path)
 
 
 def test_chart_has_one_row_per_point():
-    chart = made("solve.chart")
+    chart = example("solve.chart")
     table, dataset = chart.to_pandas(), chart.to_xarray()
     assert dataset["spectral_radius"].dims == ("epsilon", "delta")
     for row in table.itertuples():

@@ -214,7 +214,7 @@ def test_singular_inertia_is_refused():
         solve.bands(systems.system(matrices, 1), [1.0, 2.0])
 
 
-def test_the_picture_shows_the_largest_multiplier_of_each_band():
+def test_figure_shows_largest_multiplier_of_each_band():
     bands = solve.bands(solve.load("meissner"), "0.6:1.5:3 rad/s")
     assert len(bands) > 2
     for band in bands:

@@ -16,7 +16,7 @@ INERTIA = np.diag([3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05])
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
-def over(matrices, n):
+def system_of(matrices, n):
     """System with M, C, K = matrices(speed), and a load with harmonics 0 to 2."""
 
     def at(phase, speed):
@@ -29,13 +29,15 @@ def over(matrices, n):
 
 def free_chain(anchor=0.0):
     K = chain(CHAIN) + np.diag([anchor, 0, 0, 0, 0])
-    return over(lambda speed: (INERTIA, 0 * K, K), 5)
+    return system_of(lambda speed: (INERTIA, 0 * K, K), 5)
 
 
 def shaft(k2):
     """Unbalanced shaft with the stiffnesses 1 and k2 in rotating coordinates, unstable between √1 and √k2 (S.
     H. Crandall, P. J. Brosens, J. Appl. Mech. 28 (1961) 567-570)."""
-    return over(lambda speed: (np.eye(2), 2 * speed * TURN, np.diag([1.0, k2]) - speed**2 * np.eye(2)), 2)
+    return system_of(
+        lambda speed: (np.eye(2), 2 * speed * TURN, np.diag([1.0, k2]) - speed**2 * np.eye(2)), 2
+    )
 
 
 @pytest.fixture
@@ -81,7 +83,7 @@ def test_internal_damping_makes_a_rotor_unstable_above_its_threshold():
     def matrices(speed):
         return np.eye(2), (outer + inner) * np.eye(2), np.eye(2) - inner * speed * TURN
 
-    (band,) = solve.bands(over(matrices, 2), [0.3, 4.0])
+    (band,) = solve.bands(system_of(matrices, 2), [0.3, 4.0])
     assert band.low == pytest.approx(1 + outer / inner, rel=2e-7)
     assert (band.kind, band.open_high) == ("complex", True)
     growth = np.real(np.roots([1, outer + inner, 1 - 4j * inner])).max()
@@ -95,7 +97,7 @@ def test_narrow_band_of_flutter_is_found():
         p = 0.1001 * np.exp(-50 * (speed - 2) ** 2)
         return np.eye(2), np.zeros((2, 2)), np.array([[1.0, p], [-p, 1.2]])
 
-    (band,) = solve.bands(over(matrices, 2), [0.3, 4.0])
+    (band,) = solve.bands(system_of(matrices, 2), [0.3, 4.0])
     half = np.sqrt(np.log(1.001) / 50)
     assert (band.low, band.high) == pytest.approx((2 - half, 2 + half), abs=4e-7)
 
@@ -111,20 +113,20 @@ def test_verdicts_agree_with_the_solver(seed):
     K = K + 0.3 * draw.integers(0, 2) * (P - P.T)
     if seed % 4 == 3:
         M, C, K = np.eye(n), np.zeros((n, n)), chain(draw.uniform(0.5, 5, n - 1))
-    made = over(lambda speed: (M, speed * C, K), n)
+    made = system_of(lambda speed: (M, speed * C, K), n)
     points = draw.uniform(0.5, 3.0, 5)[:, None]
     task, _ = task_of(over_speed(made), "auto", 1e-10, "auto", orbit=False)
     steady = constant_coefficients(task.batch(points))
     assert steady is not None
-    judged = steady.evaluate(points)
+    stability = steady.evaluate(points)
     for at, speed in enumerate(points[:, 0].tolist()):
         rate = np.block(
             [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, speed * C)]]
         )
         modulus = np.exp(np.linalg.eigvals(rate).real.max() * 2 * np.pi / speed)
-        assert not judged.failed[at]
-        assert judged.unstable[at] == (modulus > 1 + 1e-5)
-        assert abs(judged.multipliers[at, 0]) == pytest.approx(modulus, rel=1e-6)
+        assert not stability.failed[at]
+        assert stability.unstable[at] == (modulus > 1 + 1e-5)
+        assert abs(stability.multipliers[at, 0]) == pytest.approx(modulus, rel=1e-6)
 
 
 def test_slightly_varying_matrices_are_not_constant():
@@ -151,7 +153,7 @@ def test_approximate_methods_give_their_own_verdict():
 def test_chart_of_a_chain_searches_no_tongues(solutions):
     def build(k1, anchor):
         K = chain([k1, *CHAIN[1:]]) + np.diag([anchor, 0, 0, 0, 0])
-        return over(lambda speed: (INERTIA, 0 * K, K), 5)
+        return system_of(lambda speed: (INERTIA, 0 * K, K), 5)
 
     chart = solve.chart(build, "k1=11e3:13e3:5", "anchor=1:10:4", "1000 rpm")
     assert chart.boundaries == []
@@ -163,7 +165,7 @@ def test_chart_of_rotors_finds_the_threshold():
 
     def build(outer, speed):
         K = np.eye(2) - 0.03 * speed * TURN
-        return over(lambda _: (np.eye(2), (outer + 0.03) * np.eye(2), K), 2)
+        return system_of(lambda _: (np.eye(2), (outer + 0.03) * np.eye(2), K), 2)
 
     chart = solve.chart(lambda outer, w: build(outer, w), "outer=0.01:0.03:5", "w=1:3:9", 1.0)
     (curve,) = chart.boundaries

@@ -38,14 +38,14 @@ def curve(noise=0.0, seed=0, speeds=(SPEED, 2.0), outlier=False, **numbers):
     return rows
 
 
-def written(path, header, rows):
+def table_file(path, header, rows):
     path.write_text("\n".join([header, *(",".join(map(repr, map(float, row))) for row in rows)]), "utf-8")
     return path
 
 
 @pytest.fixture
 def file(tmp_path):
-    return lambda rows, header="phase (rad),speed (rad/s),q (1)": written(tmp_path / "q.csv", header, rows)
+    return lambda rows, header="phase (rad),speed (rad/s),q (1)": table_file(tmp_path / "q.csv", header, rows)
 
 
 def test_exact_curves_give_the_true_parameters(file):
@@ -75,7 +75,7 @@ def test_natural_frequencies_give_the_ratio_of_stiffness_to_mass(tmp_path):
         (mode, value * (1 + off)) for mode, value in sorted(rows, key=lambda row: row[1]) for off in (0, 1e-9)
     ]
     rows = [(1 + at // 2, value) for at, (_, value) in enumerate(sorted(rows, key=lambda row: row[1]))]
-    made = written(tmp_path / "f.csv", "mode (1),frequency (Hz)", rows)
+    made = table_file(tmp_path / "f.csv", "mode (1),frequency (Hz)", rows)
     fitted = solve.fit(model(k2=6.0), made, ["k", "k2"])
     assert fitted.parameters["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
     assert fitted.parameters["k2"].value == pytest.approx(K2, rel=1e-6)
@@ -88,7 +88,7 @@ def test_natural_frequencies_give_the_ratio_of_stiffness_to_mass(tmp_path):
         ([(3, 1.0), (1, 2.0)], "has the modes 1 to 2"),
         ([(0.5, 1.0)], "has the modes 1 to 2"),
     ):
-        made = written(tmp_path / "f.csv", "mode (1),frequency (Hz)", rows)
+        made = table_file(tmp_path / "f.csv", "mode (1),frequency (Hz)", rows)
         with pytest.raises(ValueOutOfBoundsError, match=words):
             solve.fit(model(), made, ["k"])
 

@@ -36,7 +36,7 @@ def test_rigid_body_mode_of_a_free_train_is_labelled():
 )
 def test_frequency_table_reports_the_number_of_omitted_modes(discs, count, title):
     frequencies = solve.frequencies(train([0.1] * discs, [50.0] * (discs - 1)), count=count)
-    assert f"Over a revolution, rad/s{title}\n" in repr(frequencies).replace(" \n", "\n")
+    assert f"Frequencies over a revolution, rad/s{title}\n" in repr(frequencies).replace(" \n", "\n")
 
 
 def test_first_frequency_of_three_discs_is_always_zero():
@@ -112,13 +112,13 @@ def test_error_reports_speed_0_if_a_matrix_is_infinite():
         solve.frequencies(solve.PeriodicSystem(by_python, ["x"]))
 
 
-def written(path, rows):
+def frequency_file(path, rows):
     path.write_text("\n".join(["mode (1),frequency (Hz)", *(f"{m},{f:.17g}" for m, f in rows)]) + "\n")
     return path
 
 
 def test_fit_finds_the_stiffness_of_a_free_train(tmp_path):
-    file = written(tmp_path / "f.csv", [*enumerate(HERTZ, 1)][1:])
+    file = frequency_file(tmp_path / "f.csv", [*enumerate(HERTZ, 1)][1:])
     fitted = solve.fit(train(k1=9000.0), file, ["k1"])
     assert fitted.parameters["k1"].value == pytest.approx(12e3, rel=1e-8)
 
@@ -126,13 +126,13 @@ def test_fit_finds_the_stiffness_of_a_free_train(tmp_path):
 def test_fit_finds_the_stiffness_between_two_free_discs(tmp_path):
     """The natural frequency is ω² = k (1/J1 + 1/J2)."""
     hertz = np.sqrt(2500.0 * (1 / 0.1 + 1 / 0.3)) / (2 * np.pi)
-    file = written(tmp_path / "f.csv", [(2, hertz), (2, hertz * (1 + 1e-9))])
+    file = frequency_file(tmp_path / "f.csv", [(2, hertz), (2, hertz * (1 + 1e-9))])
     fitted = solve.fit(train([0.1, 0.3], [900.0]), file, ["k1"])
     assert fitted.parameters["k1"].value == pytest.approx(2500.0, rel=1e-7)
 
 
 def test_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
-    file = written(tmp_path / "f.csv", [(at, hertz) for at, hertz in enumerate(HERTZ[1:], 1)])
+    file = frequency_file(tmp_path / "f.csv", [(at, hertz) for at, hertz in enumerate(HERTZ[1:], 1)])
     with pytest.raises(ValueOutOfBoundsError) as refused:
         solve.fit(train(k1=9000.0), file, ["k1"])
     assert "mode 1 was measured at 81.2076 Hz, but is a rigid-body mode of frequency 0" in str(refused.value)
@@ -141,7 +141,7 @@ def test_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
 
 def test_fit_converges_from_a_start_with_a_growing_mode(tmp_path):
     low, high = squares_of_masses(3.0)
-    file = written(tmp_path / "f.csv", [(1, np.sqrt(low) / 2 / np.pi), (2, np.sqrt(high) / 2 / np.pi)])
+    file = frequency_file(tmp_path / "f.csv", [(1, np.sqrt(low) / 2 / np.pi), (2, np.sqrt(high) / 2 / np.pi)])
     fitted = solve.fit(masses(k1=-3.0), file, ["k1"])
     assert fitted.parameters["k1"].value == pytest.approx(3.0, rel=1e-6)
 

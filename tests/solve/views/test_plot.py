@@ -54,6 +54,16 @@ def test_figure_has_a_row_per_coordinate(result):
     assert result.plot().get_suptitle() == "two oscillators, 28.6479 rpm"
 
 
+def test_long_meanings_are_wrapped_above_their_panels():
+    """The meaning of the coupler's stress has 103 characters."""
+    coupler = solve.load("coupler")
+    figure = solve.periodic(coupler, "600 rpm", rtol=1e-4).plot(["axial_force", "stress"])
+    titles = [axes.get_title(loc="left") for axes in panels(figure)[0]]
+    meanings = [coupler.labels.meanings[name] for name in ("axial_force", "stress")]
+    assert [title.replace("\n", " ") for title in titles] == meanings
+    assert not overlaps(figure)
+
+
 def test_curve_shows_the_motion_versus_phase_in_degrees(result):
     axes = panels(result.plot())[0][0]
     degrees, millimetres = axes.lines[0].get_data()

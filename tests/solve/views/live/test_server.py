@@ -315,9 +315,9 @@ def test_used_port_is_refused_in_one_line(capsys):
 )
 def test_unsupported_model_is_refused_before_a_window_opens(capsys, arguments, message):
     assert run(["explore", *arguments, "--no-browser"]) == 2
-    said = capsys.readouterr().err
-    assert message in said
-    assert said.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert printed.count("\n") == 1
 
 
 def test_missing_library_is_reported(capsys, monkeypatch):
