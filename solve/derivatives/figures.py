@@ -214,8 +214,8 @@ class Figures:
         return steps[nearest], distance[np.arange(len(phases)), nearest]
 
     def _beside(self, names: Array, phases: Array, side: int) -> Array:
-        """Values of k quantities, and derivatives with respect to the phase, as an array (2, k). They are
-        extrapolated to the phases from just before (side -1) or after them (side 1)."""
+        """Values of k quantities and their derivatives with respect to the phase, as an array (2, k). They
+        are one-sided limits at the phases: from the left (side -1) or from the right (side 1)."""
         distance = side * _SPACING * self.orbit.system.period / self.orbit.samples
         values = self._values_at(names, phases[:, None] + distance * np.arange(1, 4))
         return _EXTRAPOLATION @ values.T / np.array([[1.0], [distance]])

@@ -106,8 +106,8 @@ class HarmonicTransfer:
         most = _most_orders(self.system)
         more = "more orders, or " if self.orders < most else ""
         return [
-            f"harmonic transfer function: error {error:.1e} with {self.orders} orders of the states "
-            f"(at most {most}), above the tolerance {self.rtol:.1e}{jumps}; give {more}a larger rtol"
+            f"the harmonic transfer function has the error {error:.1e} with {self.orders} of at most {most} "
+            f"orders of the states, above the tolerance {self.rtol:.1e}{jumps}; give {more}a larger rtol"
         ]
 
     @property

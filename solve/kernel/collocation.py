@@ -25,8 +25,8 @@ class Samples(NamedTuple):
 
     @property
     def summed(self) -> "Samples":
-        """Samples with one term per entry: the sum of its terms, for each point. All coefficients are then 1,
-        so that lanes neither multiply nor sum."""
+        """Samples in which the terms of each entry are replaced by their sum, for each point. Each entry then
+        has one term with coefficient 1, and the compiled loops need no multiplications or sums."""
         first = np.flatnonzero(np.diff(self.entry, prepend=-1))
         if len(first) == len(self.entry) and (self.coefficients == 1).all():
             return self

@@ -387,7 +387,8 @@ class FrozenModes:
         return np.maximum(np.sqrt(stiffness), damping)
 
     def _ratios(self) -> tuple[Array, Array]:
-        """M⁻¹C and M⁻¹K as fields (n, n, P, k), with the rates of first-order coordinates as unknowns."""
+        """Return M⁻¹C and M⁻¹K as arrays (n, n, P, k). For a first-order coordinate, its rate replaces the
+        acceleration."""
         M, C, K = self._rates_at(slice(None))
         return mass_normalised(M, C, K, self._first_order)
 

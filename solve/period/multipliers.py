@@ -168,17 +168,18 @@ def _is_matched_by_places(distance: Array) -> bool:
 def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateScales) -> Array:
     """Verdicts (P,) as indices in VERDICTS, from monodromy matrices (P, N, N).
 
-    Let e be the absolute error of a multiplier, from `errors` (P,). For an unresolved multiplier, it is
-    `bound` if that is larger.
+    Let e be the absolute error of a multiplier, computed from `errors` (P,), but at least
+    `multipliers.bound` for an unresolved multiplier.
 
     - Asymptotically stable: all |ρ| + e < 1 - 1e-9.
     - Unstable: some |ρ| - 2 e > 1 + 1e-9, or a coordinate drifts freely. The factor 2 is used because e is
       only an estimate.
     - Stable: all multipliers that are not inside the circle have |ρ| - e ≤ 1 + 1e-9 and ||ρ| - 1| + e ≤ 1e-6,
-      and none of them can be defective (chapter Section 2).
+      and none of them can be defective (section 2 of the chapter).
     - Undetermined otherwise.
 
-    If two multipliers may coincide, 10 e replaces e in the first condition and 2 e in the second."""
+    If two multipliers may coincide, 10 e is used instead of e in the first condition, and instead of 2 e in
+    the second."""
     values, moduli, e = multipliers.values, multipliers.moduli, _absolute_errors(multipliers, errors)
     result = _by_moduli(moduli, e, e, SURE * e)
     rows, coincide = _coinciding(multipliers, errors, e)

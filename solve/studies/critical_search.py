@@ -69,7 +69,8 @@ def _is_dominant(results: PointResults) -> Array:
 
 
 def _leading(results: PointResults) -> Array:
-    """Indices (P,) of the dominant multipliers with the largest real part."""
+    """For each point, the index (P,) of the dominant multiplier; of several with equal modulus, the one with
+    the largest real part."""
     return np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).argmax(axis=1)
 
 

@@ -188,4 +188,8 @@ def _sentence(names: Sequence[str], axis: Array) -> str:
     ]
     if len(parts) == 1:
         return f"the data do not determine {parts[0].split()[0]}"
-    return f"the data do not determine a joint change of {' with '.join(parts)}, only other combinations"
+    names = ", ".join(part.split()[0] for part in parts)
+    return (
+        f"the data do not determine {names} separately: changes of {', '.join(parts)} together have no clear "
+        "effect"
+    )

@@ -218,11 +218,11 @@ class MultiplierMatcher:
     def label_real_part(self, maximum: Maximum, multiplier: int, orders: int, unstable: bool) -> Label:
         """Label of a maximum of the real part of the multiplier with index `multiplier`.
 
-        If the motion is stable and the angle of the multiplier is near 0, or at most arctan(δ/ω), the angle
-        at which exp(-δT) cos ωT is largest, the maximum is attributed to an integer division of the
-        multiplier's mode. Otherwise it is attributed to a combination if two conditions hold: the multiplier
-        of another mode has the same angle, and the sum or difference of the frozen frequencies is near an
-        integer multiple of the speed.
+        Suppose that the motion is stable and that the angle of the multiplier is near 0 or at most
+        arctan(δ/ω). At the angle arctan(δ/ω), exp(-δT) cos ωT is largest. The maximum is then attributed to
+        an integer division of the frequency of the multiplier's mode. Otherwise it is attributed to a
+        combination if two conditions hold: the multiplier of another mode has the same angle, and the sum or
+        difference of the frozen frequencies is near an integer multiple of the speed.
         """
         rho = self.rho[multiplier]
         if rho == 0:

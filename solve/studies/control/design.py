@@ -360,9 +360,9 @@ def _pair(
     others = {key: value for key, value in given.items() if key not in system.inputs}
     if not inputs or not others:
         known = ", ".join(system.inputs) or "none"
-        missing = "no state" if inputs else f"no input (inputs of the system: {known})"
+        missing = "state or output" if inputs else f"input (inputs of the system: {known})"
         raise MissingValueError(
-            f"{name} contains {missing}; give numbers for inputs and for states or outputs"
+            f"{name} contains no {missing}; give numbers for at least one input and one state or output"
         )
     return (inputs, others) if inputs_first else (others, inputs)
 

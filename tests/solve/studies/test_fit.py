@@ -81,7 +81,7 @@ def test_natural_frequencies_give_the_ratio_of_stiffness_to_mass(tmp_path):
     assert fitted.parameters["k2"].value == pytest.approx(K2, rel=1e-6)
     assert [channel.where(RPM) for channel in fitted.channels] == ["at 0°"]
     assert (
-        "the data do not determine a joint change of"
+        "the data do not determine m, k separately"
         in solve.fit(model(k2=6.0), made, ["m", "k"]).unidentifiable[0]
     )
     for rows, words in (
