@@ -3,7 +3,7 @@
 Column 0 of the errors (P, 2) contains the errors of the orbit, relative to the largest value of each
 coordinate. Column 1 contains the errors of the multipliers, relative to the spectral radius."""
 
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 
@@ -89,12 +89,8 @@ class Comparison(PointSolver):
         super().__init__(points, method, request)
         self.better, self.step_ratio = better_method(method)
         self.remaining = 0.0 if self.step_ratio == 1 else 1 / (2.0**method.order - 1)
-
-    @cached_property
-    def max_steps(self) -> int:
-        """Largest number of steps of the first solution. It may be limited by the more accurate solution,
-        which has more steps or more stages."""
-        return self.better.most_steps(self.points.n, self.points.first_order) // self.step_ratio
+        # The more accurate solution has more steps or more stages.
+        self.max_steps = self.better.most_steps(points.n, points.first_order) // self.step_ratio
 
     def pair_chunks(self, steps: int, positions: Array) -> list[Array]:
         """Split the positions into chunks for which both solutions fit into memory."""
@@ -162,7 +158,7 @@ class Comparison(PointSolver):
         rules = method.stages, self.better.stages
         resampled = ResampledPoints(points, steps, rules)
         errors = np.zeros((len(positions), 2))
-        allowed = _COEFFICIENTS * self.request.rtol * self.relative_stiffness[positions]
+        allowed = _COEFFICIENTS * self.request.rtol * self.relative_stiffness(positions)
         rows = (resampled.relative_difference > allowed).nonzero()[0]
         if len(rows):
             if method.linear:
@@ -201,7 +197,7 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
     that is zero except for round-off, such as that of the mass at a tuned absorber, is compared with the
     displacement that all loads on it would cause."""
     multipliers = coarse.multipliers.difference(fine.multipliers)
-    orbit = np.zeros_like(multipliers)
+    orbit = np.zeros(len(multipliers))
     if coarse.curve is not None and fine.curve is not None:
         change, largest = _curve_differences(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
         scales = _coordinate_scales(change, largest, orbit_roundoff(fine), modes)

@@ -78,7 +78,7 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
 
 def stages(n: int) -> float:
     """Flops a second of a step of Radau's method of order 9 in full lanes, its map's product among them."""
-    method = solve.Radau().collocation
+    method = solve.Radau().stages
     rng, s = np.random.default_rng(0), len(method.c)
     entry = np.arange(3 * n**2 + n)
     table = 0.1 * rng.standard_normal((STEPS * s, len(entry)))
