@@ -15,8 +15,9 @@ from solve.certify.certified import Certified
 from solve.certify.comparison import NO_DIGIT, SAFETY, better_method
 from solve.errors import SolveError, StepsError, counted
 from solve.kernel import slicot
-from solve.methods.free import solutions_on
+from solve.methods.free import anchored_for, solutions_on
 from solve.methods.method import Method, OneStep
+from solve.period.anchored import Anchored
 from solve.period.blocks import LOSS, Blocks, balanced_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
@@ -386,10 +387,11 @@ def step_maps(
     requires it. anchored: rigid-body modes relative to which the motion is described. Raises SolveError."""
     grid = Grid.uniform(steps, points.period, points.breaks)
     chunks = grid.parts(_MEMORY // method.bytes_a_step(points.n) + 1)
-    if isinstance(method, OneStep) and len(chunks) > 1 and anchored is None:
+    if isinstance(method, OneStep) and len(chunks) > 1:
+        solved = points if anchored is None else anchored_for(method, points, anchored)
         with np.errstate(all="ignore"):
-            maps = [method.discretise(points, chunk).steps.A for chunk in chunks]
-        return grid, np.concatenate(maps, axis=1)
+            maps = np.concatenate([method.discretise(solved, chunk).steps.A for chunk in chunks], axis=1)
+            return grid, solved.steps(maps) if isinstance(solved, Anchored) else maps
     solutions = solutions_on(method, points, grid, False, engine, anchored).checked()
     assert solutions.steps is not None
     return solutions.grid, solutions.steps.A
